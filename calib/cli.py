@@ -1,0 +1,5 @@
+"""`roadfiber calibrate ...`: the camera calibration tool; `ground`."""
+
+import typer
+
+app = typer.Typer()

@@ -1,0 +1,5 @@
+"""`roadfiber simulate`, and what locating needs."""
+
+import typer
+
+app = typer.Typer()

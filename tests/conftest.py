@@ -1,0 +1,14 @@
+"""Shared fixtures."""
+
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Return the folder of real files; tests that need it skip, visibly, where it is absent."""
+    folder = Path(__file__).parents[2] / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip("real data not beside this checkout (../shared/data)")
+    return folder

@@ -1,0 +1,1 @@
+"""Pixels to metric trajectories: camera, detectors, tracker, trajectory tables with a sigma per fix."""

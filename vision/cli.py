@@ -1,0 +1,5 @@
+"""`roadfiber track`."""
+
+import typer
+
+app = typer.Typer()

@@ -1,0 +1,20 @@
+"""What the packages agree on: errors, the local frame, the trajectory table, whole-file writing, progress.
+
+`solver` imports this and nothing else of `vision`.
+"""
+
+from vision.contract.errors import InputError
+from vision.contract.files import writing
+from vision.contract.frame import LocalFrame
+from vision.contract.progress import progress
+from vision.contract.table import COLUMNS, read_trajectories, write_trajectories
+
+__all__ = [
+    "COLUMNS",
+    "InputError",
+    "LocalFrame",
+    "progress",
+    "read_trajectories",
+    "write_trajectories",
+    "writing",
+]
