@@ -1,0 +1,128 @@
+import json
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from vision.camera import Calibration
+from vision.contract.errors import InputError
+
+
+def look(position, target, focal=900.0, size=(960, 540)):
+    """Homography of a camera at `position` (z down, so negative z) looking at `target`, and its 3 x 4 matrix."""
+    forward = np.subtract(target, position, dtype=float)
+    forward /= np.linalg.norm(forward)
+    right = np.cross([0, 0, 1.0], forward)
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    intrinsic = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1]])
+    matrix = intrinsic @ np.column_stack([rotation, -rotation @ np.asarray(position, float)])
+    return np.linalg.inv(matrix[:, [0, 1, 3]]), matrix
+
+
+@pytest.fixture(params=[((0, 12, -7), (15, -2, 0)), ((-30, 5, -10), (10, 0, 0)), ((40, -8, -5), (10, 1, 0))])
+def view(request):
+    homography, matrix = look(*request.param)
+    return (
+        Calibration(image_size=(960, 540), homography=-3.7 * homography),
+        matrix,
+        np.array(request.param[0]),
+    )
+
+
+def test_ground_and_image_are_inverse(view):
+    calibration, _, _ = view
+    pixels = np.random.default_rng(0).uniform([0, 300], [960, 540], (50, 2))
+    np.testing.assert_allclose(calibration.to_image(calibration.to_ground(pixels)), pixels, atol=1e-6)
+
+
+def test_jacobian_is_the_derivative(view):
+    calibration, _, _ = view
+    pixels = np.random.default_rng(1).uniform([0, 300], [960, 540], (50, 2))
+    step = 1e-4
+    numeric = np.stack(
+        [
+            (calibration.to_ground(pixels + d) - calibration.to_ground(pixels - d)) / (2 * step)
+            for d in step * np.eye(2)
+        ],
+        axis=-1,
+    )
+    np.testing.assert_allclose(calibration.jacobian(pixels), numeric, rtol=1e-5, atol=1e-7)
+
+
+def test_nothing_above_the_horizon():
+    homography, matrix = look((-30, 5, -10), (10, 0, 0))
+    calibration = Calibration(image_size=(960, 540), homography=homography)
+    horizon = matrix[1, 0] / matrix[2, 0]  # vanishing point of +x
+    above, below = [[480.0, horizon - 20]], [[480.0, horizon + 20]]
+    assert np.isnan(calibration.to_ground(above)).all() and np.isnan(calibration.jacobian(above)).all()
+    assert np.isfinite(calibration.to_ground(below)).all() and np.isfinite(calibration.jacobian(below)).all()
+    assert np.isnan(calibration.to_image([[-60.0, 5.0]])).all(), "behind the camera"
+
+
+def test_pinhole_is_the_camera_the_homography_came_from(view):
+    calibration, matrix, position = view
+    pinhole = calibration.pinhole()
+    assert pinhole.focal == pytest.approx(900, rel=1e-6)
+    np.testing.assert_allclose(pinhole.position, position, atol=1e-5)
+    points = np.random.default_rng(2).uniform([0, -4, -3], [20, 4, 0], (20, 3))
+    image = points @ matrix[:, :3].T + matrix[:, 3]
+    np.testing.assert_allclose(pinhole.project(points), image[:, :2] / image[:, 2:], atol=1e-5)
+
+
+def test_a_view_without_perspective_has_no_pinhole():
+    down = Calibration(image_size=(640, 480), homography=[[0, -0.1, 48], [0.1, 0, -32], [0, 0, 1]])
+    assert down.pinhole() is None
+
+
+def test_mirrored_ground_is_refused():
+    homography, _ = look((-30, 5, -10), (10, 0, 0))
+    with pytest.raises(ValidationError, match="from below"):
+        Calibration(image_size=(960, 540), homography=np.diag([1.0, -1, 1]) @ homography)
+
+
+def test_round_trip(view, tmp_path):
+    calibration = view[0].model_copy(update={"origin": (32.0, 34.8), "x_azimuth": 41.5})
+    calibration.write(tmp_path / "cal.json")
+    again = Calibration.read(tmp_path / "cal.json")
+    np.testing.assert_allclose(again.homography, calibration.homography, rtol=1e-12)
+    assert (again.origin, again.x_azimuth, again.image_size) == ((32.0, 34.8), 41.5, (960, 540))
+
+
+GOOD = {"image_size": [640, 480], "homography": [[0, -0.1, 48], [0.1, 0, -32], [0, 0, 1]]}
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        ("{", "invalid JSON"),
+        (json.dumps(GOOD | {"lens": 1}), "lens extra inputs"),
+        (json.dumps({"image_size": [640, 480]}), "homography field required"),
+        (json.dumps(GOOD | {"homography": [[1, 2], [3, 4]]}), "three rows"),
+        (json.dumps(GOOD | {"homography": [[1, 2, 3], [2, 4, 6], [0, 0, 1]]}), "singular"),
+        (json.dumps(GOOD | {"image_size": [0, 480]}), "positive"),
+        (
+            json.dumps(GOOD | {"control_points": [{"u": 1, "v": 2, "x": 3}]}),
+            r"control_points\.0\.y field required",
+        ),
+    ],
+)
+def test_bad_files_are_one_line(content, complaint, tmp_path):
+    path = tmp_path / "cal.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match=complaint) as error:
+        Calibration.read(path)
+    assert "\n" not in str(error.value) and "cal.json" in str(error.value)
+
+
+def test_missing_and_binary_files(tmp_path):
+    with pytest.raises(InputError, match="No such file"):
+        Calibration.read(tmp_path / "no.json")
+    (tmp_path / "b.json").write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(InputError, match="not a text file"):
+        Calibration.read(tmp_path / "b.json")
+
+
+def test_wrong_size_names_both():
+    with pytest.raises(InputError, match="1920 x 1080 px.*640 x 480 px"):
+        Calibration(**GOOD).require_size(1920, 1080, "street.mp4")

@@ -1,0 +1,217 @@
+"""The camera calibration: pixels to meters on the road plane, as a file people can read and write by hand."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, ValidationError, model_validator
+
+from vision.contract.errors import InputError
+from vision.contract.files import writing
+
+Array = NDArray[np.float64]
+
+
+def _matrix(value: ArrayLike) -> Array:
+    try:
+        matrix = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError("must be three rows of three numbers") from error
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
+        raise ValueError("must be three rows of three finite numbers")
+    if np.linalg.cond(matrix / np.abs(matrix).max(axis=0)) > 1e12:
+        raise ValueError("is singular: the control points it came from were collinear")
+    return matrix
+
+
+Matrix = Annotated[Array, BeforeValidator(_matrix), PlainSerializer(lambda matrix: matrix.tolist())]
+
+
+class ControlPoint(BaseModel):
+    """A mark on the road: (u, v) in pixels from the top left of the image, (x, y) in meters in the local frame."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    u: float
+    v: float
+    x: float
+    y: float
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """A camera with square pixels and its principal point in the middle of the image.
+
+    Parameters
+    ----------
+    focal : focal length, px
+    matrix : [3, 4], (x, y, z, 1) in the local frame (m, z down) -> homogeneous pixels; third component > 0 in front
+    position : (x, y, z) of the camera, m; z is negative, above the road
+    """
+
+    focal: float
+    matrix: Array
+    position: Array
+
+    def project(self, points: ArrayLike) -> Array:
+        """Points [..., 3], m (z down) -> pixels [..., 2]; NaN behind the camera."""
+        points = np.asarray(points, float)
+        image = points @ self.matrix[:, :3].T + self.matrix[:, 3]
+        depth = np.where(image[..., 2:] > 0, image[..., 2:], np.nan)
+        return image[..., :2] / depth
+
+
+class Calibration(BaseModel):
+    """What a fixed camera sees of the road plane.
+
+    Parameters
+    ----------
+    image_size : (width, height) of the video it belongs to, px
+    homography : [3, 3], maps (u, v, 1) in pixels to (x, y, 1) in meters, up to scale
+    control_points : the marks it was fitted to
+    residuals_px, residuals_m : distance of every control point from its fitted place, in the image and on the road
+    leave_one_out_m : distance on the road of every control point predicted by the others
+    origin : (latitude, longitude) of x = y = 0, degrees
+    x_azimuth : direction of +x, degrees clockwise from north
+
+    Raises
+    ------
+    ValueError (as pydantic's ValidationError; `Calibration.read` turns it into one line), for unknown fields, a
+    homography that is singular, or one that shows the road from below (mirrored y).
+
+    Notes
+    -----
+    With y to the right of +x seen from above, u to the right and v down, a camera above the road sees it with
+    det d(x, y)/d(u, v) = det H / w^3 > 0, w the third homogeneous component. So the side of the horizon that is road
+    is known from H alone; H is stored with the sign that makes w > 0 there.
+
+    >>> steep = Calibration(image_size=(640, 480), homography=[[0, -0.1, 48], [0.1, 0, -32], [0, 0, 1]])
+    >>> steep.to_ground([[320, 480], [330, 470]]).round(3).tolist()
+    [[0.0, 0.0], [1.0, 1.0]]
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+    image_size: tuple[int, int]
+    homography: Matrix
+    control_points: tuple[ControlPoint, ...] = ()
+    residuals_px: tuple[float, ...] | None = None
+    residuals_m: tuple[float, ...] | None = None
+    leave_one_out_m: tuple[float, ...] | None = None
+    origin: tuple[float, float] | None = None
+    x_azimuth: float | None = None
+
+    @model_validator(mode="after")
+    def _see_the_road_from_above(self) -> Self:
+        if min(self.image_size) <= 0:
+            raise ValueError(
+                f"image_size {self.image_size} must be two positive numbers, width and height in px"
+            )
+        oriented = self.homography * np.sign(np.linalg.det(self.homography))
+        object.__setattr__(self, "homography", oriented / np.abs(oriented[2]).max())
+        width, height = self.image_size
+        marks = [(point.u, point.v) for point in self.control_points] or [(width / 2, height)]
+        if (self._homogeneous(np.array(marks, float))[:, 2] <= 0).any():
+            raise ValueError(
+                "homography shows the road from below: y must be to the right of +x seen from above "
+                "(exchange its sign), and no control point may lie above the horizon"
+            )
+        return self
+
+    def _homogeneous(self, pixels: Array) -> Array:
+        return pixels @ self.homography[:, :2].T + self.homography[:, 2]
+
+    def to_ground(self, pixels: ArrayLike) -> Array:
+        """Pixels [n, 2] (u, v) -> [n, 2] (x, y), m; NaN on and above the horizon."""
+        image = self._homogeneous(np.asarray(pixels, float).reshape(-1, 2))
+        return image[:, :2] / np.where(image[:, 2:] > 0, image[:, 2:], np.nan)
+
+    def jacobian(self, pixels: ArrayLike) -> Array:
+        """Pixels [n, 2] -> d(x, y)/d(u, v) [n, 2, 2], m/px; NaN on and above the horizon.
+
+        Of X = (H p)_12 / w: dX/dp = (H_12 - X H_3) / w (the quotient rule).
+        """
+        pixels = np.asarray(pixels, float).reshape(-1, 2)
+        ground = self.to_ground(pixels)
+        w = self._homogeneous(pixels)[:, 2, None, None]
+        return np.asarray((self.homography[:2, :2] - ground[:, :, None] * self.homography[2, :2]) / w)
+
+    def to_image(self, ground: ArrayLike) -> Array:
+        """Ground points [n, 2] (x, y), m -> pixels [n, 2]; NaN behind the camera."""
+        ground = np.asarray(ground, float).reshape(-1, 2)
+        inverse = np.linalg.inv(self.homography)
+        image = ground @ inverse[:, :2].T + inverse[:, 2]
+        return np.asarray(image[:, :2] / np.where(image[:, 2:] > 0, image[:, 2:], np.nan))
+
+    def pinhole(self) -> Pinhole | None:
+        """Recover the camera behind the homography; None where the view does not determine it.
+
+        H^-1 = s K [r1 r2 t] with K of square pixels and a central principal point: the two rows r1, r2 are orthonormal
+        exactly where (g1 + i g2)' w (g1 + i g2) = 0, w = diag(q, q, 1), q = 1/f^2 (Hartley & Zisserman 2004, section
+        8.8: the imaged circular points lie on the absolute conic), one linear equation for q with a real and an
+        imaginary part. Straight down, both vanish with q and there is no answer.
+        """
+        width, height = self.image_size
+        center = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, 1]])
+        columns = center @ np.linalg.inv(self.homography)
+        circular = columns[:, 0] + 1j * columns[:, 1]
+        planar, deep = np.sum(circular[:2] ** 2), circular[2] ** 2
+        if abs(planar) < 1e-4 * np.sum(np.abs(circular[:2]) ** 2):
+            return None
+        inverse_square = -(planar.conjugate() * deep).real / abs(planar) ** 2
+        # Beyond these fields of view (about 1 and 170 degrees) the answer is noise of a view without perspective.
+        if not (1 / (60 * width) ** 2 < inverse_square < 1 / (0.04 * width) ** 2):
+            return None
+        focal = float(inverse_square**-0.5)
+        intrinsic = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+        return _pinhole_from_columns(focal, intrinsic, np.diag([1 / focal, 1 / focal, 1]) @ columns)
+
+    def require_size(self, width: int, height: int, video: str | Path) -> None:
+        """Raise InputError unless the video has the size the calibration was made for."""
+        if (width, height) != self.image_size:
+            raise InputError(
+                f"{video}: is {width} x {height} px but the calibration was made for "
+                f"{self.image_size[0]} x {self.image_size[1]} px; calibrate on a frame of this video"
+            )
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Calibration":
+        """Read a calibration file; InputError, one line, where it is none."""
+        try:
+            return cls.model_validate_json(Path(path).read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or "not a text file"
+            raise InputError(
+                f"{path}: {reason}; give a calibration.json (roadfiber calibrate ground)"
+            ) from error
+        except ValidationError as error:
+            raise InputError(f"{path}: {_first_complaint(error.errors())}") from error
+
+    def write(self, path: str | Path) -> None:
+        """Write the calibration as JSON, whole or not at all."""
+        with writing(path) as temporary:
+            temporary.write_text(self.model_dump_json(indent=2, exclude_none=True) + "\n", encoding="utf-8")
+
+
+def _pinhole_from_columns(focal: float, intrinsic: Array, columns: Array) -> Pinhole:
+    scale = np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
+    r1, r2, translation = (columns / scale).T
+    # The nearest rotation, in Frobenius norm, to what the homography holds.
+    u, _, vt = np.linalg.svd(np.column_stack([r1, r2, np.cross(r1, r2)]))
+    rotation = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
+    matrix = intrinsic @ np.column_stack([rotation, translation])
+    return Pinhole(focal=focal, matrix=matrix, position=-rotation.T @ translation)
+
+
+def _first_complaint(errors: Sequence[Any]) -> str:
+    first = errors[0]
+    place = ".".join(str(part) for part in first["loc"])
+    message = first["msg"].removeprefix("Value error, ")
+    more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+    return (
+        f"{place + ' ' if place else ''}{message[0].lower() + message[1:]}{more}; mend the calibration file"
+    )
