@@ -31,7 +31,7 @@ Matrix = Annotated[Array, BeforeValidator(_matrix), PlainSerializer(lambda matri
 
 
 class ControlPoint(BaseModel):
-    """A mark on the road: (u, v) in pixels from the top left of the image, (x, y) in meters in the local frame."""
+    """A mark on the road: (u, v), px from the top left of the image, is at (x, y), m in the local frame."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -49,7 +49,7 @@ class Pinhole:
     Parameters
     ----------
     focal : focal length, px
-    matrix : [3, 4], (x, y, z, 1) in the local frame (m, z down) -> homogeneous pixels; third component > 0 in front
+    matrix : [3, 4], (x, y, z, 1) in the local frame (m, z down) -> homogeneous pixels, third one > 0 in front
     position : (x, y, z) of the camera, m; z is negative, above the road
     """
 
@@ -73,21 +73,21 @@ class Calibration(BaseModel):
     image_size : (width, height) of the video it belongs to, px
     homography : [3, 3], maps (u, v, 1) in pixels to (x, y, 1) in meters, up to scale
     control_points : the marks it was fitted to
-    residuals_px, residuals_m : distance of every control point from its fitted place, in the image and on the road
+    residuals_px, residuals_m : distance of every control point from its fitted place, in image and on road
     leave_one_out_m : distance on the road of every control point predicted by the others
     origin : (latitude, longitude) of x = y = 0, degrees
     x_azimuth : direction of +x, degrees clockwise from north
 
     Raises
     ------
-    ValueError (as pydantic's ValidationError; `Calibration.read` turns it into one line), for unknown fields, a
-    homography that is singular, or one that shows the road from below (mirrored y).
+    ValueError (as pydantic's ValidationError; `Calibration.read` turns it into one line), for unknown fields,
+    a homography that is singular, or one that shows the road from below (mirrored y).
 
     Notes
     -----
-    With y to the right of +x seen from above, u to the right and v down, a camera above the road sees it with
-    det d(x, y)/d(u, v) = det H / w^3 > 0, w the third homogeneous component. So the side of the horizon that is road
-    is known from H alone; H is stored with the sign that makes w > 0 there.
+    With y to the right of +x seen from above, u to the right and v down, a camera above the road sees it
+    with det d(x, y)/d(u, v) = det H / w^3 > 0, w the third homogeneous component. So the side of the horizon
+    that is road is known from H alone; H is stored with the sign that makes w > 0 there.
 
     >>> steep = Calibration(image_size=(640, 480), homography=[[0, -0.1, 48], [0.1, 0, -32], [0, 0, 1]])
     >>> steep.to_ground([[320, 480], [330, 470]]).round(3).tolist()
@@ -150,10 +150,10 @@ class Calibration(BaseModel):
     def pinhole(self) -> Pinhole | None:
         """Recover the camera behind the homography; None where the view does not determine it.
 
-        H^-1 = s K [r1 r2 t] with K of square pixels and a central principal point: the two rows r1, r2 are orthonormal
-        exactly where (g1 + i g2)' w (g1 + i g2) = 0, w = diag(q, q, 1), q = 1/f^2 (Hartley & Zisserman 2004, section
-        8.8: the imaged circular points lie on the absolute conic), one linear equation for q with a real and an
-        imaginary part. Straight down, both vanish with q and there is no answer.
+        H^-1 = s K [r1 r2 t] with K of square pixels and a central principal point: r1 and r2 are orthonormal
+        exactly where (g1 + i g2)' w (g1 + i g2) = 0, w = diag(q, q, 1), q = 1/f^2 (Hartley & Zisserman 2004,
+        section 8.8: the imaged circular points lie on the absolute conic), one linear equation for q with a
+        real and an imaginary part. Straight down, both vanish whatever q is and there is no answer.
         """
         width, height = self.image_size
         center = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, 1]])
@@ -163,7 +163,7 @@ class Calibration(BaseModel):
         if abs(planar) < 1e-4 * np.sum(np.abs(circular[:2]) ** 2):
             return None
         inverse_square = -(planar.conjugate() * deep).real / abs(planar) ** 2
-        # Beyond these fields of view (about 1 and 170 degrees) the answer is noise of a view without perspective.
+        # Beyond these fields of view (about 1 and 170 degrees) the answer is noise: no perspective to see.
         if not (1 / (60 * width) ** 2 < inverse_square < 1 / (0.04 * width) ** 2):
             return None
         focal = float(inverse_square**-0.5)

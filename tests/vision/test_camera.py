@@ -9,7 +9,7 @@ from vision.contract.errors import InputError
 
 
 def look(position, target, focal=900.0, size=(960, 540)):
-    """Homography of a camera at `position` (z down, so negative z) looking at `target`, and its 3 x 4 matrix."""
+    """Homography and 3 x 4 matrix of a camera at `position` (z down, so negative z) looking at `target`."""
     forward = np.subtract(target, position, dtype=float)
     forward /= np.linalg.norm(forward)
     right = np.cross([0, 0, 1.0], forward)
@@ -124,5 +124,5 @@ def test_missing_and_binary_files(tmp_path):
 
 
 def test_wrong_size_names_both():
-    with pytest.raises(InputError, match="1920 x 1080 px.*640 x 480 px"):
+    with pytest.raises(InputError, match=r"1920 x 1080 px.*640 x 480 px"):
         Calibration(**GOOD).require_size(1920, 1080, "street.mp4")
