@@ -1,22 +1,208 @@
 """The trajectory table: one row per fix of one vehicle; what `vision` writes and `solver` reads."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from vision.contract.columns import check_positive, finite, first_row, to_frame
+from vision.contract.errors import InputError
+from vision.contract.files import writing
 from vision.contract.frame import LocalFrame
+from vision.contract.gpx import read_gpx
 
 if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = ("time", "track_id", "class", "x", "y", "sigma_x", "sigma_y")
+GPS_COLUMNS = ("time", "track_id", "class", "latitude", "longitude", "sigma")
+SUFFIXES = (".csv", ".parquet", ".gpx")
+TEXT_COLUMNS = {"time": str, "track_id": str, "class": str}
+
+# A clock time and then Z or an offset; a time without them is local to somebody unknown.
+ZONED = r"\d{1,2}:\d{2}.*(?:[Zz]|UTC|[+-]\d{2}(?::?\d{2})?)\s*$"
+TIME_MEND = "write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z"
+
+
+def read_as_is(path: Path) -> "pd.DataFrame":
+    """Read one file by its suffix, unchecked.
+
+    Raises
+    ------
+    InputError
+        If the suffix is unknown or the file is missing, empty or corrupt.
+    """
+    import pandas as pd
+    from pyarrow import ArrowException
+
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: unknown kind of trajectory file; give one of {', '.join(SUFFIXES)}")
+    try:
+        if suffix == ".csv":
+            return pd.read_csv(path, dtype=TEXT_COLUMNS, skipinitialspace=True)
+        return pd.read_parquet(path) if suffix == ".parquet" else read_gpx(path)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; give the path of a trajectory table") from error
+    except pd.errors.EmptyDataError as error:
+        raise InputError(f"{path}: empty file; write a header and one row per fix") from error
+    except (OSError, ArrowException, UnicodeDecodeError, pd.errors.ParserError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{path}: cannot be read ({reason}); check that the file is whole") from error
+
+
+def check_columns(table: "pd.DataFrame", path: Path) -> None:
+    """Raise InputError unless `table` has rows, and the columns of meters or those of GPS."""
+    names = GPS_COLUMNS if "latitude" in table and "x" not in table else COLUMNS
+    if missing := [name for name in names if name not in table]:
+        raise InputError(
+            f"{path}: no column {', '.join(missing)}; a trajectory table has {', '.join(COLUMNS)} "
+            f"(GPS: {', '.join(GPS_COLUMNS[3:])} in place of the last four)"
+        )
+    if table.empty:
+        raise InputError(f"{path}: no fixes; a trajectory table has one row per fix")
+    for name in ("track_id", "class"):
+        if table[name].isna().any():
+            raise InputError(f"{path}: row {first_row(table[name].isna())}: {name} is empty; fill it in")
+
+
+def to_utc(column: "pd.Series", path: Path) -> "pd.Series":
+    """Times as ISO 8601 text or aware datetimes -> datetime64[ns, UTC].
+
+    Raises
+    ------
+    InputError
+        At the first value that is no time or has no zone.
+
+    >>> import pandas as pd
+    >>> str(to_utc(pd.Series(["2025-08-11T08:00:00.5+02:00"]), Path("a.csv"))[0])
+    '2025-08-11 06:00:00.500000+00:00'
+    """
+    import pandas as pd
+
+    if isinstance(column.dtype, pd.DatetimeTZDtype):
+        times, naive = column.dt.tz_convert("UTC"), column.isna()
+    elif pd.api.types.is_datetime64_any_dtype(column):
+        raise InputError(f"{path}: column time has no time zone; store it as a timestamp in UTC")
+    else:
+        text = column.astype(str)
+        times = pd.to_datetime(text, utc=True, format="ISO8601", errors="coerce")
+        naive = ~text.str.contains(ZONED, regex=True)
+    for bad, problem in ((times.isna(), "is no time"), (naive, "has no time zone")):
+        if bad.any():
+            row = first_row(bad)
+            raise InputError(f"{path}: row {row}: time {str(column.iloc[row - 1])!r} {problem}; {TIME_MEND}")
+    return times.dt.as_unit("ns")
+
+
+def to_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> "pd.DataFrame":
+    """Return `table` with finite x, y and positive sigma_x, sigma_y, m, GPS projected into `frame`."""
+    if "x" in table:
+        table = finite(table, COLUMNS[3:], path)
+        check_positive(table, ("sigma_x", "sigma_y"), path)
+        return table
+    table = finite(table, GPS_COLUMNS[3:], path)
+    check_positive(table, ("sigma",), path)
+    if frame is None:
+        raise InputError(
+            f"{path}: GPS positions need a frame; give [frame] origin and x_azimuth in site.toml"
+        )
+    x, y = to_frame(table["latitude"].to_numpy(), table["longitude"].to_numpy(), frame, path)
+    rest = table.drop(columns=["latitude", "longitude", "sigma"])
+    return rest.assign(x=x, y=y, sigma_x=table["sigma"], sigma_y=table["sigma"])
+
+
+def without_repeats(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
+    """Drop rows that repeat another one; a vehicle at two places at once is an InputError."""
+    table = table.drop_duplicates()
+    twice = table.duplicated(["track_id", "time"])
+    if twice.any():
+        row = table[twice].iloc[0]
+        raise InputError(
+            f"{path}: track {row['track_id']} is at two places at {row['time'].isoformat()}; "
+            "keep one fix, or give two vehicles two track_ids"
+        )
+    return table
+
+
+def read_one(path: Path, frame: LocalFrame | None) -> "pd.DataFrame":
+    """Read and check one file."""
+    table = read_as_is(path)
+    check_columns(table, path)
+    table = to_meters(table.assign(time=to_utc(table["time"], path)), frame, path)
+    names = {name: table[name].astype(str).str.strip() for name in ("track_id", "class")}
+    table = table.assign(track_id=names["track_id"], **{"class": names["class"].str.lower()})
+    return without_repeats(table, path)
 
 
 def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) -> "pd.DataFrame":
-    """Read trajectory files into one table."""
-    raise NotImplementedError
+    """Read trajectory files into one table.
+
+    Parameters
+    ----------
+    paths : `.csv` or `.parquet` with the columns of `COLUMNS`, or GPS: `latitude, longitude, sigma` in place of
+        x, y, sigma_x, sigma_y; or `.gpx`. Further columns are kept.
+    frame : local frame that GPS positions are projected into; not needed for meters
+
+    Returns
+    -------
+    table [fix] sorted by track and time: `time` datetime64[ns, UTC]; `track_id`, `class` (lower case) text;
+        `x, y, sigma_x, sigma_y` float64, m. A track_id that several files use is told apart as `file:track_id`.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, empty, corrupt or of an unknown kind, a column or the frame is missing, a time has no
+        zone, a position is no number or far off the frame, a sigma is not positive, or a track is at two places at
+        once.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "tracks.csv"
+    >>> _ = path.write_text("time,track_id,class,x,y,sigma_x,sigma_y\\n2025-08-11T06:00:00Z,1,Car,2.5,0,.1,.1\\n")
+    >>> read_trajectories([path])[["track_id", "class", "x"]].values.tolist()
+    [['1', 'car', 2.5]]
+    """
+    import pandas as pd
+
+    if not paths:
+        raise InputError("no trajectory files; give at least one .csv, .parquet or .gpx")
+    paths = [Path(path) for path in paths]
+    tables = [read_one(path, frame) for path in paths]
+    shared = Counter(name for table in tables for name in table["track_id"].unique())
+    for index, (path, table) in enumerate(zip(paths, tables, strict=True)):
+        taken = table["track_id"].map(shared) > 1
+        tables[index] = table.assign(
+            track_id=table["track_id"].mask(taken, f"{path.stem}:" + table["track_id"])
+        )
+    whole = pd.concat(tables, ignore_index=True)
+    leading = [*COLUMNS, *(name for name in whole if name not in COLUMNS)]
+    return whole[leading].sort_values(["track_id", "time"], kind="stable", ignore_index=True)
 
 
 def write_trajectories(table: "pd.DataFrame", path: Path) -> None:
-    """Write a trajectory table."""
-    raise NotImplementedError
+    """Write a trajectory table, whole or not at all.
+
+    Parameters
+    ----------
+    table : as `read_trajectories` returns it; further columns are written after those of `COLUMNS`
+    path : `.csv` (times ISO 8601 in UTC with microseconds) or `.parquet`; an existing file is replaced
+
+    Raises
+    ------
+    InputError
+        If the suffix is neither, or a column of `COLUMNS` is missing.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".csv", ".parquet"):
+        raise InputError(f"{path}: trajectories are written as .csv or .parquet; give one of these suffixes")
+    if missing := [name for name in COLUMNS if name not in table]:
+        raise InputError(f"{path}: no column {', '.join(missing)} to write; a trajectory table needs them")
+    table = table[[*COLUMNS, *(name for name in table if name not in COLUMNS)]]
+    with writing(path) as temporary:
+        if path.suffix.lower() == ".parquet":
+            table.to_parquet(temporary, index=False)
+        else:
+            text = table["time"].dt.tz_convert("UTC").dt.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+            table.assign(time=text).to_csv(temporary, index=False, float_format="%.10g")

@@ -1,0 +1,89 @@
+"""Anchors: fiber points known from a manhole or a tap test."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from vision.contract import InputError, LocalFrame
+from vision.contract.columns import check_positive, finite, first_row, to_frame
+
+COLUMNS = ("name", "channel", "x", "y", "z", "sigma_xy", "sigma_z")
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A point of the fiber whose channel and place are known.
+
+    Parameters
+    ----------
+    name : of the manhole or tap
+    channel : its channel, as the DAS file counts (a fraction is a place between two channels)
+    x, y, z : m, local frame
+    sigma_xy, sigma_z : standard deviation of each horizontal coordinate and of the depth, m
+    """
+
+    name: str
+    channel: float
+    x: float
+    y: float
+    z: float
+    sigma_xy: float
+    sigma_z: float
+
+
+def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
+    """Read anchors from csv.
+
+    Parameters
+    ----------
+    path : columns `name, channel, x, y, z, sigma_xy, sigma_z`, or `latitude, longitude` in place of x, y
+    frame : local frame that latitude and longitude are projected into
+
+    Returns
+    -------
+    anchors sorted by channel
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty or lacks a column, a value is no number, a sigma is not positive, a name or a
+        channel is there twice, or latitude and longitude are out of range or swapped.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "anchors.csv"
+    >>> _ = path.write_text("name,channel,x,y,z,sigma_xy,sigma_z\\nwest,84,12.48,4.75,0.96,0.05,0.05\\n")
+    >>> read_anchors(path, LocalFrame((32.1, 34.8), 78.0))[0].channel
+    84.0
+    """
+    import pandas as pd
+
+    try:
+        table = pd.read_csv(path, dtype={"name": str}, skipinitialspace=True)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; give the path of an anchors table") from error
+    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: no readable csv ({error}); write {','.join(COLUMNS)}") from error
+    geographic = "latitude" in table and "x" not in table
+    names = tuple(
+        {"x": "latitude", "y": "longitude"}.get(name, name) if geographic else name for name in COLUMNS
+    )
+    if missing := [name for name in names if name not in table]:
+        raise InputError(f"{path}: no column {', '.join(missing)}; an anchors table has {', '.join(COLUMNS)}")
+    if table.empty:
+        raise InputError(f"{path}: no anchors; write one row per anchor or leave [anchors] out of site.toml")
+    table = finite(table, names[1:], path)
+    check_positive(table, ("sigma_xy", "sigma_z"), path)
+    for name in ("name", "channel"):
+        if table[name].duplicated().any():
+            row = first_row(table[name].duplicated())
+            raise InputError(
+                f"{path}: row {row}: {name} {table[name].iloc[row - 1]} is there twice; keep one"
+            )
+    if geographic:
+        x, y = to_frame(table["latitude"].to_numpy(), table["longitude"].to_numpy(), frame, path)
+        table = table.assign(x=x, y=y)
+    ordered = table.sort_values("channel")
+    return [
+        Anchor(str(row[0]), *map(float, row[1:])) for row in ordered[list(COLUMNS)].itertuples(index=False)
+    ]

@@ -1,0 +1,97 @@
+"""Checks of table columns, shared by the trajectory table and the anchors; each failure is one clear line."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.contract.errors import InputError
+from vision.contract.frame import LocalFrame
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Beyond this the plane of the local frame is no longer the ground's, and so long a way off is a mistake anyway.
+REACH_OF_FRAME = 100e3
+
+
+def first_row(mask: "pd.Series") -> int:
+    """Return the number, from 1, of the first row where `mask` is true.
+
+    >>> import pandas as pd
+    >>> first_row(pd.Series([False, True, True]))
+    2
+    """
+    return int(mask.to_numpy().argmax()) + 1
+
+
+def finite(table: "pd.DataFrame", names: Sequence[str], path: Path) -> "pd.DataFrame":
+    """Return `table` with columns `names` as float64.
+
+    Raises
+    ------
+    InputError
+        At the first value that is no finite number; the message says row and column.
+    """
+    import pandas as pd
+
+    result = table.copy()
+    for name in names:
+        result[name] = pd.to_numeric(table[name], errors="coerce").astype(float)
+        bad = ~np.isfinite(result[name])
+        if bad.any():
+            row = first_row(bad)
+            value = table[name].iloc[row - 1]
+            raise InputError(
+                f"{path}: row {row}: {name} is {str(value)!r}; give a number or leave the row out"
+            )
+    return result
+
+
+def check_positive(table: "pd.DataFrame", names: Sequence[str], path: Path) -> None:
+    """Raise InputError where a standard deviation is not above zero."""
+    for name in names:
+        bad = table[name] <= 0
+        if bad.any():
+            row = first_row(bad)
+            value = table[name].iloc[row - 1]
+            raise InputError(f"{path}: row {row}: {name} is {value:g}; give a standard deviation above 0 m")
+
+
+def to_frame(
+    latitude: NDArray[np.float64], longitude: NDArray[np.float64], frame: LocalFrame, path: Path
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Latitude, longitude [row], degrees -> x, y [row], m.
+
+    Raises
+    ------
+    InputError
+        Where a value is out of range, or is over 100 km from the origin of `frame` (swapped columns look so).
+
+    >>> frame = LocalFrame((32.0, 34.8), 90.0)
+    >>> to_frame(np.array([34.8]), np.array([32.0]), frame, Path("gps.csv"))
+    Traceback (most recent call last):
+    vision.contract.errors.InputError: gps.csv: latitude and longitude look swapped; exchange the two columns
+    """
+    for name, degrees, limit in (("latitude", latitude, 90), ("longitude", longitude, 180)):
+        bad = np.abs(degrees) > limit
+        if bad.any():
+            row = int(bad.argmax())
+            raise InputError(
+                f"{path}: row {row + 1}: {name} is {degrees[row]:g}; give degrees within ±{limit}"
+            )
+    x, y = frame.to_local(latitude, longitude)
+    far = np.hypot(x, y)
+    if far.max() > REACH_OF_FRAME:
+        within = np.abs(longitude) <= 90
+        swapped = np.hypot(*frame.to_local(np.where(within, longitude, 90.0), latitude))
+        if np.median(swapped) < REACH_OF_FRAME:
+            raise InputError(f"{path}: latitude and longitude look swapped; exchange the two columns")
+        row = int(far.argmax())
+        raise InputError(
+            f"{path}: row {row + 1}: {far[row] / 1e3:.0f} km from the frame's origin {frame.origin}; "
+            "check the position and [frame] origin"
+        )
+    return x, y
