@@ -1,0 +1,70 @@
+"""What every fit gives back."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One fitted number: value, standard deviation, unit, whether it was free."""
+
+    value: float
+    sigma: float
+    unit: str
+    free: bool
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A located fiber and how well the model explains the measurement.
+
+    Parameters
+    ----------
+    method : name of the fit
+    channel, distance : [channel], number and distance along the fiber (m) of the route's points
+    route : [channel, 3], x, y, z, m
+    covariance : [channel, 3, 3], m^2; NaN where the method gives none
+    constrained : [channel] bool, False where neither data nor anchors decide the lateral position
+    data_share : [channel, 3], share of the posterior variance that data and anchors, not priors, decide; NaN likewise
+    parameters : name -> Parameter
+    samples : [sample], rows of the record that were fitted
+    fitted_channel : [fitted], channel numbers of the maps below
+    measured, model : [sample, fitted], 1/s; measured is NaN where there is none
+    noise : [fitted], standard deviation of the noise, 1/s
+    weight : [sample, fitted], 0 to 1, what the robust likelihood left of each sample
+    chi2_per_dof : misfit over degrees of freedom, weights applied
+    ambiguous_side : True where the mirror route on the other side of the traffic fits as well
+    iterations, seconds, converged : how it went
+    """
+
+    method: str
+    channel: NDArray[np.int64]
+    distance: NDArray[np.float64]
+    route: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    constrained: NDArray[np.bool_]
+    data_share: NDArray[np.float64]
+    parameters: dict[str, Parameter]
+    samples: NDArray[np.int64]
+    fitted_channel: NDArray[np.int64]
+    measured: NDArray[np.float64]
+    model: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    chi2_per_dof: float
+    ambiguous_side: bool
+    iterations: int
+    seconds: float
+    converged: bool
+
+    @property
+    def sigma(self) -> NDArray[np.float64]:
+        """Standard deviation [channel, 3] of x, y, z, m."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """(measured - model) / noise, [sample, fitted]."""
+        return np.asarray((self.measured - self.model) / self.noise)

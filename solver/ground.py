@@ -1,0 +1,73 @@
+"""Ground stage: what a vertical load does to a homogeneous elastic half-space (Boussinesq)."""
+
+import torch
+from torch import Tensor
+
+Ratio = Tensor | float
+
+
+def displacement(offset: Tensor, poisson_ratio: Ratio) -> Tensor:
+    """Displacement of the ground under a vertical point load, per unit F / (4 pi G).
+
+    u_h = h / r^2 (z / r - (1 - 2 nu) / (1 + z / r)) for h in {x, y};  u_z = 1 / r (z^2 / r^2 + 2 (1 - nu)).
+
+    Parameters
+    ----------
+    offset : [..., 3], ground point minus load point (x, y, z down), m
+    poisson_ratio : scalar or [...]
+
+    Returns
+    -------
+    [..., 3], 1/m; times F / (4 pi G) in m^2 it is meters
+
+    References
+    ----------
+    Boussinesq 1885; Johnson 1985, Contact Mechanics, eq. 3.18.
+
+    >>> displacement(torch.tensor([0.0, 0.0, 2.0], dtype=torch.float64), 0.25)
+    tensor([0.0000, 0.0000, 1.2500], dtype=torch.float64)
+    """
+    horizontal, z = offset[..., :2], offset[..., 2]
+    r = offset.norm(dim=-1)
+    radial = z / r**3 - (1 - 2 * poisson_ratio) / (r * (r + z))
+    vertical = z**2 / r**3 + 2 * (1 - poisson_ratio) / r
+    return torch.cat([horizontal * radial[..., None], vertical[..., None]], -1)
+
+
+def displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
+    """Time derivative of `displacement` at a fixed ground point while the load moves, in closed form.
+
+    Parameters
+    ----------
+    offset : [..., 3], ground point minus load point, m
+    velocity : [..., 2], horizontal velocity of the load, m/s
+    poisson_ratio : scalar or [...]
+
+    Returns
+    -------
+    [..., 3], 1/(m s)
+
+    Notes
+    -----
+    With u_h = h a(r, z), u_z = b(r, z), dh/dt = -v_h and dr/dt = -(h . v) / r:
+    du_h/dt = -v_h a - h (h . v) / r da/dr;  du_z/dt = -(h . v) / r db/dr.
+
+    >>> offset = torch.tensor([3.0, 1.0, 0.9], dtype=torch.float64)
+    >>> v = torch.tensor([10.0, 0.0], dtype=torch.float64)
+    >>> step = torch.tensor([10.0, 0.0, 0.0], dtype=torch.float64) * 1e-6
+    >>> numeric = (displacement(offset - step, 0.25) - displacement(offset + step, 0.25)) / 2e-6
+    >>> bool(torch.allclose(displacement_rate(offset, v, 0.25), numeric, rtol=1e-6))
+    True
+    """
+    x, y, z = offset.unbind(-1)
+    vx, vy = velocity.unbind(-1)
+    inverse = (x * x + y * y + z * z).rsqrt()
+    r = 1 / inverse
+    softness = 1 - 2 * poisson_ratio
+    shallow = inverse / (r + z)
+    inverse2 = inverse * inverse
+    a = z * inverse * inverse2 - softness * shallow
+    da = softness * (2 * r + z) * shallow * shallow - 3 * z * inverse2 * inverse2
+    db = -inverse2 * (3 * z * z * inverse2 + 1 + softness)
+    approach = (x * vx + y * vy) * inverse
+    return torch.stack([-vx * a - x * approach * da, -vy * a - y * approach * da, -approach * db], -1)

@@ -1,0 +1,22 @@
+"""Interrogator stage: the fiber's motion becomes the strain rate of a gauge."""
+
+from torch import Tensor
+
+
+def gauge_strain_rate(ahead: Tensor, behind: Tensor, gauge_length: float | Tensor) -> Tensor:
+    """Strain rate of a gauge from the axial velocity of its two ends.
+
+    Parameters
+    ----------
+    ahead, behind : [...], axial velocity half a gauge length ahead of and behind each channel, m/s
+    gauge_length : the length strain is averaged over (not the channel spacing), m
+
+    Returns
+    -------
+    [...], 1/s
+
+    >>> import torch
+    >>> gauge_strain_rate(torch.tensor(2e-9), torch.tensor(1e-9), 10.0).item()
+    1.000000082740371e-10
+    """
+    return (ahead - behind) / gauge_length
