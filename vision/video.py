@@ -1,0 +1,192 @@
+"""Video files with the time every frame was really taken, not the frame rate the header claims."""
+
+import logging
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.contract.errors import InputError
+from vision.contract.progress import progress
+
+log = logging.getLogger("roadfiber.video")
+
+# FFmpeg's own complaints would stand beside our one line. It reads this once, before the first file.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+
+MP4_EPOCH = np.datetime64("1904-01-01T00:00:00", "ns")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A decoded frame: its place in the file, s since the file's time zero, image [height, width, 3] BGR."""
+
+    index: int
+    time: float
+    image: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Video:
+    """A video that was decoded once from end to end, so its length and times are facts.
+
+    Parameters
+    ----------
+    path : the file
+    width, height : of the decoded images (after the rotation the file asks for), px
+    index : [frame], place of every usable frame in decoding order
+    time : [frame], s since the file's time zero, strictly increasing
+    created : UTC of the file's time zero as its header says it, or None
+    """
+
+    path: Path
+    width: int
+    height: int
+    index: NDArray[np.int64]
+    time: NDArray[np.float64]
+    created: np.datetime64 | None = None
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def frame_interval(self) -> float:
+        """Median time between frames, s."""
+        return float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
+
+    def frames(self, every: int = 1) -> Iterator[Frame]:
+        """Decode every `every`-th frame."""
+        yield from self._decode(np.arange(0, len(self), every))
+
+    def sample(self, count: int) -> list[Frame]:
+        """Decode `count` frames, or all there are, spread evenly over the file."""
+        return list(self._decode(np.unique(np.linspace(0, len(self) - 1, count).round().astype(int))))
+
+    def _decode(self, wanted: NDArray[np.intp]) -> Iterator[Frame]:
+        capture = _open(self.path)
+        position = -1
+        for place in wanted:
+            # Grabbing is exact where seeking is not (key frames, variable rates).
+            while position < self.index[place]:
+                grabbed = capture.grab()
+                position += 1
+            image = capture.retrieve()[1] if grabbed else None
+            if image is None:
+                raise InputError(
+                    f"{self.path}: changed while it was read; wait until the recording is finished"
+                )
+            yield Frame(int(self.index[place]), float(self.time[place]), image)
+        capture.release()
+
+
+def open_video(path: str | Path) -> Video:
+    """Decode a file once and return what is in it.
+
+    The timestamp of a frame is the presentation time the container holds for it (OpenCV's FFmpeg backend
+    gives it after `grab`). A frame whose time does not increase is left out and counted in the log.
+
+    Raises
+    ------
+    InputError, for a file that is missing, no video, without frames or timestamps, or cut short (what decodes
+    ends earlier than the header says).
+    """
+    import cv2
+
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; give a video file")
+    capture = _open(path)
+    rate, claimed = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
+    raw, shape = _scan(capture, int(max(claimed, 0)))
+    if not len(raw):
+        raise InputError(f"{path}: no frame decodes; the file is empty or damaged, export the video again")
+    increasing = raw > np.maximum.accumulate(np.concatenate([[-np.inf], raw[:-1]]))
+    if len(raw) > 1 and increasing.sum() < 0.5 * len(raw):
+        raise InputError(
+            f"{path}: has no timestamps; remux it (ffmpeg -r RATE -i {path.name} -c copy out.mp4)"
+        )
+    if not increasing.all():
+        log.warning("%s: %d frames left out, their time does not increase", path, (~increasing).sum())
+    created, duration = movie_header(path)
+    _require_whole(path, float(raw.max()), duration or (claimed / rate if rate > 0 else 0.0))
+    height, width = shape
+    return Video(path, width, height, np.flatnonzero(increasing), raw[increasing], created)
+
+
+def _open(path: Path) -> Any:
+    import cv2
+
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # a refused file is our line to say
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    if not capture.isOpened():
+        raise InputError(
+            f"{path}: not a video, or damaged; give a file that FFmpeg reads (mp4, mkv, avi, ...)"
+        )
+    return capture
+
+
+def _scan(capture: Any, claimed: int) -> tuple[NDArray[np.float64], tuple[int, int]]:
+    """Grab every frame; return all times, s, and (height, width)."""
+    import cv2
+
+    times: list[float] = []
+    shape = (0, 0)
+    with progress("reading timestamps", claimed or None) as advance:
+        while capture.grab():
+            if not times:
+                shape = capture.retrieve()[1].shape[:2]
+            times.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
+            advance(1)
+    capture.release()
+    return np.array(times, float), shape
+
+
+def _require_whole(path: Path, decoded: float, duration: float) -> None:
+    # Headers may count the last frame's length, or frames that a recorder dropped at the end.
+    if duration - decoded > max(1.0, 0.03 * duration):
+        raise InputError(
+            f"{path}: decodes to {decoded:.1f} s of the {duration:.1f} s its header claims, so it is cut "
+            "short or damaged; copy it again, or keep what is whole (ffmpeg -i IN -c copy OUT)"
+        )
+
+
+def movie_header(path: str | Path) -> tuple[np.datetime64 | None, float | None]:
+    """Read (creation time in UTC, duration in s) from an MP4 or QuickTime file, None where it does not say.
+
+    `moov/mvhd` of ISO 14496-12, 8.2.2. The duration honors edit lists, so a trimmed clip is not a damaged one.
+    Cameras differ in whether they keep UTC and whether they write the recording's start or its end.
+    """
+    with Path(path).open("rb") as file:
+        movie = _find_box(file, b"moov", 0, Path(path).stat().st_size)
+        header = _find_box(file, b"mvhd", *movie) if movie else None
+        if not header:
+            return None, None
+        file.seek(header[0])
+        wide = file.read(4)[:1] == b"\x01"
+        layout = ">QQIQ" if wide else ">IIII"
+        seconds, _, ticks_per_second, ticks = struct.unpack(layout, file.read(struct.calcsize(layout)))
+    created = MP4_EPOCH + np.timedelta64(seconds, "s") if seconds else None
+    return created, ticks / ticks_per_second if ticks and ticks_per_second else None
+
+
+def _find_box(file: BinaryIO, kind: bytes, start: int, end: int) -> tuple[int, int] | None:
+    """Content (first byte, end) of the first box of a kind in a part of an MP4 file."""
+    while start + 8 <= end:
+        file.seek(start)
+        size, name = struct.unpack(">I4s", file.read(8))
+        content = start + 8
+        if size == 1:
+            size, content = struct.unpack(">Q", file.read(8))[0], start + 16
+        if size == 0:
+            size = end - start
+        if name == kind:
+            return content, start + size
+        if size < 8:
+            return None
+        start += size
+    return None
