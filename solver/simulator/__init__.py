@@ -1,0 +1,19 @@
+"""An independent generator of surveys: numpy only, nothing shared with the signal path it is there to check.
+
+`simulate(Scenario(seed=3))` returns a `Survey`; `write_survey(survey, folder)` writes it as a user would
+bring it.
+"""
+
+from solver.simulator.scenario import BUILT_IN, EFFECTS, Scenario, read_scenario
+from solver.simulator.survey import Survey, simulate
+from solver.simulator.vehicle import Vehicle
+
+__all__ = [
+    "BUILT_IN",
+    "EFFECTS",
+    "Scenario",
+    "Survey",
+    "Vehicle",
+    "read_scenario",
+    "simulate",
+]

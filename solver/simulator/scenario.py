@@ -1,0 +1,249 @@
+"""What is to be simulated: one dataclass, from a TOML file or by a built-in name."""
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vision.contract import InputError
+
+# Hidden effects: amount -> what it means. 0 is absent.
+EFFECTS: dict[str, str] = {
+    "gauge_length": "relative error: the true gauge is (1 + value) times the one in site.toml",
+    "clock_offset": "s; the trajectories' clock is ahead of the interrogator's by this much",
+    "channel_coupling": "sd of the smooth log gain along the fiber",
+    "stiffness_contrast": "ln of the ratio of shear moduli beyond and before the middle of the view",
+    "highpass": "Hz; corner of the interrogator's first-order AC coupling",
+    "unseen_vehicle": "load, relative to a car's, of a vehicle that the trajectories lack",
+    "wheel_layout": "1: the trajectories call every class `vehicle`",
+    "point_load": "1: every vehicle is one point load, as published, and its class `vehicle`",
+}
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A survey to simulate. A range (low, high) is drawn from by the seed.
+
+    Attributes
+    ----------
+    name : of the survey
+    seed : the same seed is the same survey, bit by bit
+    passes : vehicles that go by
+    snr_db : 10 log10(mean signal^2 / noise variance) over the maps of all passes (channels and times in view)
+    sampling : "instant", strain rate as it is at each sample; "filtered", strain at 100 Hz, differenced,
+        low-passed at 0.8 of Nyquist without delay and decimated
+    sampling_rate : Hz, of the file
+    gauge_length, channel_spacing : m
+    channels : along the street route; a route of points has as many as fit
+    poisson_ratio : of the ground
+    shear_modulus : Pa
+    view : m; stretch of x that the camera sees
+    lanes : m; mean y of the lane driven along +x and of the one driven against it
+    lateral : m; distance of the fiber from the nearer lane's middle
+    side : "right" or "left" of the lanes seen along +x, or "either"
+    depth : m; mean over the run
+    undulation, depth_undulation : m; largest excursion from the mean
+    route : points [x, y, z], m, of a spline, in place of the street route
+    speeds : km/h
+    headway : s between two passes
+    classes : name -> share of the traffic
+    frame_rate : fixes per second
+    fix_sigma, anchor_sigma : m
+    gps : trajectories in latitude and longitude
+    origin, x_azimuth : the local frame, degrees
+    start : of the record, ISO 8601, UTC
+    effects : name -> amount, see `EFFECTS`
+    """
+
+    name: str = "street"
+    seed: int = 0
+    passes: int = 8
+    snr_db: float = 20.0
+    sampling: str = "instant"
+    sampling_rate: float = 5.0
+    gauge_length: float = 10.0
+    channel_spacing: float = 1.021
+    channels: int = 241
+    poisson_ratio: float = 0.25
+    shear_modulus: float = 6e7
+    view: tuple[float, float] = (0.0, 100.0)
+    lanes: tuple[float, float] = (0.0, -3.5)
+    lateral: tuple[float, float] = (2.5, 5.5)
+    side: str = "either"
+    depth: tuple[float, float] = (0.6, 1.2)
+    undulation: tuple[float, float] = (0.0, 0.5)
+    depth_undulation: tuple[float, float] = (0.0, 0.1)
+    route: tuple[tuple[float, float, float], ...] | None = None
+    speeds: tuple[float, float] = (30.0, 78.0)
+    headway: tuple[float, float] = (16.0, 25.0)
+    classes: Mapping[str, float] = field(
+        default_factory=lambda: {"car": 0.5, "van": 0.25, "truck": 0.15, "bus": 0.1}
+    )
+    frame_rate: float = 12.5
+    fix_sigma: float = 0.06
+    anchor_sigma: float = 0.05
+    gps: bool = False
+    origin: tuple[float, float] = (32.113, 34.804)
+    x_azimuth: float = 78.0
+    start: str = "2025-08-11T06:00:00"
+    effects: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+    def effect(self, name: str) -> float:
+        """Amount of a hidden effect, 0 where it is absent."""
+        return float(self.effects.get(name, 0.0))
+
+
+BUILT_IN: dict[str, dict[str, Any]] = {
+    "street": {},
+    "street-gps": {"gps": True, "frame_rate": 5.0},
+    "street-paper": {"effects": {"point_load": 1.0}},
+    "street-filtered": {"sampling": "filtered"},
+}
+
+
+def read_scenario(source: str | Path, **overrides: Any) -> Scenario:
+    """Read a scenario from a TOML file, or take a built-in one by its name.
+
+    Parameters
+    ----------
+    source : path of a TOML file whose keys are the fields of `Scenario` (`base = "street-gps"` starts from a
+        built-in one), or a name in `BUILT_IN`
+    **overrides : fields that win over the file's; None leaves the file's
+
+    Raises
+    ------
+    InputError
+        No such file or name, no TOML, an unknown key, a value of the wrong type or out of range.
+
+    >>> read_scenario("street-gps", seed=3, passes=None).gps
+    True
+    """
+    if str(source) in BUILT_IN:
+        table = dict(BUILT_IN[str(source)], name=str(source))
+    else:
+        table = _from_file(Path(source))
+    table |= {key: value for key, value in overrides.items() if value is not None}
+    known = {f.name: f for f in dataclasses.fields(Scenario)}
+    for key in table:
+        if key not in known:
+            raise InputError(f"{source}: no setting `{key}`; known are {', '.join(known)}")
+    try:
+        return Scenario(**{key: _tuples(value) for key, value in table.items()})
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+
+
+def _from_file(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise InputError(f"{path}: neither a file nor a built-in scenario ({', '.join(BUILT_IN)})")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not TOML: {error}") from error
+    base = table.pop("base", "street")
+    if base not in BUILT_IN:
+        raise InputError(f"{path}: no built-in scenario `{base}`; known are {', '.join(BUILT_IN)}")
+    return {**BUILT_IN[base], "name": path.stem, **table}
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+
+
+def check(scenario: Scenario) -> None:
+    """Raise InputError at the first field that cannot be simulated."""
+    for name in (
+        "snr_db",
+        "sampling_rate",
+        "gauge_length",
+        "channel_spacing",
+        "poisson_ratio",
+        "shear_modulus",
+    ):
+        _number(name, getattr(scenario, name))
+    for name in ("frame_rate", "fix_sigma", "anchor_sigma", "x_azimuth"):
+        _number(name, getattr(scenario, name))
+    for name in ("view", "lateral", "depth", "undulation", "depth_undulation", "speeds", "headway"):
+        _range(name, getattr(scenario, name))
+    for name in ("lanes", "origin"):
+        _pair(name, getattr(scenario, name))
+    for name in ("seed", "passes", "channels"):
+        if type(getattr(scenario, name)) is not int:
+            raise InputError(f"{name}: must be a whole number, not {getattr(scenario, name)!r}")
+    for name in ("name", "side", "sampling", "start"):
+        if not isinstance(getattr(scenario, name), str):
+            raise InputError(f"{name}: must be text, in quotes")
+    for name in ("classes", "effects"):
+        _amounts(name, getattr(scenario, name))
+    for good, message in _rules(scenario):
+        if not good:
+            raise InputError(message)
+
+
+def _rules(s: Scenario) -> list[tuple[bool, str]]:
+    from solver.simulator.vehicle import FLEET
+
+    positive = ("sampling_rate", "gauge_length", "channel_spacing", "shear_modulus", "frame_rate")
+    return [
+        *((getattr(s, name) > 0, f"{name}: must be above 0") for name in positive),
+        (s.seed >= 0, "seed: must be 0 or above"),
+        (s.passes >= 1, "passes: at least 1"),
+        (s.channels >= 2, "channels: at least 2"),
+        (isinstance(s.gps, bool), "gps: true or false"),
+        (-1 < s.poisson_ratio <= 0.5, "poisson_ratio: between -1 and 0.5"),
+        (s.fix_sigma >= 0 and s.anchor_sigma >= 0, "fix_sigma, anchor_sigma: 0 or above, meters"),
+        (s.view[1] - s.view[0] >= 20, "view: at least 20 m long"),
+        (s.speeds[0] > 1 and s.speeds[1] <= 200, "speeds: between 1 and 200 km/h"),
+        (s.headway[0] > 0, "headway: must be above 0 s"),
+        (s.undulation[0] >= 0 and s.depth_undulation[0] >= 0, "undulation, depth_undulation: 0 or above"),
+        (s.depth[0] - s.depth_undulation[1] > 0, "depth: the fiber must stay below the ground"),
+        (s.side in ("left", "right", "either"), f"side: left, right or either, not {s.side!r}"),
+        (s.sampling in ("instant", "filtered"), f"sampling: instant or filtered, not {s.sampling!r}"),
+        (-90 <= s.origin[0] <= 90 and -180 <= s.origin[1] <= 180, "origin: latitude, longitude in degrees"),
+        (s.route is None or isinstance(s.route, tuple), "route: a list of points [x, y, z]"),
+        (_is_time(s.start), f"start: ISO 8601 in UTC, such as 2025-08-11T06:00:00, not {s.start!r}"),
+        (set(s.classes) <= set(FLEET), f"classes: known are {', '.join(FLEET)}"),
+        (all(v >= 0 for v in s.classes.values()) and sum(s.classes.values()) > 0, "classes: shares above 0"),
+        (set(s.effects) <= set(EFFECTS), f"effects: known are {', '.join(EFFECTS)}"),
+        (s.effects.get("gauge_length", 0.0) > -0.9, "effects.gauge_length: relative error, above -0.9"),
+    ]
+
+
+def _is_time(text: str) -> bool:
+    try:
+        return datetime.fromisoformat(text).tzinfo is None
+    except ValueError:
+        return False
+
+
+def _number(name: str, value: Any) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise InputError(f"{name}: must be a number, not {value!r}")
+
+
+def _pair(name: str, value: Any) -> None:
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise InputError(f"{name}: must be two numbers, not {value!r}")
+    for item in value:
+        _number(name, item)
+
+
+def _range(name: str, value: Any) -> None:
+    _pair(name, value)
+    if value[0] > value[1]:
+        raise InputError(f"{name}: the first number must not be above the second")
+
+
+def _amounts(name: str, value: Any) -> None:
+    if not isinstance(value, Mapping):
+        raise InputError(f"{name}: must be a table of name = number")
+    for key, amount in value.items():
+        _number(f"{name}.{key}", amount)

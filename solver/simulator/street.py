@@ -1,0 +1,77 @@
+"""Lay the fiber and let the vehicles drive: what chance decides about a street."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.simulator.route import Route, spline_route, street_route
+from solver.simulator.scenario import Scenario
+from solver.simulator.vehicle import FLEET, Vehicle, draw_vehicle
+
+Array = NDArray[np.float64]
+MARGIN = 12.0  # s of quiet before the first and after the last vehicle in view
+
+
+def lay(scenario: Scenario, rng: np.random.Generator) -> tuple[Route, Array]:
+    """Lay the fiber; return it and the distance [channel] along it, m, of the middle of each gauge."""
+    if scenario.route is not None:
+        route = spline_route(scenario.route)
+        return route, scenario.channel_spacing * np.arange(
+            int(route.length / scenario.channel_spacing) + 1, dtype=np.float64
+        )
+    right = {"right": True, "left": False, "either": bool(rng.random() < 0.5)}[scenario.side]
+    offset = rng.uniform(*scenario.lateral)
+    route = street_route(
+        rng,
+        max(scenario.lanes) + offset if right else min(scenario.lanes) - offset,
+        rng.uniform(*scenario.depth),
+        length=(scenario.channels - 1) * scenario.channel_spacing,
+        view=scenario.view,
+        side=1.0 if right else -1.0,
+        undulation=rng.uniform(*scenario.undulation),
+        depth_undulation=rng.uniform(*scenario.depth_undulation),
+    )
+    return route, scenario.channel_spacing * np.arange(scenario.channels, dtype=np.float64)
+
+
+def drive(scenario: Scenario, rng: np.random.Generator) -> tuple[Vehicle, ...]:
+    """One vehicle per pass, as evenly over the two directions as can be."""
+    middle = sum(scenario.view) / 2
+    directions = rng.permutation(np.resize([1, -1], scenario.passes))
+    names = list(scenario.classes)
+    shares = np.array([scenario.classes[name] for name in names])
+    vehicles, time_at = [], 0.0
+    for number, direction in enumerate(directions.tolist(), 1):
+        speed = rng.uniform(*scenario.speeds) / 3.6
+        half = (scenario.view[1] - scenario.view[0]) / 2 / speed
+        time_at = max(time_at + rng.uniform(*scenario.headway), MARGIN + half)
+        vehicles.append(
+            draw_vehicle(
+                rng,
+                str(number),
+                names[rng.choice(len(names), p=shares / shares.sum())],
+                direction=direction,
+                lane=scenario.lanes[0 if direction > 0 else 1],
+                time_at=time_at,
+                x_at=middle,
+                speed=speed,
+            )
+        )
+    return tuple(vehicles)
+
+
+def unseen(scenario: Scenario, vehicles: tuple[Vehicle, ...], rng: np.random.Generator) -> Vehicle:
+    """Draw a vehicle that goes the other way during one of the passes."""
+    host = vehicles[int(rng.integers(len(vehicles)))]
+    ghost = draw_vehicle(
+        rng,
+        "unseen",
+        "car",
+        direction=-host.direction,
+        lane=scenario.lanes[1 if host.direction > 0 else 0],
+        time_at=host.time_at + rng.uniform(-2, 2),
+        x_at=host.x_at + rng.uniform(-20, 20),
+        speed=rng.uniform(*scenario.speeds) / 3.6,
+    )
+    return replace(ghost, mass=FLEET["car"].mass[0] * scenario.effect("unseen_vehicle"))

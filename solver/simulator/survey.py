@@ -1,0 +1,100 @@
+"""Simulate a survey: vehicles drive by, the ground bends, a fiber is stretched, an interrogator listens."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.simulator.observe import active_channels, dig, in_view, sample_times, watch
+from solver.simulator.recording import noise
+from solver.simulator.scenario import Scenario
+from solver.simulator.strain import listen
+from solver.simulator.street import drive, lay, unseen
+from solver.simulator.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Survey:
+    """A simulated survey and the truth about it.
+
+    Attributes
+    ----------
+    scenario : what was asked for
+    start : UTC, of the first sample
+    time : [time] s since `start`
+    strain_rate : [time, channel] 1/s, as recorded
+    signal : [time, channel] 1/s, before noise
+    distance : [channel] m along the fiber
+    route : [channel, 3] m; the middle of each channel's gauge
+    vehicles : all that drove by; the last of them unseen where the scenario says so
+    trajectories : table as in the contract (GPS: latitude, longitude, sigma)
+    anchors : table as in the anchors file
+    active : first and last channel in view
+    noise_sd : 1/s, rms over channels
+    """
+
+    scenario: Scenario
+    start: np.datetime64
+    time: Array
+    strain_rate: Array
+    signal: Array
+    distance: Array
+    route: Array
+    vehicles: tuple[Vehicle, ...]
+    trajectories: "pd.DataFrame"
+    anchors: "pd.DataFrame"
+    active: tuple[int, int]
+    noise_sd: float
+
+
+def simulate(scenario: Scenario) -> Survey:
+    """Simulate a survey; the same scenario gives the same survey.
+
+    Every wheel is a point load on a homogeneous elastic half-space. The strain of a channel is the mean over
+    its gauge of the extension t . (grad u) . t along the curved fiber, by Gauss-Legendre quadrature;
+    the strain rate is its central difference in time.
+
+    Raises
+    ------
+    InputError
+        A route that no vehicle in view comes near, or that is too short.
+
+    >>> survey = simulate(Scenario(seed=1, passes=1))
+    >>> survey.strain_rate.shape[1], survey.route.shape
+    (241, (241, 3))
+    """
+    # One stream per purpose: asking for more passes or another SNR leaves the route as it was.
+    streams = np.random.SeedSequence(scenario.seed).spawn(5)
+    ways, traffic, fixes, dust, extra = (np.random.default_rng(stream) for stream in streams)
+    route, distance = lay(scenario, ways)
+    points = route.position(distance)
+    active = active_channels(points, scenario.view)
+    vehicles = drive(scenario, traffic)
+    time = sample_times(scenario, vehicles)
+    seen = len(vehicles)
+    if scenario.effect("unseen_vehicle"):
+        vehicles = (*vehicles, unseen(scenario, vehicles, extra))
+    signal = listen(scenario, route, distance, vehicles, time, extra)
+    power = np.mean(signal[in_view(scenario, vehicles[:seen], time), active[0] : active[1] + 1] ** 2)
+    noise_sd = float(np.sqrt(power / 10 ** (scenario.snr_db / 10)))
+    recorded = signal + noise_sd * noise(dust, (len(time), len(distance)))
+    return Survey(
+        scenario,
+        np.datetime64(scenario.start, "ns"),
+        time,
+        recorded,
+        signal,
+        distance,
+        points,
+        vehicles,
+        watch(scenario, vehicles[:seen], fixes),
+        dig(scenario, points, active, fixes),
+        active,
+        noise_sd,
+    )

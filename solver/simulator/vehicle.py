@@ -1,0 +1,169 @@
+"""Vehicles that drive by: what they weigh, where their wheels are, and where they are when."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+class Make(NamedTuple):
+    """What vehicles of one class have in common: means, and the sds by which they differ."""
+
+    wheelbase: tuple[float, float]  # m
+    track: float  # m between left and right wheels
+    front_share: tuple[float, float]  # of the load, on the front axle
+    mass: tuple[float, float]  # kg, and relative sd
+    overhang: float  # m that the body is longer than the wheelbase
+    width: float  # m
+    share: float  # of the traffic
+
+
+FLEET = {
+    "car": Make((2.65, 0.12), 1.55, (0.56, 0.02), (1400.0, 0.15), 1.85, 1.8, 0.50),
+    "van": Make((3.40, 0.20), 1.70, (0.52, 0.02), (2300.0, 0.20), 2.10, 2.0, 0.25),
+    "truck": Make((4.60, 0.40), 1.90, (0.42, 0.03), (8000.0, 0.30), 3.20, 2.4, 0.15),
+    "bus": Make((5.90, 0.20), 2.05, (0.38, 0.02), (13000.0, 0.15), 6.10, 2.5, 0.10),
+}
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """One vehicle and its way past the camera.
+
+    Attributes
+    ----------
+    track_id, vehicle_class : as a tracker would call it
+    mass : kg
+    wheelbase, track : m; `point` loads have both 0
+    front_share : of the load, on the front axle
+    length, width : m, of the body
+    direction : +1 along x, -1 against it
+    lane : m; mean y
+    time_at : s; when the middle of the wheelbase passes `x_at`, m
+    speed : m/s, mean
+    surge : [k, 3]; amplitude m, angular frequency 1/s, phase of the sines that its progress departs by
+    weave : [k, 3]; amplitude m, wavenumber 1/m, phase of its lateral wander
+
+    >>> steady = ((0.0, 1.0, 0.0),)
+    >>> car = Vehicle("1", "car", 1400, 2.65, 1.55, 0.56, 4.5, 1.8, 1, 0.0, 10.0, 50.0, 15.0, steady, steady)
+    >>> car.position([10.0, 12.0])
+    array([[50.,  0.],
+           [80.,  0.]])
+    """
+
+    track_id: str
+    vehicle_class: str
+    mass: float
+    wheelbase: float
+    track: float
+    front_share: float
+    length: float
+    width: float
+    direction: int
+    lane: float
+    time_at: float
+    x_at: float
+    speed: float
+    surge: tuple[tuple[float, float, float], ...]
+    weave: tuple[tuple[float, float, float], ...]
+
+    def position(self, time: ArrayLike) -> Array:
+        """Ground point under the middle of the wheelbase, [n, 2] m, at `time` [n], s."""
+        since = np.asarray(time, float) - self.time_at
+        amplitude, omega, phase = np.array(self.surge).T[:, :, None]
+        surge = (amplitude * (np.sin(omega * since + phase) - np.sin(phase))).sum(0)
+        x = self.x_at + self.direction * (self.speed * since + surge)
+        return np.stack([x, self.lane + self._wander(x)], axis=-1)
+
+    def velocity(self, time: ArrayLike) -> Array:
+        """[n, 2] m/s at `time` [n], s."""
+        since = np.asarray(time, float) - self.time_at
+        amplitude, omega, phase = np.array(self.surge).T[:, :, None]
+        forward = self.speed + (amplitude * omega * np.cos(omega * since + phase)).sum(0)
+        x = self.position(time)[:, 0]
+        amplitude, k, phase = np.array(self.weave).T[:, :, None]
+        slope = (amplitude * k * np.cos(k * x + phase)).sum(0)
+        return self.direction * forward[:, None] * np.stack([np.ones_like(slope), slope], axis=-1)
+
+    def _wander(self, x: Array) -> Array:
+        amplitude, k, phase = np.array(self.weave).T[:, :, None]
+        return (amplitude * np.sin(k * x + phase)).sum(0)
+
+    def wheels(self, time: ArrayLike) -> tuple[Array, Array]:
+        """Contact points [n, wheel, 2] m at `time` [n], s, and each one's share of the load [wheel]."""
+        velocity = self.velocity(time)
+        ahead = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
+        right = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+        forward = np.array([0.5, 0.5, -0.5, -0.5])[:, None] * self.wheelbase
+        lateral = np.array([-0.5, 0.5, -0.5, 0.5])[:, None] * self.track
+        rear = 1.0 - self.front_share
+        shares = np.array([self.front_share, self.front_share, rear, rear]) / 2
+        place = self.position(time)[:, None, :] + forward * ahead[:, None, :] + lateral * right[:, None, :]
+        return place, shares
+
+    def times_within(self, first: float, last: float, step: float) -> tuple[float, float]:
+        """When it enters and leaves the stretch of x from `first` to `last`, m; s, to `step`."""
+        reach = (max(abs(first - self.x_at), abs(last - self.x_at)) + 20.0) / self.speed
+        time = self.time_at + np.arange(-1.2 * reach, 1.2 * reach, step)
+        x = self.position(time)[:, 0]
+        inside = time[(x >= first) & (x <= last)]
+        return float(inside[0]), float(inside[-1])
+
+
+def draw_vehicle(
+    rng: np.random.Generator,
+    track_id: str,
+    vehicle_class: str,
+    *,
+    direction: int,
+    lane: float,
+    time_at: float,
+    x_at: float,
+    speed: float,
+) -> Vehicle:
+    """Draw a vehicle of a class, with the sizes, weight and driving that chance gives it.
+
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(1)
+    >>> bus = draw_vehicle(rng, "1", "bus", direction=-1, lane=-3.5, time_at=20.0, x_at=50.0, speed=12.0)
+    >>> 5 < bus.wheelbase < 7
+    True
+    """
+    make = FLEET[vehicle_class]
+    wheelbase = make.wheelbase[0] + make.wheelbase[1] * float(np.clip(rng.normal(), -2.5, 2.5))
+    mass = make.mass[0] * float(np.exp(make.mass[1] * rng.normal()))
+    share = make.front_share[0] + make.front_share[1] * float(np.clip(rng.normal(), -2.5, 2.5))
+    period, wavelength = rng.uniform(8, 25, 2), rng.uniform(60, 200, 2)
+    # Speed varies by some 2 %: amplitude of progress = relative speed change * speed / angular frequency.
+    surge = tuple(
+        (
+            0.02 * speed * float(rng.normal()) * p / (2 * np.pi),
+            2 * np.pi / p,
+            float(rng.uniform(0, 2 * np.pi)),
+        )
+        for p in period.tolist()
+    )
+    weave = tuple(
+        (0.05 * float(rng.normal()), 2 * np.pi / w, float(rng.uniform(0, 2 * np.pi)))
+        for w in wavelength.tolist()
+    )
+    return Vehicle(
+        track_id,
+        vehicle_class,
+        mass,
+        wheelbase,
+        make.track,
+        share,
+        round(wheelbase + make.overhang, 1),
+        make.width,
+        direction,
+        lane + float(rng.normal(0, 0.15)),
+        time_at,
+        x_at,
+        speed,
+        surge,
+        weave,
+    )
