@@ -1,7 +1,7 @@
 """The signal path in one piece: trajectory -> load -> ground -> cable -> interrogator.
 
-Rows are (pass, sample) pairs of all passes, one after the other, so that any number of vehicles, meeting or apart, is one
-tensor operation; rows of the same sample superpose.
+Rows are (pass, sample) pairs of all passes, one after the other, so that any number of vehicles, meeting or apart, is
+one tensor operation; rows of the same sample superpose.
 """
 
 from collections.abc import Sequence
@@ -61,6 +61,14 @@ class Traffic:
             heading=heading,
             **stack,
         )
+
+    def take(self, chosen: np.ndarray) -> "Traffic":
+        """Keep only `chosen` (ascending indices into `samples`)."""
+        place = torch.full((len(self.samples),), -1)
+        place[torch.from_numpy(chosen)] = torch.arange(len(chosen))
+        keep = place[self.sample_index] >= 0
+        rows = {name: getattr(self, name)[keep] for name in ("pass_index", "position", "velocity", "heading", "sigma")}
+        return Traffic(self.passes, sample_index=place[self.sample_index][keep], samples=self.samples[chosen], **rows)
 
     def superpose(self, rows: Tensor) -> Tensor:
         """Sum responses [row, ...] of the same sample -> [sample, ...]."""
@@ -159,7 +167,7 @@ class SignalPath:
         position = traffic.position[:, None, :] + v.along[..., None] * heading + v.across[..., None] * right
         heading = heading.expand(position.shape)
         wheels, weights = wheel_loads(position, heading, v.wheelbase, v.track, v.front_share)
-        if not bool((v.wheelbase.any() | v.track.any())):
+        if not bool(v.wheelbase.any() | v.track.any()):
             wheels, weights = wheels[..., :1, :], torch.ones_like(weights[..., :1])
         velocity = traffic.velocity[:, None, None, :]
         nu = torch.as_tensor(poisson_ratio)

@@ -1,0 +1,212 @@
+"""Maximum a posteriori fit of a spline route by Levenberg-Marquardt, with covariance.
+
+Minimizes sum(((d - f) / sigma)^2) + sum(((theta - prior) / sd)^2) over route, amplitudes, track shifts, wheel layouts
+and Poisson ratio (Tarantola 2005, Inverse Problem Theory, eq. 3.51), with Huber weights for bad samples.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from solver.cable import SplineBasis
+from solver.fit.prior import Rows, anchor_rows, shape_rows
+from solver.fit.problem import Problem
+from solver.load import layout_of
+from solver.model import Fiber, Sensitivities, Vehicles
+
+KNOT_SPACING = 10.0
+HUBER = 4.0
+SHALLOWEST = 0.1
+PER_PASS = ("amplitude", "along", "across", "wheelbase", "front_share")
+
+
+@dataclass(frozen=True)
+class State:
+    """All that is fitted: route coefficients [knot, 3] (m), vehicles, Poisson ratio []."""
+
+    coefficients: Tensor
+    vehicles: Vehicles
+    poisson_ratio: Tensor
+
+    def vector(self) -> Tensor:
+        """One vector: route, then each per-pass quantity, then the Poisson ratio."""
+        per_pass = [getattr(self.vehicles, name) for name in PER_PASS]
+        return torch.cat([self.coefficients.reshape(-1), *per_pass, self.poisson_ratio.reshape(1)])
+
+    def moved(self, vector: Tensor) -> "State":
+        """The state that `vector` describes."""
+        shape, passes = self.coefficients.shape, len(self.vehicles.amplitude)
+        route, rest = vector[: self.coefficients.numel()], vector[self.coefficients.numel() : -1]
+        columns = dict(zip(PER_PASS, rest.reshape(len(PER_PASS), passes), strict=True))
+        return State(route.reshape(shape), replace(self.vehicles, **columns), vector[-1].clamp(0.0, 0.495))
+
+
+class MapFit:
+    """One maximum a posteriori problem: residuals, priors, steps."""
+
+    def __init__(self, problem: Problem, knot_spacing: float = KNOT_SPACING):
+        self.problem = problem
+        self.basis = SplineBasis(*problem.span, knot_spacing)
+        self.ends = problem.ends(self.basis)
+        self.path = problem.path
+        self.measured = problem.measured
+        self.data = torch.where(self.measured, problem.strain_rate, 0.0)
+        self.mean, self.sd = self._prior()
+
+    # ---- start -----------------------------------------------------------------------------------------------------
+    def start(self) -> State:
+        """Begin at the rough route with the amplitudes that fit it best."""
+        p = self.problem
+        route = torch.from_numpy(self.basis.interpolate(p.distance, p.start))
+        vehicles = Vehicles.of(p.passes)
+        nu = torch.tensor(p.prior.poisson_ratio[0], dtype=torch.float64)
+        rate = self.path.rows(Fiber.of(self.ends, route), vehicles.rows(p.traffic), nu)
+        weight = self.measured[p.traffic.sample_index] / p.noise**2
+        per_pass = torch.zeros(2, p.traffic.passes, dtype=torch.float64)
+        per_pass[0].index_add_(0, p.traffic.pass_index, (weight * rate * self.data[p.traffic.sample_index]).sum(1))
+        per_pass[1].index_add_(0, p.traffic.pass_index, (weight * rate**2).sum(1))
+        vehicles.amplitude = per_pass[0] / per_pass[1].clamp_min(1e-300)
+        return State(route, vehicles, nu)
+
+    # ---- priors ----------------------------------------------------------------------------------------------------
+    def _prior(self) -> tuple[Tensor, Tensor]:
+        """Mean and standard deviation of every parameter [parameter]; sd inf for the route (see `route_prior`)."""
+        p = self.problem
+        layouts = [layout_of(one.vehicle_class) for one in p.passes]
+        sd = {
+            "amplitude": [np.inf] * len(layouts),
+            "along": [p.prior.along] * len(layouts),
+            "across": [p.prior.across] * len(layouts),
+            "wheelbase": [layout.wheelbase_sd for layout in layouts],
+            "front_share": [layout.front_share_sd for layout in layouts],
+        }
+        route = torch.zeros(self.basis.size, 3, dtype=torch.float64)
+        nu, nu_sd = p.prior.poisson_ratio
+        mean = State(route, Vehicles.of(p.passes), torch.tensor(nu, dtype=torch.float64)).vector()
+        flat = np.concatenate([np.full(route.numel(), np.inf), *(sd[name] for name in PER_PASS), [nu_sd]])
+        return mean, torch.from_numpy(flat)
+
+    @property
+    def free(self) -> Tensor:
+        """Which parameters may move, [parameter] bool."""
+        return self.sd > 0
+
+    def route_rows(self, coefficients: Tensor) -> tuple[Rows, Rows]:
+        """Rows of the prior on the route's shape, and of its anchors."""
+        p = self.problem
+        return (
+            shape_rows(self.basis, p.prior, coefficients),
+            anchor_rows(self.basis, p.anchors, p.anchor_distance, coefficients),
+        )
+
+    def prior_matrix(self, coefficients: Tensor) -> Tensor:
+        """Normal matrix [free, free] of the prior alone, anchors left out."""
+        shape = self.route_rows(coefficients)[0].jacobian
+        matrix = torch.diag(self.sd[self.free] ** -2)
+        matrix[: shape.shape[1], : shape.shape[1]] += shape.T @ shape
+        return matrix
+
+    # ---- data ------------------------------------------------------------------------------------------------------
+    def residual(self, state: State) -> Tensor:
+        """(measured - model) / noise, [sample, channel], 0 where not measured."""
+        model = self.path.strain_rate(Fiber.of(self.ends, state.coefficients), state.vehicles, state.poisson_ratio)
+        return torch.where(self.measured, self.data - model, 0.0) / self.problem.noise
+
+    def jacobian(self, local: Sensitivities) -> Tensor:
+        """Derivative of the model in noise units by every parameter, [sample, channel, parameter]."""
+        traffic = self.problem.traffic
+        size, passes = self.basis.size, traffic.passes
+        rows, channels = local.rate.shape
+        route = torch.zeros(rows, channels, size, 3, dtype=torch.float64)
+        for f in fields(Fiber):
+            route += torch.einsum("rck,cj->rcjk", local.by[f.name], getattr(self.ends, f.name))
+        out = torch.zeros(len(traffic.samples), channels, len(self.mean), dtype=torch.float64)
+        out[..., : 3 * size] = traffic.superpose(route.reshape(rows, channels, -1))
+        for number, name in enumerate(PER_PASS):
+            column = 3 * size + number * passes + traffic.pass_index
+            out[traffic.sample_index, :, column] += local.by[name]
+        out[..., -1] = traffic.superpose(local.by["poisson_ratio"])
+        return out / self.problem.noise[:, None]
+
+    def track_variance(self, local: Sensitivities) -> Tensor:
+        """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel]."""
+        traffic = self.problem.traffic
+        along, across = (
+            local.by[name] ** 2 * traffic.sigma[:, i, None] ** 2 for i, name in enumerate(("along", "across"))
+        )
+        return traffic.superpose(along + across) / self.problem.noise**2
+
+    def cost(self, state: State, weight: Tensor) -> float:
+        """Weighted misfit plus priors."""
+        shift = (state.vector() - self.mean)[self.free] / self.sd[self.free]
+        rows = sum(float((r.residual**2).sum()) for r in self.route_rows(state.coefficients))
+        return float((weight * self.residual(state) ** 2).sum() + (shift**2).sum()) + rows
+
+    def buried(self, state: State) -> bool:
+        """Whether the whole route is under the ground, where the half-space is."""
+        depth = torch.from_numpy(self.basis.at(self.problem.distance)) @ state.coefficients[:, 2]
+        return bool(depth.min() > SHALLOWEST)
+
+    def normal(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
+        """Normal matrix [free, free], right-hand side [free] and sample weights [sample, channel]."""
+        local = self.path.sensitivities(Fiber.of(self.ends, state.coefficients), state.vehicles, state.poisson_ratio)
+        model = self.path.traffic.superpose(local.rate)
+        residual = torch.where(self.measured, self.data - model, 0.0) / self.problem.noise
+        weight = self.measured / (1 + self.track_variance(local))
+        weight = weight * huber(residual * weight.sqrt(), self.measured)
+        free = self.free
+        jacobian = self.jacobian(local)[..., free]
+        flat = (jacobian * weight.sqrt()[..., None]).reshape(-1, jacobian.shape[-1])
+        matrix = flat.T @ flat
+        right = flat.T @ (residual * weight.sqrt()).reshape(-1)
+        for rows in self.route_rows(state.coefficients):
+            route = rows.jacobian.shape[1]
+            matrix[:route, :route] += rows.jacobian.T @ rows.jacobian
+            right[:route] -= rows.jacobian.T @ rows.residual
+        precision = self.sd[free] ** -2
+        matrix += torch.diag(precision)
+        right += precision * (self.mean - state.vector())[free]
+        return matrix, right, weight
+
+
+def huber(residual: Tensor, measured: Tensor) -> Tensor:
+    """Weights [...] that bound the pull of single bad samples (Huber 1964), on the scale of the residual itself."""
+    scale = torch.clamp(1.4826 * residual[measured].abs().median(), min=1.0)
+    return (HUBER * scale / residual.abs().clamp_min(1e-12)).clamp(max=1.0)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where Levenberg-Marquardt ended: the state, its cost, how many steps it took and whether it converged."""
+
+    state: State
+    cost: float
+    iterations: int
+    converged: bool
+
+
+def solve(fit: MapFit, state: State, iterations: int = 40, advance: Callable[[int], None] = lambda n: None) -> Solution:
+    """Levenberg-Marquardt (Marquardt 1963) until the cost stands still or steps are small in posterior sigmas."""
+    free, damping, converged, step_number = fit.free, 1e-3, False, 0
+    matrix, right, weight = fit.normal(state)
+    cost = fit.cost(state, weight)
+    while step_number < iterations and damping < 1e8 and not converged:
+        step_number += 1
+        advance(1)
+        step = torch.zeros_like(fit.mean)
+        step[free] = torch.linalg.solve(matrix + damping * torch.diag(matrix.diagonal()), right)
+        candidate = state.moved(state.vector() + step)
+        new_cost = fit.cost(candidate, weight) if fit.buried(candidate) else np.inf
+        if new_cost > cost:
+            damping *= 8
+            continue
+        fall = cost - new_cost
+        state, damping = candidate, max(damping / 8, 1e-9)
+        matrix, right, weight = fit.normal(state)
+        cost = fit.cost(state, weight)
+        largest = float((step[free].abs() * matrix.diagonal().sqrt()).max())
+        converged = fall < 1e-3 * max(1.0, 1e-3 * cost) or largest < 0.02
+    return Solution(state, cost, step_number, converged)

@@ -1,0 +1,180 @@
+"""The paper's fit: a small neural network draws the route, Adam trains it on one survey.
+
+A learnable latent vector of 128 goes through three hidden layers of 128 (ReLU) to 3 N outputs, which a learnable scale and
+shift turn into meters about the starting route. The loss is the data misfit plus regularizers on angle, length,
+anchors and curvature; depth gradients are attenuated 100 times and enabled in the second half.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from solver.fit.least_squares import MapFit, State, huber
+from solver.fit.posterior import assemble
+from solver.fit.problem import Problem
+from solver.fit.result import FitResult
+from solver.model import Fiber, SignalPath, Vehicles
+
+LATENT = HIDDEN = 128
+LEARNING_RATE = 0.005
+ITERATIONS = 1000
+DEPTH_ATTENUATION = 0.01
+STRIDE = 4
+
+
+@dataclass(frozen=True)
+class Polyline:
+    """A route through N nodes joined by straight lines; `at` is the same interface as a spline basis.
+
+    Parameters
+    ----------
+    nodes : [node], distance along the fiber, m, evenly spaced
+
+    >>> Polyline(np.array([0.0, 1.0, 2.0])).at(np.array([0.25])).tolist()
+    [[0.75, 0.25, 0.0]]
+    """
+
+    nodes: NDArray[np.float64]
+
+    def at(self, distance: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
+        """Matrix [distance, node] of the position, or of its first derivative by distance."""
+        spacing = self.nodes[1] - self.nodes[0]
+        left = np.clip(((distance - self.nodes[0]) / spacing).astype(int), 0, len(self.nodes) - 2)
+        fraction = (distance - self.nodes[left]) / spacing
+        out = np.zeros((len(distance), len(self.nodes)))
+        rows = np.arange(len(distance))
+        out[rows, left], out[rows, left + 1] = (
+            (1 - fraction, fraction) if derivative == 0 else (-1 / spacing, 1 / spacing)
+        )
+        return out
+
+
+class RouteNetwork(nn.Module):
+    """Latent vector -> route [node, 3], m."""
+
+    def __init__(self, start: Tensor):
+        super().__init__()
+        self.start = start
+        self.latent = nn.Parameter(torch.randn(LATENT, dtype=torch.float64))
+        widths = (LATENT, HIDDEN, HIDDEN, HIDDEN)
+        hidden = [
+            layer
+            for a, b in zip(widths, widths[1:], strict=False)
+            for layer in (nn.Linear(a, b, dtype=torch.float64), nn.ReLU())
+        ]
+        self.layers = nn.Sequential(*hidden, nn.Linear(HIDDEN, start.numel(), dtype=torch.float64))
+        self.scale = nn.Parameter(torch.ones(3, dtype=torch.float64))
+        self.shift = nn.Parameter(torch.zeros(3, dtype=torch.float64))
+
+    def forward(self, depth_gradient: float) -> Tensor:
+        """Route [node, 3]; the gradient through depth is multiplied by `depth_gradient`."""
+        route = self.start + self.scale * self.layers(self.latent).reshape(-1, 3) + self.shift
+        depth = route[:, 2:]
+        depth = depth.detach() + depth_gradient * (depth - depth.detach())
+        return torch.cat([route[:, :2], depth], 1)
+
+
+def regularizers(problem: Problem, line: Polyline, route: Tensor) -> Tensor:
+    """Angle between segments, their length, curvature, anchors, mean depth: squared, in prior standard deviations.
+
+    Parameters
+    ----------
+    route : [node, 3], m
+    """
+    prior, spacing = problem.prior, float(line.nodes[1] - line.nodes[0])
+    segment = route.diff(dim=0)
+    length = segment.norm(dim=1)
+    direction = segment / length[:, None]
+    turn = 1 - (direction[1:] * direction[:-1]).sum(1)
+    bend = direction.diff(dim=0) / spacing
+    # The priors are per independent stretch of the fiber, about a gauge length; nodes are denser.
+    per_node = spacing / problem.gauge_length
+    loss = per_node * (2 * turn / (prior.curvature * spacing) ** 2).sum()
+    loss = loss + per_node * ((length / spacing - 1) ** 2).sum() / prior.stretch**2
+    loss = loss + per_node * (bend[:, 2] ** 2).sum() / prior.depth_curvature**2
+    loss = loss + ((route[:, 2].mean() - prior.depth[0]) / prior.depth[1]) ** 2
+    at = torch.from_numpy(line.at(problem.anchor_distance)) @ route
+    for place, anchor in zip(at, problem.anchors, strict=True):
+        known = torch.tensor([anchor.x, anchor.y, anchor.z], dtype=torch.float64)
+        sigma = torch.tensor([anchor.sigma_xy, anchor.sigma_xy, anchor.sigma_z], dtype=torch.float64)
+        loss = loss + (((place - known) / sigma) ** 2).sum()
+    return loss
+
+
+def train(
+    problem: Problem, line: Polyline, start: State, route: Tensor, iterations: int, advance: Callable[[int], None]
+) -> tuple[Tensor, Vehicles]:
+    """Adam on the network and on each vehicle's amplitude and shift; returns route [node, 3] and vehicles.
+
+    Every step sees one sample in four, a different quarter each time.
+    """
+    network = RouteNetwork(route)
+    gain = nn.Parameter(torch.ones_like(start.vehicles.amplitude))
+    along = nn.Parameter(torch.zeros_like(gain))
+    adam = torch.optim.Adam([*network.parameters(), gain, along], lr=LEARNING_RATE)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, iterations, eta_min=LEARNING_RATE / 50)
+    batches = [problem.traffic.take(np.arange(first, len(problem.traffic.samples), STRIDE)) for first in range(STRIDE)]
+    ends = problem.ends(line)
+    base = start.vehicles
+
+    def vehicles() -> Vehicles:
+        return Vehicles(base.amplitude * gain, along, base.across, base.wheelbase, base.track, base.front_share)
+
+    for number in range(iterations):
+        first = number % STRIDE
+        rows = slice(first, None, STRIDE)
+        path = SignalPath(batches[first], problem.gauge_length)
+        current = network(DEPTH_ATTENUATION if number >= iterations // 2 else 0.0)
+        model = path.strain_rate(Fiber.of(ends, current), vehicles(), start.poisson_ratio)
+        measured = problem.measured[rows]
+        residual = torch.where(measured, problem.strain_rate[rows] - model, 0.0) / problem.noise
+        misfit = STRIDE * (huber(residual.detach(), measured) * residual**2).sum()
+        loss = misfit + regularizers(problem, line, current) + ((along / problem.prior.along) ** 2).sum()
+        adam.zero_grad()
+        (loss / problem.measured.sum()).backward()
+        adam.step()
+        schedule.step()
+        advance(1)
+    with torch.no_grad():
+        return network(0.0), replace(vehicles(), along=along.detach())
+
+
+def fit_network(
+    problem: Problem, advance: Callable[[int], None] = lambda n: None, *, iterations: int = ITERATIONS, seed: int = 0
+) -> FitResult:
+    """Fit a route with the paper's neural network.
+
+    Parameters
+    ----------
+    problem : the survey
+    advance : called with 1 after each step
+    iterations : of Adam
+    seed : of the network's random start
+
+    Returns
+    -------
+    result : its covariance is the spline posterior's, linearized at the network's route (the network itself has none)
+    """
+    begun = time.perf_counter()
+    fit = MapFit(problem)
+    start = fit.start()
+    line = Polyline(problem.distance_of(problem.route_channel))
+    rough = torch.from_numpy(fit.basis.at(line.nodes)) @ start.coefficients
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        route, vehicles = train(problem, line, start, rough, iterations, advance)
+    coefficients = torch.from_numpy(fit.basis.interpolate(line.nodes, route.numpy()))
+    return assemble(
+        problem,
+        fit,
+        State(coefficients, vehicles, start.poisson_ratio),
+        method="network",
+        iterations=iterations,
+        seconds=time.perf_counter() - begun,
+        converged=True,
+    )

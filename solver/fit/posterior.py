@@ -1,0 +1,120 @@
+"""From the end of a fit to what is reported: covariance, what data and not priors decided, parameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from solver.fit.least_squares import PER_PASS, MapFit, State
+from solver.fit.problem import Problem
+from solver.fit.result import FitResult, Parameter
+
+UNITS = {"amplitude": "m^2", "along": "m", "across": "m", "wheelbase": "m", "front_share": "1"}
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Gaussian approximation of the posterior at a state (Laplace).
+
+    Parameters
+    ----------
+    covariance : [free, free], scaled by chi2/dof where the model leaves more than noise
+    prior_part : [free, free], the part of `covariance` that the prior decides; the rest is data and anchors
+    weight : [sample, channel], of each sample
+    residual : [sample, channel], (measured - model) / noise
+    chi2_per_dof : weighted misfit over degrees of freedom
+    """
+
+    covariance: Tensor
+    prior_part: Tensor
+    weight: Tensor
+    residual: Tensor
+    chi2_per_dof: float
+
+    @classmethod
+    def at(cls, fit: MapFit, state: State) -> "Posterior":
+        """Linearize the problem at `state`."""
+        matrix, _, weight = fit.normal(state)
+        covariance = torch.linalg.inv(matrix)
+        prior_part = covariance @ fit.prior_matrix(state.coefficients) @ covariance
+        residual = fit.residual(state)
+        freedom = float(weight.sum() - torch.trace((covariance - prior_part) @ matrix))
+        chi2 = float((weight * residual**2).sum()) / max(freedom, 1.0)
+        # Unmodeled physics is at least as wrong as the misfit it leaves (Birge ratio).
+        scale = max(1.0, chi2)
+        return cls(covariance * scale, prior_part * scale, weight, residual, chi2)
+
+
+def route_covariance(fit: MapFit, covariance: Tensor, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance [channel, 3, 3] of route points at `distance` [channel], m, from that of the parameters."""
+    size = fit.basis.size
+    block = covariance[: 3 * size, : 3 * size].reshape(size, 3, size, 3).numpy()
+    basis = fit.basis.at(distance)
+    return np.einsum("ci,iajb,cj->cab", basis, block, basis, optimize=True)
+
+
+def lateral_share(route: NDArray[np.float64], total: NDArray[np.float64], prior: NDArray[np.float64]) -> NDArray:
+    """Share [channel] of the variance across the route, in the horizontal plane, that the prior does not decide."""
+    tangent = np.gradient(route[:, :2], axis=0)
+    normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1) / np.linalg.norm(tangent, axis=1, keepdims=True)
+    across = [np.einsum("ca,cab,cb->c", normal, c[:, :2, :2], normal) for c in (total, prior)]
+    return np.asarray(1 - across[1] / across[0])
+
+
+def parameters(problem: Problem, state: State, fit: MapFit, covariance: Tensor) -> dict[str, Parameter]:
+    """Every fitted number but the route's, by name."""
+    sigma = torch.zeros_like(fit.mean)
+    sigma[fit.free] = covariance.diagonal().sqrt()
+    names = [(f"{name}[{one.track_id}]", UNITS[name]) for name in PER_PASS for one in problem.passes]
+    names.append(("poisson_ratio", "1"))
+    values = state.vector()
+    first = len(values) - len(names)
+    return {
+        name: Parameter(float(values[first + i]), float(sigma[first + i]), unit, bool(fit.free[first + i]))
+        for i, (name, unit) in enumerate(names)
+    }
+
+
+def assemble(
+    problem: Problem,
+    fit: MapFit,
+    state: State,
+    *,
+    method: str,
+    iterations: int,
+    seconds: float,
+    converged: bool,
+) -> FitResult:
+    """What a fit that ended in `state` reports."""
+    posterior = Posterior.at(fit, state)
+    channel = problem.route_channel
+    distance = problem.distance_of(channel)
+    route = fit.basis.at(distance) @ state.coefficients.numpy()
+    total = route_covariance(fit, posterior.covariance, distance)
+    prior = route_covariance(fit, posterior.prior_part, distance)
+    share = 1 - np.diagonal(prior, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
+    residual = posterior.residual * problem.noise
+    model = torch.where(problem.measured, problem.strain_rate - residual, torch.nan)
+    return FitResult(
+        method=method,
+        channel=channel,
+        distance=distance,
+        route=route,
+        covariance=total,
+        constrained=lateral_share(route, total, prior) > 0.5,
+        data_share=share,
+        parameters=parameters(problem, state, fit, posterior.covariance),
+        samples=problem.traffic.samples,
+        fitted_channel=problem.channel,
+        measured=problem.strain_rate.numpy(),
+        model=model.numpy(),
+        noise=problem.noise.numpy(),
+        weight=posterior.weight.numpy(),
+        chi2_per_dof=posterior.chi2_per_dof,
+        ambiguous_side=False,
+        iterations=iterations,
+        seconds=seconds,
+        converged=converged,
+    )

@@ -1,0 +1,106 @@
+"""What is known of a route before the data speak, as least-squares rows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from solver.anchors import Anchor
+from solver.cable import SplineBasis
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is believed before the data speak; a standard deviation of 0 fixes a value.
+
+    Parameters
+    ----------
+    depth : mean and standard deviation of the fiber's mean depth, m
+    depth_slope : sd of the fiber's slope along the road
+    curvature, depth_curvature : sd of horizontal and vertical curvature over one knot, 1/m
+    stretch : sd of the route's length per meter of fiber
+    poisson_ratio : mean and sd
+    along : sd of a vehicle's load centroid and clock along travel, m
+    across : sd of a whole track's lateral error, m
+    """
+
+    depth: tuple[float, float] = (0.9, 0.3)
+    depth_slope: float = 0.03
+    curvature: float = 0.02
+    depth_curvature: float = 0.005
+    stretch: float = 0.003
+    poisson_ratio: tuple[float, float] = (0.25, 0.03)
+    along: float = 0.5
+    across: float = 0.05
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Residuals [row], in their standard deviations, and their derivative [row, 3 * coefficients]."""
+
+    residual: Tensor
+    jacobian: Tensor
+
+    @classmethod
+    def linear(
+        cls, matrix: Tensor, coefficients: Tensor, axis: int, target: Tensor | float, sd: Tensor | float
+    ) -> "Rows":
+        """(matrix @ coefficients[:, axis] - target) / sd."""
+        jacobian = torch.zeros(len(matrix), *coefficients.shape, dtype=torch.float64)
+        jacobian[:, :, axis] = matrix / torch.as_tensor(sd, dtype=torch.float64).reshape(-1, 1)
+        return cls((matrix @ coefficients[:, axis] - target) / sd, jacobian.flatten(1))
+
+    @classmethod
+    def stack(cls, rows: Sequence["Rows"]) -> "Rows":
+        """All rows, one after the other."""
+        return cls(torch.cat([r.residual for r in rows]), torch.cat([r.jacobian for r in rows]))
+
+
+def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
+    """Mean depth, slope, curvature and length of a spline route against the prior.
+
+    Slope and curvature are white along the fiber with one independent value per knot interval; the length rows hold
+    |dr/ds| = 1, so that distance along the route is distance along the fiber.
+
+    Parameters
+    ----------
+    coefficients : [coefficient, 3], m
+    """
+    grid = np.linspace(basis.start, basis.stop, 2 * basis.intervals + 1)
+    value, slope, bend = (torch.from_numpy(basis.at(grid, order)) for order in range(3))
+    # The grid samples each interval twice; this keeps the weight of one value per interval.
+    density = (basis.intervals / len(grid)) ** 0.5
+    tangent = slope @ coefficients
+    length = tangent.norm(dim=1)
+    stretch = prior.stretch / density
+    length_rows = (tangent / length[:, None])[:, None, :] * slope[:, :, None] / stretch
+    bends = (prior.curvature, prior.curvature, prior.depth_curvature)
+    return Rows.stack(
+        [
+            Rows.linear(value.mean(0, keepdim=True), coefficients, 2, *prior.depth),
+            Rows.linear(slope * density, coefficients, 2, 0.0, prior.depth_slope),
+            *(Rows.linear(bend * density, coefficients, axis, 0.0, sd) for axis, sd in enumerate(bends)),
+            Rows((length - 1) / stretch, length_rows.flatten(1)),
+        ]
+    )
+
+
+def anchor_rows(
+    basis: SplineBasis, anchors: Sequence[Anchor], distance: NDArray[np.float64], coefficients: Tensor
+) -> Rows:
+    """Route at the anchors' distances [anchor], m, against the anchors."""
+    matrix = torch.from_numpy(basis.at(distance))
+
+    def column(name: str) -> Tensor:
+        return torch.tensor([getattr(a, name) for a in anchors], dtype=torch.float64)
+
+    sigmas = ("sigma_xy", "sigma_xy", "sigma_z")
+    return Rows.stack(
+        [
+            Rows.linear(matrix, coefficients, axis, column(name), column(sigma))
+            for axis, (name, sigma) in enumerate(zip("xyz", sigmas, strict=True))
+        ]
+    )
