@@ -108,9 +108,7 @@ class Calibration(BaseModel):
     @model_validator(mode="after")
     def _see_the_road_from_above(self) -> Self:
         if min(self.image_size) <= 0:
-            raise ValueError(
-                f"image_size {self.image_size} must be two positive numbers, width and height in px"
-            )
+            raise ValueError(f"image_size {self.image_size} must be two positive numbers, width and height in px")
         oriented = self.homography * np.sign(np.linalg.det(self.homography))
         object.__setattr__(self, "homography", oriented / np.abs(oriented[2]).max())
         width, height = self.image_size
@@ -185,9 +183,7 @@ class Calibration(BaseModel):
             return cls.model_validate_json(Path(path).read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "not a text file"
-            raise InputError(
-                f"{path}: {reason}; give a calibration.json (roadfiber calibrate ground)"
-            ) from error
+            raise InputError(f"{path}: {reason}; give a calibration.json (roadfiber calibrate ground)") from error
         except ValidationError as error:
             raise InputError(f"{path}: {_first_complaint(error.errors())}") from error
 
@@ -212,6 +208,4 @@ def _first_complaint(errors: Sequence[Any]) -> str:
     place = ".".join(str(part) for part in first["loc"])
     message = first["msg"].removeprefix("Value error, ")
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
-    return (
-        f"{place + ' ' if place else ''}{message[0].lower() + message[1:]}{more}; mend the calibration file"
-    )
+    return f"{place + ' ' if place else ''}{message[0].lower() + message[1:]}{more}; mend the calibration file"

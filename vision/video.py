@@ -77,9 +77,7 @@ class Video:
                 position += 1
             image = capture.retrieve()[1] if grabbed else None
             if image is None:
-                raise InputError(
-                    f"{self.path}: changed while it was read; wait until the recording is finished"
-                )
+                raise InputError(f"{self.path}: changed while it was read; wait until the recording is finished")
             yield Frame(int(self.index[place]), float(self.time[place]), image)
         capture.release()
 
@@ -107,9 +105,7 @@ def open_video(path: str | Path) -> Video:
         raise InputError(f"{path}: no frame decodes; the file is empty or damaged, export the video again")
     increasing = raw > np.maximum.accumulate(np.concatenate([[-np.inf], raw[:-1]]))
     if len(raw) > 1 and increasing.sum() < 0.5 * len(raw):
-        raise InputError(
-            f"{path}: has no timestamps; remux it (ffmpeg -r RATE -i {path.name} -c copy out.mp4)"
-        )
+        raise InputError(f"{path}: has no timestamps; remux it (ffmpeg -r RATE -i {path.name} -c copy out.mp4)")
     if not increasing.all():
         log.warning("%s: %d frames left out, their time does not increase", path, (~increasing).sum())
     created, duration = movie_header(path)
@@ -124,9 +120,7 @@ def _open(path: Path) -> Any:
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # a refused file is our line to say
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     if not capture.isOpened():
-        raise InputError(
-            f"{path}: not a video, or damaged; give a file that FFmpeg reads (mp4, mkv, avi, ...)"
-        )
+        raise InputError(f"{path}: not a video, or damaged; give a file that FFmpeg reads (mp4, mkv, avi, ...)")
     return capture
 
 
@@ -158,7 +152,7 @@ def _require_whole(path: Path, decoded: float, duration: float) -> None:
 def movie_header(path: str | Path) -> tuple[np.datetime64 | None, float | None]:
     """Read (creation time in UTC, duration in s) from an MP4 or QuickTime file, None where it does not say.
 
-    `moov/mvhd` of ISO 14496-12, 8.2.2. The duration honors edit lists, so a trimmed clip is not a damaged one.
+    `moov/mvhd` of ISO 14496-12, 8.2.2. The duration honors edit lists, so a trimmed clip is no damaged one.
     Cameras differ in whether they keep UTC and whether they write the recording's start or its end.
     """
     with Path(path).open("rb") as file:

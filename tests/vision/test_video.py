@@ -93,12 +93,8 @@ def test_real_variable_rate(shared_data):
     video = open_video(shared_data / "video" / "cKuhn517_traffic.mp4")
     steps = np.diff(video.time)
     assert len(video) == 734, "of the 754 its header claims"
-    assert video.time[0] == pytest.approx(1.860, abs=5e-4), (
-        "its first 19 frames need a key frame that is not there"
-    )
-    assert (
-        steps.min() > 0.05 and np.sum(steps > 0.7) == 1 and np.median(steps) == pytest.approx(0.092, abs=5e-4)
-    )
+    assert video.time[0] == pytest.approx(1.860, abs=5e-4), "its first 19 frames need a key frame that is not there"
+    assert steps.min() > 0.05 and np.sum(steps > 0.7) == 1 and np.median(steps) == pytest.approx(0.092, abs=5e-4)
 
 
 def test_real_dropped_frame(shared_data):

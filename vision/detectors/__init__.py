@@ -1,0 +1,7 @@
+"""Vehicle detectors from ONNX files: `load_detector`, what it returns, and the layouts it knows."""
+
+from vision.detectors.detections import Detections, Detector
+from vision.detectors.layouts import LAYOUTS
+from vision.detectors.onnx_detector import OnnxDetector, load_detector
+
+__all__ = ["LAYOUTS", "Detections", "Detector", "OnnxDetector", "load_detector"]

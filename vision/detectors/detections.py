@@ -1,0 +1,42 @@
+"""What a detector is, and what it answers."""
+
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.video import Video
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Vehicles in one image.
+
+    Parameters
+    ----------
+    box : [n, 4] left, top, right, bottom, px of the image; may reach past its border
+    score : [n], 0 to 1
+    label : [n], class names such as "car"
+    """
+
+    box: NDArray[np.float64]
+    score: NDArray[np.float64]
+    label: NDArray[np.str_]
+
+    def __len__(self) -> int:
+        return len(self.score)
+
+
+class Detector(Protocol):
+    """Finds vehicles in images."""
+
+    @property
+    def threshold(self) -> float:
+        """Score above which a detection is one to believe on its own."""
+
+    def prepare(self, video: Video) -> Self:
+        """Return a detector that has seen what it needs of the video (a background, say)."""
+
+    def detect(self, image: NDArray[np.uint8]) -> Detections:
+        """Find the vehicles in an image [height, width, 3], BGR."""

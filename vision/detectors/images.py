@@ -1,0 +1,71 @@
+"""An image into the network's input, and boxes back out of it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Fitting = Literal["center", "corner", "stretch"]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the image lies in the network's input: input px = image px * scale + offset, along (x, y)."""
+
+    scale: tuple[float, float]
+    offset: tuple[float, float]
+
+    def to_image(self, boxes: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Boxes [n, 4] in px of the input -> px of the image."""
+        scale, offset = np.tile(self.scale, 2), np.tile(self.offset, 2)
+        return np.asarray((boxes - offset) / scale, np.float64)
+
+
+def fit_image(
+    image: NDArray[np.uint8], size: tuple[int, int], fitting: Fitting, fill: int
+) -> tuple[NDArray[np.uint8], Placement]:
+    """Lay an image [h, w, 3] into `size` (width, height), padding with `fill`; say where it went.
+
+    "center" and "corner" (top left) keep its proportions, "stretch" does not.
+    """
+    import cv2
+
+    height, width = image.shape[:2]
+    if fitting == "stretch":
+        inner = size
+    else:
+        ratio = min(size[0] / width, size[1] / height)
+        inner = (max(round(width * ratio), 1), max(round(height * ratio), 1))
+    resized = np.asarray(image if inner == (width, height) else cv2.resize(image, inner), np.uint8)
+    left, top = ((size[0] - inner[0]) // 2, (size[1] - inner[1]) // 2) if fitting == "center" else (0, 0)
+    placement = Placement((inner[0] / width, inner[1] / height), (left, top))
+    if inner == size:
+        return resized, placement
+    canvas = np.full((size[1], size[0], 3), fill, np.uint8)
+    canvas[top : top + inner[1], left : left + inner[0]] = resized
+    return canvas, placement
+
+
+@dataclass(frozen=True)
+class Normalization:
+    """Values of the network's input: (pixel - mean) / deviation, in `order`; mean and deviation in that order."""
+
+    order: Literal["RGB", "BGR"]
+    mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    deviation: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    def tensor(self, canvas: NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Image [h, w, 3] BGR, 0-255 -> [1, 3, h, w]."""
+        channels = canvas if self.order == "BGR" else canvas[:, :, ::-1]
+        values = np.ascontiguousarray(channels.transpose(2, 0, 1), dtype=np.float32)
+        if any(self.mean):
+            values -= np.array(self.mean, np.float32)[:, None, None]
+        if any(part != 1.0 for part in self.deviation):
+            values *= 1 / np.array(self.deviation, np.float32)[:, None, None]
+        return values[None]
+
+
+RGB_UNIT = Normalization("RGB", deviation=(255.0, 255.0, 255.0))
+BGR_BYTES = Normalization("BGR")
+BGR_IMAGENET = Normalization("BGR", mean=(103.53, 116.28, 123.675), deviation=(57.375, 57.12, 58.395))

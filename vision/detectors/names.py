@@ -1,0 +1,83 @@
+"""Class names: the COCO list, spellings models differ in, and which classes are road vehicles."""
+
+import ast
+from collections.abc import Iterable, Mapping, Sequence
+
+from vision.contract.errors import InputError
+
+COCO_LIST = (
+    "person,bicycle,car,motorcycle,airplane,bus,train,truck,boat,traffic light,fire hydrant,"
+    "stop sign,parking meter,bench,bird,cat,dog,horse,sheep,cow,elephant,bear,zebra,giraffe,"
+    "backpack,umbrella,handbag,tie,suitcase,frisbee,skis,snowboard,sports ball,kite,"
+    "baseball bat,baseball glove,skateboard,surfboard,tennis racket,bottle,wine glass,cup,fork,"
+    "knife,spoon,bowl,banana,apple,sandwich,orange,broccoli,carrot,hot dog,pizza,donut,cake,"
+    "chair,couch,potted plant,bed,dining table,toilet,tv,laptop,mouse,remote,keyboard,"
+    "cell phone,microwave,oven,toaster,sink,refrigerator,book,clock,vase,scissors,teddy bear,"
+    "hair drier,toothbrush"
+)
+COCO = tuple(COCO_LIST.split(","))
+
+VEHICLES = ("car", "van", "bus", "truck", "motorcycle", "vehicle")
+
+SPELLINGS = {
+    "motorbike": "motorcycle",
+    "motor": "motorcycle",
+    "auto": "car",
+    "suv": "car",
+    "taxi": "car",
+    "lorry": "truck",
+    "minivan": "van",
+    "coach": "bus",
+    "bike": "bicycle",
+}
+
+
+def plain_name(name: str) -> str:
+    """Spell a class name as this package does.
+
+    >>> plain_name("Motorbike"), plain_name("car")
+    ('motorcycle', 'car')
+    """
+    name = name.strip().lower()
+    return SPELLINGS.get(name, name)
+
+
+def class_names(metadata: Mapping[str, str], count: int | None, given: Sequence[str] | None, model: str) -> list[str]:
+    """Names of a model's classes in its order: those given, else its metadata's (`names`), else COCO's 80.
+
+    `count` is how many classes the graph has, where its shapes say. Raises InputError where that does not agree.
+    """
+    names = list(given) if given else _metadata_names(metadata, model)
+    if names is None:
+        if count not in (None, len(COCO)):
+            raise InputError(f"{model}: has {count} classes and no names in its metadata; name them with --names")
+        names = list(COCO)
+    if count not in (None, len(names)):
+        raise InputError(f"{model}: has {count} classes but {len(names)} names; give one name for each (--names)")
+    return [plain_name(name) for name in names]
+
+
+def _metadata_names(metadata: Mapping[str, str], model: str) -> list[str] | None:
+    if "names" not in metadata:
+        return None
+    try:
+        names = ast.literal_eval(metadata["names"])
+        if isinstance(names, Mapping):
+            names = [names[key] for key in sorted(names, key=int)]
+        return [str(name) for name in names]
+    except (ValueError, SyntaxError, TypeError) as error:
+        raise InputError(f"{model}: its metadata's class names cannot be read; name them with --names") from error
+
+
+def wanted_classes(names: Sequence[str], wanted: Iterable[str] | None, model: str) -> list[int]:
+    """Return the places in `names` of the classes to keep (road vehicles unless said otherwise).
+
+    >>> wanted_classes(COCO, None, "a.onnx")
+    [2, 3, 5, 7]
+    """
+    keep = {plain_name(name) for name in wanted} if wanted else set(VEHICLES)
+    unknown = sorted(keep - set(names)) if wanted else []
+    if unknown or not keep & set(names):
+        known = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+        raise InputError(f"{model}: knows no class {', '.join(unknown or sorted(keep))}; it has {known}")
+    return [place for place, name in enumerate(names) if name in keep]
