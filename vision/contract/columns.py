@@ -44,20 +44,18 @@ def finite(table: "pd.DataFrame", names: Sequence[str], path: Path) -> "pd.DataF
         if bad.any():
             row = first_row(bad)
             value = table[name].iloc[row - 1]
-            raise InputError(
-                f"{path}: row {row}: {name} is {str(value)!r}; give a number or leave the row out"
-            )
+            raise InputError(f"{path}: row {row}: {name} is {str(value)!r}; give a number or leave the row out")
     return result
 
 
-def check_positive(table: "pd.DataFrame", names: Sequence[str], path: Path) -> None:
-    """Raise InputError where a standard deviation is not above zero."""
+def check_positive(table: "pd.DataFrame", names: Sequence[str], path: Path, unit: str = "m") -> None:
+    """Raise InputError where a standard deviation, in `unit`, is not above zero."""
     for name in names:
         bad = table[name] <= 0
         if bad.any():
             row = first_row(bad)
             value = table[name].iloc[row - 1]
-            raise InputError(f"{path}: row {row}: {name} is {value:g}; give a standard deviation above 0 m")
+            raise InputError(f"{path}: row {row}: {name} is {value:g}; give a standard deviation above 0 {unit}")
 
 
 def to_frame(
@@ -79,9 +77,7 @@ def to_frame(
         bad = np.abs(degrees) > limit
         if bad.any():
             row = int(bad.argmax())
-            raise InputError(
-                f"{path}: row {row + 1}: {name} is {degrees[row]:g}; give degrees within ±{limit}"
-            )
+            raise InputError(f"{path}: row {row + 1}: {name} is {degrees[row]:g}; give degrees within ±{limit}")
     x, y = frame.to_local(latitude, longitude)
     far = np.hypot(x, y)
     if far.max() > REACH_OF_FRAME:

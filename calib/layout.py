@@ -1,0 +1,69 @@
+"""Whether control points can determine a homography, and lie where one can see them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.control_points import ControlPoints
+from calib.homography import homogeneous, inverse
+from vision.contract import InputError
+
+Array = NDArray[np.float64]
+THIN = 0.01  # width over length of a set of points that is one line
+MIRRORED = "control points: mirrored; y must be to the right of +x seen from above (exchange its sign)"
+
+
+def require_layout(points: ControlPoints, image_size: tuple[int, int]) -> None:
+    """Raise InputError for too few points, points outside the image, or (all but one) collinear ones."""
+    if len(points) < 4:
+        raise InputError(
+            f"control points: {len(points)} given; a homography needs at least 4 (6 or more to find a mistake)"
+        )
+    outside = ~((points.pixels >= 0) & (points.pixels <= np.array(image_size))).all(axis=1)
+    if outside.any():
+        raise InputError(
+            f"control point {_names(points, outside)}: outside the {image_size[0]}x{image_size[1]} image; "
+            "check px, py or the image size"
+        )
+    require_spread(points)
+
+
+def require_spread(points: ControlPoints) -> None:
+    """Raise InputError where all points, or all but one, are on a line."""
+    if flaw := flaw_of(points):
+        raise InputError(f"control points: {flaw}; add marks to the side of that line, as on the other curb")
+
+
+def flaw_of(points: ControlPoints) -> str | None:
+    """Say what keeps the points from determining a homography: it takes four of which no three are collinear."""
+    for values, place in ((points.pixels, "in the image"), (points.ground, "on the ground")):
+        if _thin(values):
+            return f"collinear {place}"
+        if any(_thin(np.delete(values, index, axis=0)) for index in range(len(values))):
+            return f"all but one collinear {place}"
+    return None
+
+
+def _thin(values: Array) -> bool:
+    singular = np.linalg.svd(values - values.mean(axis=0), compute_uv=False)
+    return bool(singular[1] <= THIN * singular[0])
+
+
+def require_below_horizon(points: ControlPoints, to_image: Array) -> None:
+    """Refuse points that the homography puts behind the camera or beyond the horizon, and a mirrored frame."""
+    from_image = inverse(to_image)
+    depth = (homogeneous(points.pixels) @ from_image.T)[:, 2]
+    side = np.sign(np.median(depth))
+    beyond = np.asarray(depth * side <= 0)
+    if beyond.any():
+        raise InputError(
+            f"control point {_names(points, beyond)}: above the horizon that the other points imply; "
+            "only marks on the road plane can be used"
+        )
+    if np.linalg.det(from_image) * side < 0:
+        raise InputError(MIRRORED)
+
+
+def _names(points: ControlPoints, which: Any) -> str:
+    return ", ".join(points.select(which).names)

@@ -1,0 +1,92 @@
+"""`roadfiber calibrate ground` from the outside."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from street_marks import GROUND, SIZE, marks
+from typer.testing import CliRunner
+
+import roadfiber
+from vision.camera import Calibration
+from vision.contract import InputError
+
+FRAME = "[frame]\norigin = [32.113, 34.804]\nx_azimuth = 78.0\n"
+
+
+def run(*arguments):
+    return CliRunner().invoke(roadfiber.app, ["calibrate", "ground", *map(str, arguments)], catch_exceptions=True)
+
+
+@pytest.fixture
+def points_file(tmp_path):
+    points = marks(noise=0.3)
+    rows = [
+        f"{name},{u:.2f},{v:.2f},{x},{y}"
+        for name, (u, v), (x, y) in zip(points.names, points.pixels, points.ground, strict=True)
+    ]
+    path = tmp_path / "points.csv"
+    path.write_text("name,px,py,x,y\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def video(path, size=SIZE):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10, size)
+    for shade in range(5):
+        writer.write(np.full((size[1], size[0], 3), 40 + shade, np.uint8))
+    writer.release()
+    return path
+
+
+def test_it_writes_the_calibration_and_prints_the_errors(tmp_path, points_file):
+    out = tmp_path / "calibration.json"
+    result = run(points_file, "--image-size", "1280x720", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "leave-one-out" in result.output and "p9" in result.output
+    calibration = Calibration.read(out)
+    assert calibration.image_size == SIZE and len(calibration.control_points) == len(GROUND)
+    assert max(calibration.residuals_px) < 1.5 and len(calibration.leave_one_out_m) == len(GROUND)
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_json_with_a_video_and_a_frame(tmp_path, points_file):
+    (tmp_path / "frame.toml").write_text(FRAME)
+    movie = video(tmp_path / "street.mp4")
+    out = tmp_path / "c.json"
+    result = run(points_file, "--video", movie, "--out", out, "--frame", tmp_path / "frame.toml", "--json")
+    assert result.exit_code == 0, result.output
+    facts = json.loads(result.stdout)
+    assert facts["rms_px"] < 1 and all(row["used"] for row in facts["points"])
+    assert Calibration.read(out).x_azimuth == 78.0
+    picture = cv2.imread(str(tmp_path / "c.png"))
+    assert picture.shape == (720, 1280, 3)
+    assert (picture.max(axis=(0, 1)) > 150).all()  # grid and marks were drawn on the dark frame
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "--video VIDEO or --image-size WxH"),
+        (["--image-size", "wide"], "give WIDTHxHEIGHT"),
+        (["--image-size", "1280x720", "--origin", "here"], "--origin: give LAT,LON"),
+        (["--image-size", "1280x720", "--origin", "32,34"], "needs origin"),
+        (["--image-size", "1280x720", "--x-azimuth", "10"], "needs origin"),
+        (["--image-size", "1280x720", "--frame", "absent.toml"], "absent.toml: No such file"),
+        (["--image-size", "1280x720", "--picture", "p.png"], "--picture: needs --video"),
+        (["--image-size", "1280x720", "--threshold", "0"], "--threshold: must be above 0"),
+        (["--image-size", "640x360"], "outside the 640x360 image"),
+        (["--video", "absent.mp4"], "absent.mp4: no such file"),
+    ],
+)
+def test_bad_input_writes_nothing(tmp_path, points_file, arguments, message):
+    out = tmp_path / "calibration.json"
+    result = run(points_file, "--out", out, *arguments)
+    assert isinstance(result.exception, InputError) and message in str(result.exception)
+    assert not out.exists()
+
+
+def test_a_video_of_another_size_is_refused(tmp_path, points_file):
+    movie = video(tmp_path / "small.mp4", (320, 240))
+    result = run(points_file, "--video", movie, "--image-size", "1280x720", "--out", tmp_path / "c.json")
+    assert "the video is 320x240" in str(result.exception)
