@@ -31,7 +31,7 @@ class Anchor:
 
 
 def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
-    """Read anchors from csv.
+    r"""Read anchors from csv.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     --------
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "anchors.csv"
-    >>> _ = path.write_text("name,channel,x,y,z,sigma_xy,sigma_z\\nwest,84,12.48,4.75,0.96,0.05,0.05\\n")
+    >>> _ = path.write_text("name,channel,x,y,z,sigma_xy,sigma_z\nwest,84,12.48,4.75,0.96,0.05,0.05\n")
     >>> read_anchors(path, LocalFrame((32.1, 34.8), 78.0))[0].channel
     84.0
     """
@@ -65,9 +65,7 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: no readable csv ({error}); write {','.join(COLUMNS)}") from error
     geographic = "latitude" in table and "x" not in table
-    names = tuple(
-        {"x": "latitude", "y": "longitude"}.get(name, name) if geographic else name for name in COLUMNS
-    )
+    names = tuple({"x": "latitude", "y": "longitude"}.get(name, name) if geographic else name for name in COLUMNS)
     if missing := [name for name in names if name not in table]:
         raise InputError(f"{path}: no column {', '.join(missing)}; an anchors table has {', '.join(COLUMNS)}")
     if table.empty:
@@ -77,13 +75,9 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     for name in ("name", "channel"):
         if table[name].duplicated().any():
             row = first_row(table[name].duplicated())
-            raise InputError(
-                f"{path}: row {row}: {name} {table[name].iloc[row - 1]} is there twice; keep one"
-            )
+            raise InputError(f"{path}: row {row}: {name} {table[name].iloc[row - 1]} is there twice; keep one")
     if geographic:
         x, y = to_frame(table["latitude"].to_numpy(), table["longitude"].to_numpy(), frame, path)
         table = table.assign(x=x, y=y)
     ordered = table.sort_values("channel")
-    return [
-        Anchor(str(row[0]), *map(float, row[1:])) for row in ordered[list(COLUMNS)].itertuples(index=False)
-    ]
+    return [Anchor(str(row[0]), *map(float, row[1:])) for row in ordered[list(COLUMNS)].itertuples(index=False)]

@@ -5,6 +5,7 @@ import json
 import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from datetime import UTC
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -102,9 +103,7 @@ def load_array(path: Path) -> NDArray[Any]:
     except (OSError, ValueError, EOFError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(
-            f"{path}: no readable numpy file ({error}); save it again with numpy.save"
-        ) from error
+        raise InputError(f"{path}: no readable numpy file ({error}); save it again with numpy.save") from error
 
 
 def read_numpy(path: Path) -> Iterator[Block]:
@@ -115,20 +114,18 @@ def read_numpy(path: Path) -> Iterator[Block]:
     if sorted(side.axes) != ["channel", "time"]:
         raise InputError(f"{path}: axes is {list(side.axes)}; give ['time', 'channel'] or the reverse")
     data = data if side.axes[0] == "time" else data.T
-    start = np.datetime64(side.start.replace(tzinfo=None) - side.start.utcoffset(), "ns").astype(np.int64)
+    start = np.datetime64(side.start.astimezone(UTC).replace(tzinfo=None), "ns").astype(np.int64)
     time = start + np.round(np.arange(len(data)) * 1e9 / side.sampling_rate).astype(np.int64)
     numbers = side.first_channel + np.arange(data.shape[1])
     unit = parse_unit(side.unit) if side.unit else None
     if side.unit and unit is None:
-        raise InputError(
-            f"{path}: unknown unit {side.unit!r} in the side file; give 1/s, nm/m/s, strain, rad or rad/s"
-        )
+        raise InputError(f"{path}: unknown unit {side.unit!r} in the side file; give 1/s, nm/m/s, strain, rad or rad/s")
     yield Block(
         path=path,
         format="numpy",
         data=data,
         time=time,
-        distance=numbers * side.channel_spacing if side.channel_spacing else None,
+        distance=np.asarray(numbers * side.channel_spacing) if side.channel_spacing else None,
         first_channel=side.first_channel,
         gauge_length=side.gauge_length,
         unit=unit,
@@ -175,9 +172,7 @@ def from_febus(block: Block) -> Block:
         file.visititems(lambda name, node: names.append(name) if isinstance(node, h5py.Dataset) else None)
     products = [name.rpartition("/")[2] for name in names if not name.endswith("time")]
     if wrong := [name for name in products if "strain" not in name.lower() or name.startswith("PSD")]:
-        raise InputError(
-            f"{block.path}: holds {wrong[0]!r}, a spectrum and no time series; export StrainRate instead"
-        )
+        raise InputError(f"{block.path}: holds {wrong[0]!r}, a spectrum and no time series; export StrainRate instead")
     return block
 
 
@@ -200,8 +195,8 @@ def patch_block(patch: Any, path: Path, name: str) -> Block:
     """Turn a DASCore patch into a block."""
     patch = patch.transpose("time", "distance")
     attrs, distance = patch.attrs, patch.get_coord("distance")
-    gauge_length = np.asarray(getattr(attrs, "gauge_length", np.nan) or np.nan, float)
-    gauge_length = float(meters(gauge_length, getattr(attrs, "gauge_length_units", None) or None))
+    stated_gauge = np.array([getattr(attrs, "gauge_length", None) or np.nan], float)
+    gauge_length = float(meters(stated_gauge, getattr(attrs, "gauge_length_units", None) or None)[0])
     stated = attrs.data_units
     return Block(
         path=path,
@@ -224,9 +219,7 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
     try:
         name, version = dc.get_format(path)
         if name == "PICKLE":
-            raise InputError(
-                f"{path}: a pickle can run code when it is read; store it as PRODML or DASDAE instead"
-            )
+            raise InputError(f"{path}: a pickle can run code when it is read; store it as PRODML or DASDAE instead")
         patches = list(dc.read(path, file_format=name, file_version=version))
         for patch in patches:
             if {"time", "distance"} <= set(patch.dims):

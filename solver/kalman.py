@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 MANEUVER = 2.0  # s; a driver brakes or accelerates for about as long
 GATE = 5.0  # sigma; what lies beyond is taken for a mistake of the detector and weighs less
-DIFFUSE = np.array([1e4, 30.0**2])  # m^2, m^2/s^2; variance of position and velocity before the first fix
+WIDE = 10.0  # times what the first fixes themselves tell: what the prior adds to them is 1 % of their weight
 
 
 @dataclass(frozen=True)
@@ -28,12 +28,35 @@ class Fixes:
     value : m [track, fix, axis]
     sigma : m [track, fix, axis]
     valid : false in the padding [track, fix]
+    prior : position, m, and velocity, m/s, at the first fix [track, axis, 2]
+    prior_sigma : their standard deviations [track, axis, 2]
     """
 
     time: Array
     value: Array
     sigma: Array
     valid: NDArray[np.bool_]
+    prior: Array
+    prior_sigma: Array
+
+
+def first_guess(time: Array, value: Array, sigma: Array) -> tuple[Array, Array]:
+    """Return position and velocity at the first of `value` [fix, axis], and how far they may be off, [axis, 2] each.
+
+    Theil (1950) and Sen (1968): the median slope, so that a wrong first fix does not lead the filter astray.
+
+    >>> guess, _ = first_guess(np.arange(5.0), np.array([[90.0], [2.0], [4.0], [6.0], [8.0]]), np.full((5, 1), 0.1))
+    >>> guess.round(1).tolist()
+    [[0.0, 2.0]]
+    """
+    first, second = np.triu_indices(len(time), 1)
+    slope = np.median((value[second] - value[first]) / (time[second] - time[first])[:, None], axis=0)
+    place = np.median(value - slope * (time - time[0])[:, None], axis=0)
+    span, scatter = time[-1] - time[0], np.median(sigma, axis=0)
+    # A driver changes speed by 2 m/s^2 at most times; the rest is the scatter of the fixes.
+    place_sigma = np.hypot(WIDE * scatter, span**2)
+    slope_sigma = np.hypot(WIDE * scatter / span, 2 * span)
+    return np.stack([place, slope], axis=-1), np.stack([place_sigma, slope_sigma], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -102,12 +125,17 @@ def run_filter(
     Returns
     -------
     log-likelihood [..., track, axis], and for each fix (predicted mean, predicted covariance, mean, covariance)
+
+    Notes
+    -----
+    A fix further than `GATE` sigma from the prediction gets the variance that puts it at `GATE` sigma: it pulls no
+    harder than that, and a likelihood of such tails does not buy it a restless vehicle.
     """
     shape = np.broadcast_shapes(acceleration.shape, memory.shape)
     mean = np.zeros((*shape, 4))
-    mean[..., 0] = fixes.value[:, 0]
+    mean[..., :2] = fixes.prior
     covariance = np.zeros((*shape, 4, 4))
-    covariance[..., [0, 1], [0, 1]] = DIFFUSE
+    covariance[..., [0, 1], [0, 1]] = fixes.prior_sigma**2
     covariance[..., 2, 2] = acceleration**2
     covariance[..., 3, 3] = 1.0
     likelihood, steps = np.zeros(shape), []
@@ -140,8 +168,12 @@ def smooth(fixes: Fixes, acceleration: Array, memory: Array) -> Smoothed:
         back = np.where(valid, back, np.eye(4))
         means.append(mean + (back @ (means[-1] - ahead)[..., None])[..., 0])
         covariances.append(covariance + back @ (covariances[-1] - spread) @ np.swapaxes(back, -1, -2))
-    filtered = [np.stack([step[part] for step in steps]) for part in (2, 3)]
-    return Smoothed(*filtered, np.stack(means[::-1]), np.stack(covariances[::-1]))
+    return Smoothed(
+        filtered=np.stack([step[2] for step in steps]),
+        filtered_covariance=np.stack([step[3] for step in steps]),
+        mean=np.stack(means[::-1]),
+        covariance=np.stack(covariances[::-1]),
+    )
 
 
 def smoother_gain(covariance: Array, move: Array, spread: Array) -> Array:

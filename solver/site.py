@@ -24,9 +24,15 @@ from vision.contract import InputError, LocalFrame
 Quantity = Literal["strain_rate", "strain", "phase", "phase_rate", "velocity", "idas_counts"]
 
 
+def folder_of(info: ValidationInfo) -> Path:
+    """Return the site file's folder, which `read_site` passes along."""
+    context: dict[str, Path] = info.context or {}
+    return context["folder"]
+
+
 def existing(path: Path, info: ValidationInfo) -> Path:
     """Return `path` taken from the site file's folder; ValueError if there is no such file."""
-    full: Path = info.context["folder"] / path
+    full = folder_of(info) / path
     if not full.is_file():
         raise ValueError(f"no such file {str(path)!r} beside the site file")
     return full
@@ -37,14 +43,12 @@ def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
     patterns = [patterns] if isinstance(patterns, str) else patterns
     if not patterns or not isinstance(patterns, list) or not all(isinstance(item, str) for item in patterns):
         raise ValueError("give a list of file names or patterns, as ['das/*.h5']")
-    folder: Path = info.context["folder"]
+    folder = folder_of(info)
     found: set[Path] = set()
     for pattern in patterns:
         # Path.glob takes no absolute pattern, so the root is split off.
         root = Path(Path(pattern).anchor) if Path(pattern).is_absolute() else folder
-        hits = [
-            path for path in root.glob(str(Path(pattern).relative_to(Path(pattern).anchor))) if path.is_file()
-        ]
+        hits = [path for path in root.glob(str(Path(pattern).relative_to(Path(pattern).anchor))) if path.is_file()]
         if not hits:
             raise ValueError(f"no file matches {pattern!r} beside the site file")
         found.update(hits)
@@ -184,7 +188,7 @@ def first_problem(error: ValidationError) -> str:
 
 
 def read_site(path: Path) -> Site:
-    """Read and check `site.toml`.
+    r"""Read and check `site.toml`.
 
     Parameters
     ----------
@@ -203,7 +207,7 @@ def read_site(path: Path) -> Site:
     --------
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "site.toml"
-    >>> _ = path.write_text("[frame]\\norigin = [32.1, 34.8]\\nx_azimut = 78.0\\n")
+    >>> _ = path.write_text("[frame]\norigin = [32.1, 34.8]\nx_azimut = 78.0\n")
     >>> try: read_site(path)
     ... except InputError as error: print(str(error).partition("site.toml: ")[2])
     unknown key x_azimut in [frame]; did you mean x_azimuth?
@@ -212,9 +216,7 @@ def read_site(path: Path) -> Site:
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); give the path of a survey's site.toml"
-        ) from error
+        raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a survey's site.toml") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: no valid TOML ({error}); mend that line") from error
     folder = path.resolve().parent

@@ -1,29 +1,31 @@
 """Trajectory tables -> passes: smoothed, and extrapolated beyond the view, at the sample times of the DAS."""
 
 import logging
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.das import DASRecord
-from solver.kalman import Array, Fixes, Smoothed, between, beyond, run_filter, smooth
-from vision.contract import InputError
+from solver.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, run_filter, smooth
+from solver.tracks import Track, driven, moves, numbered, tracks_of, turns, unbroken
+from vision.contract import InputError, progress
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MINIMUM_FIXES = 3
-MINIMUM_TRAVEL = 5.0  # m; less is a parked vehicle
 SLOWEST = 1.0  # m/s; one that stops at the edge of the view is followed for reach / SLOWEST seconds
+OPENING = 9  # fixes that the filter's first guess is made from
 BATCH = 64  # tracks smoothed at once
 
 # Candidates of the maximum-likelihood search: standard deviation of the acceleration, m/s^2, and the correlation of
 # the errors of neighboring fixes.
 ACCELERATIONS = np.geomspace(1e-3, 3.0, 8)
 CORRELATIONS = np.array([1e-3, 0.3, 0.5, 0.65, 0.8, 0.9])
+# m/s^2; what drivers out of sight may do at least, however steady they were in view.
+UNSEEN_ACCELERATION = 0.05
 
 logger = logging.getLogger("roadfiber")
 
@@ -34,11 +36,11 @@ class Pass:
 
     Parameters
     ----------
-    track_id, vehicle_class : as in the trajectory table
+    track_id, vehicle_class : as in the trajectory table; the later passes of one track are `7#2`, `7#3`
     rows : indices into the record's `time`, consecutive [row]
     position : x, y of the point under the middle of the wheelbase, m [row, 2]
     velocity : m/s [row, 2]
-    sigma : standard deviation of `position`, m [row, 2]
+    sigma : standard deviation of `position`, m [row, 2]; errors of neighboring rows are correlated
     in_view : between the first and the last fix, not extrapolated [row]
     length : of the vehicle, m, where the table says it
     """
@@ -56,68 +58,38 @@ class Pass:
     def speed(self) -> float:
         """Median speed in view, m/s; negative for a vehicle going against +x."""
         within = self.velocity[self.in_view] if self.in_view.any() else self.velocity
-        return float(np.median(np.hypot(*within.T)) * np.sign(np.median(within[:, 0])))
-
-
-@dataclass(frozen=True)
-class Track:
-    """The fixes of one vehicle: time, s since the record's start [fix]; value and sigma, m [fix, axis]."""
-
-    track_id: str
-    vehicle_class: str
-    time: Array
-    value: Array
-    sigma: Array
-    length: float | None
-
-
-def tracks_of(table: "pd.DataFrame", start: np.datetime64) -> Iterator[Track]:
-    """Yield the tracks of a table."""
-    import pandas as pd
-
-    for track_id, fixes in table.sort_values("time").groupby("track_id", sort=False):
-        elapsed = fixes["time"] - pd.Timestamp(start, tz="UTC")
-        lengths = fixes["length"].dropna() if "length" in fixes else fixes["x"].iloc[:0]
-        yield Track(
-            str(track_id),
-            str(fixes["class"].mode().iloc[0]),
-            elapsed.to_numpy().astype("timedelta64[ns]").astype(np.int64) * 1e-9,
-            fixes[["x", "y"]].to_numpy(float),
-            fixes[["sigma_x", "sigma_y"]].to_numpy(float),
-            float(lengths.median()) if len(lengths) else None,
-        )
-
-
-def moves(track: Track) -> bool:
-    """Tell whether a track has enough fixes and travel to be a pass."""
-    if len(track.time) < MINIMUM_FIXES:
-        return False
-    return bool(np.hypot(*np.ptp(track.value, axis=0)) >= MINIMUM_TRAVEL)
+        return float(np.median(np.hypot(*within.T)) * np.sign(self.position[-1, 0] - self.position[0, 0]))
 
 
 def padded(tracks: list[Track]) -> Fixes:
-    """Stack tracks of different lengths."""
+    """Stack tracks, each repeating its last fix up to the length of the longest."""
     longest = max(len(track.time) for track in tracks)
-    valid = np.array([np.arange(longest) < len(track.time) for track in tracks])
 
     def stacked(parts: list[Array]) -> Array:
         return np.array([np.concatenate([part, np.repeat(part[-1:], longest - len(part), axis=0)]) for part in parts])
 
+    opening = slice(0, OPENING)
+    guesses = [first_guess(track.time[opening], track.value[opening], track.sigma[opening]) for track in tracks]
     return Fixes(
-        stacked([track.time for track in tracks]),
-        stacked([track.value for track in tracks]),
-        stacked([track.sigma for track in tracks]),
-        valid,
+        time=stacked([track.time for track in tracks]),
+        value=stacked([track.value for track in tracks]),
+        sigma=stacked([track.sigma for track in tracks]),
+        valid=np.array([np.arange(longest) < len(track.time) for track in tracks]),
+        prior=np.array([guess for guess, _ in guesses]),
+        prior_sigma=np.array([spread for _, spread in guesses]),
     )
 
 
 def likeliest(fixes: Fixes, interval: Array) -> tuple[Array, Array]:
-    """Return the acceleration and the error's memory [track, axis] of the highest likelihood among the candidates."""
+    """Return acceleration, m/s^2, and the error's memory, s, [track, axis] of the highest likelihood.
+
+    `interval` [track], s: between neighboring fixes, over which `CORRELATIONS` are meant.
+    """
     memories = -interval[:, None] / np.log(CORRELATIONS)[:, None, None]
     accelerations = ACCELERATIONS[:, None, None, None] * np.ones(2)
     likelihood, _ = run_filter(fixes, accelerations, memories)
-    flat = likelihood.reshape(-1, *likelihood.shape[2:]).argmax(axis=0)
-    which_acceleration, which_correlation = np.unravel_index(flat, likelihood.shape[:2])
+    best = likelihood.reshape(-1, *likelihood.shape[2:]).argmax(axis=0)
+    which_acceleration, which_correlation = np.unravel_index(best, likelihood.shape[:2])
     return ACCELERATIONS[which_acceleration], -interval[:, None] / np.log(CORRELATIONS)[which_correlation]
 
 
@@ -128,20 +100,25 @@ def within_reach(position: Array, edge: Array, reach: float) -> int:
 
 
 def states_at(
-    track: Track, index: int, smoothed: Smoothed, model: tuple[Array, Array], record: DASRecord, reach: float
+    track: Track, index: int, smoothed: Smoothed, model: tuple[Array, Array], time: Array, reach: float
 ) -> tuple[NDArray[np.int64], Array, Array]:
-    """Return rows [row], states [row, axis, 4] and covariances [row, axis, 4, 4] from view to `reach` beyond it."""
+    """Evaluate track number `index` at those of `time` [row] from `reach` before its view to `reach` after it.
+
+    Returns
+    -------
+    rows [row], states [row, axis, 4] and covariances [row, axis, 4, 4]
+    """
     acceleration, memory = model[0][index], model[1][index]
+    unseen = np.maximum(acceleration, UNSEEN_ACCELERATION)
     first, last = track.time[0], track.time[-1]
     edges = [(smoothed.mean[at, index], smoothed.covariance[at, index]) for at in (0, len(track.time) - 1)]
     waits = [reach / max(float(np.hypot(*mean[:, 1])), SLOWEST) for mean, _ in edges]
-    time = record.time
     early = np.flatnonzero((time >= first - waits[0]) & (time < first))
     inside = np.flatnonzero((time >= first) & (time <= last))
     late = np.flatnonzero((time > last) & (time <= last + waits[1]))
-    before = beyond(*edges[0], time[early] - first, acceleration, memory)
+    before = beyond(*edges[0], time[early] - first, unseen, memory)
     view = between(smoothed, index, track.time, time[inside], acceleration, memory)
-    after = beyond(*edges[1], time[late] - last, acceleration, memory)
+    after = beyond(*edges[1], time[late] - last, unseen, memory)
     count_early = within_reach(before[0][::-1, :, 0], edges[0][0][:, 0], reach)
     count_late = within_reach(after[0][:, :, 0], edges[1][0][:, 0], reach)
     keep = slice(len(early) - count_early, len(early) + len(inside) + count_late)
@@ -150,14 +127,11 @@ def states_at(
     return rows, mean, covariance
 
 
-def pass_of(
-    track: Track, index: int, smoothed: Smoothed, model: tuple[Array, Array], record: DASRecord, reach: float
-) -> Pass | None:
-    """Evaluate one smoothed track at the record's times; None where the record measured nothing of it."""
-    rows, mean, covariance = states_at(track, index, smoothed, model, record, reach)
-    if not record.measured[rows].any():
-        return None
-    time = record.time[rows]
+def whole_pass(
+    track: Track, index: int, smoothed: Smoothed, model: tuple[Array, Array], time: Array, reach: float
+) -> Pass:
+    """Evaluate track number `index` at the record's `time` [row], s."""
+    rows, mean, covariance = states_at(track, index, smoothed, model, time, reach)
     return Pass(
         track_id=track.track_id,
         vehicle_class=track.vehicle_class,
@@ -165,9 +139,31 @@ def pass_of(
         position=mean[..., 0],
         velocity=mean[..., 1],
         sigma=np.sqrt(covariance[..., 0, 0]),
-        in_view=(time >= track.time[0]) & (time <= track.time[-1]),
+        in_view=(time[rows] >= track.time[0]) & (time[rows] <= track.time[-1]),
         length=track.length,
     )
+
+
+def single_passes(drive: Pass) -> list[Pass]:
+    """Split a drive up and down the road where it turns."""
+    cuts = [0, *turns(drive.position[:, 0]), len(drive.rows)]
+    return [
+        replace(
+            drive,
+            track_id=numbered(drive.track_id, index),
+            **{name: getattr(drive, name)[begin:end] for name in ("rows", "position", "velocity", "sigma", "in_view")},
+        )
+        for index, (begin, end) in enumerate(pairwise(cuts))
+    ]
+
+
+def smoothed_passes(tracks: list[Track], time: Array, reach: float) -> list[Pass]:
+    """Smooth a batch of tracks and evaluate them at the record's `time` [row], s."""
+    fixes = padded(tracks)
+    model = likeliest(fixes, np.array([np.median(np.diff(track.time)) for track in tracks]))
+    smoothed = smooth(fixes, *model)
+    drives = [whole_pass(track, index, smoothed, model, time, reach) for index, track in enumerate(tracks)]
+    return [one for drive in drives for one in single_passes(drive)]
 
 
 def check_overlap(tracks: list[Track], record: DASRecord) -> None:
@@ -182,31 +178,48 @@ def check_overlap(tracks: list[Track], record: DASRecord) -> None:
     first, last = min(track.time[0] for track in tracks), max(track.time[-1] for track in tracks)
     raise InputError(
         f"trajectories ({span(first, last)}) and DAS ({span(0.0, record.time[-1])}) do not overlap in time; "
-        "check the clocks, or give files of one survey"
+        "check both clocks, or give files of one survey"
     )
 
 
 def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40.0) -> list[Pass]:
-    """Smooth trajectories and evaluate them at the record's sample times."""
-    tracks = list(tracks_of(table, record.start))
+    """Smooth trajectories and evaluate them at the sample times of the DAS.
+
+    Parameters
+    ----------
+    table : trajectory table, as `read_trajectories` returns it
+    record : DAS; only its `time`, `start` and gaps are looked at
+    reach : how far beyond its first and last fix a vehicle is followed, m: out of view it still bends the ground
+
+    Returns
+    -------
+    passes sorted by time; rows lie within the record, and a pass in a gap of the record is left out
+
+    Raises
+    ------
+    InputError
+        If tracks and record do not overlap in time, or no vehicle moves during the record.
+
+    Notes
+    -----
+    Each axis of each track is smoothed on its own with a Singer model of the motion and a first-order autoregressive
+    error of the fixes (`solver.kalman`). How restless the vehicle is and how long the error lasts are the values of
+    highest likelihood, so steady drives are smoothed hard; the sigmas of the table are believed. An error that lasts
+    through the whole view (a calibration a meter off, a box that is always too long) leaves no trace in one track
+    and is not in `sigma`. Left out, and counted in the log: tracks of under 3 fixes or 5 m of travel.
+    """
+    tracks = [part for track in tracks_of(table, record.start) for part in unbroken(track)]
     check_overlap(tracks, record)
-    moving = sorted(filter(moves, tracks), key=lambda track: len(track.time))
+    moving = sorted((driven(track) for track in tracks if moves(track)), key=lambda track: len(track.time))
     if len(moving) < len(tracks):
-        logger.info(
-            "%d of %d tracks left out: under %d fixes or %g m of travel",
-            len(tracks) - len(moving),
-            len(tracks),
-            MINIMUM_FIXES,
-            MINIMUM_TRAVEL,
-        )
-    passes = []
-    for begin in range(0, len(moving), BATCH):
-        batch = moving[begin : begin + BATCH]
-        fixes = padded(batch)
-        model = likeliest(fixes, np.array([np.median(np.diff(track.time)) for track in batch]))
-        smoothed = smooth(fixes, *model)
-        found = [pass_of(track, index, smoothed, model, record, reach) for index, track in enumerate(batch)]
-        passes += [one for one in found if one is not None]
-    if not passes:
-        raise InputError("no moving vehicle during the DAS record; check the trajectories and the clocks")
-    return sorted(passes, key=lambda one: int(one.rows[0]))
+        logger.info("%d of %d tracks left out: they do not move", len(tracks) - len(moving), len(tracks))
+    passes = list[Pass]()
+    with progress("smoothing tracks", len(moving)) as advance:
+        for begin in range(0, len(moving), BATCH):
+            batch = moving[begin : begin + BATCH]
+            passes += smoothed_passes(batch, record.time, reach)
+            advance(len(batch))
+    seen = [one for one in passes if len(one.rows) and record.measured[one.rows].any()]
+    if not seen:
+        raise InputError("no moving vehicle during the DAS record; check the trajectories and both clocks")
+    return sorted(seen, key=lambda one: (int(one.rows[0]), one.track_id))

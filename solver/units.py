@@ -1,6 +1,7 @@
 """What the numbers of a DAS file are, and how they become strain rate."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,9 +41,7 @@ def strain_per_radian(gauge_length: float) -> float:
     return WAVELENGTH / (4 * np.pi * REFRACTIVE_INDEX * STRAIN_OPTIC * gauge_length)
 
 
-def strain_rate_per_count(
-    sampling_rate: float, gauge_length: float, unit_calibration: float = 116.0
-) -> float:
+def strain_rate_per_count(sampling_rate: float, gauge_length: float, unit_calibration: float = 116.0) -> float:
     """Return the strain rate, 1/s, of one raw count of a Silixa iDAS.
 
     A count is `unit_calibration` / 2^13 nm of fiber extension per sample, so strain rate [nm/m/s] = 116 * counts /
@@ -91,7 +90,7 @@ def parse_unit(text: Any) -> Unit | None:
     return None if powers else Unit("strain", factor)
 
 
-def resolve(unit: Unit | None, quantity: str | None, scale: float | None, where: str) -> Unit:
+def resolve(unit: Unit | None, quantity: str | None, scale: float | None, where: Path) -> Unit:
     """Decide what the numbers are, from what the file says (`unit`) and what the user says.
 
     `quantity` fills in what the file does not say (numbers in SI units then); `scale` overrides the file's factor.
@@ -101,16 +100,14 @@ def resolve(unit: Unit | None, quantity: str | None, scale: float | None, where:
     InputError
         If nobody says it, or both do and disagree without a `scale`.
 
-    >>> resolve(None, "strain_rate", 1e-9, "a.npy")
+    >>> resolve(None, "strain_rate", 1e-9, Path("a.npy"))
     Unit(quantity='strain_rate', factor=1e-09, per_length=False)
     """
     accepted = ", ".join(QUANTITIES)
     if quantity is not None and quantity not in QUANTITIES:
         raise InputError(f"{where}: unknown quantity {quantity!r}; give one of {accepted}")
     if unit is None and quantity is None:
-        raise InputError(
-            f"{where}: the file does not say its unit; give quantity (one of {accepted}) and scale"
-        )
+        raise InputError(f"{where}: the file does not say its unit; give quantity (one of {accepted}) and scale")
     if scale is not None:
         known = quantity or (unit.quantity if unit else "")
         return Unit(known, scale, bool(unit and unit.per_length and unit.quantity == known))
@@ -136,13 +133,13 @@ def time_derivative(values: NDArray[np.float64], sampling_rate: float) -> NDArra
     """
     from scipy.interpolate import CubicSpline
 
+    if len(values) < 2:
+        return np.full_like(values, np.nan)
     time = np.arange(len(values)) / sampling_rate
     return np.asarray(CubicSpline(time, values, axis=0)(time, 1))
 
 
-def across_gauge(
-    velocity: NDArray[np.float64], spacing: float, gauge_length: float
-) -> tuple[NDArray[np.float64], int]:
+def across_gauge(velocity: NDArray[np.float64], spacing: float, gauge_length: float) -> tuple[NDArray[np.float64], int]:
     """Return the strain rate [time, channel - 2 n], 1/s, of `velocity` [time, channel], m/s, and n.
 
     Difference between the channels n before and n after, over 2 n spacing: the even number of spacings nearest to

@@ -1,6 +1,5 @@
 """Outputs appear whole or not at all."""
 
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -23,13 +22,14 @@ def writing(target: str | Path) -> Iterator[Path]:
     """
     target = Path(target)
     target.parent.mkdir(parents=True, exist_ok=True)
-    # A folder of its own on the same file system keeps the suffix (writers choose the format by it) and os.replace atomic.
+    # A folder of its own on the same file system keeps the suffix (writers choose the format by it) and the replacing
+    # atomic.
     scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
     try:
         temporary = scratch / target.name
         yield temporary
         if target.is_dir() and temporary.is_dir():
-            os.replace(target, scratch / "replaced")
-        os.replace(temporary, target)
+            target.replace(scratch / "replaced")
+        temporary.replace(target)
     finally:
         shutil.rmtree(scratch, ignore_errors=True)

@@ -31,7 +31,7 @@ def text_of(element: ElementTree.Element, name: str) -> str:
     return next((child.text or "" for child in children(element, name)), "").strip()
 
 
-def track_rows(track: ElementTree.Element, number: int) -> list[tuple[str, ...]]:
+def track_rows(track: ElementTree.Element, number: int) -> list[list[str]]:
     """Return (time, track_id, class, latitude, longitude) of each point; each segment is a track of its own."""
     segments = children(track, "trkseg")
     name = text_of(track, "name") or str(number)
@@ -40,8 +40,8 @@ def track_rows(track: ElementTree.Element, number: int) -> list[tuple[str, ...]]
     for index, segment in enumerate(segments, start=1):
         track_id = name if len(segments) == 1 else f"{name}/{index}"
         for point in children(segment, "trkpt"):
-            position = (point.get("lat", ""), point.get("lon", ""))
-            rows.append((text_of(point, "time"), track_id, vehicle_class, *position))
+            position = [point.get("lat", ""), point.get("lon", "")]
+            rows.append([text_of(point, "time"), track_id, vehicle_class, *position])
     return rows
 
 

@@ -29,4 +29,8 @@ def progress(label: str, total: int | None = None) -> Iterator[Callable[[int], N
     )
     with Progress(*columns, console=console, disable=quiet, transient=True) as bar:
         task = bar.add_task(label, total=total)
-        yield lambda n=1: bar.advance(task, n)
+
+        def advance(steps: int = 1) -> None:
+            bar.advance(task, steps)
+
+        yield advance

@@ -104,9 +104,7 @@ def to_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> "p
     table = finite(table, GPS_COLUMNS[3:], path)
     check_positive(table, ("sigma",), path)
     if frame is None:
-        raise InputError(
-            f"{path}: GPS positions need a frame; give [frame] origin and x_azimuth in site.toml"
-        )
+        raise InputError(f"{path}: GPS positions need a frame; give [frame] origin and x_azimuth in site.toml")
     x, y = to_frame(table["latitude"].to_numpy(), table["longitude"].to_numpy(), frame, path)
     rest = table.drop(columns=["latitude", "longitude", "sigma"])
     return rest.assign(x=x, y=y, sigma_x=table["sigma"], sigma_y=table["sigma"])
@@ -136,7 +134,7 @@ def read_one(path: Path, frame: LocalFrame | None) -> "pd.DataFrame":
 
 
 def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) -> "pd.DataFrame":
-    """Read trajectory files into one table.
+    r"""Read trajectory files into one table.
 
     Parameters
     ----------
@@ -160,7 +158,7 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
     --------
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "tracks.csv"
-    >>> _ = path.write_text("time,track_id,class,x,y,sigma_x,sigma_y\\n2025-08-11T06:00:00Z,1,Car,2.5,0,.1,.1\\n")
+    >>> _ = path.write_text("time,track_id,class,x,y,sigma_x,sigma_y\n2025-08-11T06:00:00Z,1,Car,2.5,0,.1,.1\n")
     >>> read_trajectories([path])[["track_id", "class", "x"]].values.tolist()
     [['1', 'car', 2.5]]
     """
@@ -173,9 +171,7 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
     shared = Counter(name for table in tables for name in table["track_id"].unique())
     for index, (path, table) in enumerate(zip(paths, tables, strict=True)):
         taken = table["track_id"].map(shared) > 1
-        tables[index] = table.assign(
-            track_id=table["track_id"].mask(taken, f"{path.stem}:" + table["track_id"])
-        )
+        tables[index] = table.assign(track_id=table["track_id"].mask(taken, f"{path.stem}:" + table["track_id"]))
     whole = pd.concat(tables, ignore_index=True)
     leading = [*COLUMNS, *(name for name in whole if name not in COLUMNS)]
     return whole[leading].sort_values(["track_id", "time"], kind="stable", ignore_index=True)
