@@ -1,8 +1,10 @@
 """The `roadfiber` command: one sub-command group of each package, and the main job across them."""
 
+import json
 import logging
 import sys
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +12,12 @@ import calib.cli
 import solver.cli
 import vision.cli
 from vision.contract.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from solver.locate import Located
+    from solver.site import Site
 
 app = typer.Typer(
     name="roadfiber",
@@ -32,6 +40,64 @@ def verbosity(
     level = logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO
     logging.basicConfig(format="%(message)s", stream=sys.stderr)
     logging.getLogger("roadfiber").setLevel(level)
+
+
+@app.command()
+def locate(
+    site: Annotated[Path, typer.Argument(help="The survey's site.toml, or its folder.")],
+    out: Annotated[Path, typer.Option("--out", help="Run folder to write.")] = Path("run"),
+    method: Annotated[str, typer.Option(help="spline (default), or network: the paper's.")] = "spline",
+    effects: Annotated[str, typer.Option(help="Effects in the model, by comma; none: point loads.")] = "wheel_layout",
+    as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of words.")] = False,
+) -> None:
+    """Locate the fiber of a survey: DAS files and trajectories, or a video, to a route on a map.
+
+    Writes route.csv, route.geojson, fit.json and report.html. A survey with a camera is tracked first.
+
+    Example: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`
+    """
+    from solver.locate import locate as locate_fiber
+    from solver.run_folder import check_target
+    from solver.site import read_site
+
+    check_target(out)
+    survey = read_site(site / "site.toml" if site.is_dir() else site)
+    tracked = None if survey.trajectories else follow(survey)
+    chosen = [name.strip() for name in effects.split(",") if name.strip() not in ("", "none")]
+    located = locate_fiber(survey, tracked, method=method, effects=chosen)
+    located.write(out)
+    print((out / "fit.json").read_text() if as_json else summary(located, out))
+
+
+def follow(survey: "Site") -> "pd.DataFrame":
+    """Track the survey's video."""
+    from vision.pipeline import track
+
+    camera = survey.camera
+    return track(
+        camera.video,
+        detector=camera.detector or "street",
+        calibration=camera.calibration,
+        start=camera.start,
+        clock_offset=camera.clock_offset,
+    )
+
+
+def summary(located: "Located", out: Path) -> str:
+    """Say in a few lines what was found and how sure it is."""
+    result = located.result
+    known = result.constrained
+    sigma = result.sigma[known]
+    return "\n".join(
+        [
+            f"fiber located over {known.sum()} channels, {result.channel[known][0]} to {result.channel[known][-1]}",
+            f"1 sigma: {sigma[:, 1].max():.2f} m across at most, {sigma[:, 2].max():.2f} m in depth",
+            f"misfit: chi2 per degree of freedom {result.chi2_per_dof:.2f} (1: noise only)",
+            *(["two routes, left and right of the traffic, fit alike"] if result.ambiguous_side else []),
+            *located.warnings,
+            f"report: {out / 'report.html'}",
+        ]
+    )
 
 
 def main() -> None:

@@ -45,9 +45,16 @@ class State:
 
 
 class MapFit:
-    """One maximum a posteriori problem: residuals, priors, steps."""
+    """One maximum a posteriori problem: residuals, priors, steps.
 
-    def __init__(self, problem: Problem, knot_spacing: float = KNOT_SPACING):
+    Parameters
+    ----------
+    problem : the survey
+    knot_spacing : of the route, m
+    known_ground : leave route and Poisson ratio as they are and fit the vehicles only
+    """
+
+    def __init__(self, problem: Problem, knot_spacing: float = KNOT_SPACING, known_ground: bool = False):
         self.problem = problem
         self.basis = SplineBasis(*problem.span, knot_spacing)
         self.ends = problem.ends(self.basis)
@@ -55,14 +62,20 @@ class MapFit:
         self.measured = problem.measured
         self.data = torch.where(self.measured, problem.strain_rate, 0.0)
         self.mean, self.sd = self._prior()
+        if known_ground:
+            self.sd[: 3 * self.basis.size] = 0.0
+            self.sd[-1] = 0.0
+        self.free = self.sd > 0
 
-    # ---- start -----------------------------------------------------------------------------------------------------
     def start(self) -> State:
-        """Begin at the rough route with the amplitudes that fit it best."""
+        """Begin at the rough route and the expected Poisson ratio."""
+        route = torch.from_numpy(self.basis.interpolate(self.problem.distance, self.problem.start))
+        return self.start_at(route, torch.tensor(self.problem.prior.poisson_ratio[0], dtype=torch.float64))
+
+    def start_at(self, route: Tensor, nu: Tensor) -> State:
+        """Vehicles of their class, with the amplitudes that fit a route [coefficient, 3] best."""
         p = self.problem
-        route = torch.from_numpy(self.basis.interpolate(p.distance, p.start))
         vehicles = Vehicles.of(p.passes)
-        nu = torch.tensor(p.prior.poisson_ratio[0], dtype=torch.float64)
         rate = self.path.rows(Fiber.of(self.ends, route), vehicles.rows(p.traffic), nu)
         weight = self.measured[p.traffic.sample_index] / p.noise**2
         per_pass = torch.zeros(2, p.traffic.passes, dtype=torch.float64)
@@ -71,7 +84,6 @@ class MapFit:
         vehicles.amplitude = per_pass[0] / per_pass[1].clamp_min(1e-300)
         return State(route, vehicles, nu)
 
-    # ---- priors ----------------------------------------------------------------------------------------------------
     def _prior(self) -> tuple[Tensor, Tensor]:
         """Mean and standard deviation of every parameter [parameter]; sd inf for the route (see `route_prior`)."""
         p = self.problem
@@ -89,11 +101,6 @@ class MapFit:
         flat = np.concatenate([np.full(route.numel(), np.inf), *(sd[name] for name in PER_PASS), [nu_sd]])
         return mean, torch.from_numpy(flat)
 
-    @property
-    def free(self) -> Tensor:
-        """Which parameters may move, [parameter] bool."""
-        return self.sd > 0
-
     def route_rows(self, coefficients: Tensor) -> tuple[Rows, Rows]:
         """Rows of the prior on the route's shape, and of its anchors."""
         p = self.problem
@@ -109,7 +116,6 @@ class MapFit:
         matrix[: shape.shape[1], : shape.shape[1]] += shape.T @ shape
         return matrix
 
-    # ---- data ------------------------------------------------------------------------------------------------------
     def residual(self, state: State) -> Tensor:
         """(measured - model) / noise, [sample, channel], 0 where not measured."""
         model = self.path.strain_rate(Fiber.of(self.ends, state.coefficients), state.vehicles, state.poisson_ratio)
@@ -157,19 +163,17 @@ class MapFit:
         residual = torch.where(self.measured, self.data - model, 0.0) / self.problem.noise
         weight = self.measured / (1 + self.track_variance(local))
         weight = weight * huber(residual * weight.sqrt(), self.measured)
-        free = self.free
-        jacobian = self.jacobian(local)[..., free]
-        flat = (jacobian * weight.sqrt()[..., None]).reshape(-1, jacobian.shape[-1])
-        matrix = flat.T @ flat
-        right = flat.T @ (residual * weight.sqrt()).reshape(-1)
+        jacobian = (self.jacobian(local) * weight.sqrt()[..., None]).reshape(-1, len(self.mean))
+        matrix = jacobian.T @ jacobian
+        right = jacobian.T @ (residual * weight.sqrt()).reshape(-1)
         for rows in self.route_rows(state.coefficients):
             route = rows.jacobian.shape[1]
             matrix[:route, :route] += rows.jacobian.T @ rows.jacobian
             right[:route] -= rows.jacobian.T @ rows.residual
+        free = self.free
         precision = self.sd[free] ** -2
-        matrix += torch.diag(precision)
-        right += precision * (self.mean - state.vector())[free]
-        return matrix, right, weight
+        shift = (self.mean - state.vector())[free]
+        return matrix[free][:, free] + torch.diag(precision), right[free] + precision * shift, weight
 
 
 def huber(residual: Tensor, measured: Tensor) -> Tensor:
