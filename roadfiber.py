@@ -1,6 +1,5 @@
 """The `roadfiber` command: one sub-command group of each package, and the main job across them."""
 
-import json
 import logging
 import sys
 from pathlib import Path

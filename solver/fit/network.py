@@ -1,13 +1,15 @@
 """The paper's fit: a small neural network draws the route, Adam trains it on one survey.
 
-A learnable latent vector of 128 goes through three hidden layers of 128 (ReLU) to 3 N outputs, which a learnable scale and
-shift turn into meters about the starting route. The loss is the data misfit plus regularizers on angle, length,
-anchors and curvature; depth gradients are attenuated 100 times and enabled in the second half.
+A learnable latent vector of 128 goes through three hidden layers of 128 (ReLU) to 3 N outputs, which a learnable scale
+and shift turn into meters about the starting route. The loss is the data misfit plus regularizers on angle, length,
+anchors and curvature; depth gradients are attenuated 100 times and enabled in the second half. Beyond the paper, each
+vehicle's amplitude and shift along travel are learned too, as the spline fit has them.
 """
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -64,7 +66,7 @@ class RouteNetwork(nn.Module):
         widths = (LATENT, HIDDEN, HIDDEN, HIDDEN)
         hidden = [
             layer
-            for a, b in zip(widths, widths[1:], strict=False)
+            for a, b in pairwise(widths)
             for layer in (nn.Linear(a, b, dtype=torch.float64), nn.ReLU())
         ]
         self.layers = nn.Sequential(*hidden, nn.Linear(HIDDEN, start.numel(), dtype=torch.float64))
