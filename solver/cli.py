@@ -1,5 +1,52 @@
 """`roadfiber simulate`, and what locating needs."""
 
+from pathlib import Path
+from typing import Annotated
+
 import typer
 
 app = typer.Typer()
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[
+        str,
+        typer.Argument(help="A TOML file, or `street`, `street-gps`, `street-paper` (point loads), `street-filtered`."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder to write; an earlier simulated survey there is replaced.")],
+    seed: Annotated[int | None, typer.Option(help="Another seed is another street.  [default: 0]")] = None,
+    passes: Annotated[int | None, typer.Option(help="Vehicles that go by.  [default: 8]")] = None,
+    snr: Annotated[float | None, typer.Option(help="Signal to noise in the passes' maps, dB.  [default: 20]")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
+) -> None:
+    """Simulate a survey: DAS files, trajectories, anchors, site.toml, and truth.json with all that they hide.
+
+    The generator shares no code with the solver's signal path. The keys of a scenario file are the fields of
+    `solver.simulator.Scenario`, such as `speeds = [30, 50]` (km/h) or `[effects]` with `gauge_length = 0.15`.
+
+    Example: `roadfiber simulate street --seed 3 --out survey` and then `roadfiber locate survey/site.toml --out run`
+    """
+    from solver.simulator import read_scenario, simulate, write_survey
+    from solver.simulator.files import require_free
+
+    wanted = read_scenario(scenario, seed=seed, passes=passes, snr_db=snr)
+    require_free(out)
+    survey = simulate(wanted)
+    site = write_survey(survey, out)
+    facts = {
+        "site": str(site),
+        "passes": len(survey.vehicles),
+        "channels": len(survey.distance),
+        "seconds": round(float(survey.time[-1]), 1),
+        "active_channels": list(survey.active),
+    }
+    if as_json:
+        import json
+
+        print(json.dumps(facts))
+        return
+    print(
+        f"wrote {site}: {facts['passes']} passes, {facts['channels']} channels, {facts['seconds']:g} s; "
+        f"channels {survey.active[0]} to {survey.active[1]} are in view"
+    )

@@ -4,6 +4,8 @@
 bring it.
 """
 
+from solver.simulator.check import RouteError, route_error
+from solver.simulator.files import write_survey
 from solver.simulator.scenario import BUILT_IN, EFFECTS, Scenario, read_scenario
 from solver.simulator.survey import Survey, simulate
 from solver.simulator.vehicle import Vehicle
@@ -11,9 +13,12 @@ from solver.simulator.vehicle import Vehicle
 __all__ = [
     "BUILT_IN",
     "EFFECTS",
+    "RouteError",
     "Scenario",
     "Survey",
     "Vehicle",
     "read_scenario",
+    "route_error",
     "simulate",
+    "write_survey",
 ]

@@ -70,9 +70,7 @@ def gauge_nodes(first: float, last: float, panel: float, order: int = 4) -> Arra
     return (edges[:-1, None] + half * (1.0 + abscissa)).ravel()
 
 
-def gauge_weights(
-    center: Array, gauge_length: float, first: float, last: float, panel: float, order: int = 4
-) -> Array:
+def gauge_weights(center: Array, gauge_length: float, first: float, last: float, panel: float, order: int = 4) -> Array:
     """Weights [channel, node] that average a function sampled at `gauge_nodes` over each channel's gauge.
 
     Between the nodes of one panel the function is their interpolating polynomial; a gauge that ends inside a

@@ -46,9 +46,7 @@ def watch(scenario: Scenario, vehicles: tuple[Vehicle, ...], rng: np.random.Gene
         return table
     frame = LocalFrame(scenario.origin, scenario.x_azimuth)
     latitude, longitude = frame.to_geographic(table["x"].to_numpy(), table["y"].to_numpy())
-    head = table[["time", "track_id", "class"]].assign(
-        latitude=latitude, longitude=longitude, sigma=table["sigma_x"]
-    )
+    head = table[["time", "track_id", "class"]].assign(latitude=latitude, longitude=longitude, sigma=table["sigma_x"])
     return head.join(table.drop(columns=["time", "track_id", "class", "x", "y", "sigma_x", "sigma_y"]))
 
 
@@ -75,9 +73,7 @@ def _fixes(scenario: Scenario, vehicle: Vehicle, rng: np.random.Generator) -> "p
     return pd.DataFrame(columns | size)
 
 
-def dig(
-    scenario: Scenario, route: Array, active: tuple[int, int], rng: np.random.Generator
-) -> "pd.DataFrame":
+def dig(scenario: Scenario, route: Array, active: tuple[int, int], rng: np.random.Generator) -> "pd.DataFrame":
     """Anchor table: a manhole an eighth of the view from either end, surveyed with the scenario's noise."""
     import pandas as pd
 

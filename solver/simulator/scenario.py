@@ -81,9 +81,7 @@ class Scenario:
     route: tuple[tuple[float, float, float], ...] | None = None
     speeds: tuple[float, float] = (30.0, 78.0)
     headway: tuple[float, float] = (16.0, 25.0)
-    classes: Mapping[str, float] = field(
-        default_factory=lambda: {"car": 0.5, "van": 0.25, "truck": 0.15, "bus": 0.1}
-    )
+    classes: Mapping[str, float] = field(default_factory=lambda: {"car": 0.5, "van": 0.25, "truck": 0.15, "bus": 0.1})
     frame_rate: float = 12.5
     fix_sigma: float = 0.06
     anchor_sigma: float = 0.05
@@ -126,10 +124,7 @@ def read_scenario(source: str | Path, **overrides: Any) -> Scenario:
     >>> read_scenario("street-gps", seed=3, passes=None).gps
     True
     """
-    if str(source) in BUILT_IN:
-        table = dict(BUILT_IN[str(source)], name=str(source))
-    else:
-        table = _from_file(Path(source))
+    table = dict(BUILT_IN[str(source)], name=str(source)) if str(source) in BUILT_IN else _from_file(Path(source))
     table |= {key: value for key, value in overrides.items() if value is not None}
     known = {f.name: f for f in dataclasses.fields(Scenario)}
     for key in table:

@@ -147,8 +147,7 @@ def draw_vehicle(
         for p in period.tolist()
     )
     weave = tuple(
-        (0.05 * float(rng.normal()), 2 * np.pi / w, float(rng.uniform(0, 2 * np.pi)))
-        for w in wavelength.tolist()
+        (0.05 * float(rng.normal()), 2 * np.pi / w, float(rng.uniform(0, 2 * np.pi))) for w in wavelength.tolist()
     )
     return Vehicle(
         track_id,

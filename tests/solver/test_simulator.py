@@ -44,9 +44,7 @@ def test_extension_is_the_gradient_of_boussinesqs_displacement(point, nu):
     for tangent in rng.normal(size=(4, 3)):
         tangent /= np.linalg.norm(tangent)
         expected = tangent @ gradient @ tangent
-        assert extension(point, tangent, nu) == pytest.approx(
-            expected, rel=1e-6, abs=1e-7 * abs(gradient).max()
-        )
+        assert extension(point, tangent, nu) == pytest.approx(expected, rel=1e-6, abs=1e-7 * abs(gradient).max())
 
 
 @pytest.mark.parametrize("gauge", [3.3, 10.0, 10.7])
@@ -70,10 +68,7 @@ def test_strain_of_a_straight_sloping_fiber_is_the_difference_of_end_point_displ
     for row, place in enumerate(vehicle.position(time)):
         ends = [
             np.array(
-                [
-                    tangent @ displacement(point - np.append(place, 0), 0.25)
-                    for point in route.position(distance + half)
-                ]
+                [tangent @ displacement(point - np.append(place, 0), 0.25) for point in route.position(distance + half)]
             )
             for half in (-5.0, 5.0)
         ]
@@ -272,9 +267,7 @@ def test_a_bad_scenario_is_one_clear_line(tmp_path, text, message):
 
 def test_a_scenario_file_starts_from_a_built_in_one_and_options_win(tmp_path):
     path = tmp_path / "mine.toml"
-    path.write_text(
-        'base = "street-gps"\nseed = 5\nside = "left"\nlateral = [3, 4]\n[effects]\nhighpass = 0.08\n'
-    )
+    path.write_text('base = "street-gps"\nseed = 5\nside = "left"\nlateral = [3, 4]\n[effects]\nhighpass = 0.08\n')
     scenario = read_scenario(path, seed=9, passes=None)
     assert (scenario.name, scenario.seed, scenario.gps, scenario.side) == ("mine", 9, True, "left")
     assert scenario.effect("highpass") == 0.08 and scenario.lateral == (3, 4)
