@@ -1,5 +1,117 @@
 """`roadfiber track`."""
 
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 app = typer.Typer()
+
+
+@app.command()
+def track(
+    video: Annotated[Path, typer.Argument(help="Video of a fixed camera.")],
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration of the view; without it tracks stay in pixels.")
+    ] = None,
+    detector: Annotated[
+        str, typer.Option(help="street (built in, demo grade), or the path of an .onnx model.")
+    ] = "street",
+    layout: Annotated[str | None, typer.Option(help="Layout of the model, where it is not recognized.")] = None,
+    names: Annotated[str | None, typer.Option(help="Class names in the model's order, by comma.")] = None,
+    classes: Annotated[str | None, typer.Option(help="Classes to follow, by comma.  [default: road vehicles]")] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(help="UTC of the video's first instant, as 2025-08-11T06:00:00.25Z.  [default: its header]"),
+    ] = None,
+    clock_offset: Annotated[float, typer.Option(help="How far the camera's clock is ahead, s; it is taken off.")] = 0.0,
+    min_score: Annotated[
+        float | None, typer.Option(min=0.0, max=1.0, help="Score that starts a track.  [default: the model's]")
+    ] = None,
+    every: Annotated[int, typer.Option(min=1, help="Look at every n-th frame.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help=".csv or .parquet to write.  [default: trajectories.csv; pixels: boxes.csv]")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
+) -> None:
+    """Follow the vehicles of a video: metric trajectories with a sigma per fix.
+
+    With a calibration (`roadfiber calibrate ground`), writes one row per vehicle and frame: UTC, class, the ground
+    under the middle of the wheelbase and its sigma in meters, and the box. Without one, boxes in pixels.
+
+    Example: `roadfiber track street.mp4 --calibration calibration.json --start 2025-08-11T06:00:00Z`
+    """
+    from vision.camera import Calibration
+    from vision.detectors import load_detector
+    from vision.pipeline import box_tracks, on_road, start_time, summarize, utc
+    from vision.video import open_video
+
+    out = out or Path("trajectories.csv" if calibration else "boxes.csv")
+    check_suffix(out)
+    view = Calibration.read(calibration) if calibration else None
+    model = load_detector(detector, layout=layout, names=split(names), classes=split(classes))
+    clip = open_video(video)
+    if view:
+        view.require_size(clip.width, clip.height, video)
+    zero = start_time(start, clip) if view or start else None
+    table, speed = box_tracks(clip, model, min_score=min_score, every=every)
+    if view and zero is not None:
+        table = on_road(table, view, zero, clock_offset, video)
+    elif zero is not None:
+        table = table.assign(time=utc(table["time"], zero, clock_offset))
+    write_table(table, out)
+    report(summarize(table, speed) | {"metric": view is not None, "out": str(out)}, as_json)
+
+
+def split(text: str | None) -> list[str] | None:
+    """Parts of a list given by comma; None for none.
+
+    >>> split("car, van")
+    ['car', 'van']
+    """
+    return [part.strip() for part in text.split(",") if part.strip()] if text else None
+
+
+def check_suffix(out: Path) -> None:
+    """Raise InputError, before the work rather than after it, unless `out` is a .csv or .parquet file."""
+    from vision.contract.errors import InputError
+
+    if out.suffix.lower() not in (".csv", ".parquet"):
+        raise InputError(f"{out}: tracks are written as .csv or .parquet; give one of these suffixes")
+
+
+def write_table(table: "pd.DataFrame", out: Path) -> None:
+    """Write trajectories, or tracks in pixels, whole or not at all."""
+    from vision.contract.files import writing
+    from vision.contract.table import write_trajectories
+
+    if "x" in table:
+        write_trajectories(table, out)
+        return
+    with writing(out) as temporary:
+        if out.suffix.lower() == ".parquet":
+            table.to_parquet(temporary, index=False)
+        else:
+            table.to_csv(temporary, index=False, float_format="%.10g")
+
+
+def report(summary: dict[str, Any], as_json: bool) -> None:
+    """Print what was found, for people or as JSON."""
+    import json
+
+    if as_json:
+        print(json.dumps(summary))
+        return
+    by_class = ", ".join(f"{count} {name}" for name, count in summary["by_class"].items())
+    rates = ", ".join(f"{step} {rate:g}" for step, rate in summary["frames_per_second"].items())
+    print(f"{summary['tracks']} vehicles: {by_class}")
+    print(f"median track {summary['median_track_frames']:g} frames, {summary['median_track_seconds']:g} s")
+    if summary["metric"]:
+        print(f"median sigma {summary['median_sigma_x']:g} m along x, {summary['median_sigma_y']:g} m along y")
+    else:
+        print("boxes in pixels only; for meters give --calibration (roadfiber calibrate ground makes one)")
+    print(f"frames per second: {rates}")
+    print(f"wrote {summary['out']}")

@@ -1,0 +1,214 @@
+"""A video to a trajectory table: decode, detect, track, fill, place on the road, put on the clock."""
+
+import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vision.camera import Calibration
+from vision.contract.errors import InputError
+from vision.contract.progress import progress
+from vision.contract.table import COLUMNS
+from vision.detectors import Detections, Detector, load_detector
+from vision.ground_track import ground_tracks
+from vision.interpolate import BOX, fill_frames, majority_class
+from vision.tracker import Tracker
+from vision.video import Video, open_video
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+log = logging.getLogger("roadfiber.pipeline")
+
+FEWEST_FIXES = 5  # of a track; less is more often a false alarm than a vehicle
+PATIENCE = 1.0  # s without a fix after which a track ends, or
+PATIENT_FRAMES = 6  # looked-at frames, whichever is longer
+PIXEL_COLUMNS = ("time", "track_id", "class", *BOX, "confidence", "interpolated", "frame")
+EXTRA_COLUMNS = ("confidence", "interpolated", "length", "width", "frame", *BOX)
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Where the time went: frames looked at, and s spent to decode, to detect and to track them."""
+
+    frames: int
+    decode: float
+    detect: float
+    track: float
+
+    def rates(self) -> dict[str, float]:
+        """Frames per second of every step and of all together."""
+        steps = {"decode": self.decode, "detect": self.detect, "track": self.track}
+        steps["all"] = sum(steps.values())
+        return {name: round(self.frames / max(seconds, 1e-9), 1) for name, seconds in steps.items()}
+
+
+def track(
+    video: Path | str,
+    *,
+    detector: str | Path | Detector = "street",
+    calibration: Path | str | Calibration,
+    start: datetime | str | None = None,
+    clock_offset: float = 0.0,
+    min_score: float | None = None,
+    classes: Iterable[str] | None = None,
+    every: int = 1,
+) -> "pd.DataFrame":
+    """Track the vehicles of a video on the road.
+
+    Parameters
+    ----------
+    video : file
+    detector : name of a built-in detector, path of an .onnx file, or one that is loaded
+    calibration : of the view, or its file
+    start : UTC of the video's time zero; by default the creation time in its header
+    clock_offset : s that the camera's clock is ahead of true time; it is taken off
+    min_score : score that starts a track; by default the detector's own
+    classes : names of the classes to follow; road vehicles by default
+    every : look at every n-th frame
+
+    Returns
+    -------
+    trajectory table [fix]: `time` datetime64[ns, UTC], `track_id` text, `class`, `x, y, sigma_x, sigma_y` (m; the
+    ground under the middle of the wheelbase), `confidence`, `interpolated`, `length`, `width` (m), `frame`, and the
+    box (px)
+
+    Raises
+    ------
+    InputError, where the video, the detector or the calibration cannot be used or do not belong together, the start
+    is unknown, or no vehicle was followed on the road.
+    """
+    clip = open_video(video)
+    view = calibration if isinstance(calibration, Calibration) else Calibration.read(calibration)
+    view.require_size(clip.width, clip.height, clip.path)
+    zero = start_time(start, clip)
+    finder = load_detector(detector, classes=classes) if isinstance(detector, str | Path) else detector
+    boxes, _ = box_tracks(clip, finder, min_score=min_score, every=every)
+    return on_road(boxes, view, zero, clock_offset, clip.path)
+
+
+def box_tracks(
+    video: Video, detector: Detector, *, min_score: float | None = None, every: int = 1
+) -> tuple["pd.DataFrame", Speed]:
+    """Follow vehicles through the pictures.
+
+    Returns
+    -------
+    table [fix] of `PIXEL_COLUMNS`, without gaps, time in s since the file's time zero; and the speed
+
+    Raises
+    ------
+    InputError, where there is no vehicle in five frames.
+    """
+    detector = detector.prepare(video)
+    strong = detector.threshold if min_score is None else min_score
+    tracker = Tracker(strong, patience=max(PATIENCE, PATIENT_FRAMES * every * video.frame_interval))
+    fixes: list[tuple[int, float, Detections, np.ndarray]] = []
+    clock = [perf_counter()]
+    spent = np.zeros(3)
+    looked_at = len(range(0, len(video), every))
+    with progress("tracking vehicles", looked_at) as advance:
+        for frame in video.frames(every):
+            clock.append(perf_counter())
+            found = detector.detect(frame.image)
+            clock.append(perf_counter())
+            fixes.append((frame.index, frame.time, found, tracker.update(frame.time, found.box, found.score)))
+            clock.append(perf_counter())
+            spent += np.diff(clock)
+            clock = clock[-1:]
+            advance(1)
+    table = _tabulate(fixes)
+    counts = table.groupby("track_id")["frame"].transform("size")
+    table = table[counts >= FEWEST_FIXES]
+    if table.empty:
+        raise InputError(
+            f"{video.path}: no vehicle was followed through {FEWEST_FIXES} frames; try a lower --min-score than "
+            f"{strong:g}, or another --detector"
+        )
+    filled = fill_frames(majority_class(table), video.index[::every], video.time[::every])
+    return filled[list(PIXEL_COLUMNS)], Speed(looked_at, *spent)
+
+
+def on_road(
+    boxes: "pd.DataFrame", calibration: Calibration, zero: np.datetime64, clock_offset: float, video: Path
+) -> "pd.DataFrame":
+    """Turn the boxes of tracks into the trajectory table `track` returns."""
+    placed = ground_tracks(boxes, calibration)
+    if placed.empty:
+        raise InputError(
+            f"{video}: none of its {boxes['track_id'].nunique()} tracks lies on the calibrated road; check the control "
+            "points (roadfiber calibrate ground --picture)"
+        )
+    placed = placed.assign(time=utc(placed["time"], zero, clock_offset), track_id=placed["track_id"].astype(str))
+    return placed[[*COLUMNS, *EXTRA_COLUMNS]]
+
+
+def utc(seconds: "pd.Series", zero: np.datetime64, clock_offset: float = 0.0) -> "pd.Series":
+    """Time in s since `zero` by a clock that is `clock_offset` s ahead -> datetime64[ns, UTC]."""
+    import pandas as pd
+
+    elapsed = pd.to_timedelta(((seconds - clock_offset) * 1e9).round().astype("int64"), unit="ns")
+    return (pd.Timestamp(zero).tz_localize("UTC") + elapsed).dt.as_unit("ns")
+
+
+def start_time(start: datetime | str | None, video: Video) -> np.datetime64:
+    """Return the UTC of a video's time zero: as given (ISO 8601 with Z or an offset), else from its header."""
+    if start is None:
+        if video.created is None:
+            raise InputError(
+                f"{video.path}: does not say when it was recorded; give --start, as 2025-08-11T06:00:00.25Z"
+            )
+        log.warning("%s: taken to start at %sZ, as its header says; give --start if not", video.path, video.created)
+        return video.created
+    try:
+        moment = datetime.fromisoformat(start) if isinstance(start, str) else start
+    except ValueError as error:
+        raise InputError(f"--start {start!r}: is no time; write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z") from error
+    if moment.tzinfo is None:
+        raise InputError(f"--start {start}: has no time zone; write UTC with a Z, as 2025-08-11T06:00:00.25Z")
+    return np.datetime64(round(moment.timestamp() * 1e6), "us").astype("datetime64[ns]")
+
+
+def summarize(table: "pd.DataFrame", speed: Speed) -> dict[str, object]:
+    """Count tracks by class, their median length, and the speed."""
+    tracks = table.groupby("track_id")
+    seconds = tracks["time"].agg(lambda time: time.iloc[-1] - time.iloc[0])
+    if seconds.dtype.kind == "m":
+        seconds = seconds.dt.total_seconds()
+    summary: dict[str, object] = {
+        "tracks": len(tracks),
+        "by_class": tracks["class"].first().value_counts().to_dict(),
+        "median_track_frames": float(tracks.size().median()),
+        "median_track_seconds": round(float(seconds.median()), 3),
+        "fixes": len(table),
+        "interpolated_share": round(float(table["interpolated"].mean()), 4),
+        "frames": speed.frames,
+        "frames_per_second": speed.rates(),
+    }
+    if "sigma_x" in table:
+        summary["median_sigma_x"] = round(float(table["sigma_x"].median()), 3)
+        summary["median_sigma_y"] = round(float(table["sigma_y"].median()), 3)
+    return summary
+
+
+def _tabulate(fixes: Sequence[tuple[int, float, Detections, np.ndarray]]) -> "pd.DataFrame":
+    import pandas as pd
+
+    count = [len(found) for _, _, found, _ in fixes]
+    boxes = np.concatenate([found.box for _, _, found, _ in fixes])
+    table = pd.DataFrame(
+        {
+            "frame": np.repeat([index for index, *_ in fixes], count),
+            "time": np.repeat([time for _, time, *_ in fixes], count),
+            "track_id": np.concatenate([owner for *_, owner in fixes]),
+            "class": np.concatenate([found.label for _, _, found, _ in fixes]),
+            "confidence": np.concatenate([found.score for _, _, found, _ in fixes]),
+            **{name: boxes[:, side] for side, name in enumerate(BOX)},
+        }
+    )
+    return table[table["track_id"] > 0]
