@@ -95,12 +95,13 @@ class Fiber:
 
     def strain(self, vehicle: Vehicle, time: Array) -> Array:
         """Strain [time, channel] under a vehicle at `time` [time], s."""
-        out = np.empty((len(time), self.channels))
+        field = np.empty((len(time), self.points.shape[1]))
         block = max(1, BLOCK // self.points.shape[1])
         for start in range(0, len(time), block):
             rows = slice(start, start + block)
-            out[rows] = self._under(vehicle, time[rows]) @ self.average
-        return out
+            field[rows] = self._under(vehicle, time[rows])
+        # One product for all blocks: many small ones spend their time on waking threads.
+        return np.asarray(field @ self.average)
 
     def _under(self, vehicle: Vehicle, time: Array) -> Array:
         """Extension [time, node] times 4 pi G, N/m^2."""
