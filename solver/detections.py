@@ -1,0 +1,222 @@
+"""Matched filter: where along the fiber, how strong and how wide each passing vehicle appears, frame by frame."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.trajectory import Pass
+from solver.wavelets import Array, bank, best_scale, parabola
+
+THRESHOLD_DB = 7.0
+FRAME_RATE = 10.0  # Hz; a vehicle moves less than its response is wide between two frames
+SPIKE = 8.0  # noise standard deviations off its neighbors
+ROWS_FOR_NOISE = 2000
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Where one pass was seen, one row per frame.
+
+    Parameters
+    ----------
+    row : row of the record [frame]
+    x, y : the vehicle's place, m [frame]
+    speed : along x, m/s [frame]
+    channel : number of the channel beside the vehicle, with a fraction [frame]
+    scale : of the wavelet that matches best, in channels [frame]
+    snr_db : of the response, dB [frame]
+    profile : correlation with each wavelet of the bank, centered at the channel [frame, scale], 1/s
+    """
+
+    row: NDArray[np.int64]
+    x: Array
+    y: Array
+    speed: Array
+    channel: Array
+    scale: Array
+    snr_db: Array
+    profile: Array
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def where(self, keep: NDArray[np.bool_]) -> "Detections":
+        """Those of some frames [frame]."""
+        return replace(self, **{f.name: getattr(self, f.name)[keep] for f in fields(self)})
+
+
+def thinned(strain_rate: Array, passes: Sequence[Pass], stride: int) -> tuple[Array, list[Pass]]:
+    """Average `stride` rows into a frame: strain rate [frame, channel], and passes whose rows count frames.
+
+    NaN samples do not count; a frame without any sample is NaN.
+
+    >>> thinned(np.array([[1.0], [3.0], [np.nan], [4.0], [9.0]]), [], 2)[0].tolist()
+    [[2.0], [4.0]]
+    """
+    frames = len(strain_rate) // stride
+    blocks = strain_rate[: frames * stride].reshape(frames, stride, -1)
+    finite = np.isfinite(blocks)
+    count = finite.sum(1)
+    total = np.where(finite, blocks, 0.0).sum(1)
+    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return mean, [one for one in (thinned_pass(one, stride, frames) for one in passes) if len(one.rows)]
+
+
+def thinned_pass(one: Pass, stride: int, frames: int) -> Pass:
+    """Keep the frames that the pass fills, with its mean place there."""
+    skip = -one.rows[0] % stride
+    count = min((len(one.rows) - skip) // stride, frames - (one.rows[0] + skip) // stride)
+    part = slice(skip, skip + max(count, 0) * stride)
+
+    def blocks(values: NDArray[Any]) -> NDArray[Any]:
+        return values[part].reshape(-1, stride, *values.shape[1:])
+
+    return replace(
+        one,
+        rows=one.rows[part][::stride] // stride,
+        in_view=np.asarray(blocks(one.in_view).all(1)),
+        **{name: blocks(getattr(one, name)).mean(1) for name in ("position", "velocity", "sigma")},
+    )
+
+
+def mended(strain_rate: Array) -> Array:
+    """Strain rate [frame, channel] with NaN and spikes replaced by a line between their neighbors in the frame.
+
+    A spike is off the median of five channels by more than eight times the noise (a cycle skip, a faded channel); what
+    a vehicle does is smooth over five channels. A frame without samples becomes 0.
+
+    >>> mended(np.array([[0.0, np.nan, 2.0, 3.0, np.nan]])).tolist()
+    [[0.0, 1.0, 2.0, 3.0, 3.0]]
+    """
+    from scipy.ndimage import median_filter
+
+    filled = interpolated(strain_rate)
+    rough = np.abs(filled - median_filter(filled, (1, 5), mode="nearest"))
+    return interpolated(np.where(rough > SPIKE * 1.4826 * np.median(rough), np.nan, filled))
+
+
+def interpolated(strain_rate: Array) -> Array:
+    """Fill NaN linearly along the channels of each frame [frame, channel]; a frame of NaN becomes 0."""
+    filled = strain_rate.copy()
+    place = np.arange(strain_rate.shape[1])
+    finite = np.isfinite(strain_rate)
+    for frame in np.flatnonzero(~finite.all(1)):
+        known = finite[frame]
+        filled[frame] = np.interp(place, place[known], strain_rate[frame, known]) if known.any() else 0.0
+    return filled
+
+
+def snr_maps(strain_rate: Array, scales: Array) -> tuple[Array, Array]:
+    """Largest SNR over the bank, as an amplitude ratio, of responses of either polarity.
+
+    Each scale's map is divided by 1.4826 times its median absolute deviation.
+
+    Parameters
+    ----------
+    strain_rate : [frame, channel], finite
+    scales : of the bank, in channels
+
+    Returns
+    -------
+    positive, negative : [frame, channel], of wavelets and of wavelets upside down
+
+    >>> shape = np.pad(bank([5.0])[:, 0], 60)
+    >>> seen = shape + np.random.default_rng(0).normal(0, 0.02, (3, len(shape)))
+    >>> positive, negative = snr_maps(seen, np.arange(2.0, 10.0))
+    >>> positive.argmax(1).tolist(), bool((positive.max(1) > negative.max(1)).all())
+    ([85, 85, 85], True)
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    wavelets = bank(scales)
+    channels, half = strain_rate.shape[1], len(wavelets) // 2
+    padded = np.pad(strain_rate, ((0, 0), (half, half)), mode="edge")
+    size = next_fast_len(padded.shape[1] + len(wavelets), real=True)
+    spectrum = rfft(padded, size, axis=1)
+    sparse = slice(None, None, max(1, len(strain_rate) // ROWS_FOR_NOISE))
+    positive = np.full(strain_rate.shape, -np.inf)
+    negative = positive.copy()
+    for shape in wavelets.T:
+        # Correlation with a wavelet is convolution with its mirror.
+        match = irfft(spectrum * rfft(shape[::-1], size), size, axis=1)[:, 2 * half : 2 * half + channels]
+        level = match[sparse]
+        match /= max(1.4826 * float(np.median(np.abs(level - np.median(level)))), np.finfo(float).tiny)
+        np.maximum(positive, match, out=positive)
+        np.maximum(negative, -match, out=negative)
+    return positive, negative
+
+
+def decibel(snr: Array) -> Array:
+    """Amplitude ratio -> dB.
+
+    >>> decibel(np.array([10.0, 0.0])).round(6).tolist()
+    [20.0, -240.0]
+    """
+    return 20 * np.log10(np.maximum(snr, 1e-12))
+
+
+class MatchedFilter:
+    """Bank of wavelets over the frames of some passes.
+
+    Parameters
+    ----------
+    strain_rate : [frame, channel], 1/s, NaN where not measured
+    passes : with rows that count frames
+    scales : of the bank, in channels, equidistant
+    """
+
+    def __init__(self, strain_rate: Array, passes: Sequence[Pass], scales: Array):
+        self.scales = scales
+        self.wavelets = bank(scales)
+        half = len(self.wavelets) // 2
+        self.frames = np.unique(np.concatenate([one.rows for one in passes]))
+        data = mended(strain_rate[self.frames])
+        self.measured = np.isfinite(strain_rate[self.frames])
+        self.padded = np.pad(data, ((0, 0), (half, half)), mode="edge")
+        self.positive, self.negative = snr_maps(data, scales)
+
+    def detect(self, one: Pass, polarity: int, expected: Array | None = None, gate: int = 0) -> Detections:
+        """Best channel and scale in every frame of a pass that is in view, where the SNR is above 7 dB.
+
+        Parameters
+        ----------
+        one : the pass
+        polarity : 1 or -1, of a vehicle going along +x; one going the other way has the opposite
+        expected : channel to look around, for each row of the pass; the whole fiber if not given
+        gate : how many channels to either side to look
+        """
+        sign = polarity * (1 if one.speed > 0 else -1)
+        snr = self.positive if sign > 0 else self.negative
+        row = np.searchsorted(self.frames, one.rows)
+        last = snr.shape[1] - 1
+        if expected is None:
+            peak = snr[row].argmax(1)
+        else:
+            window = np.rint(expected).astype(int)[:, None] + np.arange(-gate, gate + 1)
+            around = snr[row[:, None], np.clip(window, 0, last)]
+            peak = window[np.arange(len(row)), np.where((window >= 0) & (window <= last), around, -np.inf).argmax(1)]
+        inside = (peak > 0) & (peak < last)
+        left, middle, right = (snr[row, np.clip(peak + step, 0, last)] for step in (-1, 0, 1))
+        level = decibel(middle)
+        # A maximum on the edge of the gate is the flank of something outside it.
+        keep = one.in_view & inside & (middle >= left) & (middle >= right) & (level > THRESHOLD_DB)
+        keep &= self.measured[row, np.clip(peak, 0, last)]
+        profile = sign * self.profile(row[keep], peak[keep])
+        return Detections(
+            one.rows[keep],
+            one.position[keep, 0],
+            one.position[keep, 1],
+            one.velocity[keep, 0],
+            (peak + parabola(left, middle, right))[keep],
+            best_scale(profile, self.scales),
+            level[keep],
+            profile,
+        )
+
+    def profile(self, row: NDArray[np.int64], channel: NDArray[np.int64]) -> Array:
+        """Correlation [detection, scale] with the wavelets centered at a channel, 1/s, not divided by the noise."""
+        window = channel[:, None] + np.arange(len(self.wavelets))
+        return np.asarray(self.padded[row[:, None], window] @ self.wavelets)
