@@ -240,7 +240,8 @@ def ground(camera: Camera, light: Light, ortho: Orthophoto, sunlit: Image) -> Im
     """Sky and ground [height, width, 3] seen by `camera`; far ground from coarser copies of the orthophoto."""
     up = np.array([0.0, 0.0, -1.0])
     full, dark = light.shade(up), light.shade(up, sunlit=0.0)
-    texture = ortho.image * (dark + (full - dark) * sunlit)[..., None] * light.tint.astype(np.float32)
+    factor = cv2.merge([dark + (full - dark) * sunlit] * 3) * light.tint.astype(np.float32)
+    coarser = cv2.multiply(ortho.image, factor, dtype=cv2.CV_8U)
     width, height = camera.size
     columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     pixels = np.stack([columns.ravel(), rows.ravel()], axis=1)
@@ -248,17 +249,16 @@ def ground(camera: Camera, light: Light, ortho: Orthophoto, sunlit: Image) -> Im
     distance = np.hypot(np.hypot(*(place - camera.position[:2]).T), camera.position[2]).reshape(height, width)
     picture = sky(camera, light)
     half = np.array([[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]])
-    coarser: Image = np.clip(texture, 0, 255).astype(np.uint8)
     for level in range(5):
         # a pixel sees about distance / focal across and more along; take the copy whose pixels are nearest to that
         low = 0.0 if level == 0 else ortho_distance(camera, level)
         near = (distance >= low) & (distance < (np.inf if level == 4 else ortho_distance(camera, level + 1)))
-        scale = np.diag([0.5**level, 0.5**level, 1])
+        scale = np.diag([coarser.shape[1] / ortho.shape[1], coarser.shape[0] / ortho.shape[0], 1])
         chain = np.linalg.inv(half) @ scale @ ortho.to_pixels @ camera.ground_homography() @ half
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         seen = cv2.warpPerspective(coarser, chain, camera.size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
         picture[near] = light.through_air(seen[near], distance[near])
-        coarser = cv2.pyrDown(coarser)
+        coarser = cv2.resize(coarser, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     return picture
 
 

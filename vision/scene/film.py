@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from vision.contract import writing
 from vision.scene.camera import Camera
 from vision.scene.light import Light
-from vision.scene.render import Scene, control_point_card, control_points
+from vision.scene.render import Scene
 from vision.scene.street import Street
+from vision.scene.truth import control_point_card, control_points
 from vision.scene.vehicles import PAINTS, Pose, SceneVehicle
 from vision.scene.video import write_video
 

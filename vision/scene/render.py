@@ -1,7 +1,7 @@
 """Frames of the street with its vehicles."""
 
 from dataclasses import dataclass, field
-from functools import cached_property, cmp_to_key
+from functools import cached_property, cmp_to_key, lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -45,8 +45,13 @@ class Scene:
 
     @cached_property
     def still(self) -> "Still":
-        """What does not move, drawn once."""
-        return Still.of(self)
+        """What does not move, drawn once for all scenes that share it."""
+        return still_street(self.camera, self.street, self.light, self.parked)
+
+    @cached_property
+    def grain(self) -> Image:
+        """Sensor noise, see `noise_tile`."""
+        return noise_tile(self)
 
     def wave(self, t: float, stream: int) -> float:
         """Smooth noise of unit spread at time `t`, s: four sines of random phase and rate (0.05-3 Hz)."""
@@ -61,35 +66,35 @@ class Scene:
 
 @dataclass(frozen=True)
 class Still:
-    """Everything that stands still, at the finer scale: picture, what hides vehicles, sunlit ground, noise tile."""
+    """Everything that stands still, at the finer scale: picture, what hides vehicles, sunlit ground."""
 
     picture: Image
     foreground: Image
     sunlit: Image
-    noise: Image
 
-    @classmethod
-    def of(cls, scene: Scene) -> "Still":
-        """Draw the street without vehicles."""
-        camera = scene.camera.scaled(FINER)
-        ortho = Orthophoto(scene.street)
-        things = furnish(scene.street, camera)
-        sunlit = static_shadows(ortho, things, scene.light) if scene.light.sun else np.ones(ortho.shape, np.float32)
-        picture = ground(camera, scene.light, ortho, sunlit)
-        painter = Painter(camera, scene.light, picture)
-        inside = abs(camera.position[1]) < scene.street.curb
-        fronts = [] if inside else [thing for thing in things if hides_road(thing, camera)]
-        for thing in sorted(things, key=lambda thing: -np.hypot(*(thing.middle - camera.position[:2]))):
-            if thing not in fronts:
-                painter.draw(thing)
-        for vehicle in sorted(scene.parked, key=lambda v: -np.hypot(*(np.array(v.pose(0)[:2]) - camera.position[:2]))):
-            cast_shadow(picture, camera, scene.light, vehicle, vehicle.pose(0.0), 1.0)
-            draw_faces(picture, seen_faces(camera, scene.light, vehicle, vehicle.pose(0.0), 1.0))
-        bare = picture.copy()
-        for thing in sorted(fronts, key=lambda thing: -np.hypot(*(thing.middle - camera.position[:2]))):
+
+@lru_cache(maxsize=4)
+def still_street(camera: Camera, street: Street, light: Light, parked: tuple[SceneVehicle, ...]) -> Still:
+    """Draw the street without moving vehicles."""
+    camera = camera.scaled(FINER)
+    ortho = Orthophoto(street)
+    things = furnish(street, camera)
+    sunlit = static_shadows(ortho, things, light) if light.sun else np.ones(ortho.shape, np.float32)
+    picture = ground(camera, light, ortho, sunlit)
+    painter = Painter(camera, light, picture)
+    inside = abs(camera.position[1]) < street.curb
+    things.sort(key=lambda thing: -np.hypot(*(thing.middle - camera.position[:2])))
+    for thing in things:
+        if inside or not hides_road(thing, camera):
             painter.draw(thing)
-        foreground = 255 * (picture != bare).any(2).astype(np.uint8)
-        return cls(picture, foreground, sunlit, noise_tile(scene))
+    for vehicle in sorted(parked, key=lambda v: -np.hypot(*(np.array(v.pose(0)[:2]) - camera.position[:2]))):
+        cast_shadow(picture, camera, light, vehicle, vehicle.pose(0.0), 1.0)
+        draw_faces(picture, seen_faces(camera, light, vehicle, vehicle.pose(0.0), 1.0))
+    bare = picture.copy()
+    for thing in things:
+        if not inside and hides_road(thing, camera):
+            painter.draw(thing)
+    return Still(picture, 255 * (picture != bare).any(2).astype(np.uint8), sunlit)
 
 
 def hides_road(thing: Thing, camera: Camera) -> bool:
@@ -184,5 +189,5 @@ def expose(scene: Scene, frame: Image, t: float) -> Image:
     gain = 1 + scene.flicker * scene.wave(t, 0)
     rng = np.random.default_rng([scene.seed, 11, round((t + 1e4) * 1e4)])
     row, column = rng.integers(0, 64, 2)
-    noise = scene.still.noise[row : row + height, column : column + width]
+    noise = scene.grain[row : row + height, column : column + width]
     return cv2.addWeighted(frame, gain, noise, 1.0, -128.0)

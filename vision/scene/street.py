@@ -173,9 +173,11 @@ class Orthophoto:
             base[self.rows(inner, outer), joints] -= 30
 
     def fill(self, image: Image, outline: ArrayLike, color: float | tuple[float, ...]) -> None:
-        """Fill a polygon [k, 2], m."""
+        """Fill a convex polygon [k, 2], m."""
         points = np.asarray(outline, float)
         pixels = (points - [self.street.extent[0], -HALF_WIDTH]) / RESOLUTION - 0.5
+        # fillPoly also fills the pixels that its outline touches: draw the outline half a pixel further in
+        pixels -= 0.5 * np.sign((pixels - pixels.mean(0)).round(6))
         cv2.fillPoly(image, [(pixels * 2**SHIFT).round().astype(np.int32)], color, cv2.LINE_8, SHIFT)
 
     def stripe(self, image: Image, x: tuple[float, float], y: float, width: float) -> None:
