@@ -7,25 +7,29 @@ from numpy.typing import NDArray
 
 from calib.control_points import ControlPoints
 from calib.ground import GroundFit
-from vision.camera import Calibration
 from vision.contract import InputError, writing
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
-GREEN, RED, GRAY, YELLOW = (80, 220, 80), (60, 60, 255), (160, 160, 160), (0, 230, 255)  # blue, green, red
+GREEN, RED, BLUE, YELLOW = (80, 220, 80), (60, 60, 255), (255, 200, 110), (0, 230, 255)  # blue, green, red
 MAGNIFY = 20.0  # residuals are drawn this many times as long
+NARROW = 1000  # px
 GRID_X, GRID_Y = 10.0, 2.0  # m between grid lines
 
 
 def draw_fit(image: Image, points: ControlPoints, fit: GroundFit) -> Image:
-    """Return a copy of a frame [height, width, 3] with the ground grid, the points and their magnified residuals."""
+    """Draw the ground grid, the points and their magnified residuals on a copy of a frame [height, width, 3].
+
+    Frames narrower than `NARROW` px are drawn twice as large, so that the names can be read.
+    """
     import cv2
 
-    canvas = np.ascontiguousarray(image).copy()
+    scale = 2 if image.shape[1] < NARROW else 1
+    canvas = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), np.uint8)
     for line, label in _grid(points.ground):
-        _polyline(canvas, fit.calibration, line, label)
-    predicted = fit.calibration.to_image(points.ground)
-    for name, pixel, place, used in zip(points.names, points.pixels, predicted, fit.used, strict=True):
+        _polyline(canvas, scale * fit.calibration.to_image(line), label)
+    predicted = scale * fit.calibration.to_image(points.ground)
+    for name, pixel, place, used in zip(points.names, scale * points.pixels, predicted, fit.used, strict=True):
         color = GREEN if used else RED
         center = _integers(pixel)
         cv2.circle(canvas, center, 5, color, 1, cv2.LINE_AA)
@@ -56,19 +60,18 @@ def _grid(ground: Array) -> list[tuple[Array, str]]:
     return across + along
 
 
-def _polyline(canvas: Image, calibration: Calibration, line: Array, label: str) -> None:
+def _polyline(canvas: Image, pixels: Array, label: str) -> None:
     import cv2
 
     height, width = canvas.shape[:2]
-    pixels = calibration.to_image(line)
     near = np.isfinite(pixels).all(axis=1) & (np.abs(pixels) < 10 * max(width, height)).all(axis=1)
     pixels = pixels[near]
     if len(pixels) < 2:
         return
-    cv2.polylines(canvas, [pixels.round().astype(np.int32)], False, GRAY, 1, cv2.LINE_AA)
+    cv2.polylines(canvas, [pixels.round().astype(np.int32)], False, BLUE, 1, cv2.LINE_AA)
     inside = pixels[((pixels > 0) & (pixels < (width - 40, height))).all(axis=1)]
     if len(inside):
-        cv2.putText(canvas, label, _integers(inside[-1]), cv2.FONT_HERSHEY_SIMPLEX, 0.33, GRAY, 1, cv2.LINE_AA)
+        cv2.putText(canvas, label, _integers(inside[-1]), cv2.FONT_HERSHEY_SIMPLEX, 0.33, BLUE, 1, cv2.LINE_AA)
 
 
 def _integers(pixel: Array) -> tuple[int, int]:
