@@ -63,7 +63,7 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; give the path of an anchors table") from error
     except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: no readable csv ({error}); write {','.join(COLUMNS)}") from error
+        raise InputError(f"{path}: no readable csv ({str(error).strip()}); write {','.join(COLUMNS)}") from error
     geographic = "latitude" in table and "x" not in table
     names = tuple({"x": "latitude", "y": "longitude"}.get(name, name) if geographic else name for name in COLUMNS)
     if missing := [name for name in names if name not in table]:

@@ -249,7 +249,7 @@ def read_das(
     blocks = read_all(files)
     check_alike(blocks)
     first = blocks[0]
-    unit = resolve(first.unit, quantity, scale, first.path)
+    unit = resolve(first.unit, first.stated, quantity, scale, first.path)
     spacing = agreed("channel spacing", file_spacing(first), channel_spacing, first.path, notes)
     gauge = agreed("gauge length", first.gauge_length, gauge_length, first.path, notes)
     stored = unit

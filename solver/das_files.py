@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from solver.tdms import read_tdms_properties
-from solver.units import Unit, parse_unit
+from solver.units import Unit, dascore, parse_unit
 from vision.contract import InputError
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -164,16 +164,24 @@ def from_prodml(block: Block) -> Block:
 
 
 def from_febus(block: Block) -> Block:
-    """Refuse Febus products other than strain (rate): DASCore reads every zone as strain rate."""
+    """Refuse spectra, and trust no unit but that of a product called strain rate: DASCore reads all as such."""
     import h5py
 
-    names: list[str] = []
+    names = list[str]()
     with h5py.File(block.path) as file:
         file.visititems(lambda name, node: names.append(name) if isinstance(node, h5py.Dataset) else None)
-    products = [name.rpartition("/")[2] for name in names if not name.endswith("time")]
-    if wrong := [name for name in products if "strain" not in name.lower() or name.startswith("PSD")]:
-        raise InputError(f"{block.path}: holds {wrong[0]!r}, a spectrum and no time series; export StrainRate instead")
-    return block
+    product = next(name.rpartition("/")[2] for name in names if not name.endswith("/time"))
+    if product.startswith("PSD") or "dB" in product:
+        raise InputError(f"{block.path}: holds {product!r}, a spectrum and no time series; export StrainRate instead")
+    return block if "rate" in product.lower() else replace(block, unit=None, stated=product)
+
+
+def from_ap_sensing(block: Block) -> Block:
+    """Take the data type along as what the file states: phase in counts whose scale it does not tell."""
+    import h5py
+
+    with h5py.File(block.path) as file:
+        return replace(block, stated=file["ProcessingServer/DataType"][0].decode())
 
 
 COMPLETIONS: dict[str, Callable[[Block], Block]] = {
@@ -181,14 +189,13 @@ COMPLETIONS: dict[str, Callable[[Block], Block]] = {
     "Silixa_H5": from_silixa_h5,
     "PRODML": from_prodml,
     "febus": from_febus,
+    "APSensing": from_ap_sensing,
 }
 
 
 def meters(values: NDArray[np.float64], units: Any) -> NDArray[np.float64]:
     """Convert `values` in `units` (m where not stated) to meters."""
-    import dascore as dc
-
-    return values if units is None else values * float(dc.get_quantity(units).to("m").magnitude)
+    return values if units is None else values * float(dascore().get_quantity(units).to("m").magnitude)
 
 
 def patch_block(patch: Any, path: Path, name: str) -> Block:
@@ -213,13 +220,15 @@ def patch_block(patch: Any, path: Path, name: str) -> Block:
 
 def read_with_dascore(path: Path) -> Iterator[Block]:
     """Read a file of an interrogator through DASCore (PRODML, Silixa, Terra15, OptoDAS, Febus, AP Sensing ...)."""
-    import dascore as dc
+    dc = dascore()
     from dascore.exceptions import UnknownFiberFormatError
 
+    with path.open("rb") as stream:
+        # DASCore loads what looks like a pickle of it, be it only to learn its format.
+        if b"dascore.core" in stream.read(100):
+            raise InputError(f"{path}: a pickle can run code when it is read; store it as PRODML or DASDAE instead")
     try:
         name, version = dc.get_format(path)
-        if name == "PICKLE":
-            raise InputError(f"{path}: a pickle can run code when it is read; store it as PRODML or DASDAE instead")
         patches = list(dc.read(path, file_format=name, file_version=version))
         for patch in patches:
             if {"time", "distance"} <= set(patch.dims):

@@ -48,13 +48,13 @@ def sampling_interval(blocks: Sequence[Block]) -> float:
         If the sampling rates of the files differ by over 0.1 %.
     """
     nominal = np.array([file_interval(block) for block in blocks])
-    interval = float(np.median(nominal))
-    odd = int(np.abs(nominal - interval).argmax())
-    if abs(nominal[odd] / interval - 1) > 1e-3:
+    odd = int(np.abs(nominal - nominal[0]).argmax())
+    if abs(nominal[odd] / nominal[0] - 1) > 1e-3:
         raise InputError(
-            f"{blocks[odd].path}: {1e9 / nominal[odd]:g} samples/s, but {1e9 / interval:g} in the other files; "
+            f"{blocks[odd].path}: {1e9 / nominal[odd]:g} samples/s, but {1e9 / nominal[0]:g} in {blocks[0].path.name}; "
             "give files of one recording"
         )
+    interval = float(np.median(nominal))
     lengths = np.array([len(block.time) for block in blocks[:-1]])
     steps = np.diff([block.time[0] for block in blocks])
     adjoining = np.abs(steps - lengths * interval) < interval / 2

@@ -68,7 +68,7 @@ def write_prodml(
 
     path = Path(path)
     values = (np.asarray(strain_rate, np.float64) / STORED).astype(np.float32)
-    first = int(np.datetime64(start, "us").astype(np.int64))
+    first = int(start.astype("datetime64[us]").astype(np.int64))
     time = first + np.round(np.arange(len(values)) * 1e6 / sampling_rate).astype(np.int64)
     with writing(path) as temporary, h5py.File(temporary, "w") as file:
         file.attrs["uuid"] = np.bytes_(identity(path, "file"))

@@ -1,5 +1,6 @@
 """What the numbers of a DAS file are, and how they become strain rate."""
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,14 @@ QUANTITIES = ("strain_rate", "strain", "phase", "phase_rate", "velocity", "idas_
 WAVELENGTH = 1550e-9  # m, of the laser in vacuum
 REFRACTIVE_INDEX = 1.468  # group index of G.652 fiber at 1550 nm
 STRAIN_OPTIC = 0.78  # zeta: the refractive index of silica falls as it is stretched
+
+
+def dascore() -> Any:
+    """Import DASCore without the warnings of pint that DASCore's unit file redefines two of its units."""
+    logging.getLogger("pint").setLevel(logging.ERROR)
+    import dascore as dc
+
+    return dc
 
 
 @dataclass(frozen=True)
@@ -62,11 +71,10 @@ def parse_unit(text: Any) -> Unit | None:
     >>> parse_unit("rad/m/s").per_length
     True
     """
-    import dascore as dc
     from pint.errors import PintError
 
     try:
-        base = dc.get_quantity(text).to_base_units()
+        base = dascore().get_quantity(text).to_base_units()
     except (PintError, AttributeError, ValueError, TypeError):
         return None
     powers = {name.strip("[]"): round(power) for name, power in base.dimensionality.items()}
@@ -90,8 +98,8 @@ def parse_unit(text: Any) -> Unit | None:
     return None if powers else Unit("strain", factor)
 
 
-def resolve(unit: Unit | None, quantity: str | None, scale: float | None, where: Path) -> Unit:
-    """Decide what the numbers are, from what the file says (`unit`) and what the user says.
+def resolve(unit: Unit | None, stated: str, quantity: str | None, scale: float | None, where: Path) -> Unit:
+    """Decide what the numbers are, from what the file says (`unit`; `stated` in its words) and what the user says.
 
     `quantity` fills in what the file does not say (numbers in SI units then); `scale` overrides the file's factor.
 
@@ -100,14 +108,17 @@ def resolve(unit: Unit | None, quantity: str | None, scale: float | None, where:
     InputError
         If nobody says it, or both do and disagree without a `scale`.
 
-    >>> resolve(None, "strain_rate", 1e-9, Path("a.npy"))
+    >>> resolve(None, "", "strain_rate", 1e-9, Path("a.npy"))
     Unit(quantity='strain_rate', factor=1e-09, per_length=False)
     """
     accepted = ", ".join(QUANTITIES)
     if quantity is not None and quantity not in QUANTITIES:
         raise InputError(f"{where}: unknown quantity {quantity!r}; give one of {accepted}")
     if unit is None and quantity is None:
-        raise InputError(f"{where}: the file does not say its unit; give quantity (one of {accepted}) and scale")
+        words = f"states {stated!r}, which tells no unit" if stated else "states no unit"
+        raise InputError(
+            f"{where}: the file {words}; give quantity (one of {accepted}) and scale (stored number to SI unit)"
+        )
     if scale is not None:
         known = quantity or (unit.quantity if unit else "")
         return Unit(known, scale, bool(unit and unit.per_length and unit.quantity == known))
@@ -115,8 +126,8 @@ def resolve(unit: Unit | None, quantity: str | None, scale: float | None, where:
         return Unit(str(quantity), 116.0 if quantity == "idas_counts" else 1.0)
     if quantity is not None and quantity != unit.quantity:
         raise InputError(
-            f"{where}: the file holds {unit.quantity}, quantity says {quantity}; "
-            "leave quantity out, or give scale too to override the file"
+            f"{where}: the file holds {unit.quantity}, not {quantity}; "
+            "leave quantity out, or give scale too to overrule the file"
         )
     return unit
 

@@ -1,0 +1,78 @@
+import numpy as np
+import pandas as pd
+import pytest
+from drives import START, fixes
+
+from solver.tracks import Track, driven, moves, numbered, tracks_of, turns, unbroken
+
+
+def a_track(time, x, sigma=0.1):
+    time = np.asarray(time, float)
+    place = np.stack([np.broadcast_to(x, time.shape), np.zeros_like(time)], -1)
+    return Track("7", "car", time, place, np.full(place.shape, sigma))
+
+
+def test_a_table_becomes_tracks():
+    one = fixes([1.0, 0.5, 2.0], [10.0, 5.0, 20.0], 0.0, sigma=0.0, track_id="a", length=[4.0, np.nan, 5.0])
+    other = fixes([-1.0], [0.0], 3.0, track_id="b", length=np.nan)
+    other["class"] = "bus"
+    tracks = {track.track_id: track for track in tracks_of(pd.concat([one, other]), START)}
+    assert tracks["a"].time.tolist() == [0.5, 1.0, 2.0]
+    assert tracks["a"].value.tolist() == [[5.0, 0.0], [10.0, 0.0], [20.0, 0.0]]
+    assert (tracks["a"].vehicle_class, tracks["a"].length) == ("car", 4.5)
+    assert (tracks["b"].vehicle_class, tracks["b"].length, tracks["b"].time.tolist()) == ("bus", None, [-1.0])
+
+
+def test_a_long_silence_starts_a_new_drive():
+    parts = unbroken(a_track([0, 1, 2, 30, 31, 49, 80], 0.0))
+    assert [(part.track_id, part.time.tolist()) for part in parts] == [
+        ("7", [0.0, 1.0, 2.0]),
+        ("7#2", [30.0, 31.0, 49.0]),
+        ("7#3", [80.0]),
+    ]
+    assert [numbered("7", index) for index in range(2)] == ["7", "7#2"]
+
+
+@pytest.mark.parametrize(
+    ("track", "expected"),
+    [
+        (a_track([0, 1], [0.0, 50.0]), False),
+        (a_track([0, 1, 2], [0.0, 2.0, 4.9]), False),
+        (a_track([0, 1, 2], [0.0, 2.0, 5.1]), True),
+        (a_track(np.arange(500), 3 * np.random.default_rng(0).normal(size=500), sigma=3.0), False),
+    ],
+)
+def test_what_moves(track, expected):
+    assert moves(track) is expected
+
+
+def test_standing_is_dropped_but_for_a_rest():
+    time = np.arange(0.0, 200.0)
+    x = np.interp(time, [0, 50, 60, 100, 110, 200], [0, 0, 100, 100, 200, 200])
+    kept = driven(a_track(time, x))
+    assert kept.time[0] == 46.0
+    assert kept.time[-1] == 114.0
+    assert len(kept.time) == 69
+
+
+def test_driving_is_kept_whole():
+    track = a_track(np.arange(10), np.arange(10) * 8.0)
+    assert np.array_equal(driven(track).time, track.time)
+    small = a_track(np.arange(10), np.arange(10) * 0.1)
+    assert driven(small) is small
+
+
+@pytest.mark.parametrize(
+    ("x", "expected"),
+    [
+        ([0, 30, 60], []),
+        ([0, -30, -60], []),
+        ([0, 30, 60, 30, 0], [2]),
+        ([0, 30, 25, 60, 52, 90], []),
+        ([0, -30, 20, -30], [1, 2]),
+        ([0, 5, -4, 3], []),
+        ([], []),
+    ],
+)
+def test_turns(x, expected):
+    assert turns(np.array(x, float)) == expected

@@ -1,0 +1,181 @@
+import logging
+
+import numpy as np
+import pandas as pd
+import pytest
+from drives import START, a_record, fixes
+
+from solver.tracks import tracks_of
+from solver.trajectory import Pass, likeliest, padded, smooth_passes
+from vision.contract import InputError
+
+FINE = np.arange(0.0, 60.0, 0.002)
+
+
+def driven_x(kind):
+    """x, m, at `FINE` of a car at 12 m/s at 20 s, x = 0."""
+    acceleration = {
+        "steady": 0 * FINE,
+        "accelerating": 0.8 + 0 * FINE,
+        "braking": -1.5 * np.exp(-(((FINE - 24) / 1.5) ** 2)),
+        "restless": 0.5 * np.sin(2 * np.pi * FINE / 8),
+    }[kind]
+    x = np.cumsum(np.cumsum(acceleration) * 0.002 + 12) * 0.002
+    return x - np.interp(20, FINE, x)
+
+
+def passes_of(x, correlation, seeds):
+    """Passes of the same drive seen for 8 s at 12.5 Hz, with errors of 6 cm from each of `seeds`."""
+    seen = 20.03 + np.arange(100) * 0.08
+    table = pd.concat(
+        fixes(seen, np.interp(seen, FINE, x), -1.0, correlation=correlation, seed=seed, track_id=str(seed))
+        for seed in seeds
+    )
+    return smooth_passes(table, a_record())
+
+
+@pytest.mark.parametrize("kind", ["steady", "accelerating", "braking", "restless"])
+@pytest.mark.parametrize(("correlation", "worst"), [(0.0, 0.022), (0.65, 0.04)])
+def test_errors_are_small_and_as_large_as_they_say(kind, correlation, worst):
+    x = driven_x(kind)
+    passes = passes_of(x, correlation, range(40))
+    assert len(passes) == 40
+    errors, scaled = [], []
+    for one in passes:
+        time = one.rows / 5.0
+        error = one.position - np.stack([np.interp(time, FINE, x), np.full(len(time), -1.0)], -1)
+        errors.append(error[one.in_view])
+        scaled.append((error / one.sigma)[one.in_view])
+    rms = np.sqrt(np.mean(np.concatenate(errors) ** 2, axis=0))
+    assert rms[0] < worst
+    assert rms[1] < (0.012 if correlation == 0 else 0.025)
+    spread = np.concatenate(scaled)
+    assert (np.sqrt(np.mean(spread**2, axis=0)) < 1.25).all()
+    assert (np.sqrt(np.mean(spread**2, axis=0)) > 0.8).all()
+    assert np.mean(np.abs(spread) > 3) < 0.02
+
+
+def test_likelihood_finds_how_errors_and_vehicle_behave():
+    seen = 20.03 + np.arange(200) * 0.08
+    chosen = {}
+    for kind in ("steady", "restless"):
+        for correlation in (0.0, 0.8):
+            tables = [
+                fixes(
+                    seen, np.interp(seen, FINE, driven_x(kind)), 0.0, correlation=correlation, seed=k, track_id=str(k)
+                )
+                for k in range(10)
+            ]
+            tracks = list(tracks_of(pd.concat(tables), START))
+            acceleration, memory = likeliest(padded(tracks), np.full(10, 0.08))
+            chosen[kind, correlation] = np.median(acceleration[:, 0]), np.median(np.exp(-0.08 / memory[:, 0]))
+    assert chosen["steady", 0.0][0] < 0.05
+    assert chosen["restless", 0.0][0] > 0.2
+    assert chosen["steady", 0.0][1] < 0.31
+    assert 0.6 < chosen["steady", 0.8][1] < 0.95
+
+
+def test_a_pass_is_followed_beyond_its_view():
+    seen = 20 + np.arange(100) * 0.08
+    table = fixes(seen, 10 * (seen - 20), -3.4, sigma=0.02, vehicle_class="van", length=5.5)
+    (one,) = smooth_passes(table, a_record(), reach=30.0)
+    assert (one.vehicle_class, one.length, one.track_id) == ("van", 5.5, "1")
+    assert np.array_equal(np.diff(one.rows), np.ones(len(one.rows) - 1))
+    assert one.position[[0, -1], 0] == pytest.approx([-30.0, 10 * 7.92 + 30.0], abs=2.1)
+    assert np.allclose(one.position[:, 0], 10 * (one.rows / 5 - 20), atol=0.3)
+    assert np.allclose(one.velocity, [10.0, 0.0], atol=0.1)
+    assert one.speed == pytest.approx(10.0, abs=0.05)
+    assert one.in_view.sum() == 40
+    before = one.sigma[: one.in_view.argmax(), 0]
+    assert (np.diff(before) < 0).all()
+    assert before[0] > 5 * one.sigma[one.in_view, 0].max()
+
+
+def test_the_record_clips_and_the_other_direction_is_negative():
+    seen = 2 + np.arange(40) * 0.1
+    (one,) = smooth_passes(fixes(seen, 60 - 15 * seen, 3.0), a_record(5.0))
+    assert one.rows.tolist() == list(range(0, 25))
+    assert one.speed == pytest.approx(-15.0, abs=0.1)
+
+
+def test_wrong_fixes_weigh_little():
+    seen = 20 + np.arange(100) * 0.08
+    table = fixes(seen, 12 * (seen - 20), 0.0)
+    table.loc[[0, 30, 31, 99], "x"] += [8.0, -5.0, -5.0, 9.0]
+    (one,) = smooth_passes(table, a_record())
+    assert np.abs(one.position[:, 0] - 12 * (one.rows / 5 - 20))[one.in_view].max() < 0.25
+
+
+def test_sparse_gps_is_smoothed_too():
+    seen = np.arange(5.0, 45.0)
+    table = fixes(seen, 8 * (seen - 5), 2.0, sigma=1.5)
+    (one,) = smooth_passes(table, a_record())
+    error = one.position[one.in_view, 0] - 8 * (one.rows[one.in_view] / 5 - 5)
+    assert np.sqrt(np.mean(error**2)) < 1.0
+    assert (one.sigma[one.in_view] < 1.6).all()
+
+
+def test_a_drive_up_and_down_is_two_passes():
+    seen = np.arange(0.0, 58.0, 0.2)
+    x = np.interp(seen, [0, 28, 30, 58], [0, 280, 280, 0])
+    passes = smooth_passes(fixes(seen, x, 0.0), a_record())
+    assert [one.track_id for one in passes] == ["1", "1#2"]
+    assert [np.sign(one.speed) for one in passes] == [1, -1]
+    assert passes[1].rows[0] == passes[0].rows[-1] + 1
+    assert not set(passes[0].rows) & set(passes[1].rows)
+
+
+def test_what_does_not_move_is_counted_and_left_out(caplog):
+    seen = np.arange(10.0, 15.0, 0.1)
+    table = pd.concat(
+        [
+            fixes(seen, 10 * seen, 0.0, track_id="moves"),
+            fixes(seen, 3.0, 0.0, track_id="parked"),
+            fixes(seen[:2], [0.0, 9.0], 0.0, track_id="short"),
+        ]
+    )
+    with caplog.at_level(logging.INFO, logger="roadfiber"):
+        passes = smooth_passes(table, a_record())
+    assert [one.track_id for one in passes] == ["moves"]
+    assert "2 of 3 tracks left out" in caplog.text
+    with pytest.raises(InputError, match="no moving vehicle"):
+        smooth_passes(table[table["track_id"] == "parked"], a_record())
+
+
+def test_a_pass_in_a_gap_is_left_out():
+    tables = [fixes(at + np.arange(50) * 0.1, 10 * np.arange(50) * 0.1, 0.0, track_id=str(at)) for at in (10, 40)]
+    record = a_record(missing=slice(20, 120))
+    assert [one.track_id for one in smooth_passes(pd.concat(tables), record)] == ["40"]
+
+
+@pytest.mark.parametrize("shift", [-3600.0, 3600.0])
+def test_no_overlap_is_one_clear_line(shift):
+    seen = shift + np.arange(50) * 0.1
+    with pytest.raises(InputError) as caught:
+        smooth_passes(fixes(seen, 10 * seen, 0.0), a_record())
+    hour = "05" if shift < 0 else "07"
+    assert f"trajectories (2025-08-11T{hour}:00:00Z to 2025-08-11T{hour}:00:04Z)" in str(caught.value)
+    assert "DAS (2025-08-11T06:00:00Z to 2025-08-11T06:00:59Z) do not overlap in time" in str(caught.value)
+
+
+def test_many_tracks_of_many_lengths():
+    rng = np.random.default_rng(1)
+    tables = []
+    for number in range(80):
+        seen = rng.uniform(0, 40) + np.arange(rng.integers(20, 60)) * 0.1
+        tables.append(fixes(seen, 10 * (seen - seen[0]), 0.0, seed=number, track_id=str(number)))
+    passes = smooth_passes(pd.concat(tables), a_record())
+    alone = smooth_passes(tables[17], a_record())[0]
+    together = next(one for one in passes if one.track_id == "17")
+    assert len(passes) == 80
+    assert np.array_equal(together.rows, alone.rows)
+    assert np.allclose(together.position, alone.position, atol=1e-6)
+    assert np.allclose(together.sigma, alone.sigma, rtol=1e-4)
+
+
+def test_speed_of_a_pass_out_of_view():
+    still = np.zeros((3, 2))
+    one = Pass(
+        "1", "car", np.arange(3), np.arange(6.0).reshape(3, 2), np.full((3, 2), [2.0, 0.0]), still, np.zeros(3, bool)
+    )
+    assert one.speed == 2.0

@@ -1,0 +1,204 @@
+import logging
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from vision.contract import COLUMNS, InputError, LocalFrame, read_trajectories, write_trajectories
+
+FRAME = LocalFrame((32.113, 34.804), 78.0)
+HEADER = ",".join(COLUMNS)
+ROW = "2025-08-11T06:00:00.25Z,1,Car,2.5,-1.5,0.1,0.2"
+GPS_HEADER = "time,track_id,class,latitude,longitude,sigma"
+
+
+def written(folder, text, name="tracks.csv"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def a_table(rows=3):
+    return pd.DataFrame(
+        {
+            "time": pd.date_range("2025-08-11T06:00:00.123456Z", periods=rows, freq="80ms").as_unit("ns"),
+            "track_id": ["7"] * rows,
+            "class": ["bus"] * rows,
+            "x": np.arange(rows) * 1.25,
+            "y": -0.5,
+            "sigma_x": 0.05,
+            "sigma_y": 0.07,
+            "confidence": 0.9,
+        }
+    )
+
+
+def test_meters_are_taken_as_they_are(tmp_path):
+    table = read_trajectories([written(tmp_path, f"{HEADER},length\n{ROW},4.5\n")])
+    assert list(table) == [*COLUMNS, "length"]
+    assert str(table["time"].dtype) == "datetime64[ns, UTC]"
+    assert table["time"][0] == pd.Timestamp("2025-08-11T06:00:00.25Z")
+    assert table[["track_id", "class"]].to_numpy().tolist() == [["1", "car"]]
+    assert table[["x", "y", "sigma_x", "sigma_y", "length"]].to_numpy().tolist() == [[2.5, -1.5, 0.1, 0.2, 4.5]]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_written_table_reads_back(tmp_path, suffix):
+    write_trajectories(a_table(), tmp_path / f"tracks{suffix}")
+    back = read_trajectories([tmp_path / f"tracks{suffix}"])
+    pd.testing.assert_frame_equal(back, a_table(), check_dtype=False)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"tracks{suffix}"]
+
+
+def test_csv_times_are_utc_with_microseconds(tmp_path):
+    local = a_table(1).assign(time=a_table(1)["time"].dt.tz_convert("Asia/Jerusalem"))
+    write_trajectories(local, tmp_path / "tracks.csv")
+    assert (tmp_path / "tracks.csv").read_text().splitlines()[1].startswith("2025-08-11T06:00:00.123456Z,7,bus,")
+
+
+@pytest.mark.parametrize(
+    ("name", "drop", "says"), [("tracks.xlsx", [], ".csv or .parquet"), ("a.csv", ["y"], "column y")]
+)
+def test_what_cannot_be_written_leaves_nothing(tmp_path, name, drop, says):
+    with pytest.raises(InputError, match=says):
+        write_trajectories(a_table().drop(columns=drop), tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_times_with_an_offset_become_utc(tmp_path):
+    row = ROW.replace("06:00:00.25Z", "08:00:00.25+02:00")
+    assert read_trajectories([written(tmp_path, f"{HEADER}\n{row}\n")])["time"][0].hour == 6
+
+
+def test_gps_is_projected(tmp_path):
+    latitude, longitude = FRAME.to_geographic([30.0], [-4.0])
+    row = f"2025-08-11T06:00:00Z,1,car,{latitude[0]:.9f},{longitude[0]:.9f},0.5"
+    table = read_trajectories([written(tmp_path, f"{GPS_HEADER}\n{row}\n")], FRAME)
+    assert np.allclose(table[["x", "y", "sigma_x", "sigma_y"]], [[30.0, -4.0, 0.5, 0.5]], atol=1e-3)
+    assert "latitude" not in table
+
+
+@pytest.mark.parametrize("namespace", ["", ' xmlns="http://www.topografix.com/GPX/1/1"'])
+def test_gpx_segments_are_tracks(tmp_path, namespace, caplog):
+    point = '<trkpt lat="{}" lon="34.804"><time>2025-08-11T06:00:0{}Z</time></trkpt>'
+    segments = [f"<trkseg>{point.format(32.113 + k * 1e-4, k)}{point.format(32.1131, k + 3)}</trkseg>" for k in (0, 1)]
+    track = f"<trk><name>tour</name><type>Van</type>{''.join(segments)}</trk>"
+    path = written(tmp_path, f"<gpx{namespace}>{track}<trk>{segments[0]}</trk></gpx>", "tour.gpx")
+    with caplog.at_level(logging.INFO, logger="roadfiber"):
+        table = read_trajectories([path], FRAME)
+    assert sorted(set(table["track_id"])) == ["2", "tour/1", "tour/2"]
+    assert set(table["class"]) == {"van", "vehicle"}
+    assert set(table["sigma_x"]) == {3.0}
+    assert "3 m assumed" in caplog.text
+
+
+def test_the_same_track_id_in_two_files_is_two_vehicles(tmp_path):
+    other = ROW.replace(",1,Car", ",2,Car")
+    first = written(tmp_path, f"{HEADER}\n{ROW}\n{other}\n", "east.csv")
+    second = written(tmp_path, f"{HEADER}\n{ROW}\n", "west.csv")
+    assert set(read_trajectories([first, second])["track_id"]) == {"east:1", "west:1", "2"}
+
+
+def test_repeated_rows_count_once(tmp_path):
+    assert len(read_trajectories([written(tmp_path, f"{HEADER}\n{ROW}\n{ROW}\n")])) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "empty file"),
+        (HEADER + "\n", "no fixes"),
+        ("time,track_id,class,x\n" + ROW, "no column y, sigma_x, sigma_y"),
+        ("time,track_id,class,latitude\na,b,c,d", "no column longitude, sigma"),
+        (f"{HEADER}\n{ROW}\n{ROW.replace('2025-08-11T06:00:00.25Z', 'noon')}", "row 2: time 'noon' is no time"),
+        (f"{HEADER}\n{ROW.replace('25Z', '25')}", "row 1: time '2025-08-11T06:00:00.25' has no time zone; write ISO"),
+        (f"{HEADER}\n{ROW.replace('T06:00:00.25Z', '')}", "has no time zone"),
+        (f"{HEADER}\n{ROW.replace('2025-08-11T06:00:00.25Z', '')}", "row 1: time 'nan' is no time"),
+        (f"{HEADER}\n{ROW.replace('2.5', '')}", "row 1: x is 'nan'"),
+        (f"{HEADER}\n{ROW.replace('2.5', 'inf')}", "row 1: x is 'inf'"),
+        (f"{HEADER}\n{ROW.replace('-1.5', 'left')}", "row 1: y is 'left'"),
+        (f"{HEADER}\n{ROW.replace(',0.2', ',0')}", "row 1: sigma_y is 0; give a standard deviation above 0 m"),
+        (f"{HEADER}\n{ROW.replace(',1,', ',,')}", "row 1: track_id is empty"),
+        (f"{HEADER}\n{ROW}\n{ROW.replace('2.5', '9.5')}", "track 1 is at two places at 2025-08-11T06:00:00.25"),
+        (f"{HEADER}\n{ROW}\n{ROW},1,2,3\n", "cannot be read (Error tokenizing data"),
+    ],
+)
+def test_bad_csv_is_one_clear_line(tmp_path, text, says):
+    path = written(tmp_path, text)
+    with pytest.raises(InputError) as caught:
+        read_trajectories([path], FRAME)
+    assert says in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("place", "says"),
+    [
+        ("97.0,34.8", "row 1: latitude is 97; give degrees within ±90"),
+        ("32.1,190.0", "row 1: longitude is 190"),
+        ("34.804,32.113", "latitude and longitude look swapped"),
+        ("33.113,36.804", "km from the frame's origin"),
+        (",34.8", "row 1: latitude is 'nan'"),
+    ],
+)
+def test_bad_positions_are_one_clear_line(tmp_path, place, says):
+    path = written(tmp_path, f"{GPS_HEADER}\n2025-08-11T06:00:00Z,1,car,{place},0.5\n")
+    with pytest.raises(InputError, match=says):
+        read_trajectories([path], FRAME)
+
+
+def test_gps_needs_a_frame(tmp_path):
+    path = written(tmp_path, f"{GPS_HEADER}\n2025-08-11T06:00:00Z,1,car,32.1,34.8,0.5\n")
+    with pytest.raises(InputError, match="need a frame"):
+        read_trajectories([path])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("a.parquet", b"PAR1 no such thing", "cannot be read"),
+        ("a.gpx", b"<gpx><trk>", "not a readable GPX file"),
+        ("a.gpx", b"<gpx></gpx>", "no fixes"),
+        ("a.csv", b"\xff\xfe\x00\x01", "cannot be read"),
+        ("a.txt", b"", "unknown kind of trajectory file; give one of .csv, .parquet, .gpx"),
+    ],
+)
+def test_bad_files_are_one_clear_line(tmp_path, name, content, says):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=says):
+        read_trajectories([tmp_path / name], FRAME)
+
+
+def test_gpx_without_times_is_refused(tmp_path):
+    path = written(tmp_path, '<gpx><trk><trkseg><trkpt lat="32.1" lon="34.8"/></trkseg></trk></gpx>', "a.gpx")
+    with pytest.raises(InputError, match="row 1: time '' is no time"):
+        read_trajectories([path], FRAME)
+
+
+def test_missing_files_are_one_clear_line(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_trajectories([tmp_path / "none.csv"])
+    with pytest.raises(InputError, match="no trajectory files"):
+        read_trajectories([])
+
+
+@pytest.mark.parametrize("zone", [None, "Asia/Jerusalem"])
+def test_parquet_needs_a_zone_too(tmp_path, zone):
+    table = a_table()
+    table["time"] = table["time"].dt.tz_convert(zone) if zone else table["time"].dt.tz_localize(None)
+    table.to_parquet(tmp_path / "a.parquet")
+    if zone is None:
+        with pytest.raises(InputError, match="has no time zone; store it as a timestamp in UTC"):
+            read_trajectories([tmp_path / "a.parquet"])
+    else:
+        assert read_trajectories([tmp_path / "a.parquet"])["time"][0] == a_table()["time"][0]
+
+
+def test_practice_surveys_read(shared_data):
+    paths = sorted(shared_data.glob("practice/survey-*/trajectories.csv"))
+    assert len(paths) == 14
+    for path in paths:
+        table = read_trajectories([path], FRAME)
+        assert table["x"].between(-100, 200).all()
+        assert 8 <= table["track_id"].nunique() <= 10
