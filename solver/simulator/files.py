@@ -38,6 +38,15 @@ file = "anchors.csv"
 poisson_ratio = 0.25
 depth = [0.9, 0.3]   # mean, sd; m
 """
+CAMERA = """\
+# what the camera sees; `roadfiber track` makes trajectories.csv of it (without [trajectories], `locate` does)
+[camera]
+video = "street.mp4"
+calibration = "calibration.json"
+start = {start}Z
+
+[trajectories]
+files = ["trajectories.csv"]"""
 TRAJECTORIES = '[trajectories]\nfiles = ["trajectories.csv"]'
 
 
@@ -76,7 +85,7 @@ def write_recording(survey: Survey, folder: Path) -> None:
 
 
 def site_text(scenario: Scenario, observed: str) -> str:
-    """Compose `site.toml`; `observed` is its section on how the vehicles were seen.
+    """Compose `site.toml`; `observed` is `TRAJECTORIES` or `CAMERA`, how the vehicles were seen.
 
     >>> print(site_text(Scenario(), TRAJECTORIES).splitlines()[4])
     origin = [32.113, 34.804]   # latitude, longitude of (0, 0)
@@ -88,7 +97,7 @@ def site_text(scenario: Scenario, observed: str) -> str:
         x_azimuth=float(scenario.x_azimuth),
         gauge_length=float(scenario.gauge_length),
         channel_spacing=float(scenario.channel_spacing),
-        observed=observed,
+        observed=observed.format(start=scenario.start),
     )
 
 
