@@ -211,6 +211,19 @@ def without_dead(strain_rate: Array, channel: NDArray[np.int64], excluded: NDArr
     return np.where(still, np.nan, strain_rate)
 
 
+def provenance_of(blocks: Sequence[Block], stored: Unit, notes: list[str]) -> dict[str, Any]:
+    """Say where a record comes from and what was done to its numbers."""
+    return {
+        "files": [str(block.path) for block in blocks],
+        "sha256": [checksum(block.path) for block in blocks],
+        "format": blocks[0].format,
+        "quantity": stored.quantity,
+        "unit": blocks[0].stated,
+        "scale": stored.factor,
+        "notes": notes,
+    }
+
+
 def read_das(
     files: Sequence[Path],
     *,
@@ -249,44 +262,34 @@ def read_das(
     blocks = read_all(files)
     check_alike(blocks)
     first = blocks[0]
-    unit = resolve(first.unit, first.stated, quantity, scale, first.path)
+    stored = resolve(first.unit, first.stated, quantity, scale, first.path)
     spacing = agreed("channel spacing", file_spacing(first), channel_spacing, first.path, notes)
     gauge = agreed("gauge length", first.gauge_length, gauge_length, first.path, notes)
-    stored = unit
-    if unit.quantity == "velocity":
+    unit = stored
+    if stored.quantity == "velocity":
         blocks = [differenced(block, spacing, gauge) for block in blocks]
         gauge = (first.data.shape[1] - blocks[0].data.shape[1]) * spacing
-        unit = Unit("strain_rate", unit.factor)
+        unit = Unit("strain_rate", stored.factor)
         notes.append(f"strain rate is the difference of velocity over {gauge:g} m, an even number of channels")
         logger.info("%s: %s", first.path, notes[-1])
     interval = sampling_interval(blocks)
     columns = columns_of(blocks[0], channels)
     channel = blocks[0].first_channel + np.arange(columns.start, columns.stop)
     excluded = excluded_of(blocks[0], channel, exclude)
-    segments = [
-        segment for block in blocks for segment in segments_of(block, checked(block, columns, excluded), interval)
-    ]
-    values, gaps = assemble(segments, interval)
-    strain_rate = converted(values, unit, 1e9 / interval, gauge)
+    parts = [segments_of(block, checked(block, columns, excluded), interval) for block in blocks]
+    values, gaps = assemble([segment for part in parts for segment in part], interval)
     for begin, end in gaps:
         logger.warning("%s: gap from %.3f to %.3f s after the start", first.path, begin, end)
+    strain_rate = converted(values, unit, 1e9 / interval, gauge)
     return DASRecord(
         strain_rate=without_dead(strain_rate, channel, excluded, first.path),
         time=np.arange(len(strain_rate), dtype=np.float64) * (interval * 1e-9),
-        start=np.datetime64(segments[0].start, "ns"),
+        start=np.datetime64(int(first.time[0]), "ns"),
         distance=distance_of(blocks[0], channel, spacing, channel_spacing is not None),
         channel=channel,
         gauge_length=gauge,
         channel_spacing=spacing,
         sampling_rate=1e9 / interval,
         gaps=gaps,
-        provenance={
-            "files": [str(block.path) for block in blocks],
-            "sha256": [checksum(block.path) for block in blocks],
-            "format": first.format,
-            "quantity": stored.quantity,
-            "unit": first.stated,
-            "scale": stored.factor,
-            "notes": notes,
-        },
+        provenance=provenance_of(blocks, stored, notes),
     )

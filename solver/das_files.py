@@ -231,7 +231,8 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
         name, version = dc.get_format(path)
         patches = list(dc.read(path, file_format=name, file_version=version))
         for patch in patches:
-            if {"time", "distance"} <= set(patch.dims):
+            # PRODML carries energies in frequency bands beside the samples; those have a start_frequency.
+            if {"time", "distance"} <= set(patch.dims) and "start_frequency" not in dict(patch.attrs):
                 block = patch_block(patch, path, f"{name} {version}")
                 yield COMPLETIONS.get(name, lambda same: same)(block)
     except InputError:

@@ -4,7 +4,7 @@ import tomllib
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
@@ -18,10 +18,8 @@ from pydantic import (
     model_validator,
 )
 
+from solver.units import Quantity
 from vision.contract import InputError, LocalFrame
-
-# What the numbers of a DAS file can be (solver.units says how each becomes strain rate).
-Quantity = Literal["strain_rate", "strain", "phase", "phase_rate", "velocity", "idas_counts"]
 
 
 def folder_of(info: ValidationInfo) -> Path:
@@ -53,6 +51,11 @@ def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
             raise ValueError(f"no file matches {pattern!r} beside the site file")
         found.update(hits)
     return sorted(found)
+
+
+def embedded(detector: Any) -> Any:
+    """Read the name of the detector that comes along as no file."""
+    return None if detector == "street" else detector
 
 
 File = Annotated[Path, AfterValidator(existing)]
@@ -99,7 +102,7 @@ class CameraSection(Section):
     calibration: File
     start: AwareDatetime
     clock_offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
-    detector: File | None = None
+    detector: Annotated[File | None, BeforeValidator(embedded)] = None  # None: the one that comes along
 
 
 class TrajectoriesSection(Section):

@@ -17,6 +17,7 @@ MINIMUM_FIXES = 3
 MINIMUM_TRAVEL = 5.0  # m; less is a parked vehicle
 SCATTER = 8.0  # sigma; so far do the fixes of a parked one spread
 LONGEST_GAP = 20.0  # s between fixes; after it the vehicle comes by anew
+MARGIN = 60.0  # s; fixes so long before and after the record still tell how the vehicle goes by
 STANDING = 2.0  # m; a vehicle that stays this near to where its track begins or ends stands there
 REST = 5.0  # s of standing that are kept
 TURN = 10.0  # m back along the road; after it the vehicle comes by anew
@@ -82,6 +83,12 @@ def unbroken(track: Track) -> list[Track]:
         part_of(track, slice(begin, end), numbered(track.track_id, index))
         for index, (begin, end) in enumerate(pairwise(cuts))
     ]
+
+
+def during(track: Track, end: float) -> Track | None:
+    """Return the fixes from `MARGIN` before the record to `MARGIN` after its `end`, s; None where there are none."""
+    begin, stop = np.searchsorted(track.time, [-MARGIN, end + MARGIN])
+    return part_of(track, slice(int(begin), int(stop))) if stop > begin else None
 
 
 def moves(track: Track) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from solver.das import DASRecord
 from solver.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, run_filter, smooth
-from solver.tracks import Track, driven, moves, numbered, tracks_of, turns, unbroken
+from solver.tracks import Track, driven, during, moves, numbered, tracks_of, turns, unbroken
 from vision.contract import InputError, progress
 
 if TYPE_CHECKING:
@@ -168,6 +168,8 @@ def smoothed_passes(tracks: list[Track], time: Array, reach: float) -> list[Pass
 
 def check_overlap(tracks: list[Track], record: DASRecord) -> None:
     """Raise InputError where no track has a fix during the record."""
+    if not tracks:
+        raise InputError("no trajectories; give a table with at least one moving vehicle")
     if any(track.time[0] <= record.time[-1] and track.time[-1] >= 0 for track in tracks):
         return
 
@@ -210,9 +212,11 @@ def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40
     """
     tracks = [part for track in tracks_of(table, record.start) for part in unbroken(track)]
     check_overlap(tracks, record)
-    moving = sorted((driven(track) for track in tracks if moves(track)), key=lambda track: len(track.time))
+    present = [part for track in tracks if (part := during(track, record.time[-1]))]
+    moving = sorted((driven(track) for track in present if moves(track)), key=lambda track: len(track.time))
     if len(moving) < len(tracks):
-        logger.info("%d of %d tracks left out: they do not move", len(tracks) - len(moving), len(tracks))
+        away, still = len(tracks) - len(present), len(present) - len(moving)
+        logger.info("of %d tracks, %d are not during the record and %d do not move", len(tracks), away, still)
     passes = list[Pass]()
     with progress("smoothing tracks", len(moving)) as advance:
         for begin in range(0, len(moving), BATCH):

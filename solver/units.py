@@ -3,14 +3,15 @@
 import logging
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.contract import InputError
 
-QUANTITIES = ("strain_rate", "strain", "phase", "phase_rate", "velocity", "idas_counts")
+Quantity = Literal["strain_rate", "strain", "phase", "phase_rate", "velocity", "idas_counts"]
+QUANTITIES: tuple[str, ...] = get_args(Quantity)
 
 WAVELENGTH = 1550e-9  # m, of the laser in vacuum
 REFRACTIVE_INDEX = 1.468  # group index of G.652 fiber at 1550 nm

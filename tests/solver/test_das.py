@@ -3,12 +3,13 @@ import json
 import logging
 import pickle
 
+import h5py
 import numpy as np
 import pytest
 
 from solver.das import DASRecord, ranges, read_das
 from solver.prodml import write_prodml
-from solver.units import strain_per_radian
+from solver.units import dascore, strain_per_radian
 from vision.contract import InputError
 
 START = np.datetime64("2025-08-11T06:00:00", "ns")
@@ -270,6 +271,18 @@ def test_no_files(tmp_path):
 def test_ranges():
     assert ranges(np.array([1])) == "1"
     assert ranges(np.array([1, 2, 3, 7, 9, 10])) == "1-3, 7, 9-10"
+
+
+def test_energies_beside_the_samples_are_left_out(tmp_path):
+    path = das_file(tmp_path / "a.h5", noise())
+    with h5py.File(path, "a") as file:
+        bands = file.create_group("Acquisition/Processed/Fbe[0]")
+        bands.attrs.update(StartLocusIndex=0, NumberOfLoci=12, Dimensions=np.array([b"time", b"locus"]))
+        file.copy(file["Acquisition/Raw[0]/RawDataTime"], bands, "FbeDataTime")
+        bands.create_dataset("FbeData[1]", data=np.ones((40, 12)))
+        bands["FbeData[1]"].attrs.update(StartFrequency=0.0, EndFrequency=1.0)
+    assert len(dascore().read(path)) == 2
+    assert np.allclose(read_das([path]).strain_rate, noise(), rtol=1e-6, atol=0)
 
 
 @pytest.mark.parametrize(

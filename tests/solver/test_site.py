@@ -50,6 +50,15 @@ def test_everything(folder):
     assert (site.camera.clock_offset, site.camera.detector) == (-0.2, None)
 
 
+def test_detector_by_name_or_file(folder):
+    named = site_of(folder, FRAME, DAS, CAMERA, 'detector = "street"\n').camera
+    (folder / "yolo.onnx").touch()
+    own = site_of(folder, FRAME, DAS, CAMERA, 'detector = "yolo.onnx"\n').camera
+    assert named is not None
+    assert own is not None
+    assert (named.detector, own.detector) == (None, folder / "yolo.onnx")
+
+
 def test_a_file_that_two_patterns_match_counts_once(folder):
     site = site_of(folder, FRAME, f'[das]\nfiles = ["das/a.h5", "das/?.h5", "{folder}/das/b.h5"]\n', TRACKS)
     assert site.das.files == [folder / "das/a.h5", folder / "das/b.h5"]

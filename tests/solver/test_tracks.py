@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from drives import START, fixes
 
-from solver.tracks import Track, driven, moves, numbered, tracks_of, turns, unbroken
+from solver.tracks import Track, driven, during, moves, numbered, tracks_of, turns, unbroken
 
 
 def a_track(time, x, sigma=0.1):
@@ -31,6 +31,13 @@ def test_a_long_silence_starts_a_new_drive():
         ("7#3", [80.0]),
     ]
     assert [numbered("7", index) for index in range(2)] == ["7", "7#2"]
+
+
+def test_fixes_far_from_the_record_are_dropped():
+    part = during(a_track([-100, -61, -59, 50, 159, 161], 0.0), 100.0)
+    assert part is not None
+    assert part.time.tolist() == [-59.0, 50.0, 159.0]
+    assert during(a_track([-100, 300], 0.0), 100.0) is None
 
 
 @pytest.mark.parametrize(

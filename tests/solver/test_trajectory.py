@@ -132,12 +132,13 @@ def test_what_does_not_move_is_counted_and_left_out(caplog):
             fixes(seen, 10 * seen, 0.0, track_id="moves"),
             fixes(seen, 3.0, 0.0, track_id="parked"),
             fixes(seen[:2], [0.0, 9.0], 0.0, track_id="short"),
+            fixes(seen + 3600, 10 * seen, 0.0, track_id="later"),
         ]
     )
     with caplog.at_level(logging.INFO, logger="roadfiber"):
         passes = smooth_passes(table, a_record())
     assert [one.track_id for one in passes] == ["moves"]
-    assert "2 of 3 tracks left out" in caplog.text
+    assert "of 4 tracks, 1 are not during the record and 2 do not move" in caplog.text
     with pytest.raises(InputError, match="no moving vehicle"):
         smooth_passes(table[table["track_id"] == "parked"], a_record())
 
@@ -156,6 +157,20 @@ def test_no_overlap_is_one_clear_line(shift):
     hour = "05" if shift < 0 else "07"
     assert f"trajectories (2025-08-11T{hour}:00:00Z to 2025-08-11T{hour}:00:04Z)" in str(caught.value)
     assert "DAS (2025-08-11T06:00:00Z to 2025-08-11T06:00:59Z) do not overlap in time" in str(caught.value)
+
+
+def test_no_tracks_is_one_clear_line():
+    with pytest.raises(InputError, match="no trajectories"):
+        smooth_passes(fixes([1.0], 0.0, 0.0).iloc[:0], a_record())
+
+
+def test_a_day_of_gps_is_read_where_the_record_is():
+    seen = np.arange(-20_000.0, 20_000.0)
+    table = fixes(seen, 100 * np.sin(seen / 10), 0.0, sigma=0.5)
+    passes = smooth_passes(table, a_record())
+    assert [one.track_id for one in passes] == ["1", "1#2", "1#3"]
+    for one in passes:
+        assert np.abs(one.position[:, 0] - 100 * np.sin(one.rows / 50)).max() < 2.5
 
 
 def test_many_tracks_of_many_lengths():
