@@ -199,8 +199,10 @@ def _pinhole_from_columns(focal: float, intrinsic: Array, columns: Array) -> Pin
     # The nearest rotation, in Frobenius norm, to what the homography holds.
     u, _, vt = np.linalg.svd(np.column_stack([r1, r2, np.cross(r1, r2)]))
     rotation = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
-    matrix = intrinsic @ np.column_stack([rotation, translation])
-    return Pinhole(focal=focal, matrix=matrix, position=-rotation.T @ translation)
+    # Only the vertical is taken from it: the road must stay where the homography, fitted to control points, puts it.
+    axes = np.column_stack([r1, r2, rotation[:, 2]])
+    matrix = intrinsic @ np.column_stack([axes, translation])
+    return Pinhole(focal=focal, matrix=matrix, position=-np.linalg.solve(axes, translation))
 
 
 def _first_complaint(errors: Sequence[Any]) -> str:

@@ -70,6 +70,16 @@ def test_pinhole_is_the_camera_the_homography_came_from(view):
     np.testing.assert_allclose(pinhole.project(points), image[:, :2] / image[:, 2:], atol=1e-5)
 
 
+def test_pinhole_of_an_imperfect_homography_keeps_the_road_where_the_homography_puts_it(view):
+    calibration, _, position = view
+    skewed = Calibration(image_size=(960, 540), homography=calibration.homography @ np.diag([1.02, 1.0, 1.0]))
+    pixels = np.random.default_rng(4).uniform([100, 320], [860, 540], (20, 2))
+    ground = np.column_stack([skewed.to_ground(pixels), np.zeros(20)])
+    pinhole = skewed.pinhole()
+    np.testing.assert_allclose(pinhole.project(ground), pixels, atol=1e-6)
+    assert np.linalg.norm(pinhole.position - position) < 2.0
+
+
 def test_a_view_without_perspective_has_no_pinhole():
     down = Calibration(image_size=(640, 480), homography=[[0, -0.1, 48], [0.1, 0, -32], [0, 0, 1]])
     assert down.pinhole() is None
