@@ -1,0 +1,162 @@
+"""Measured, model and residual as pictures, and where the model fails."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import AsinhNorm, Colormap, LinearSegmentedColormap, Normalize, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from solver.fit.result import FitResult
+from solver.report import misfit
+from solver.report.drawing import INK, ROUTE, canvas, coarse, color_map, place, styled
+from solver.trajectory import Pass
+
+if TYPE_CHECKING:
+    from solver.run_folder import Run
+
+BINS = 60  # most bins of channels in the picture of where it fails
+
+
+def whole_range(result: FitResult, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`values` [sample, fitted] on all channels from the first fitted one to the last; NaN between."""
+    column = result.fitted_channel - result.fitted_channel[0]
+    out = np.full((len(values), int(column[-1]) + 1), np.nan)
+    out[:, column] = values
+    return out
+
+
+def picture(result: FitResult, values: NDArray[np.float64], one: Pass) -> NDArray[np.float64]:
+    """Rows of a pass of `values` [sample, fitted], in noise sigmas, ready to be drawn: [row, channel]."""
+    return coarse(whole_range(result, values[misfit.rows_of(result, one)] / result.noise))
+
+
+def nearest_channel(result: FitResult, one: Pass) -> NDArray[np.float64]:
+    """Channel [row] of the route point nearest to the vehicle; NaN where it is beyond the fitted ones."""
+    distance = np.linalg.norm(one.position[:, None] - result.route[None, :, :2], axis=2)
+    channel = result.channel[distance.argmin(axis=1)].astype(float)
+    beyond = (channel <= result.fitted_channel[0]) | (channel >= result.fitted_channel[-1])
+    return np.where(beyond, np.nan, channel)
+
+
+@styled
+def wave_figure(run: "Run", one: Pass, values: NDArray[np.float64], scale: AsinhNorm, width: int) -> Figure:
+    """One map [time, channel] of one pass; the dotted line is the vehicle.
+
+    Parameters
+    ----------
+    values : measured, model or their difference, [sample, fitted], 1/s
+    scale : color scale, noise sigmas
+    width : of the figure, CSS pixels
+    """
+    result = run.result
+    seconds = run.time[misfit.rows_of(result, one)]
+    step = float(np.median(np.diff(seconds))) if len(seconds) > 1 else 1.0
+    first, last = result.fitted_channel[[0, -1]]
+    extent = (first - 0.5, last + 0.5, seconds[-1] + step / 2 - seconds[0], -step / 2)
+    figure = canvas(width, round(0.95 * width))
+    axes = place(figure, "map", 44, 6, width - 50, 0.95 * width - 48)
+    image = picture(result, values, one)
+    axes.imshow(image, aspect="auto", extent=extent, cmap=color_map(), norm=scale, interpolation="none")
+    inside = np.isin(one.rows, result.samples)
+    axes.plot(nearest_channel(result, one)[inside], seconds - seconds[0], color="#222222", lw=0.9, ls=(0, (1, 2.5)))
+    axes.set(xlabel="channel", ylabel="time, s", xlim=extent[:2], ylim=extent[2:])
+    return figure
+
+
+@styled
+def scale_figure(scale: AsinhNorm, width: int) -> Figure:
+    """The color scale of all maps, noise sigmas."""
+    figure = canvas(width, 54)
+    axes = place(figure, "scale", 12, 4, width - 24, 12)
+    top = float(scale.vmax or 1.0)
+    edges = scale.inverse(np.linspace(0, 1, 129))
+    axes.pcolormesh(edges, [0, 1], (edges[1:] + edges[:-1])[None] / 2, cmap=color_map(), norm=scale, rasterized=True)
+    axes.set_xscale("asinh", linear_width=scale.linear_width)
+    ticks = [t for t in (1, 3, 10, 30, 100, 300, 1000) if t <= top]
+    ticks = [-t for t in reversed(ticks) if t > 1] + [0] + [t for t in ticks if t > 1]
+    axes.set(xlim=(-top, top), yticks=[])
+    axes.set_xticks(ticks, [f"{t:+d}" if t else "0" for t in ticks])
+    axes.set_xticks([], minor=True)
+    axes.spines[:].set_visible(False)
+    axes.set_xlabel("strain rate, in standard deviations of the noise", labelpad=1)
+    return figure
+
+
+def pass_label(one: Pass) -> str:
+    """Name of a pass: track, class, direction along x."""
+    return f"{one.track_id} · {one.vehicle_class} {'→' if one.speed > 0 else '←'}"
+
+
+def bare(axes: Axes) -> None:
+    """No frame, no ticks."""
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+
+
+def draw_marginals(top: Axes, right: Axes, run: "Run", per_pass: NDArray[np.float64], floor: float) -> None:
+    """Misfit by channel above, by pass to the right, with the noise floor."""
+    result = run.result
+    per_channel = whole_range(result, misfit.by_channel(result)[None])[0]
+    channel = np.arange(result.fitted_channel[0], result.fitted_channel[-1] + 1)
+    top.fill_between(channel, floor, np.fmax(per_channel, floor), step="mid", color=ROUTE, alpha=0.35, lw=0)
+    top.step(channel, per_channel, where="mid", color=ROUTE, lw=1.2)
+    top.axhline(floor, color=INK, lw=0.9, ls=(0, (4, 3)))
+    top.set(ylim=(0, max(2.0, 1.08 * float(np.nanmax(per_channel)))), ylabel="chi²")
+    top.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
+    top.tick_params(labelbottom=False)
+    right.barh(np.arange(len(per_pass)), per_pass, height=0.7, color=ROUTE, alpha=0.55)
+    right.axvline(floor, color=INK, lw=0.9, ls=(0, (4, 3)))
+    right.set(xlim=(0, max(2.0, 1.3 * float(np.nanmax(per_pass)))), xlabel="chi²")
+    right.tick_params(labelleft=False)
+    right.xaxis.set_major_locator(MaxNLocator(2, steps=[1, 2, 5, 10]))
+
+
+@styled
+def failure_figure(run: "Run", width: int) -> Figure:
+    """Where the model fails: chi2 of each pass in bins of channels; by channel above, by pass to the right.
+
+    Parameters
+    ----------
+    run : to draw
+    width : of the figure, CSS pixels
+    """
+    result, passes = run.result, run.passes
+    left, right = 90, (56 if width < 500 else 130)
+    across = width - left - right - 14
+    row = max(6, min(24, 480 // len(passes)))
+    height = row * len(passes)
+    edges = misfit.bins(result, max(1, -(-(int(np.ptp(result.fitted_channel)) + 1) // BINS)))
+    figure = canvas(width, height + 140)
+    top = place(figure, "by channel", left, 8, across, 78)
+    grid = place(figure, "by pass and channel", left, 94, across, height)
+    side = place(figure, "by pass", left + across + 10, 94, right, height)
+    values = misfit.by_pass_and_channel(result, passes, edges)
+    floor = run.facts["noise_floor"] or 1.0
+    colors = Normalize(floor, max(4.0 * floor, float(np.nanmax(values))))
+    extent = (edges[0] - 0.5, edges[-1] - 0.5, len(passes) - 0.5, -0.5)
+    grid.imshow(values, aspect="auto", extent=extent, cmap=excess_map(), norm=colors, interpolation="none")
+    draw_marginals(top, side, run, misfit.by_pass(result, passes), floor)
+    for axes in (top, grid):
+        axes.set_xlim(extent[:2])
+    side.set_ylim(grid.get_ylim())
+    every = -(-14 // row)
+    grid.set_yticks(range(0, len(passes), every), [pass_label(p) for p in passes[::every]])
+    grid.set_xlabel("channel")
+    bare(grid)
+    return figure
+
+
+def excess_map() -> Colormap:
+    """From nothing, so that the page shows through, to the color of the route and then dark."""
+    stops = [(0.0, (*to_rgb(ROUTE), 0.0)), (0.6, (*to_rgb(ROUTE), 1.0)), (1.0, (0.35, 0.1, 0.0, 1.0))]
+    return LinearSegmentedColormap.from_list("excess", stops).with_extremes(bad="#b5bac0")
+
+
+def worst(values: NDArray[np.float64], count: int) -> Sequence[int]:
+    """Indices, ascending, of the `count` largest values [item]; NaN counts as smallest."""
+    order = np.argsort(np.nan_to_num(values, nan=-np.inf))[::-1]
+    return sorted(order[:count].tolist())

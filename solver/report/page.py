@@ -1,0 +1,295 @@
+"""One page that shows a run: it opens offline, on a phone, in the dark, and prints."""
+
+import json
+import math
+from collections import defaultdict
+from html import escape
+from importlib.resources import files
+from pathlib import PurePath
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from solver.fit.result import Parameter
+from solver.geojson import Z95, half_width
+from solver.report import misfit, words
+from solver.report.drawing import color_map, color_scale, data_uri, svg
+from solver.report.misfit_figure import failure_figure, pass_label, picture, scale_figure, wave_figure, worst
+from solver.report.route_figure import along_x, route_figure
+from solver.run_facts import strict
+
+if TYPE_CHECKING:
+    from solver.run_folder import Run
+
+WIDE, NARROW, PANEL = 1060, 350, 340  # px
+MOST_PASSES = 24  # that the page shows in full
+
+
+def json_text(value: Any) -> str:
+    """JSON that can stand in HTML."""
+    return (
+        json.dumps(strict(value), allow_nan=False, separators=(",", ":"))
+        .replace("<", "\\u003c")
+        .replace("'", "\\u0027")
+    )
+
+
+def terms(pairs: list[tuple[str, str]]) -> str:
+    """Rows of a description list; the texts are escaped."""
+    return "".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in pairs)
+
+
+# ---- the map ---------------------------------------------------------------------------------------------------------
+
+
+def panels_of(figure: Figure, run: "Run") -> list[dict[str, Any]]:
+    """Where each panel of the map is, as fractions of the figure from the upper left, and what it shows."""
+    main = "x" if along_x(run.result.route) else "distance"
+    shown = {"plan": ("x", "y"), "lateral": (main, "y"), "depth": (main, "z")}
+    panels = []
+    for axes in figure.axes:
+        name, box = str(axes.get_label()), axes.get_position()
+        across, down = shown[name]
+        panels.append(
+            {"name": name, "across": across, "down": down, "left": box.x0, "top": 1 - box.y1}
+            | {"width": box.width, "height": box.height, "x": axes.get_xlim(), "y": axes.get_ylim()}
+        )
+    return panels
+
+
+def route_json(run: "Run") -> str:
+    """What the pointer reads out: the route with 95 % half-widths."""
+    result = run.result
+    x, y, z = result.route.T
+    latitude, longitude = run.frame.to_geographic(x, y)
+    columns = {"x": x, "y": y, "z": z, "distance": result.distance, "vertical": Z95 * result.sigma[:, 2]}
+    columns["lateral"] = half_width(result.route, result.covariance)
+    degrees = {"latitude": np.round(latitude, 7), "longitude": np.round(longitude, 7)}
+    whole = {"channel": result.channel, "constrained": result.constrained}
+    return json_text({name: np.round(column, 3) for name, column in columns.items()} | degrees | whole)
+
+
+def legend(run: "Run") -> str:
+    """Swatches of the map."""
+    wind = [words.wind(run.frame.x_azimuth + turn) for turn in (0, 180)]
+    counts = [sum(p.speed > 0 for p in run.passes), sum(p.speed <= 0 for p in run.passes)]
+    items = ['<i style="border-color: var(--route)"></i>fiber', '<i class="band"></i>95 % corridor']
+    result = run.result
+    if not result.constrained.all() or (result.data_share[:, 2] < 0.5).any():
+        items.append('<i style="border-color: var(--route); border-top-style: dashed"></i>assumed, not measured')
+    for name, way, count in zip(("forward", "backward"), wind, counts, strict=True):
+        if count:
+            items.append(f'<i style="border-color: var(--{name})"></i>{words.counted(count, "vehicle")} to the {way}')
+    if not all(p.in_view.all() for p in run.passes):
+        items.append('<i style="border-color: var(--backward); border-top-style: dotted"></i>extrapolated, not seen')
+    if run.anchors:
+        items.append('<i class="box"></i>anchor, with its 95 % bar')
+    return "".join(f"<span>{item}</span>" for item in items)
+
+
+# ---- measured, model, residual ---------------------------------------------------------------------------------------
+
+
+def chip(run: "Run", number: int, chi2: float, scale: Any) -> str:
+    """Thumbnail of a pass's residual that selects the pass."""
+    one = run.passes[number]
+    image = picture(run.result, run.result.measured - run.result.model, one)
+    source = data_uri(color_map()(scale(np.ma.masked_invalid(image))))
+    return (
+        f'<label for="pass-{number}"><img alt="residual" src="{source}">'
+        f"<b>{escape(pass_label(one))}</b>{3.6 * abs(one.speed):.0f} km/h<br>chi² {chi2:.2f}</label>"
+    )
+
+
+def pane(run: "Run", number: int, scale: Any) -> str:
+    """Measured, model and residual of one pass."""
+    result, one = run.result, run.passes[number]
+    maps = {"Measured": result.measured, "Model": result.model, "Residual": result.measured - result.model}
+    figures = [
+        f"<figure><figcaption>{name}</figcaption>{svg(wave_figure(run, one, values, scale, PANEL))}</figure>"
+        for name, values in maps.items()
+    ]
+    return f'<div class="pane pane-{number}">{"".join(figures)}</div>'
+
+
+def rules(shown: list[int]) -> str:
+    """Style that shows the pane of the selected pass, without a script."""
+    return "".join(
+        f"#pass-{i}:checked ~ .panes .pane-{i} {{ display: grid; }} "
+        f"#pass-{i}:checked ~ .chips [for=pass-{i}] {{ outline: 2px solid var(--ink); }} "
+        f"#pass-{i}:focus-visible ~ .chips [for=pass-{i}] {{ outline-style: dashed; }}\n"
+        for i in shown
+    )
+
+
+def explained(run: "Run", shown: list[int]) -> str:
+    """Caption of the pictures."""
+    text = (
+        "Each picture is one vehicle going by: time runs down, channels run along the fiber, "
+        "the dotted line is the vehicle. All pictures share one color scale, so a residual as pale as the quiet "
+        "corners of the measurement is noise."
+    )
+    if len(shown) < len(run.passes):
+        text += f" Shown are the {len(shown)} passes that fit worst, of {len(run.passes)}."
+    share = misfit.discounted(run.result)
+    if share >= 0.0005:
+        text += f" {100 * share:.1f} % of the samples were discounted as outliers or for an uncertain vehicle position."
+    return text
+
+
+def waves(run: "Run") -> dict[str, str]:
+    """Parts of the page that show measured, model and residual."""
+    result = run.result
+    scale = color_scale(result.measured / result.noise)
+    chi2 = misfit.by_pass(result, run.passes)
+    shown = list(worst(np.where(np.isfinite(chi2), chi2, -1), MOST_PASSES))
+    shown = [i for i in shown if misfit.rows_of(result, run.passes[i]).any()]
+    first = max(shown, key=lambda i: np.nan_to_num(chi2[i]))
+    radios = "".join(f'<input type="radio" name="pass" id="pass-{i}"{" checked" if i == first else ""}>' for i in shown)
+    return {
+        "rules": rules(shown),
+        "radios": radios,
+        "chips": "".join(chip(run, i, chi2[i], scale) for i in shown),
+        "panes": "".join(pane(run, i, scale) for i in shown),
+        "scale": svg(scale_figure(scale, NARROW)),
+        "explained": explained(run, shown),
+    }
+
+
+# ---- numbers ---------------------------------------------------------------------------------------------------------
+
+
+def cell(parameter: Parameter | None) -> str:
+    """Value and standard deviation of a parameter, to two digits of the latter."""
+    if parameter is None:
+        return "<td></td>"
+    value, sigma = parameter.value, parameter.sigma
+    if not parameter.free:
+        return f"<td>{value:.4g} <small>fixed</small></td>"
+    if not math.isfinite(sigma):
+        return f"<td>{value:.4g}</td>"
+    if not 1e-3 <= sigma < 1e3:
+        return f"<td>{value:.3g} <small>± {sigma:.1g}</small></td>"
+    digits = max(0, 1 - math.floor(math.log10(sigma)))
+    return f"<td>{value:.{digits}f} <small>± {sigma:.{digits}f}</small></td>"
+
+
+def heading(name: str, unit: str) -> str:
+    """Name of a parameter with its unit.
+
+    >>> heading("amplitude", "m^2"), heading("poisson_ratio", "1")
+    ('amplitude, m²', 'poisson_ratio')
+    """
+    return escape(name if unit in ("", "1") else f"{name}, {unit.replace('^2', '²')}")
+
+
+def parameter_tables(parameters: dict[str, Parameter]) -> str:
+    """One table of single parameters, one with a row per pass for those named `name[pass]`."""
+    single: dict[str, Parameter] = {}
+    of_pass: defaultdict[str, dict[str, Parameter]] = defaultdict(dict)
+    for name, parameter in parameters.items():
+        base, bracket, track = name.partition("[")
+        if bracket:
+            of_pass[track.rstrip("]")][base] = parameter
+        else:
+            single[name] = parameter
+    rows = "".join(f"<tr><td>{heading(n, p.unit)}</td>{cell(p)}</tr>" for n, p in single.items())
+    units = {name: p.unit for columns in of_pass.values() for name, p in columns.items()}
+    head = "".join(f"<th>{heading(name, unit)}</th>" for name, unit in units.items())
+    body = "".join(
+        f"<tr><td>{escape(track)}</td>{''.join(cell(columns.get(name)) for name in units)}</tr>"
+        for track, columns in of_pass.items()
+    )
+    passes = f"<table><tr><th>pass</th>{head}</tr>{body}</table>" if of_pass else ""
+    return f"<table>{rows}</table>{passes}"
+
+
+def fit_facts(run: "Run") -> list[tuple[str, str]]:
+    """How the route was found."""
+    facts, settings, result = run.facts, run.facts["settings"], run.result
+    held_out, (first, last) = facts["held_out_chi2_per_dof"], facts["active_channels"]
+    seconds = ", ".join(f"{name} {value:.1f} s" for name, value in facts["timings"].items())
+    samples = int(np.isfinite(result.measured).sum())
+    ended = "converged" if result.converged else "not converged"
+    depth, spacing = settings["depth"], settings["channel_spacing"]
+    instrument = f"gauge length {settings['gauge_length']:g} m, channel spacing {spacing:g} m"
+    noise = f"{settings['sampling_rate']:g} Hz, median noise {np.nanmedian(result.noise):.2g} 1/s"
+    return [
+        ("Method", f"{result.method}, {result.iterations} iterations, {ended}"),
+        ("Effects in the model", ", ".join(facts["effects"]) or "base model"),
+        ("Fitted", f"channels {first} to {last}, {len(run.passes)} passes, {samples:,} samples"),
+        ("On passes left out", "not tried" if held_out is None else f"chi²/dof {held_out:.2f}"),
+        ("Interrogator", f"{instrument}, {noise}"),
+        ("Assumed", f"depth {depth[0]:g} ± {depth[1]:g} m, Poisson ratio about {settings['poisson_ratio']:g}"),
+        ("Computing time", seconds or "not taken"),
+    ]
+
+
+def inputs(run: "Run") -> list[tuple[str, str]]:
+    """Files with checksums, and versions."""
+    sources = [(f["role"], f"{PurePath(f['path']).name}, SHA-256 {f['sha256']}") for f in run.facts["inputs"]]
+    versions = ", ".join(f"{name} {number}" for name, number in run.facts["versions"].items())
+    return [*sources, ("versions", versions)]
+
+
+def sides(run: "Run") -> str:
+    """How to read the map."""
+    return (
+        f"The survey line is x, along the road toward {words.wind(run.frame.x_azimuth)}; right and left are as seen "
+        "looking that way. The true route lies inside the corridor at 95 of 100 places."
+    )
+
+
+def caution_section(run: "Run") -> str:
+    """What to know before relying on the route."""
+    lines = [line for line in run.facts["warnings"] if line != words.quality(run)[1]]
+    if not lines:
+        return ""
+    items = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    return f"<section><h2>What to know before relying on it</h2><ul>{items}</ul></section>"
+
+
+def render(run: "Run") -> str:
+    """The report as one HTML page that needs no other file.
+
+    Parameters
+    ----------
+    run : as `write_run` builds or `read_run` reads it
+
+    Returns
+    -------
+    html : the page
+    """
+    template = Template(files("solver.report").joinpath("template.html").read_text(encoding="utf-8"))
+    grade, verdict = words.quality(run)
+    wide, narrow = (route_figure(run, width) for width in (WIDE, NARROW))
+    key_figures = "".join(
+        f"<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd><dd>{escape(note)}</dd></div>"
+        for label, value, note in words.key_figures(run)
+    )
+    return template.substitute(
+        waves(run),
+        name=escape(run.facts["name"]),
+        when=f"recorded {str(run.start)[:16].replace('T', ' ')} UTC",
+        headline=escape(words.headline(run)),
+        grade=grade,
+        verdict=escape(verdict),
+        key_figures=key_figures,
+        cautions=caution_section(run),
+        sides=escape(sides(run)),
+        legend=legend(run),
+        panels_wide=json_text(panels_of(wide, run)),
+        panels_narrow=json_text(panels_of(narrow, run)),
+        map_wide=svg(wide),
+        map_narrow=svg(narrow),
+        failure_wide=svg(failure_figure(run, WIDE)),
+        failure_narrow=svg(failure_figure(run, NARROW)),
+        facts=terms(fit_facts(run)),
+        parameters=parameter_tables(run.result.parameters),
+        inputs=terms(inputs(run)),
+        version=escape(run.facts["versions"]["roadfiber"]),
+        created=escape(run.facts["created"]),
+        route=route_json(run),
+    )

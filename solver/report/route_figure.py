@@ -1,0 +1,182 @@
+"""The map: the road from above, the fiber's sideways position and its depth."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from solver.geojson import Z95, half_width, runs
+from solver.report.drawing import BACKWARD, FORWARD, INK, MUTED, PAPER, ROUTE, canvas, place, styled
+from solver.trajectory import Pass
+
+if TYPE_CHECKING:
+    from solver.run_folder import Run
+
+MARGIN = 5.0  # m of road shown beyond either end of the route
+LATERAL_SPAN = 1.2  # m, least height of the sideways panel
+PANEL = 130  # px, height of the two lower panels
+LABEL = 20  # px, room for an anchor's name
+POINTS = 200  # most points drawn of one track
+
+Limits = tuple[float, float]
+
+
+def along_x(route: NDArray[np.float64]) -> bool:
+    """Whether a route [channel, 3] keeps on along x, so that x can stand for the place on the fiber."""
+    step = np.diff(route[:, :2], axis=0)
+    length = np.linalg.norm(step, axis=1)
+    return bool((step[:, 0] > 0.5 * length).all() or (step[:, 0] < -0.5 * length).all())
+
+
+def abscissa(run: "Run") -> NDArray[np.float64]:
+    """Horizontal coordinate [channel] of the two lower panels, m."""
+    return run.result.route[:, 0] if along_x(run.result.route) else run.result.distance
+
+
+def padded(values: NDArray[np.float64], pad: float, least: float = 0.0) -> Limits:
+    """Range of finite values, widened by `pad` on both sides and to `least` in all."""
+    low, high = float(np.nanmin(values)) - pad, float(np.nanmax(values)) + pad
+    more = max(0.0, least - (high - low)) / 2
+    return low - more, high + more
+
+
+def same_scale(x: Limits, y: Limits, width: float, lowest: float, highest: float) -> tuple[Limits, Limits, float]:
+    """Widen the ranges x or y, m, so that both have one scale in a panel `width` px wide; also its height, px.
+
+    >>> same_scale((0.0, 100.0), (0.0, 10.0), 1000.0, 50.0, 500.0)
+    ((0.0, 100.0), (0.0, 10.0), 100.0)
+    """
+    scale = width / (x[1] - x[0])
+    height = min(max((y[1] - y[0]) * scale, lowest), highest)
+    scale = min(scale, height / (y[1] - y[0]))
+    grow_x, grow_y = (width / scale - (x[1] - x[0])) / 2, (height / scale - (y[1] - y[0])) / 2
+    return (x[0] - grow_x, x[1] + grow_x), (y[0] - grow_y, y[1] + grow_y), height
+
+
+def draw_track(axes: Axes, one: Pass, window: Limits) -> None:
+    """One vehicle's way: solid where it was seen, dotted where it is extrapolated, an arrow where it goes."""
+    color = FORWARD if one.speed > 0 else BACKWARD
+    shown = (one.position[:, 0] > window[0]) & (one.position[:, 0] < window[1])
+    for first, last in runs(one.in_view):
+        part = slice(first, last + 2, max(1, (last + 1 - first) // POINTS))
+        if one.in_view[first]:
+            axes.plot(*one.position[part].T, color=color, lw=0.9, alpha=0.85)
+        else:
+            axes.plot(*one.position[part].T, color=color, lw=0.8, alpha=0.7, ls=(0, (1, 2)))
+    if shown.any():
+        middle = np.flatnonzero(shown)[shown.sum() // 2]
+        tail, tip = one.position[middle], one.position[middle] + 0.1 * one.velocity[middle]
+        arrow = {"arrowstyle": "-|>", "color": color, "lw": 0.9, "mutation_scale": 9}
+        axes.annotate("", xy=tip, xytext=tail, arrowprops=arrow)
+
+
+def draw_line(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], sure: NDArray[np.bool_]) -> None:
+    """The fiber: solid where data and anchors decide, dashed where assumptions do."""
+    for first, last in runs(sure):
+        part = slice(first, last + 2)
+        axes.plot(x[part], y[part], color=ROUTE, lw=2.0, ls="-" if sure[first] else (0, (2.5, 1.5)), zorder=4)
+
+
+def draw_anchors(
+    axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], half: NDArray[np.float64] | None = None
+) -> None:
+    """Anchors, with their own 95 % bars where `half` gives them."""
+    axes.errorbar(x, y, yerr=half, fmt="s", ms=6, mfc=PAPER, mec=INK, mew=1.4, ecolor=INK, elinewidth=1.2, zorder=5)
+
+
+def draw_north(axes: Axes, x_azimuth: float) -> None:
+    """Arrow to the north above the upper right corner; +x points right, x_azimuth degrees clockwise from north."""
+    angle = np.deg2rad(x_azimuth)
+    way = 12 * np.array([np.cos(angle), np.sin(angle)])
+    center = np.add(axes.transAxes.transform((1.0, 1.0)), (-26, 20))
+    tail, tip, letter = axes.transAxes.inverted().transform([center - way, center + way, center + 1.7 * way])
+    arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.4, "mutation_scale": 10, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", tip, tail, "axes fraction", arrowprops=arrow, annotation_clip=False)
+    axes.text(letter[0], letter[1], "N", transform=axes.transAxes, ha="center", va="center", weight="bold")
+
+
+def draw_plan(axes: Axes, run: "Run", window: Limits) -> None:
+    """The road from above; y grows downward, as it does to the right of +x."""
+    result = run.result
+    axes.axhline(0.0, color=MUTED, lw=0.6, ls=(0, (6, 4)), zorder=0)
+    for one in run.passes:
+        draw_track(axes, one, window)
+    draw_line(axes, result.route[:, 0], result.route[:, 1], result.constrained)
+    draw_anchors(axes, np.array([a.x for a in run.anchors]), np.array([a.y for a in run.anchors]))
+    traffic = np.median(np.concatenate([one.position[:, 1] for one in run.passes]))
+    for anchor in run.anchors:
+        away = (0, -11 if anchor.y > traffic else 11)
+        axes.annotate(anchor.name, (anchor.x, anchor.y), away, textcoords="offset points", ha="center", va="center")
+    draw_north(axes, run.frame.x_azimuth)
+    axes.set_ylabel("y, m")
+
+
+def draw_profile(axes: Axes, run: "Run", axis: int, half: NDArray[np.float64], sure: NDArray[np.bool_]) -> None:
+    """Coordinate `axis` of the route along the fiber, with its 95 % corridor."""
+    result, x = run.result, abscissa(run)
+    value = result.route[:, axis]
+    axes.fill_between(x, value - half, value + half, color=ROUTE, alpha=0.25, lw=0, zorder=2)
+    draw_line(axes, x, value, sure)
+    at = np.interp([a.channel for a in run.anchors], result.channel, x)
+    known = np.array([a.z if axis == 2 else a.y for a in run.anchors])
+    sigma = np.array([a.sigma_z if axis == 2 else a.sigma_xy for a in run.anchors])
+    draw_anchors(axes, at, known, Z95 * sigma)
+
+
+def stretch_of(axes: Axes) -> float:
+    """How many times taller than true the axes draw."""
+    box = axes.get_window_extent()
+    x, y = axes.get_xlim(), axes.get_ylim()
+    return float(abs(box.height / (y[1] - y[0])) / abs(box.width / (x[1] - x[0])))
+
+
+def ground_limits(run: "Run", half: NDArray[np.float64], width: float) -> tuple[Limits, Limits]:
+    """Ranges x and y, m, that show the route, its anchors and the traffic beside it in a panel `width` px wide."""
+    route = run.result.route
+    x = padded(route[:, 0], MARGIN)
+    tracks = [p.position[(p.position[:, 0] > x[0]) & (p.position[:, 0] < x[1]), 1] for p in run.passes]
+    across = np.concatenate([route[:, 1] - half, route[:, 1] + half, *tracks, [a.y for a in run.anchors]])
+    return x, padded(across, LABEL * (x[1] - x[0]) / width)
+
+
+@styled
+def route_figure(run: "Run", width: int) -> Figure:
+    """From above, true to scale; sideways position and depth, stretched, with the 95 % corridor.
+
+    Parameters
+    ----------
+    run : to draw
+    width : of the figure, CSS pixels
+
+    Returns
+    -------
+    figure : with axes labeled `plan`, `lateral` and `depth`
+    """
+    result = run.result
+    lateral = np.nan_to_num(half_width(result.route, result.covariance))
+    vertical = np.nan_to_num(Z95 * result.sigma[:, 2])
+    left, across = 52, width - 64
+    x, y, height = same_scale(*ground_limits(run, lateral, across), across, 90, 0.75 * across)
+    figure = canvas(width, round(height) + 2 * PANEL + 190)
+    plan = place(figure, "plan", left, 46, across, height)
+    sideways = place(figure, "lateral", left, height + 96, across, PANEL)
+    depth = place(figure, "depth", left, height + PANEL + 146, across, PANEL)
+    plan.set(xlim=x, ylim=y[::-1], title="From above, true to scale")
+    draw_plan(plan, run, x)
+    draw_profile(sideways, run, 1, lateral, result.constrained)
+    draw_profile(depth, run, 2, vertical, ~(result.data_share[:, 2] < 0.5))
+    value, z = result.route[:, 1], result.route[:, 2]
+    band = np.concatenate([value - lateral, value + lateral, [a.y for a in run.anchors]])
+    sideways.set_ylim(padded(band, 0.1, LATERAL_SPAN)[::-1])
+    depth.axhline(0.0, color=MUTED, lw=3)
+    depth.set_ylim(max(1.5, 1.15 * float((z + vertical).max())), -0.08)
+    for axes, name in ((sideways, "Sideways"), (depth, "Depth")):
+        axes.set_xlim(x if along_x(result.route) else padded(result.distance, MARGIN))
+        axes.set_title(f"{name}, {stretch_of(axes):.0f} × taller than true")
+        axes.grid(axis="y", color=MUTED, lw=0.4, alpha=0.35)
+    sideways.set_ylabel("y, m")
+    depth.set_ylabel("z, m")
+    depth.set_xlabel("x, m along the road" if along_x(result.route) else "distance along the fiber, m")
+    return figure

@@ -1,0 +1,188 @@
+"""The report in words: where the fiber is, how sure that is, and what the data cannot say."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.geojson import Z95, half_width, runs
+
+if TYPE_CHECKING:
+    from solver.run_folder import Run
+
+WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"]
+
+TOO_FAR = 3.5  # standard deviations between an anchor and the route
+
+# Ratio of chi2/dof to the noise floor, and what it means for the user of the route.
+VERDICTS = (
+    (1.15, "good", "The model explains the measurement down to the noise."),
+    (1.5, "fair", "The model explains nearly all of the measurement; a small systematic part is left."),
+    (
+        3.0,
+        "weak",
+        "The model leaves a systematic part unexplained; the true error may exceed the stated one.",
+    ),
+    (
+        np.inf,
+        "poor",
+        "The model does not explain the measurement: some physics or some input is wrong. Do not rely on this route.",
+    ),
+)
+
+
+def wind(azimuth: float) -> str:
+    """Name of the compass direction nearest to `azimuth`, degrees clockwise from north.
+
+    >>> wind(78.0), wind(-5.0)
+    ('ENE', 'N')
+    """
+    return WINDS[round(azimuth / 22.5) % 16]
+
+
+def counted(number: int, noun: str) -> str:
+    """Number and noun.
+
+    >>> counted(1, "gap"), counted(2, "gap")
+    ('1 gap', '2 gaps')
+    """
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def lateral(y: float) -> str:
+    """Lateral position in words, y in meters to the right.
+
+    >>> lateral(-1.234)
+    '1.23 m left'
+    """
+    return f"{abs(y):.2f} m {'right' if y >= 0 else 'left'}"
+
+
+def span(low: float, high: float) -> str:
+    """Two lateral positions, m, as one where they agree within half a meter.
+
+    >>> span(-4.0, 4.5), span(3.3, 4.3)
+    ('4.00 m left to 4.50 m right', '3.30 to 4.30 m right')
+    """
+    if high - low < 0.5:
+        return lateral((low + high) / 2)
+    near, far = sorted((low, high), key=abs)
+    first = f"{abs(near):.2f}" if low * high > 0 else lateral(near)
+    return f"{first} to {lateral(far)}"
+
+
+def headline(run: "Run") -> str:
+    """Where the fiber is, in one sentence."""
+    y, z = run.result.route[:, 1], run.result.route[:, 2]
+    sure = "" if run.result.constrained.mean() > 0.5 and not run.result.ambiguous_side else "probably "
+    return (
+        f"The fiber {sure}runs {span(float(y.min()), float(y.max()))} of the survey line, "
+        f"about {z.mean():.2f} m below the road."
+    )
+
+
+def widest(half: NDArray[np.float64]) -> str:
+    """Largest half-width as ± meters, or that there is none."""
+    return f"± {np.max(half):.2f} m" if len(half) and np.isfinite(half).all() else "not stated"
+
+
+def quality(run: "Run") -> tuple[str, str]:
+    """Grade (good, fair, weak, poor) and sentence on how well the model explains the measurement."""
+    floor = run.facts["noise_floor"] or 1.0
+    ratio = np.nan_to_num(run.result.chi2_per_dof / max(floor, 1.0), nan=np.inf)
+    return next((grade, words) for limit, grade, words in VERDICTS if ratio <= limit)
+
+
+def key_figures(run: "Run") -> list[tuple[str, str, str]]:
+    """Figures at the top: label, value, what it means."""
+    result = run.result
+    half = half_width(result.route, result.covariance)
+    depth = Z95 * result.sigma[:, 2]
+    length = float(result.distance[-1] - result.distance[0])
+    share = float(result.constrained.mean())
+    whole = "" if share == 1 else f"of {length:.0f} m, "
+    floor = run.facts["noise_floor"]
+    noise = "noise alone would leave 1" if floor is None else f"noise alone would leave {floor:.2f}"
+    decided = "" if result.constrained.all() or not result.constrained.any() else " that the data decide"
+    where = result.constrained if result.constrained.any() else np.ones_like(result.constrained)
+    return [
+        ("Located", f"{length * share:.0f} m", f"{whole}channels {result.channel[0]} to {result.channel[-1]}"),
+        ("Sideways, 95 %", widest(half[where]), f"at the least certain place{decided}"),
+        ("Depth, 95 %", widest(depth[where]), f"at the least certain place{decided}"),
+        ("Misfit, chi²/dof", f"{result.chi2_per_dof:.2f}", noise),
+    ]
+
+
+def stretches(run: "Run", flags: NDArray[np.bool_]) -> str:
+    """Channels where `flags` [channel] is true, in words."""
+    result = run.result
+    if flags.all():
+        return "all along"
+    parts = [(result.channel[a], result.channel[b]) for a, b in runs(flags) if flags[a]]
+    named = ", ".join(f"{a}" if a == b else f"{a} to {b}" for a, b in parts[:4])
+    return f"at channels {named}" + (" and elsewhere" if len(parts) > 4 else "")
+
+
+def prior_lines(run: "Run") -> list[str]:
+    """Lines on what the priors decided."""
+    result, lines = run.result, []
+    loose = ~result.constrained
+    if loose.any():
+        lines.append(
+            f"Sideways, the expected smoothness of a cable decides more than vehicles and anchors do, "
+            f"{stretches(run, loose)}: dashed in the map."
+        )
+    depth = run.facts["settings"]["depth"]
+    assumed = f"the assumed {depth[0]:g} ± {depth[1]:g} m and the assumed smoothness"
+    guessed = result.data_share[:, 2] < 0.5
+    if guessed.any():
+        lines.append(f"Depth: {assumed} decide more than the data do, {stretches(run, guessed)}.")
+    guessed = result.data_share[:, 0] < 0.5
+    if guessed.any():
+        lines.append(
+            f"Along the road, assumptions on fiber length and vehicle position decide more than the data do, "
+            f"{stretches(run, guessed)}."
+        )
+    return lines
+
+
+def anchor_lines(run: "Run") -> list[str]:
+    """Lines on anchors that the route misses by more than both their uncertainties explain."""
+    result, lines = run.result, []
+    for anchor in run.anchors:
+        i = int(np.argmin(np.abs(result.channel - anchor.channel)))
+        miss = result.route[i, 1:] - (anchor.y, anchor.z)
+        sigma = np.hypot(np.nan_to_num(result.sigma[i, 1:]), (anchor.sigma_xy, anchor.sigma_z))
+        if (np.abs(miss) > TOO_FAR * sigma).any():
+            side = "below" if miss[1] > 0 else "above"
+            lines.append(
+                f"Anchor {anchor.name}: the vehicles put the fiber {abs(miss[0]):.2f} m beside it and "
+                f"{abs(miss[1]):.2f} m {side} it, beyond the stated uncertainty. Check its channel and place; "
+                "if they are right, the model is wrong."
+            )
+    return lines
+
+
+def cautions(run: "Run") -> list[str]:
+    """What the user must know before relying on the route; empty where there is nothing."""
+    result, settings, lines = run.result, run.facts["settings"], []
+    if result.ambiguous_side:
+        lines.append(
+            "Side: the mirror route on the other side of the traffic fits as well. "
+            "One anchor, or traffic in a second lane, decides."
+        )
+    lines += anchor_lines(run) + prior_lines(run)
+    grade, words = quality(run)
+    if grade in ("weak", "poor"):
+        lines.append(words)
+    if not result.converged:
+        lines.append(f"The fit had not converged after {result.iterations} iterations; treat the route as preliminary.")
+    if not np.isfinite(result.covariance).all():
+        lines.append(f"The method {result.method!r} states no uncertainty here.")
+    if settings["gaps"]:
+        lost = sum(end - begin for begin, end in settings["gaps"])
+        lines.append(f"The recording has {counted(len(settings['gaps']), 'gap')}, {lost:.1f} s in all.")
+    missing = set(range(result.fitted_channel[0], result.fitted_channel[-1] + 1)) - set(result.fitted_channel.tolist())
+    if missing:
+        lines.append(f"{counted(len(missing), 'channel')} within the range gave no data.")
+    return lines

@@ -1,0 +1,131 @@
+"""What fit.json says: results in numbers, and where they come from."""
+
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solver.anchors import Anchor
+from solver.das import DASRecord
+from solver.das_files import checksum
+from solver.fit.least_squares import HUBER
+from solver.fit.result import FitResult
+from solver.noise import quiet
+from solver.site import Site
+from solver.trajectory import Pass
+
+FORMAT = "roadfiber run 1"
+PACKAGES = ("roadfiber", "torch", "numpy", "scipy", "dascore", "pandas", "pyproj", "matplotlib")
+ENOUGH_QUIET = 200  # samples; the mean square of fewer is uncertain by more than 10 %
+
+
+def strict(value: Any) -> Any:
+    """Return `value` as strict JSON holds it: numbers that are not finite become None.
+
+    >>> strict({"a": np.float64("nan"), "b": (np.int64(2), Path("c.h5")), "d": np.bool_(True)})
+    {'a': None, 'b': [2, 'c.h5'], 'd': True}
+    """
+    if isinstance(value, Mapping):
+        return {str(key): strict(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return strict(value.tolist())
+    if isinstance(value, list | tuple):
+        return [strict(item) for item in value]
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
+
+
+def noise_floor(result: FitResult, record: DASRecord, passes: Sequence[Pass]) -> float:
+    """Return the chi2 per degree of freedom that noise alone would leave.
+
+    Mean square of the quiet samples (no vehicle near) in noise sigmas, with the fit's own Huber weights; NaN where
+    there are too few of them. Above 1 where the noise has heavy tails or is not stationary.
+    """
+    at = np.searchsorted(result.channel, result.fitted_channel)
+    still = quiet(len(record.strain_rate), result.route[at], passes)
+    rate = record.strain_rate[:, np.searchsorted(record.channel, result.fitted_channel)] / result.noise
+    size = np.abs(rate[still & np.isfinite(rate)])
+    return float(np.mean(size * np.minimum(size, HUBER))) if len(size) >= ENOUGH_QUIET else float("nan")
+
+
+def inputs_of(site: Site, record: DASRecord) -> list[dict[str, str]]:
+    """Return role, path and SHA-256 of every file that went in."""
+    das = zip(record.provenance["files"], record.provenance["sha256"], strict=True)
+    files = [{"role": "das", "path": str(path), "sha256": digest} for path, digest in das]
+    others: list[tuple[str, Path]] = []
+    if site.trajectories:
+        others += [("trajectories", path) for path in site.trajectories.files]
+    if site.camera:
+        roles = {"video": site.camera.video, "calibration": site.camera.calibration, "detector": site.camera.detector}
+        others += [(role, path) for role, path in roles.items() if path is not None]
+    if site.anchors:
+        others.append(("anchors", site.anchors.file))
+    return files + [{"role": role, "path": str(path), "sha256": checksum(path)} for role, path in others]
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, roadfiber and what it computes with.
+
+    >>> sorted(versions())[-2:]
+    ['scipy', 'torch']
+    """
+    return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
+
+
+def settings_of(site: Site, record: DASRecord) -> dict[str, Any]:
+    """Return the numbers that the fit was given, m, Hz, s."""
+    return {
+        "gauge_length": record.gauge_length,
+        "channel_spacing": record.channel_spacing,
+        "sampling_rate": record.sampling_rate,
+        "gaps": record.gaps,
+        "poisson_ratio": site.ground.poisson_ratio,
+        "depth": site.ground.depth,
+    }
+
+
+def facts_of(
+    result: FitResult,
+    site: Site,
+    record: DASRecord,
+    passes: Sequence[Pass],
+    anchors: Sequence[Anchor],
+    timings: Mapping[str, float],
+    held_out: float | None,
+    effects: Sequence[str],
+) -> dict[str, Any]:
+    """Return the content of fit.json, strict JSON; the arguments are those of `write_run`."""
+    frame = site.frame
+    facts = {
+        "format": FORMAT,
+        "name": site.name,
+        "method": result.method,
+        "converged": result.converged,
+        "iterations": result.iterations,
+        "seconds": result.seconds,
+        "effects": effects,
+        "parameters": {name: asdict(parameter) for name, parameter in result.parameters.items()},
+        "chi2_per_dof": result.chi2_per_dof,
+        "noise_floor": noise_floor(result, record, passes),
+        "held_out_chi2_per_dof": held_out,
+        "active_channels": [result.fitted_channel[0], result.fitted_channel[-1]],
+        "ambiguous_side": result.ambiguous_side,
+        "warnings": [],
+        "frame": {"origin": frame.origin, "x_azimuth": frame.x_azimuth},
+        "start": f"{record.start}Z",
+        "anchors": [asdict(anchor) for anchor in anchors],
+        "settings": settings_of(site, record),
+        "record": {name: value for name, value in record.provenance.items() if name not in ("files", "sha256")},
+        "inputs": inputs_of(site, record),
+        "timings": timings,
+        "versions": versions(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
+    }
+    checked: dict[str, Any] = strict(facts)
+    return checked

@@ -1,0 +1,229 @@
+"""The run folder: what `locate` leaves behind, and all that later commands need of it."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver import geojson, report
+from solver.anchors import Anchor
+from solver.das import DASRecord
+from solver.fit.result import FitResult, Parameter
+from solver.run_facts import FORMAT, facts_of
+from solver.site import Site
+from solver.trajectory import Pass
+from vision.contract import InputError, LocalFrame, writing
+
+# What of a FitResult are arrays, and so goes into data.npz; maps are stored in single precision, 1e-7 of their value.
+ROUTE = ("channel", "distance", "route", "covariance", "constrained", "data_share")
+ARRAYS = (*ROUTE, "samples", "fitted_channel", "noise")
+MAPS = ("measured", "model", "weight")
+ROWS = ("rows", "position", "velocity", "sigma", "in_view")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One located fiber with all that its report shows.
+
+    Parameters
+    ----------
+    result : of the fit
+    frame : the local frame of all x, y
+    start : of the record, UTC
+    time : s since `start` [sample], of the fitted samples
+    passes, anchors : as fitted
+    facts : the content of fit.json
+    """
+
+    result: FitResult
+    frame: LocalFrame
+    start: np.datetime64
+    time: NDArray[np.float64]
+    passes: list[Pass]
+    anchors: list[Anchor]
+    facts: dict[str, Any]
+
+
+def route_table(run: Run) -> str:
+    """Return route.csv: one row per channel, meters and degrees; sigma empty where the method gives none.
+
+    Altitudes are in no column: z is the depth below the road.
+    """
+    result = run.result
+    latitude, longitude = run.frame.to_geographic(result.route[:, 0], result.route[:, 1])
+    lines = ["channel,distance,x,y,z,sigma_x,sigma_y,sigma_z,latitude,longitude,constrained"]
+    for i, channel in enumerate(result.channel):
+        meters = (result.distance[i], *result.route[i], *result.sigma[i])
+        cells = [f"{value:.4f}" if np.isfinite(value) else "" for value in meters]
+        degrees = [f"{latitude[i]:.9f}", f"{longitude[i]:.9f}"]
+        lines.append(",".join([str(channel), *cells, *degrees, str(bool(result.constrained[i])).lower()]))
+    return "\n".join(lines) + "\n"
+
+
+def pass_arrays(passes: Sequence[Pass]) -> dict[str, NDArray[Any]]:
+    """Return the passes as arrays, rows of all passes one after the other."""
+    stacked = {f"pass_{name}": np.concatenate([getattr(p, name) for p in passes]) for name in ROWS}
+    return stacked | {
+        "pass_count": np.array([len(p.rows) for p in passes]),
+        "pass_track_id": np.array([p.track_id for p in passes]),
+        "pass_class": np.array([p.vehicle_class for p in passes]),
+        "pass_length": np.array([np.nan if p.length is None else p.length for p in passes]),
+    }
+
+
+def passes_from(arrays: Mapping[str, NDArray[Any]]) -> list[Pass]:
+    """Undo `pass_arrays`."""
+    cuts = np.cumsum(arrays["pass_count"])[:-1]
+    columns = [np.split(arrays[f"pass_{name}"], cuts) for name in ROWS]
+    lengths = [None if np.isnan(value) else float(value) for value in arrays["pass_length"]]
+    names, classes = arrays["pass_track_id"].tolist(), arrays["pass_class"].tolist()
+    return [Pass(*parts) for parts in zip(names, classes, *columns, lengths, strict=True)]
+
+
+def write_arrays(path: Path, run: Run) -> None:
+    """Write data.npz: maps, route with covariance, passes."""
+    result = run.result
+    arrays: dict[str, Any] = {name: getattr(result, name) for name in ARRAYS}
+    maps = {name: getattr(result, name).astype(np.float32) for name in MAPS}
+    arrays |= maps | pass_arrays(run.passes)
+    np.savez_compressed(path, time=run.time, **arrays)
+
+
+def check_target(folder: Path) -> None:
+    """Refuse a folder that holds something else than a run, before it is replaced.
+
+    Raises
+    ------
+    InputError
+        If `folder` is a file, or a folder with content and no fit.json of a run.
+
+    >>> import tempfile
+    >>> check_target(Path(tempfile.mkdtemp()))
+    """
+    folder = Path(folder)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: a file; give the name of a new folder")
+    if folder.is_dir() and any(folder.iterdir()):
+        try:
+            read_facts(folder)
+        except InputError as error:
+            raise InputError(f"{folder}: holds something else than a run; give the name of a new folder") from error
+
+
+def write_run(
+    folder: Path,
+    result: FitResult,
+    *,
+    site: Site,
+    record: DASRecord,
+    passes: Sequence[Pass],
+    anchors: Sequence[Anchor],
+    timings: Mapping[str, float],
+    held_out: float | None = None,
+    effects: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+) -> None:
+    """Write a run folder, whole or not at all; an earlier run there is replaced.
+
+    Parameters
+    ----------
+    folder : to write; `route.csv`, `route.geojson`, `fit.json`, `report.html` and `data.npz` go there
+    result : of the fit
+    site, record, passes, anchors : what was fitted
+    timings : s of each step, by name
+    held_out : chi2 per degree of freedom of passes that the fit did not see
+    effects : names of the effects in the model
+    warnings : lines for the user, beside those that `solver.report.words.cautions` finds
+
+    Raises
+    ------
+    InputError
+        If `folder` holds something else than a run (see `check_target`).
+    """
+    check_target(folder)
+    facts = facts_of(result, site, record, passes, anchors, timings, held_out, effects)
+    time = record.time[result.samples]
+    run = Run(result, site.frame, record.start, time, list(passes), list(anchors), facts)
+    facts["warnings"] = [*report.cautions(run), *warnings]
+    with writing(folder) as temporary:
+        temporary.mkdir()
+        (temporary / "route.csv").write_text(route_table(run), encoding="utf-8")
+        features = geojson.route_features(result, site.frame, anchors, site.name)
+        (temporary / "route.geojson").write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
+        (temporary / "fit.json").write_text(json.dumps(facts, allow_nan=False, indent=1), encoding="utf-8")
+        write_arrays(temporary / "data.npz", run)
+        (temporary / "report.html").write_text(report.render(run), encoding="utf-8")
+
+
+def read_facts(folder: Path) -> dict[str, Any]:
+    """Read fit.json of a run folder.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is not of a run.
+    """
+    path = Path(folder) / "fit.json"
+    mend = "give a folder that `roadfiber locate` wrote"
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{folder}: no run folder (fit.json: {error.strerror}); {mend}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: no valid JSON ({error}); {mend}") from error
+    if not isinstance(facts, dict) or facts.get("format") != FORMAT:
+        raise InputError(f"{path}: not of a run in the format {FORMAT!r}; {mend}")
+    return facts
+
+
+def number(value: float | None) -> float:
+    """Return a number of fit.json, where null is what is not known."""
+    return float("nan") if value is None else float(value)
+
+
+def read_run(folder: Path) -> Run:
+    """Read a run folder back.
+
+    Parameters
+    ----------
+    folder : as `write_run` wrote it
+
+    Returns
+    -------
+    run : its result with measured, model and weight in single precision
+
+    Raises
+    ------
+    InputError
+        If it is no run folder, or a part of it is missing or corrupt.
+    """
+    facts = read_facts(folder)
+    path = Path(folder) / "data.npz"
+    try:
+        # A stream of our own is closed even where numpy finds no archive in it.
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        maps = {name: arrays[name].astype(np.float64) for name in MAPS}
+        parameters = {
+            name: Parameter(number(p["value"]), number(p["sigma"]), p["unit"], p["free"])
+            for name, p in facts["parameters"].items()
+        }
+        scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
+        scalars["chi2_per_dof"] = number(facts["chi2_per_dof"])
+        result = FitResult(**{name: arrays[name] for name in ARRAYS}, **maps, **scalars, parameters=parameters)
+        return Run(
+            result=result,
+            frame=LocalFrame(tuple(facts["frame"]["origin"]), facts["frame"]["x_azimuth"]),
+            start=np.datetime64(facts["start"].removesuffix("Z"), "ns"),
+            time=arrays["time"],
+            passes=passes_from(arrays),
+            anchors=[Anchor(**anchor) for anchor in facts["anchors"]],
+            facts=facts,
+        )
+    except (OSError, KeyError, TypeError, ValueError, BadZipFile) as error:
+        raise InputError(f"{path}: not the arrays of this run ({error}); run `roadfiber locate` again") from error

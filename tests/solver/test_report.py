@@ -1,0 +1,300 @@
+"""The report: one file, offline, saying what the run says."""
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from solver.anchors import Anchor
+from solver.report import misfit, words
+from solver.report import page as page_module
+from solver.report.drawing import coarse, color_scale, svg
+from solver.report.misfit_figure import failure_figure, picture, wave_figure, worst
+from solver.report.page import parameter_tables, render
+from solver.report.route_figure import along_x, route_figure, same_scale
+from solver.run_facts import facts_of
+from solver.run_folder import Run
+
+VOID = {"meta", "img", "input", "br", "path", "use", "link"}
+
+
+class Reader(HTMLParser):
+    """Checks that elements are closed in order; collects text, sources and ids."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.text, self.attributes, self.tags = [], [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += attrs
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append(tag)
+        self.attributes += attrs
+
+    def handle_endtag(self, tag):
+        if tag not in VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def made_run(survey, floor=1.0, **changes) -> Run:
+    result = replace(survey.result, **changes)
+    facts = facts_of(result, survey.site, survey.record, survey.passes, survey.anchors, {"fit": 1.5}, None, ["wheels"])
+    facts["noise_floor"] = floor
+    time = survey.record.time[result.samples]
+    run = Run(result, survey.site.frame, survey.record.start, time, survey.passes, survey.anchors, facts)
+    facts["warnings"] = words.cautions(run)
+    return run
+
+
+@pytest.fixture(scope="module")
+def page(survey) -> str:
+    return render(made_run(survey))
+
+
+def read(page: str) -> Reader:
+    reader = Reader()
+    reader.feed(page)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+def test_page_is_whole_html_and_says_the_name_as_written(page):
+    reader = read(page)
+    text = " ".join(reader.text)
+    assert "Elm <Street> & 2nd" in text
+    assert "Street" not in reader.tags
+    assert "The fiber runs" in text
+    assert "pit <1>" in text
+    assert "${" not in text
+
+
+def test_page_needs_no_other_file_and_no_network(page):
+    assert not re.search(r"https?://|//cdn|@import|url\((?!['\"]?#)", page)
+    sources = [value for name, value in read(page).attributes if name in ("src", "href", "xlink:href")]
+    assert sources
+    assert all(value.startswith(("data:image/png;base64,", "#")) for value in sources)
+    assert len(page) < 5e6
+
+
+def test_page_shows_each_pass_and_one_selected(page):
+    assert len(re.findall(r'class="pane pane-\d+"', page)) == 2
+    assert page.count(" checked>") == 1
+    assert "bus ←" in page
+    assert "car →" in page
+
+
+def test_pointer_data_are_the_route(survey, page):
+    data = json.loads(re.search(r'<script type="application/json" id="route">(.*?)</script>', page).group(1))
+    np.testing.assert_allclose(np.stack([data["x"], data["y"], data["z"]], 1), survey.result.route, atol=6e-4)
+    panels = json.loads(re.search(r"data-panels='(.*?)'", page).group(1))
+    assert [panel["name"] for panel in panels] == ["plan", "lateral", "depth"]
+    assert {panel["across"] for panel in panels} == {"x"}
+
+
+def test_page_of_a_method_without_uncertainty(survey):
+    nothing = {"covariance": np.full_like(survey.result.covariance, np.nan)}
+    nothing["data_share"] = np.full_like(survey.result.data_share, np.nan)
+    text = " ".join(read(render(made_run(survey, **nothing))).text)
+    assert "not stated" in text
+    assert not re.search(r"\bnan\b", text)
+
+
+def test_page_of_a_route_that_turns_uses_distance(survey):
+    angle = np.linspace(0, np.pi / 2, len(survey.result.channel))
+    turn = np.stack([40 * np.sin(angle), 4 + 40 * (1 - np.cos(angle)), np.ones_like(angle)], 1)
+    assert not along_x(turn)
+    page = render(made_run(survey, route=turn))
+    assert "distance along the fiber, m" in page
+
+
+def test_page_with_many_passes_shows_the_worst_and_says_so(survey, monkeypatch):
+    monkeypatch.setattr(page_module, "MOST_PASSES", 2)
+    many = replace(survey, passes=[replace(survey.passes[i % 2], track_id=f"track {i}") for i in range(5)])
+    result = spoiled(survey, slice(60, 100), slice(10, 20), 5.0)
+    parts = page_module.waves(made_run(replace(many, result=result)))
+    assert parts["radios"].count("<input") == parts["panes"].count("pane-") == 2
+    assert "track 1" in parts["chips"]
+    assert "track 3" in parts["chips"]
+    assert "the 2 passes that fit worst, of 5" in parts["explained"]
+
+
+# ---- words ----------------------------------------------------------------------------------------------------------
+
+
+def test_headline_has_side_and_depth(survey):
+    run = made_run(survey, route=np.tile([0.0, -2.5, 0.8], (61, 1)))
+    assert words.headline(run) == "The fiber runs 2.50 m left of the survey line, about 0.80 m below the road."
+
+
+def test_headline_is_careful_where_data_do_not_decide(survey):
+    assert "probably" in words.headline(made_run(survey, ambiguous_side=True))
+    assert "probably" in words.headline(made_run(survey, constrained=np.zeros(61, bool)))
+    assert "probably" not in words.headline(made_run(survey))
+
+
+@pytest.mark.parametrize(
+    ("chi2", "floor", "grade"),
+    [
+        (1.0, 1.0, "good"),
+        (1.3, 1.0, "fair"),
+        (1.3, 1.25, "good"),
+        (2.0, 1.0, "weak"),
+        (9.0, 1.0, "poor"),
+        (0.7, 0.5, "good"),
+        (1.0, None, "good"),
+        (float("nan"), 1.0, "poor"),
+    ],
+)
+def test_grade_is_the_misfit_against_the_noise_floor(survey, chi2, floor, grade):
+    assert words.quality(made_run(survey, floor=floor, chi2_per_dof=chi2))[0] == grade
+
+
+def test_a_good_fit_has_only_the_cautions_that_are_true(survey):
+    (loose, dead) = words.cautions(made_run(survey))
+    assert "at channels 50 to 51, 109 to 110" in loose
+    assert dead == "1 channel within the range gave no data."
+
+
+def test_cautions_name_what_the_data_do_not_decide(survey):
+    share = np.full((61, 3), 0.9)
+    share[:, 2] = 0.2
+    lines = words.cautions(made_run(survey, data_share=share, ambiguous_side=True, converged=False))
+    text = "\n".join(lines)
+    for part in ("Side: the mirror route", "Depth: the assumed 0.9 ± 0.3 m", "all along", "not converged after 7"):
+        assert part in text
+
+
+def test_an_anchor_that_the_route_misses_is_named(survey):
+    assert words.anchor_lines(made_run(survey)) == []
+    x, y, z = survey.result.route[10]
+    wrong = replace(survey, anchors=[Anchor("west", 60.0, x, y - 0.7, z, 0.05, 0.05)])
+    (line,) = words.anchor_lines(made_run(wrong))
+    assert line.startswith("Anchor west: the vehicles put the fiber 0.70 m beside it and 0.00 m")
+
+
+def test_key_figures(survey):
+    figures = {label: value for label, value, _ in words.key_figures(made_run(survey))}
+    assert figures["Sideways, 95 %"] == "± 0.10 m"
+    assert figures["Depth, 95 %"] == "± 0.08 m"
+    assert figures["Located"] == "56 m"
+
+
+# ---- numbers --------------------------------------------------------------------------------------------------------
+
+
+def spoiled(survey, rows, columns, sigmas):
+    measured = survey.result.model + 0.0
+    measured[rows, columns] += sigmas * survey.result.noise[0]
+    return replace(survey.result, measured=measured)
+
+
+def test_misfit_is_where_the_residual_is(survey):
+    result = spoiled(survey, slice(0, 60), slice(10, 20), 3.0)
+    channel = misfit.by_channel(result)
+    np.testing.assert_allclose(channel[10:20], 9.0 * 60 / 100)
+    assert channel[:10].max() == channel[20:].max() == 0.0
+    np.testing.assert_allclose(misfit.by_pass(result, survey.passes), [9.0 * 10 / 54, 0.0])
+    edges = np.array([53, 63, 74, 108])
+    grid = misfit.by_pass_and_channel(result, survey.passes, edges)
+    # Ten channels in each of the first two bins; channel 70 is dead, so bin two is columns 10 to 19.
+    np.testing.assert_allclose(grid, [[0.0, 9.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-12)
+
+
+def test_misfit_leaves_out_what_was_not_measured_or_has_no_weight(survey):
+    result = spoiled(survey, slice(0, 60), slice(10, 20), 3.0)
+    result.measured[0, 10] = np.nan
+    weight = result.weight.copy()
+    weight[1:60, 10] = 0.0
+    result = replace(result, weight=weight)
+    assert misfit.by_channel(result)[10] == 0.0
+    assert misfit.discounted(result) == pytest.approx(59 / (100 * 54 - 1))
+
+
+def test_coarse_keeps_noise_at_one_sigma():
+    noise = np.random.default_rng(0).normal(size=(900, 700))
+    noise[:300, :5] = np.nan
+    small = coarse(noise)
+    assert max(small.shape) <= 300
+    assert np.nanstd(small) == pytest.approx(1.0, abs=0.02)
+    assert np.isnan(small[0, 0])
+    np.testing.assert_array_equal(coarse(noise[:40, :40]), noise[:40, :40])
+
+
+def test_color_scale_is_symmetric_and_reaches_the_signal():
+    scale = color_scale(np.array([-50.0, 0.1, np.nan, 20.0]))
+    assert scale.vmin == -scale.vmax
+    assert 40 < scale.vmax <= 50
+    assert color_scale(np.array([np.nan])).vmax == 10.0
+
+
+def test_worst():
+    assert list(worst(np.array([1.0, 5.0, np.nan, 3.0]), 2)) == [1, 3]
+
+
+# ---- figures --------------------------------------------------------------------------------------------------------
+
+
+def test_picture_leaves_a_gap_at_dead_channels(survey):
+    image = picture(survey.result, survey.result.measured, survey.passes[0])
+    assert image.shape == (60, 55)
+    assert np.isnan(image[:, 70 - 53]).all()
+    assert np.isfinite(np.delete(image, 70 - 53, axis=1)).all()
+
+
+@pytest.mark.parametrize("width", [1060, 350])
+def test_plan_is_true_to_scale_and_holds_everything(survey, width):
+    figure = route_figure(made_run(survey), width)
+    plan, lateral, depth = figure.axes
+    assert [axes.get_label() for axes in figure.axes] == ["plan", "lateral", "depth"]
+    box = plan.get_window_extent()
+    x, y = plan.get_xlim(), plan.get_ylim()
+    assert box.width / (x[1] - x[0]) == pytest.approx(box.height / (y[0] - y[1]))
+    assert y[1] < -3.5 < 4.5 < y[0], "y to the right of +x points down the page"
+    assert depth.get_ylim()[0] > 1.1 > depth.get_ylim()[1]
+    assert lateral.get_xlim() == depth.get_xlim() == x
+
+
+def test_same_scale_widens_what_would_be_too_high():
+    x, y, height = same_scale((0.0, 10.0), (0.0, 100.0), 1000.0, 50.0, 500.0)
+    assert (y, height) == ((0.0, 100.0), 500.0)
+    assert x == (-95.0, 105.0)
+
+
+def test_svg_follows_the_theme_and_repeats_under_the_same_salt(survey):
+    run = made_run(survey)
+    first, second = (svg(failure_figure(run, 350)) for _ in range(2))
+    assert first == second
+    assert first.startswith("<svg viewBox=")
+    assert "var(--ink)" in first
+    assert "DejaVu" not in first
+
+
+def test_wave_figure_shows_the_vehicle_over_its_channels(survey):
+    run = made_run(survey)
+    figure = wave_figure(run, run.passes[0], run.result.model, color_scale(run.result.measured), 340)
+    (axes,) = figure.axes
+    channel, seconds = axes.lines[0].get_data()
+    crossed = np.isfinite(channel)
+    # 6 m/s from x = -5 m at 0 s; channel 50 is at x = 0.
+    np.testing.assert_allclose(channel[crossed], 45 + 6 * seconds[crossed], atol=0.8)
+    assert axes.get_xlim() == (52.5, 107.5)
+
+
+def test_parameters_named_by_pass_are_one_row_each(survey):
+    table = parameter_tables(survey.result.parameters)
+    assert table.count("<tr>") == 4
+    assert "<td>b/2</td>" in table
+    assert "amplitude, m²" in table
+    assert "2.65 <small>fixed</small>" in table
+    assert "0.251 <small>± 0.012</small>" in table
