@@ -14,7 +14,7 @@ ROUNDS = 8
 LONGEST_STEP = 4.0  # m, per round
 HUBER = 2.0  # sd beyond which an edge is trusted less (an occluded side)
 CORRELATED = 10.0  # consecutive fixes that share their error: a detector errs alike on like images
-SETTLED = 1e-3  # m
+SETTLED = 3e-3  # m
 STEP = 1e-3  # m, of the difference quotients
 
 
@@ -36,23 +36,44 @@ class BodyFit:
     misfit: Array
 
 
-def silhouette_boxes(camera: Pinhole, corners: Array, position: Array, heading: Array) -> Array:
-    """Boxes [n, 4] around bodies `corners` [k, 3] standing at positions [n, 2] with headings [n]; px."""
+def project_bodies(camera: Pinhole, corners: Array, position: Array, heading: Array) -> Array:
+    """Pixels [n, k, 2] of bodies `corners` [k, 3] standing at positions [n, 2] with headings [n]."""
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
     x = position[:, :1] + cos * corners[:, 0] - sin * corners[:, 1]
     y = position[:, 1:] + sin * corners[:, 0] + cos * corners[:, 1]
-    pixels = camera.project(np.stack([x, y, np.broadcast_to(corners[:, 2], x.shape)], axis=-1))
+    return camera.project(np.stack([x, y, np.broadcast_to(corners[:, 2], x.shape)], axis=-1))
+
+
+def silhouette_boxes(camera: Pinhole, corners: Array, position: Array, heading: Array) -> Array:
+    """Boxes [n, 4] around bodies, px; as `project_bodies`."""
+    pixels = project_bodies(camera, corners, position, heading)
     return np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1)
 
 
+def seen_edges(pixels: Array, image_size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which edges of the boxes around bodies [n, k, 2] are made by a corner inside the image [n, 4].
+
+    The others are not where a detector draws them: it bounds what is left of the body inside the image.
+    """
+    inside = ((pixels >= 0) & (pixels <= np.array(image_size))).all(axis=2)
+    corner = np.concatenate([pixels.argmin(axis=1), pixels.argmax(axis=1)], axis=1)
+    return np.asarray(np.take_along_axis(inside, corner, axis=1))
+
+
 def fit_body(
-    camera: Pinhole, shape: VehicleShape, boxes: Array, sigma: Array, position: Array, heading: Array
+    camera: Pinhole,
+    image_size: tuple[int, int],
+    shape: VehicleShape,
+    boxes: Array,
+    sigma: Array,
+    position: Array,
+    heading: Array,
 ) -> BodyFit:
     """Fit ground positions, and the size all fixes share, to the edges of boxes.
 
     Parameters
     ----------
-    camera : of the view
+    camera, image_size : of the view; (width, height), px
     shape : class of the vehicle; its size and deviation are the prior
     boxes : [n, 4], px
     sigma : [n, 4], sd of every edge, px; infinite for an edge that is not seen
@@ -70,7 +91,8 @@ def fit_body(
     position, size = position.copy(), prior.copy()
     for _ in range(ROUNDS):
         residual, by_position, by_size = _linearize(camera, shape, boxes, position, heading, size)
-        weight = sigma**-2.0 * np.minimum(1.0, HUBER / np.maximum(np.abs(residual / sigma), 1e-9))
+        seen = seen_edges(project_bodies(camera, shape.corners(size), position, heading), image_size)
+        weight = seen * sigma**-2.0 * np.minimum(1.0, HUBER / np.maximum(np.abs(residual / sigma), 1e-9))
         # A whisper of prior (10 m) keeps a fix with one visible edge solvable.
         near = np.einsum("nei,ne,nej->nij", by_position, weight, by_position) + 0.01 * np.eye(2)
         cross = np.einsum("nei,ne,nej->nij", by_position, weight, by_size)
@@ -89,8 +111,8 @@ def fit_body(
             break
     spread = inverse @ cross
     covariance = inverse + spread @ np.linalg.inv(reduced) @ spread.transpose(0, 2, 1)
-    seen = np.isfinite(sigma)
-    misfit = np.sqrt(((residual / sigma) ** 2).sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
+    seen &= np.isfinite(sigma)
+    misfit = np.sqrt((seen * (residual / sigma) ** 2).sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
     return BodyFit(position, covariance, size, misfit)
 
 

@@ -26,7 +26,7 @@ def area(boxes: Array) -> Array:
     return np.asarray(side[:, 0] * side[:, 1])
 
 
-def suppress(boxes: Array, scores: Array, limit: float = 0.6) -> NDArray[np.intp]:
+def suppress(boxes: Array, scores: Array, limit: float = 0.5) -> NDArray[np.intp]:
     """Greedy non-maximum suppression, blind to class: rows to keep, best score first.
 
     A box goes if it overlaps a better one by more than `limit`. Ties keep their order, so the answer is the same

@@ -26,7 +26,8 @@ ACCELERATION = 1.5  # m/s^2; what a vehicle may have done between two fixes
 WORST_SIGMA = 1.5  # m; a fix less certain than this says nothing about a fiber
 WORST_MISFIT = 4.0  # sd; boxes that no vehicle of the class fills
 FEWEST_FIXES = 5
-TURNS = 3  # rounds of heading from positions and positions from headings
+TURNS = 6  # rounds, at most, of heading from positions and positions from headings
+STEADY = 0.01  # rad; change of heading that ends them
 
 
 def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataFrame":
@@ -86,13 +87,16 @@ def _positions(
     """Positions [n, 2] and their sd [n, 2], m (NaN where there is no answer), and the size (3,) of the vehicle."""
     camera = calibration.pinhole()
     position, covariance = contact_positions(calibration, shape, boxes, sigma, np.zeros(len(time)))
-    size = np.array(shape.size)
+    size, heading = np.array(shape.size), np.full(len(time), np.inf)
+    whole = np.isfinite(sigma).all(axis=1)
     for _ in range(TURNS):
-        heading = headings(time, position, WINDOW * shape.size[0])
+        before, heading = heading, headings(time, position, whole, WINDOW * shape.size[0])
+        if np.abs(heading - before).max() < STEADY:
+            break
         if camera is None:
             position, covariance = contact_positions(calibration, shape, boxes, sigma, heading)
             continue
-        fit = fit_body(camera, shape, boxes, sigma, position, heading)
+        fit = fit_body(camera, calibration.image_size, shape, boxes, sigma, position, heading)
         position, covariance, size = fit.position, fit.covariance, fit.size
         covariance = covariance * np.maximum(fit.misfit, 1.0)[:, None, None] ** 2
         covariance[fit.misfit > WORST_MISFIT] = np.nan
@@ -139,21 +143,22 @@ def contact_positions(
     return position, covariance
 
 
-def headings(time: Array, position: Array, window: float) -> Array:
-    """Heading [n], rad from +x toward +y, of a track with positions [n, 2], m.
+def headings(time: Array, position: Array, whole: NDArray[np.bool_], window: float) -> Array:
+    """Heading [n], rad from +x toward +y, of a track with positions [n, 2], m, those of `whole` boxes to be believed.
 
     The slope of a straight line through the fixes within about `window` m of travel. Where a vehicle stands, it is
     headed as it was or will be when it moves; one that never moves is taken to stand along the road (0).
     """
+    every, (time, position) = time, (time[whole], position[whole]) if whole.sum() > 1 else (time, position)
     steps = np.linalg.norm(np.diff(position, axis=0), axis=1)
     speed = np.median(steps / np.diff(time)) if len(time) > 1 else 0.0
     half = np.clip(window / 2 / max(float(speed), 1e-3), 0.2, LONGEST_WINDOW / 2)
     velocity = _slopes(time, position, half)
     moving = np.linalg.norm(velocity, axis=1) * 2 * half > MOVED
     if not moving.any():
-        return np.zeros(len(time))
+        return np.zeros(len(every))
     angle = np.unwrap(np.arctan2(velocity[moving, 1], velocity[moving, 0]))
-    return np.interp(time, time[moving], angle)
+    return np.interp(every, time[moving], angle)
 
 
 def _slopes(time: Array, position: Array, half: float) -> Array:

@@ -88,7 +88,10 @@ class Tracker:
         """
         if time <= self.time:
             raise ValueError(f"time must increase: {time} s after {self.time} s")
-        tracks = predict(self.tracks, time - self.time) if len(self.tracks) else self.tracks
+        limit = np.where(self.tracks.fixes < 3, self.patience / 3, self.patience)
+        tracks = self.tracks.pick(time - self.tracks.seen <= limit)
+        if len(tracks):
+            tracks = predict(tracks, time - self.time)
         measured = measure(boxes)
         strong = scores >= self.strong
         owner = np.full(len(boxes), -1)  # the track row of each detection
@@ -103,9 +106,7 @@ class Tracker:
         owner[new] = len(tracks) + np.arange(len(new))
         tracks = self._start(tracks, measured[new], time)
         identity = np.where(owner >= 0, tracks.identity[owner], 0) if len(tracks) else np.zeros(len(boxes), np.int64)
-        limit = np.where(tracks.fixes < 3, self.patience / 3, self.patience)
-        self.tracks = tracks.pick(time - tracks.seen <= limit)
-        self.time = time
+        self.tracks, self.time = tracks, time
         return identity
 
     def _start(self, tracks: Tracks, measured: Array, time: float) -> Tracks:

@@ -30,8 +30,8 @@ class VehicleShape:
     def corners(self, size: ArrayLike) -> Array:
         """Corners [corner, 3] of a vehicle of a size (3,), m: x ahead of the wheelbase's middle, y right, z down.
 
-        >>> SHAPES["car"].corners((4.4, 1.8, 1.5))[:2].round(3).tolist()  # where the front wheels touch the road
-        [[1.325, 0.873, 0.0], [1.325, -0.873, 0.0]]
+        >>> SHAPES["car"].corners((4.4, 1.8, 1.5))[:2, :2].round(3).tolist()  # where the front wheels touch the road
+        [[1.325, 0.873], [1.325, -0.873]]
         """
         length = self.size[0]
         front = (self.wheelbase / 2 + self.overhang) / length

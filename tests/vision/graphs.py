@@ -61,3 +61,56 @@ def yolov8(count_of_classes=80, size=(416, 416)):
 
 def anchors(size):
     return sum((size[0] // s) * (size[1] // s) for s in (8, 16, 32))
+
+
+def write_bright_spot_detector(path: Path, size=(640, 360), level=0.5) -> Path:
+    """A real detector of one thing: the box around all pixels of channel 0 above a level, as a "car" [1, 1, 6]."""
+    width, height = size
+    far = 1e6
+    constants = {
+        "zero": np.array([0]),
+        "level": np.array(level, np.float32),
+        "one": np.array(1.0, np.float32),
+        "far": np.array(far, np.float32),
+        "columns": np.arange(width, dtype=np.float32),
+        "rows": np.arange(height, dtype=np.float32),
+        "over_rows": np.array([2]),
+        "over_columns": np.array([3]),
+        "all_axes": np.array([0, 1, 2]),
+        "six": np.array([1, 1, 6]),
+        "flat": np.array([1]),
+        "car": np.array([2.0], np.float32),
+    }
+    nodes = [
+        helper.make_node("Gather", ["images", "zero"], ["red"], axis=1),
+        helper.make_node("Greater", ["red", "level"], ["bright"]),
+        helper.make_node("Cast", ["bright"], ["mask"], to=1),
+    ]
+    for axis, over, places in (("x", "over_rows", "columns"), ("y", "over_columns", "rows")):
+        nodes += [
+            helper.make_node("ReduceMax", ["mask", over], [f"{axis}_any"], keepdims=0),
+            helper.make_node("Sub", ["one", f"{axis}_any"], [f"{axis}_none"]),
+            helper.make_node("Mul", [f"{axis}_none", "far"], [f"{axis}_away"]),
+            helper.make_node("Add", [f"{axis}_away", places], [f"{axis}_low"]),
+            helper.make_node("Sub", [places, f"{axis}_away"], [f"{axis}_high"]),
+            helper.make_node("ReduceMin", [f"{axis}_low", "all_axes"], [f"{axis}_first"], keepdims=0),
+            helper.make_node("ReduceMax", [f"{axis}_high", "all_axes"], [f"{axis}_last"], keepdims=0),
+            helper.make_node("Add", [f"{axis}_last", "one"], [f"{axis}_end"]),
+            helper.make_node("Reshape", [f"{axis}_first", "flat"], [f"{axis}1"]),
+            helper.make_node("Reshape", [f"{axis}_end", "flat"], [f"{axis}2"]),
+        ]
+    nodes += [
+        helper.make_node("ReduceMax", ["mask"], ["found"], keepdims=0),
+        helper.make_node("Reshape", ["found", "flat"], ["score"]),
+        helper.make_node("Concat", ["x1", "y1", "x2", "y2", "score", "car"], ["row"], axis=0),
+        helper.make_node("Reshape", ["row", "six"], ["output0"]),
+    ]
+    graph = helper.make_graph(
+        nodes,
+        "bright",
+        [helper.make_tensor_value_info("images", 1, [1, 3, height, width])],
+        [helper.make_tensor_value_info("output0", 1, [1, 1, 6])],
+        [numpy_helper.from_array(value, name) for name, value in constants.items()],
+    )
+    onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=9), str(path))
+    return path

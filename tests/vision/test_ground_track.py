@@ -1,0 +1,203 @@
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.vision.test_camera import look
+from vision.body_fit import fit_body, project_bodies, silhouette_boxes
+from vision.camera import Calibration
+from vision.ground_track import WORST_SIGMA, edge_sigma, gap_sigma, ground_tracks, headings
+from vision.interpolate import BOX
+from vision.vehicles import SHAPES
+
+SIZE = (1280, 720)
+VIEWS = {
+    "across": look((20, -14, -9), (20, 2, 0), 700, SIZE),
+    "along": look((-15, -9, -8), (30, 0, 0), 900, SIZE),
+    "oblique": look((0, 12, -7), (22, -2, 0), 800, SIZE),
+}
+CLASSES = ["car", "van", "truck", "bus", "motorcycle"]
+
+
+def drive(view, label="car", lane=1.75, speed=10.0, size=None, noise=0.0, seed=0, seconds=9.0, start=-20.0):
+    """Boxes of one vehicle, cut by the image's border, as a table with its true place in x_true, y_true."""
+    homography, _ = VIEWS[view]
+    camera = Calibration(image_size=SIZE, homography=homography).pinhole()
+    time = np.arange(0, seconds, 0.04)
+    place = np.stack([start + speed * time, np.full(len(time), lane)], axis=1)
+    heading = np.full(len(time), 0.0 if speed >= 0 else np.pi)
+    corners = SHAPES[label].corners(size or SHAPES[label].size)
+    bodies = project_bodies(camera, corners, place, heading)
+    boxes = silhouette_boxes(camera, corners, place, heading)
+    cut = np.array([visible_box(body) for body in bodies])
+    cut += (cut == boxes) * np.random.default_rng(seed).normal(0, noise, boxes.shape)
+    large = (cut[:, 2] - cut[:, 0] > 12) & (cut[:, 3] - cut[:, 1] > 12)
+    table = pd.DataFrame(cut[large], columns=BOX).assign(
+        time=time[large], frame=np.arange(len(cut))[large], track_id=1, confidence=0.9, interpolated=False,
+        x_true=place[large, 0], y_true=place[large, 1],
+    )  # fmt: skip
+    return table.assign(**{"class": label})
+
+
+def visible_box(body):
+    """Box around what of a body's outline [k, 2] lies inside the image; empty behind the camera."""
+    if not np.isfinite(body).all():
+        return np.zeros(4)
+    outline = cv2.convexHull(body.astype(np.float32))[:, 0]
+    if ((outline >= 0) & (outline <= SIZE)).all():
+        return np.concatenate([body.min(axis=0), body.max(axis=0)])
+    image = np.array([[0, 0], [SIZE[0], 0], SIZE, [0, SIZE[1]]], np.float32)
+    _, visible = cv2.intersectConvexConvex(outline, image)
+    return np.zeros(4) if visible is None else np.concatenate([visible.min(axis=(0, 1)), visible.max(axis=(0, 1))])
+
+
+def place(table, view):
+    return ground_tracks(table, Calibration(image_size=SIZE, homography=VIEWS[view][0]))
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("label", CLASSES)
+@pytest.mark.parametrize("speed", [10.0, -10.0])
+def test_exact_boxes_give_the_exact_place(view, label, speed):
+    table = drive(view, label, speed=speed, start=-20 if speed > 0 else 60)
+    found = place(table, view)
+    whole = (found[BOX[0]] > 0) & (found[BOX[1]] > 0) & (found[BOX[2]] < SIZE[0]) & (found[BOX[3]] < SIZE[1])
+    assert whole.sum() > 30
+    assert np.hypot(found["x"] - found["x_true"], found["y"] - found["y_true"])[whole].max() < 0.08
+    assert found["length"].iloc[0] == pytest.approx(SHAPES[label].size[0], rel=0.02)
+
+
+def test_the_box_center_would_be_wrong():
+    """What the reference point is for: the ground under the box's center is meters away."""
+    table = drive("along")
+    calibration = Calibration(image_size=SIZE, homography=VIEWS["along"][0])
+    middle = np.stack([(table[BOX[0]] + table[BOX[2]]) / 2, (table[BOX[1]] + table[BOX[3]]) / 2], axis=1)
+    off = np.linalg.norm(calibration.to_ground(middle) - table[["x_true", "y_true"]], axis=1)
+    found = place(table, "along")
+    assert np.median(off) > 2.0
+    assert np.median(np.hypot(found["x"] - found["x_true"], found["y"] - found["y_true"])) < 0.05
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_sigma_says_how_wrong(view):
+    """Noise of 1.5 px and sizes drawn from the class: errors in sigma are about one, over many vehicles."""
+    rng = np.random.default_rng(3)
+    scores = []
+    for seed in range(8):
+        shape = SHAPES["car"]
+        size = tuple(rng.normal(shape.size, shape.deviation))
+        found = place(drive(view, size=size, noise=1.5, seed=seed), view)
+        scores.append([((found[a] - found[f"{a}_true"]) / found[f"sigma_{a}"]).pow(2).mean() for a in "xy"])
+    assert (np.sqrt(np.mean(scores, axis=0)) < 1.3).all() and (np.sqrt(np.mean(scores, axis=0)) > 0.25).all()
+
+
+def test_size_is_learned_from_all_fixes():
+    found = place(drive("across", size=(4.9, 1.9, 1.7)), "across")
+    assert found["length"].iloc[0] == pytest.approx(4.9, abs=0.1)
+
+
+def test_cut_boxes_are_placed_by_the_edges_that_are_seen():
+    table = drive("across", noise=0.5)
+    found = place(table, "across")
+    cut = (found["box_left"] <= 0) | (found["box_right"] >= SIZE[0])
+    assert cut.sum() >= 10
+    error = np.hypot(found["x"] - found["x_true"], found["y"] - found["y_true"])
+    assert error[cut].max() < 0.5
+    assert found["sigma_x"][cut].mean() > 1.2 * found["sigma_x"][~cut].mean()
+
+
+def test_far_fixes_are_left_out():
+    found = place(drive("along", seconds=20, noise=1.0), "along")
+    assert found["sigma_x"].max() < WORST_SIGMA and found["x"].max() < 150
+
+
+def test_interpolated_fixes_lie_on_the_ground_between_their_neighbors():
+    table = drive("oblique", noise=0.3)
+    gap = table.index[60:80]
+    table.loc[gap, "interpolated"] = True
+    table.loc[gap, BOX] = 0.0  # what they hold must not matter
+    found = place(table, "oblique").set_index("frame")
+    missing = found.loc[table.loc[gap, "frame"]]
+    assert missing["interpolated"].all()
+    assert np.hypot(missing["x"] - missing["x_true"], missing["y"] - missing["y_true"]).max() < 0.3
+    assert missing["sigma_x"].max() > 1.1 * found.loc[table.loc[58, "frame"], "sigma_x"]
+
+
+def test_without_a_camera_the_contact_point_is_used():
+    """Straight down there is no perspective to find a camera in; a flat footprint is placed exactly all the same."""
+    down = Calibration(image_size=(640, 480), homography=[[0, -0.1, 48], [0.1, 0, -32], [0, 0, 1]])
+    time = np.arange(0, 3, 0.04)
+    place = np.stack([10.0 + 8 * time, np.full(len(time), 1.75)], axis=1)
+    corner = np.array([2.2, -0.9])
+    low, high = down.to_image(place + corner), down.to_image(place - corner)
+    table = pd.DataFrame(np.concatenate([low, high], axis=1), columns=BOX).assign(
+        time=time, frame=np.arange(len(time)), track_id=4, confidence=0.9, interpolated=False
+    )
+    found = ground_tracks(table.assign(**{"class": "car"}), down)
+    np.testing.assert_allclose(found[["x", "y"]], place, atol=0.02)
+    assert found["sigma_x"].between(0.05, 0.5).all()
+
+
+def test_parked_cars_stay():
+    table = drive("across", speed=0.0, start=20.0, noise=1.0)
+    found = place(table, "across")
+    assert found[["x", "y"]].std().max() < 0.15
+    assert np.hypot(found["x"].mean() - 20.0, found["y"].mean() - 1.75) < 0.1
+
+
+def test_nothing_above_the_horizon():
+    table = drive("along")
+    table[["box_top", "box_bottom"]] -= table["box_bottom"].max() + 500
+    found = place(table, "along")
+    assert found.empty and {"x", "y", "sigma_x", "sigma_y"} <= set(found)
+
+
+def test_an_occluded_edge_counts_less():
+    table = drive("across", noise=0.5)
+    rows = table.index[(table["box_left"] > 300) & (table["box_right"] < 980)]
+    table.loc[rows, "box_bottom"] -= 12.0  # the lower edge is behind a parked car
+    found = place(table, "across").set_index("frame").loc[table.loc[rows, "frame"]]
+    bare = Calibration(image_size=SIZE, homography=VIEWS["across"][0])
+    contact = np.stack([(table[BOX[0]] + table[BOX[2]]) / 2, table[BOX[3]]], axis=1)[table.index.get_indexer(rows)]
+    pushed = bare.to_ground(contact)[:, 1] - table.loc[rows, "y_true"] + 0.9
+    assert np.abs(found["y"] - found["y_true"]).mean() < 0.85 * np.abs(pushed).mean()
+
+
+def test_headings_of_a_curve():
+    time = np.arange(0, 4, 0.04)
+    angle, everywhere = time * 0.5, np.ones(len(time), bool)
+    place = 20 * np.stack([np.sin(angle), 1 - np.cos(angle)], axis=1)
+    place += np.random.default_rng(0).normal(0, 0.05, place.shape)
+    np.testing.assert_allclose(headings(time, place, everywhere, 6.6)[5:-5], angle[5:-5], atol=0.06)
+
+
+def test_headings_while_standing():
+    time = np.arange(0, 10, 0.1)
+    y, everywhere = np.where(time < 5, 3 * time, 15.0), np.ones(len(time), bool)
+    place = np.stack([np.zeros(100), y], axis=1) + np.random.default_rng(0).normal(0, 0.05, (100, 2))
+    np.testing.assert_allclose(headings(time, place, everywhere, 6.6), np.pi / 2, atol=0.15)
+    assert (headings(time, place * 0.01, everywhere, 6.6) == 0).all()
+
+
+def test_jitter_is_measured():
+    rng = np.random.default_rng(0)
+    time = np.arange(0, 8, 0.04)
+    boxes = np.array([200.0, 200, 300, 300]) + 20 * time[:, None] + rng.normal(0, 4, (200, 4))
+    sigma = edge_sigma(time, boxes, SIZE)
+    assert np.median(sigma) == pytest.approx(np.sqrt(4**2 + 2**2 + 1), rel=0.1)
+    boxes[0, 0], boxes[1, 3] = 0, 720
+    infinite = np.argwhere(np.isinf(edge_sigma(time, boxes, SIZE)))
+    assert infinite.tolist() == [[0, 0], [1, 3]]
+
+
+def test_gap_sigma_is_zero_at_fixes():
+    sigma = gap_sigma(np.array([0.0, 0.5, 1.0, 1.5, 2.0]), np.array([0.0, 1.0, 2.0]))
+    np.testing.assert_allclose(sigma, [0, 0.1875, 0, 0.1875, 0])
+
+
+def test_bodies_that_reach_behind_the_camera_stay_where_they_are():
+    camera = Calibration(image_size=SIZE, homography=VIEWS["along"][0]).pinhole()
+    boxes, guess = np.array([[0.0, 0, 100, 100]] * 5), np.tile([-60.0, -9.0], (5, 1))
+    fit = fit_body(camera, SIZE, SHAPES["car"], boxes, np.ones((5, 4)), guess, np.zeros(5))
+    np.testing.assert_allclose(fit.position, guess)
+    assert np.isfinite(fit.covariance).all() and fit.covariance[:, 0, 0].min() > 50

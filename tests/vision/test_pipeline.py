@@ -1,0 +1,196 @@
+"""A drawn street, through a real video file and a real ONNX graph, to trajectories."""
+
+import json
+import sys
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+import roadfiber
+from tests.vision.graphs import write_bright_spot_detector, write_graph
+from tests.vision.test_camera import look
+from tests.vision.videos import numbered_images, set_creation_time, set_frame_durations, write_video
+from vision.body_fit import project_bodies
+from vision.camera import Calibration
+from vision.contract import COLUMNS, InputError, read_trajectories
+from vision.pipeline import box_tracks, start_time, track
+from vision.vehicles import SHAPES
+from vision.video import open_video
+
+SIZE, FRAMES, SPEED, LANE = (640, 360), 70, 9.0, 1.75
+TICKS = [256, 768] * (FRAMES // 2)  # of 1/12800 s: a frame rate that alternates between 50 and 16.7 per s
+HOMOGRAPHY, _ = look((20, -14, -9), (20, 2, 0), 420, SIZE)
+START = "2025-08-11T06:00:00.25Z"
+
+
+def place(time):
+    return np.stack([8 + SPEED * time, np.full_like(time, LANE)], axis=1)
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory):
+    """A car on a dark street: video of variable frame rate, calibration, detector."""
+    folder = tmp_path_factory.mktemp("survey")
+    calibration = Calibration(image_size=SIZE, homography=HOMOGRAPHY)
+    time = np.concatenate([[0], np.cumsum(TICKS)[:-1]]) / 12800
+    corners = SHAPES["car"].corners(SHAPES["car"].size)
+    images = []
+    for body in project_bodies(calibration.pinhole(), corners, place(time), np.zeros(FRAMES)):
+        image = np.full((SIZE[1], SIZE[0], 3), 50, np.uint8)
+        outline = cv2.convexHull(body.astype(np.float32)) * 16
+        images.append(cv2.fillConvexPoly(image, outline.round().astype(np.int32), (220, 220, 220), shift=4))
+    images[30] = np.full_like(images[0], 50)  # a miss inside the track
+    set_frame_durations(write_video(folder / "street.mp4", images), TICKS)
+    calibration.write(folder / "calibration.json")
+    write_bright_spot_detector(folder / "spot.onnx", SIZE)
+    return folder
+
+
+@pytest.fixture
+def command(monkeypatch, capsys, tmp_path):
+    """Run `roadfiber track ...` in an empty folder: exit status, what it printed, what it complained of."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["roadfiber", "-q", "track", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            roadfiber.main()
+        return end.value.code or 0, *capsys.readouterr()
+
+    return run
+
+
+def test_trajectories_are_where_and_when_the_car_was(survey):
+    table = track(
+        survey / "street.mp4",
+        detector=survey / "spot.onnx",
+        calibration=survey / "calibration.json",
+        start=START,
+        clock_offset=0.4,
+    )
+    seconds = (table["time"] - pd.Timestamp(START)).dt.total_seconds().to_numpy() + 0.4
+    assert table["track_id"].nunique() == 1 and set(table["class"]) == {"car"}
+    assert table["frame"].tolist() == list(range(FRAMES)), "the missing frame is filled"
+    assert table["interpolated"].to_numpy().nonzero()[0].tolist() == [30]
+    true = place(seconds)
+    assert np.abs(table["x"] - true[:, 0]).max() < 0.12 and np.abs(table["y"] - true[:, 1]).max() < 0.12
+    assert table[["sigma_x", "sigma_y"]].to_numpy().max() < 0.5
+    assert table["length"].iloc[0] == pytest.approx(4.4, abs=0.2)
+
+
+def test_every_other_frame(survey):
+    table = track(
+        survey / "street.mp4",
+        detector=survey / "spot.onnx",
+        calibration=survey / "calibration.json",
+        start=START,
+        every=2,
+    )
+    assert table["frame"].tolist() == list(range(0, FRAMES, 2))
+
+
+def test_command_writes_what_the_solver_reads(survey, command, tmp_path):
+    code, out, _ = command(
+        survey / "street.mp4", "--calibration", survey / "calibration.json", "--detector", survey / "spot.onnx",
+        "--start", START,
+    )  # fmt: skip
+    assert code == 0 and "1 vehicles: 1 car" in out and "median sigma" in out and "frames per second" in out
+    table = read_trajectories([tmp_path / "trajectories.csv"])
+    assert list(table)[:7] == list(COLUMNS) and len(table) == FRAMES
+    assert (table["time"].iloc[0] - pd.Timestamp(START)).total_seconds() == pytest.approx(0, abs=1e-6)
+
+
+def test_command_without_a_calibration(survey, command, tmp_path):
+    code, out, _ = command(survey / "street.mp4", "--detector", survey / "spot.onnx", "--out", "b.parquet", "--json")
+    summary = json.loads(out)
+    assert code == 0 and summary["tracks"] == 1 and summary["by_class"] == {"car": 1} and not summary["metric"]
+    assert set(summary["frames_per_second"]) == {"decode", "detect", "track", "all"}
+    table = pd.read_parquet(tmp_path / "b.parquet")
+    assert len(table) == FRAMES and {"time", "track_id", "class", "box_left", "confidence", "frame"} <= set(table)
+    assert table["time"].iloc[-1] == pytest.approx(sum(TICKS[:-1]) / 12800)
+
+
+def test_start_comes_from_the_header(survey, tmp_path):
+    path = write_video(tmp_path / "v.mp4", numbered_images(3))
+    set_creation_time(path, np.datetime64("2026-03-04T05:06:07"))
+    assert start_time(None, open_video(path)) == np.datetime64("2026-03-04T05:06:07")
+    assert start_time("2025-08-11T08:00:00+02:00", open_video(path)) == np.datetime64("2025-08-11T06:00:00")
+
+
+BAD = {
+    "no start": ([], "does not say when it was recorded; give --start"),
+    "no zone": (["--start", "2025-08-11T06:00:00"], "has no time zone"),
+    "no time": (["--start", "yesterday"], "is no time"),
+    "no video": (["--start", START, "VIDEO:none.mp4"], "no such file"),
+    "no detector": (["--start", START, "--detector", "none.onnx"], "no such file"),
+    "layout": (["--start", START, "--layout", "yolo99"], "layout 'yolo99' is unknown"),
+    "class": (["--start", START, "--classes", "tram"], "knows no class tram"),
+    "calibration": (["--start", START, "--calibration", "none.json"], "No such file"),
+    "size": (
+        ["--start", START, "--calibration", "SIZE"],
+        "is 640 x 360 px but the calibration was made for 1280 x 720",
+    ),
+    "nothing": (["--start", START, "--classes", "bus"], "no vehicle was followed"),
+    "not on the road": (["--start", START, "--calibration", "ELSEWHERE"], "lies on the calibrated road"),
+    "suffix": (["--start", START, "--out", "t.xlsx"], r"\.csv or \.parquet"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_nothing_is_written(case, survey, command, tmp_path_factory, tmp_path):
+    extra, complaint = BAD[case]
+    video = next((item[6:] for item in extra if item.startswith("VIDEO:")), survey / "street.mp4")
+    folder = tmp_path_factory.mktemp("other")
+    Calibration(image_size=(1280, 720), homography=look((20, -14, -9), (20, 2, 0), 840, (1280, 720))[0]).write(
+        folder / "SIZE"
+    )
+    upward = look((20, -14, -9), (20, 86, -37.6), 420, SIZE)[0]  # the horizon is below the car
+    Calibration(image_size=SIZE, homography=upward).write(folder / "ELSEWHERE")
+    extra = [
+        folder / item if item in ("SIZE", "ELSEWHERE") else item for item in extra if not item.startswith("VIDEO:")
+    ]
+    usual = ["--calibration", survey / "calibration.json", "--detector", survey / "spot.onnx"]
+    code, out, err = command(video, *usual, *extra)
+    assert code == 2 and out == ""
+    assert err.count("\n") == 1 and err.startswith("roadfiber: ")
+    assert pd.Series([err]).str.contains(complaint, regex=case == "suffix").item(), err
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_vehicle_names_the_score(survey, tmp_path):
+    class Blind:
+        threshold = 0.5
+
+        def prepare(self, video):
+            return self
+
+        def detect(self, image):
+            from vision.detectors import Detections
+
+            return Detections(np.zeros((0, 4)), np.zeros(0), np.zeros(0, str))
+
+    with pytest.raises(InputError, match=r"lower --min-score than 0\.5"):
+        box_tracks(open_video(survey / "street.mp4"), Blind())
+
+
+def test_a_graph_that_is_no_detector(survey, command, tmp_path_factory):
+    classifier = tmp_path_factory.mktemp("m") / "classifier.onnx"
+    write_graph(classifier, {"logits": np.zeros((1, 1000), np.float32)})
+    code, _, err = command(survey / "street.mp4", "--detector", classifier)
+    assert code == 2 and "recognized are" in err
+
+
+@pytest.mark.parametrize("model", ["yolox_nano", "nanodet_m_416", "deimv2_hgnetv2_atto_coco"])
+def test_real_video_with_real_models(model, shared_data):
+    from vision.detectors import load_detector
+
+    video = open_video(shared_data / "video" / "abhishek-verma-github_highway.mp4")
+    table, speed = box_tracks(video, load_detector(shared_data / "models" / f"{model}.onnx"), every=8)
+    longest = table.groupby("track_id").size().sort_values().tail(4)
+    assert table["track_id"].nunique() >= 6 and longest.min() >= 8 and speed.frames == 43
+    for track_id in longest.index:  # on a motorway, boxes go one way
+        middle = table.loc[table["track_id"] == track_id, ["box_left", "box_bottom"]].to_numpy()
+        travel = np.linalg.norm(middle[-1] - middle[0])
+        assert np.linalg.norm(np.diff(middle, axis=0), axis=1).sum() < 1.3 * travel + 30
