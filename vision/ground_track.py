@@ -88,7 +88,7 @@ def _positions(
     camera = calibration.pinhole()
     position, covariance = contact_positions(calibration, shape, boxes, sigma, np.zeros(len(time)))
     size, heading = np.array(shape.size), np.full(len(time), np.inf)
-    whole = np.isfinite(sigma).all(axis=1)
+    whole: NDArray[np.bool_] = np.asarray(np.isfinite(sigma).all(axis=1))
     for _ in range(TURNS):
         before, heading = heading, headings(time, position, whole, WINDOW * shape.size[0])
         if np.abs(heading - before).max() < STEADY:
