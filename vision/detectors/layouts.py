@@ -7,6 +7,7 @@ is still evidence for a vehicle.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -61,7 +62,8 @@ class Layout:
     threshold: float = 0.4
 
 
-def cells(size: tuple[int, int], strides: Sequence[int] = (8, 16, 32)) -> list[NDArray[np.float64]]:
+@cache
+def cells(size: tuple[int, int], strides: tuple[int, ...] = (8, 16, 32)) -> list[NDArray[np.float64]]:
     """Top left corner (x, y) of the grid cells of each stride, row by row, in cells: one [n, 2] for each stride."""
     grids = []
     for stride in strides:
@@ -92,7 +94,9 @@ def decode_yolox(outputs: Outputs, size: tuple[int, int], wanted: NDArray[np.int
     Exports that decode the grid themselves hold sizes in px there, far beyond any logarithm of cells.
     """
     raw = outputs[0][0]
-    rows, score, label = best_of(raw[:, 5:] * raw[:, 4:5], wanted, floor)
+    likely = np.flatnonzero(raw[:, 4] >= floor)  # scores of classes are at most one
+    best, score, label = best_of(raw[likely, 5:] * raw[likely, 4:5], wanted, floor)
+    rows = likely[best]
     if raw[:, 2:4].max() > 16:
         return Candidates(around(raw[rows, :2], raw[rows, 2:4]), score, label)
     grids = cells(size)
