@@ -48,7 +48,6 @@ STYLE: dict[Any, Any] = {
 }
 
 LINEAR = 3.0  # noise sigmas up to which the color scale of the maps is linear
-CELLS = 300  # most rows or columns of a picture
 
 styled = matplotlib.rc_context(STYLE)
 
@@ -85,7 +84,7 @@ def color_map() -> Colormap:
     return matplotlib.colormaps["RdBu_r"].with_extremes(bad="#b5bac0")
 
 
-def coarse(whitened: NDArray[np.float64], limit: int = CELLS) -> NDArray[np.float64]:
+def coarse(whitened: NDArray[np.float64], limit: int) -> NDArray[np.float64]:
     """At most `limit` rows and columns: sums over blocks / sqrt(samples), so that noise keeps its standard deviation 1.
 
     Parameters

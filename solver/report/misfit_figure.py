@@ -1,6 +1,6 @@
 """Measured, model and residual as pictures, and where the model fails."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,14 +11,12 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from solver.fit.result import FitResult
-from solver.report import misfit
 from solver.report.drawing import INK, ROUTE, canvas, coarse, color_map, place, styled
+from solver.report.misfit import Misfit, rows_of
 from solver.trajectory import Pass
 
 if TYPE_CHECKING:
     from solver.run_folder import Run
-
-BINS = 60  # most bins of channels in the picture of where it fails
 
 
 def whole_range(result: FitResult, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -29,9 +27,20 @@ def whole_range(result: FitResult, values: NDArray[np.float64]) -> NDArray[np.fl
     return out
 
 
-def picture(result: FitResult, values: NDArray[np.float64], one: Pass) -> NDArray[np.float64]:
-    """Rows of a pass of `values` [sample, fitted], in noise sigmas, ready to be drawn: [row, channel]."""
-    return coarse(whole_range(result, values[misfit.rows_of(result, one)] / result.noise))
+@dataclass(frozen=True)
+class Pictures:
+    """One pass as pictures [row, channel], in noise sigmas; NaN where there is no measurement."""
+
+    measured: NDArray[np.float64]
+    model: NDArray[np.float64]
+    residual: NDArray[np.float64]
+
+
+def pictures_of(result: FitResult, one: Pass, cells: int) -> Pictures:
+    """Pictures of a pass with at most `cells` rows and columns."""
+    rows = rows_of(result, one)
+    measured, model = result.measured[rows] / result.noise, result.model[rows] / result.noise
+    return Pictures(*(coarse(whole_range(result, part), cells) for part in (measured, model, measured - model)))
 
 
 def nearest_channel(result: FitResult, one: Pass) -> NDArray[np.float64]:
@@ -43,24 +52,23 @@ def nearest_channel(result: FitResult, one: Pass) -> NDArray[np.float64]:
 
 
 @styled
-def wave_figure(run: "Run", one: Pass, values: NDArray[np.float64], scale: AsinhNorm, width: int) -> Figure:
+def wave_figure(run: "Run", one: Pass, picture: NDArray[np.float64], scale: AsinhNorm, width: int) -> Figure:
     """One map [time, channel] of one pass; the dotted line is the vehicle.
 
     Parameters
     ----------
-    values : measured, model or their difference, [sample, fitted], 1/s
+    picture : one of `Pictures`
     scale : color scale, noise sigmas
     width : of the figure, CSS pixels
     """
     result = run.result
-    seconds = run.time[misfit.rows_of(result, one)]
+    seconds = run.time[rows_of(result, one)]
     step = float(np.median(np.diff(seconds))) if len(seconds) > 1 else 1.0
     first, last = result.fitted_channel[[0, -1]]
     extent = (first - 0.5, last + 0.5, seconds[-1] + step / 2 - seconds[0], -step / 2)
     figure = canvas(width, round(0.95 * width))
-    axes = place(figure, "map", 44, 6, width - 50, 0.95 * width - 48)
-    image = picture(result, values, one)
-    axes.imshow(image, aspect="auto", extent=extent, cmap=color_map(), norm=scale, interpolation="none")
+    axes = place(figure, "map", 50, 6, width - 56, 0.95 * width - 48)
+    axes.imshow(picture, aspect="auto", extent=extent, cmap=color_map(), norm=scale, interpolation="none")
     inside = np.isin(one.rows, result.samples)
     axes.plot(nearest_channel(result, one)[inside], seconds - seconds[0], color="#222222", lw=0.9, ls=(0, (1, 2.5)))
     axes.set(xlabel="channel", ylabel="time, s", xlim=extent[:2], ylim=extent[2:])
@@ -97,10 +105,9 @@ def bare(axes: Axes) -> None:
     axes.tick_params(length=0)
 
 
-def draw_marginals(top: Axes, right: Axes, run: "Run", per_pass: NDArray[np.float64], floor: float) -> None:
+def draw_marginals(top: Axes, right: Axes, result: FitResult, misfit: Misfit, floor: float) -> None:
     """Misfit by channel above, by pass to the right, with the noise floor."""
-    result = run.result
-    per_channel = whole_range(result, misfit.by_channel(result)[None])[0]
+    per_pass, per_channel = misfit.by_pass, whole_range(result, misfit.by_channel[None])[0]
     channel = np.arange(result.fitted_channel[0], result.fitted_channel[-1] + 1)
     top.fill_between(channel, floor, np.fmax(per_channel, floor), step="mid", color=ROUTE, alpha=0.35, lw=0)
     top.step(channel, per_channel, where="mid", color=ROUTE, lw=1.2)
@@ -116,30 +123,28 @@ def draw_marginals(top: Axes, right: Axes, run: "Run", per_pass: NDArray[np.floa
 
 
 @styled
-def failure_figure(run: "Run", width: int) -> Figure:
+def failure_figure(run: "Run", misfit: Misfit, width: int) -> Figure:
     """Where the model fails: chi2 of each pass in bins of channels; by channel above, by pass to the right.
 
     Parameters
     ----------
-    run : to draw
+    run, misfit : to draw
     width : of the figure, CSS pixels
     """
-    result, passes = run.result, run.passes
+    passes, edges, values = run.passes, misfit.edges, misfit.by_pass_and_bin
     left, right = 90, (56 if width < 500 else 130)
     across = width - left - right - 14
     row = max(6, min(24, 480 // len(passes)))
     height = row * len(passes)
-    edges = misfit.bins(result, max(1, -(-(int(np.ptp(result.fitted_channel)) + 1) // BINS)))
     figure = canvas(width, height + 140)
     top = place(figure, "by channel", left, 8, across, 78)
     grid = place(figure, "by pass and channel", left, 94, across, height)
     side = place(figure, "by pass", left + across + 10, 94, right, height)
-    values = misfit.by_pass_and_channel(result, passes, edges)
     floor = run.facts["noise_floor"] or 1.0
     colors = Normalize(floor, max(4.0 * floor, float(np.nanmax(values))))
     extent = (edges[0] - 0.5, edges[-1] - 0.5, len(passes) - 0.5, -0.5)
     grid.imshow(values, aspect="auto", extent=extent, cmap=excess_map(), norm=colors, interpolation="none")
-    draw_marginals(top, side, run, misfit.by_pass(result, passes), floor)
+    draw_marginals(top, side, run.result, misfit, floor)
     for axes in (top, grid):
         axes.set_xlim(extent[:2])
     side.set_ylim(grid.get_ylim())
@@ -156,7 +161,11 @@ def excess_map() -> Colormap:
     return LinearSegmentedColormap.from_list("excess", stops).with_extremes(bad="#b5bac0")
 
 
-def worst(values: NDArray[np.float64], count: int) -> Sequence[int]:
-    """Indices, ascending, of the `count` largest values [item]; NaN counts as smallest."""
+def worst(values: NDArray[np.float64], count: int) -> list[int]:
+    """Indices, ascending, of the `count` largest values [item], NaN left out.
+
+    >>> worst(np.array([1.0, 5.0, np.nan, 3.0]), 2)
+    [1, 3]
+    """
     order = np.argsort(np.nan_to_num(values, nan=-np.inf))[::-1]
-    return sorted(order[:count].tolist())
+    return sorted(int(i) for i in order[:count] if np.isfinite(values[i]))

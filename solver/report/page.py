@@ -10,21 +10,34 @@ from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure
 
 from solver.fit.result import Parameter
 from solver.geojson import Z95, half_width
-from solver.report import misfit, words
-from solver.report.drawing import color_map, color_scale, data_uri, svg
-from solver.report.misfit_figure import failure_figure, pass_label, picture, scale_figure, wave_figure, worst
+from solver.report import words
+from solver.report.drawing import coarse, color_map, color_scale, data_uri, svg
+from solver.report.misfit import Misfit, misfit_of
+from solver.report.misfit_figure import (
+    Pictures,
+    failure_figure,
+    pass_label,
+    pictures_of,
+    scale_figure,
+    wave_figure,
+    worst,
+)
 from solver.report.route_figure import along_x, route_figure
 from solver.run_facts import strict
+from solver.trajectory import Pass
 
 if TYPE_CHECKING:
     from solver.run_folder import Run
 
 WIDE, NARROW, PANEL = 1060, 350, 340  # px
-MOST_PASSES = 24  # that the page shows in full
+MOST_PASSES = 16  # that the page shows in full
+MOST_CELLS, THUMBNAIL = 300, 60  # rows or columns of a picture
+PIXELS = 1_000_000  # of all pictures together, which keeps the page below 4 MB
 
 
 def json_text(value: Any) -> str:
@@ -46,8 +59,9 @@ def terms(pairs: list[tuple[str, str]]) -> str:
 
 def panels_of(figure: Figure, run: "Run") -> list[dict[str, Any]]:
     """Where each panel of the map is, as fractions of the figure from the upper left, and what it shows."""
-    main = "x" if along_x(run.result.route) else "distance"
-    shown = {"plan": ("x", "y"), "lateral": (main, "y"), "depth": (main, "z")}
+    straight = along_x(run.result.route)
+    main, side = ("x", "y") if straight else ("distance", "offset")
+    shown = {"plan": ("x", "y"), "lateral": (main, side), "depth": (main, "z")}
     panels = []
     for axes in figure.axes:
         name, box = str(axes.get_label()), axes.get_position()
@@ -65,7 +79,7 @@ def route_json(run: "Run") -> str:
     x, y, z = result.route.T
     latitude, longitude = run.frame.to_geographic(x, y)
     columns = {"x": x, "y": y, "z": z, "distance": result.distance, "vertical": Z95 * result.sigma[:, 2]}
-    columns["lateral"] = half_width(result.route, result.covariance)
+    columns |= {"lateral": half_width(result.route, result.covariance), "offset": np.zeros_like(x)}
     degrees = {"latitude": np.round(latitude, 7), "longitude": np.round(longitude, 7)}
     whole = {"channel": result.channel, "constrained": result.constrained}
     return json_text({name: np.round(column, 3) for name, column in columns.items()} | degrees | whole)
@@ -92,10 +106,9 @@ def legend(run: "Run") -> str:
 # ---- measured, model, residual ---------------------------------------------------------------------------------------
 
 
-def chip(run: "Run", number: int, chi2: float, scale: Any) -> str:
+def chip(one: Pass, number: int, chi2: float, pictures: Pictures, scale: AsinhNorm) -> str:
     """Thumbnail of a pass's residual that selects the pass."""
-    one = run.passes[number]
-    image = picture(run.result, run.result.measured - run.result.model, one)
+    image = coarse(pictures.residual, THUMBNAIL)
     source = data_uri(color_map()(scale(np.ma.masked_invalid(image))))
     return (
         f'<label for="pass-{number}"><img alt="residual" src="{source}">'
@@ -103,13 +116,12 @@ def chip(run: "Run", number: int, chi2: float, scale: Any) -> str:
     )
 
 
-def pane(run: "Run", number: int, scale: Any) -> str:
+def pane(run: "Run", number: int, pictures: Pictures, scale: AsinhNorm) -> str:
     """Measured, model and residual of one pass."""
-    result, one = run.result, run.passes[number]
-    maps = {"Measured": result.measured, "Model": result.model, "Residual": result.measured - result.model}
     figures = [
-        f"<figure><figcaption>{name}</figcaption>{svg(wave_figure(run, one, values, scale, PANEL))}</figure>"
-        for name, values in maps.items()
+        f"<figure><figcaption>{name.capitalize()}</figcaption>"
+        f"{svg(wave_figure(run, run.passes[number], picture, scale, PANEL))}</figure>"
+        for name, picture in vars(pictures).items()
     ]
     return f'<div class="pane pane-{number}">{"".join(figures)}</div>'
 
@@ -124,37 +136,37 @@ def rules(shown: list[int]) -> str:
     )
 
 
-def explained(run: "Run", shown: list[int]) -> str:
+def explained(shown: int, passes: int, discounted: float) -> str:
     """Caption of the pictures."""
     text = (
         "Each picture is one vehicle going by: time runs down, channels run along the fiber, "
         "the dotted line is the vehicle. All pictures share one color scale, so a residual as pale as the quiet "
         "corners of the measurement is noise."
     )
-    if len(shown) < len(run.passes):
-        text += f" Shown are the {len(shown)} passes that fit worst, of {len(run.passes)}."
-    share = misfit.discounted(run.result)
-    if share >= 0.0005:
-        text += f" {100 * share:.1f} % of the samples were discounted as outliers or for an uncertain vehicle position."
+    if shown < passes:
+        text += f" Shown are the {shown} passes that fit worst, of {passes}."
+    if discounted >= 0.0005:
+        text += f" {100 * discounted:.1f} % of the samples were discounted, as outliers or for an unsure vehicle."
     return text
 
 
-def waves(run: "Run") -> dict[str, str]:
+def waves(run: "Run", misfit: Misfit) -> dict[str, str]:
     """Parts of the page that show measured, model and residual."""
-    result = run.result
-    scale = color_scale(result.measured / result.noise)
-    chi2 = misfit.by_pass(result, run.passes)
-    shown = list(worst(np.where(np.isfinite(chi2), chi2, -1), MOST_PASSES))
-    shown = [i for i in shown if misfit.rows_of(result, run.passes[i]).any()]
-    first = max(shown, key=lambda i: np.nan_to_num(chi2[i]))
-    radios = "".join(f'<input type="radio" name="pass" id="pass-{i}"{" checked" if i == first else ""}>' for i in shown)
+    shown = worst(misfit.by_pass, MOST_PASSES)
+    cells = min(MOST_CELLS, int((PIXELS / (3 * len(shown))) ** 0.5))
+    pictures = [pictures_of(run.result, run.passes[i], cells) for i in shown]
+    scale = color_scale(np.concatenate([part.measured.ravel() for part in pictures]))
+    first = max(shown, key=lambda i: misfit.by_pass[i])
+    both = list(zip(shown, pictures, strict=True))
     return {
         "rules": rules(shown),
-        "radios": radios,
-        "chips": "".join(chip(run, i, chi2[i], scale) for i in shown),
-        "panes": "".join(pane(run, i, scale) for i in shown),
+        "radios": "".join(
+            f'<input type="radio" name="pass" id="pass-{i}"{" checked" if i == first else ""}>' for i in shown
+        ),
+        "chips": "".join(chip(run.passes[i], i, misfit.by_pass[i], part, scale) for i, part in both),
+        "panes": "".join(pane(run, i, part, scale) for i, part in both),
         "scale": svg(scale_figure(scale, NARROW)),
-        "explained": explained(run, shown),
+        "explained": explained(len(shown), len(run.passes), misfit.discounted),
     }
 
 
@@ -247,7 +259,7 @@ def caution_section(run: "Run") -> str:
     lines = [line for line in run.facts["warnings"] if line != words.quality(run)[1]]
     if not lines:
         return ""
-    items = "".join(f"<li>{escape(line)}</li>" for line in lines)
+    items = "".join(f"<li>{escape(line[:1].upper() + line[1:])}</li>" for line in lines)
     return f"<section><h2>What to know before relying on it</h2><ul>{items}</ul></section>"
 
 
@@ -264,13 +276,14 @@ def render(run: "Run") -> str:
     """
     template = Template(files("solver.report").joinpath("template.html").read_text(encoding="utf-8"))
     grade, verdict = words.quality(run)
+    misfit = misfit_of(run.result, run.passes)
     wide, narrow = (route_figure(run, width) for width in (WIDE, NARROW))
     key_figures = "".join(
         f"<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd><dd>{escape(note)}</dd></div>"
         for label, value, note in words.key_figures(run)
     )
     return template.substitute(
-        waves(run),
+        waves(run, misfit),
         name=escape(run.facts["name"]),
         when=f"recorded {str(run.start)[:16].replace('T', ' ')} UTC",
         headline=escape(words.headline(run)),
@@ -284,8 +297,8 @@ def render(run: "Run") -> str:
         panels_narrow=json_text(panels_of(narrow, run)),
         map_wide=svg(wide),
         map_narrow=svg(narrow),
-        failure_wide=svg(failure_figure(run, WIDE)),
-        failure_narrow=svg(failure_figure(run, NARROW)),
+        failure_wide=svg(failure_figure(run, misfit, WIDE)),
+        failure_narrow=svg(failure_figure(run, misfit, NARROW)),
         facts=terms(fit_facts(run)),
         parameters=parameter_tables(run.result.parameters),
         inputs=terms(inputs(run)),

@@ -1,5 +1,6 @@
 """The map: the road from above, the fiber's sideways position and its depth."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -7,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from solver.geojson import Z95, half_width, runs
+from solver.geojson import Z95, corridor_ring, half_width, normals, runs
 from solver.report.drawing import BACKWARD, FORWARD, INK, MUTED, PAPER, ROUTE, canvas, place, styled
 from solver.trajectory import Pass
 
@@ -103,6 +104,10 @@ def draw_plan(axes: Axes, run: "Run", window: Limits) -> None:
     axes.axhline(0.0, color=MUTED, lw=0.6, ls=(0, (6, 4)), zorder=0)
     for one in run.passes:
         draw_track(axes, one, window)
+    half = half_width(result.route, result.covariance)
+    if np.isfinite(half).all():
+        ring = corridor_ring(result.route[:, :2], half)
+        axes.fill(ring[:, 0], ring[:, 1], color=ROUTE, alpha=0.25, lw=0, zorder=2)
     draw_line(axes, result.route[:, 0], result.route[:, 1], result.constrained)
     draw_anchors(axes, np.array([a.x for a in run.anchors]), np.array([a.y for a in run.anchors]))
     traffic = np.median(np.concatenate([one.position[:, 1] for one in run.passes]))
@@ -113,28 +118,77 @@ def draw_plan(axes: Axes, run: "Run", window: Limits) -> None:
     axes.set_ylabel("y, m")
 
 
-def draw_profile(axes: Axes, run: "Run", axis: int, half: NDArray[np.float64], sure: NDArray[np.bool_]) -> None:
-    """Coordinate `axis` of the route along the fiber, with its 95 % corridor."""
-    result, x = run.result, abscissa(run)
-    value = result.route[:, axis]
-    axes.fill_between(x, value - half, value + half, color=ROUTE, alpha=0.25, lw=0, zorder=2)
-    draw_line(axes, x, value, sure)
-    at = np.interp([a.channel for a in run.anchors], result.channel, x)
-    known = np.array([a.z if axis == 2 else a.y for a in run.anchors])
-    sigma = np.array([a.sigma_z if axis == 2 else a.sigma_xy for a in run.anchors])
-    draw_anchors(axes, at, known, Z95 * sigma)
+@dataclass(frozen=True)
+class Profile:
+    """One coordinate along the fiber, m.
+
+    Parameters
+    ----------
+    name : title of the panel
+    value, half : [channel], the coordinate and its 95 % half-width
+    sure : [channel], whether data and anchors decide it
+    known, known_half : [anchor], the coordinate of the anchors and its 95 % half-width
+    """
+
+    name: str
+    value: NDArray[np.float64]
+    half: NDArray[np.float64]
+    sure: NDArray[np.bool_]
+    known: NDArray[np.float64]
+    known_half: NDArray[np.float64]
+
+    @property
+    def band(self) -> NDArray[np.float64]:
+        """Everything that the panel must show, m."""
+        return np.concatenate([self.value - self.half, self.value + self.half, self.known])
 
 
-def stretch_of(axes: Axes) -> float:
-    """How many times taller than true the axes draw."""
+def sideways_profile(run: "Run") -> Profile:
+    """Lateral position; relative to the route itself where that does not follow the road."""
+    result = run.result
+    half = np.nan_to_num(half_width(result.route, result.covariance))
+    sigma = np.array([a.sigma_xy for a in run.anchors])
+    places = np.array([(a.x, a.y) for a in run.anchors]).reshape(-1, 2)
+    if along_x(result.route):
+        return Profile("Sideways", result.route[:, 1], half, result.constrained, places[:, 1], Z95 * sigma)
+    at = [int(np.argmin(np.abs(result.channel - a.channel))) for a in run.anchors]
+    miss = ((places - result.route[at, :2]) * normals(result.route)[at]).sum(1)
+    zero = np.zeros_like(half)
+    return Profile("Sideways, off the route drawn above", zero, half, result.constrained, miss, Z95 * sigma)
+
+
+def depth_profile(run: "Run") -> Profile:
+    """Depth below the road."""
+    result = run.result
+    half, sure = np.nan_to_num(Z95 * result.sigma[:, 2]), ~(result.data_share[:, 2] < 0.5)
+    known, sigma = (np.array([getattr(a, name) for a in run.anchors]) for name in ("z", "sigma_z"))
+    return Profile("Depth", result.route[:, 2], half, sure, known, Z95 * sigma)
+
+
+def draw_profile(axes: Axes, run: "Run", profile: Profile) -> None:
+    """A profile with its 95 % corridor and the anchors."""
+    x = abscissa(run)
+    axes.fill_between(
+        x, profile.value - profile.half, profile.value + profile.half, color=ROUTE, alpha=0.25, lw=0, zorder=2
+    )
+    draw_line(axes, x, profile.value, profile.sure)
+    at = np.interp([a.channel for a in run.anchors], run.result.channel, x)
+    draw_anchors(axes, at, profile.known, profile.known_half)
+    axes.grid(axis="y", color=MUTED, lw=0.4, alpha=0.35)
+
+
+def stretch_of(axes: Axes) -> str:
+    """How much taller than true the axes draw, in words."""
     box = axes.get_window_extent()
     x, y = axes.get_xlim(), axes.get_ylim()
-    return float(abs(box.height / (y[1] - y[0])) / abs(box.width / (x[1] - x[0])))
+    times = round(abs(box.height / (y[1] - y[0])) / abs(box.width / (x[1] - x[0])))
+    return f"{times} × taller than true" if times > 1 else "about true to scale"
 
 
-def ground_limits(run: "Run", half: NDArray[np.float64], width: float) -> tuple[Limits, Limits]:
+def ground_limits(run: "Run", width: float) -> tuple[Limits, Limits]:
     """Ranges x and y, m, that show the route, its anchors and the traffic beside it in a panel `width` px wide."""
     route = run.result.route
+    half = np.nan_to_num(half_width(route, run.result.covariance))
     x = padded(route[:, 0], MARGIN)
     tracks = [p.position[(p.position[:, 0] > x[0]) & (p.position[:, 0] < x[1]), 1] for p in run.passes]
     across = np.concatenate([route[:, 1] - half, route[:, 1] + half, *tracks, [a.y for a in run.anchors]])
@@ -154,29 +208,23 @@ def route_figure(run: "Run", width: int) -> Figure:
     -------
     figure : with axes labeled `plan`, `lateral` and `depth`
     """
-    result = run.result
-    lateral = np.nan_to_num(half_width(result.route, result.covariance))
-    vertical = np.nan_to_num(Z95 * result.sigma[:, 2])
-    left, across = 52, width - 64
-    x, y, height = same_scale(*ground_limits(run, lateral, across), across, 90, 0.75 * across)
+    left, across, straight = 52, width - 64, along_x(run.result.route)
+    x, y, height = same_scale(*ground_limits(run, across), across, 90, 0.75 * across)
     figure = canvas(width, round(height) + 2 * PANEL + 190)
     plan = place(figure, "plan", left, 46, across, height)
-    sideways = place(figure, "lateral", left, height + 96, across, PANEL)
+    lateral = place(figure, "lateral", left, height + 96, across, PANEL)
     depth = place(figure, "depth", left, height + PANEL + 146, across, PANEL)
     plan.set(xlim=x, ylim=y[::-1], title="From above, true to scale")
     draw_plan(plan, run, x)
-    draw_profile(sideways, run, 1, lateral, result.constrained)
-    draw_profile(depth, run, 2, vertical, ~(result.data_share[:, 2] < 0.5))
-    value, z = result.route[:, 1], result.route[:, 2]
-    band = np.concatenate([value - lateral, value + lateral, [a.y for a in run.anchors]])
-    sideways.set_ylim(padded(band, 0.1, LATERAL_SPAN)[::-1])
+    sideways, down = sideways_profile(run), depth_profile(run)
+    draw_profile(lateral, run, sideways)
+    draw_profile(depth, run, down)
+    lateral.set_ylim(padded(sideways.band, 0.05 + 0.08 * float(np.ptp(sideways.band)), LATERAL_SPAN)[::-1])
     depth.axhline(0.0, color=MUTED, lw=3)
-    depth.set_ylim(max(1.5, 1.15 * float((z + vertical).max())), -0.08)
-    for axes, name in ((sideways, "Sideways"), (depth, "Depth")):
-        axes.set_xlim(x if along_x(result.route) else padded(result.distance, MARGIN))
-        axes.set_title(f"{name}, {stretch_of(axes):.0f} × taller than true")
-        axes.grid(axis="y", color=MUTED, lw=0.4, alpha=0.35)
-    sideways.set_ylabel("y, m")
-    depth.set_ylabel("z, m")
-    depth.set_xlabel("x, m along the road" if along_x(result.route) else "distance along the fiber, m")
+    depth.set_ylim(max(1.5, 1.08 * float(down.band.max())), -0.08)
+    for axes, profile in ((lateral, sideways), (depth, down)):
+        axes.set_xlim(x if straight else padded(run.result.distance, MARGIN))
+        axes.set_title(f"{profile.name}, {stretch_of(axes)}")
+    lateral.set_ylabel("y, m" if straight else "m")
+    depth.set(ylabel="z, m", xlabel="x, m along the road" if straight else "distance along the fiber, m")
     return figure

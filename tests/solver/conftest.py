@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from simulated import Case, case_of
 
+from solver import simulator
 from solver.anchors import Anchor
 from solver.das import DASRecord
 from solver.fit.result import FitResult, Parameter
@@ -137,3 +139,15 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Survey:
         converged=True,
     )
     return Survey(site, record, passes, [Anchor("pit <1>", 60.0, *route[10], 0.05, 0.05)], result)
+
+
+@pytest.fixture(scope="session")
+def street() -> simulator.Survey:
+    """Four passes at 20 dB on a street of the independent simulator."""
+    return simulator.simulate(simulator.Scenario(seed=5, passes=4, snr_db=20.0))
+
+
+@pytest.fixture(scope="session")
+def case(street: simulator.Survey) -> Case:
+    """The fitting problem of `street`, with its two anchors."""
+    return case_of(street)

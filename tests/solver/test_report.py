@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from solver.anchors import Anchor
-from solver.report import misfit, words
+from solver.report import misfit as misfit_module
 from solver.report import page as page_module
+from solver.report import words
 from solver.report.drawing import coarse, color_scale, svg
-from solver.report.misfit_figure import failure_figure, picture, wave_figure, worst
+from solver.report.misfit import misfit_of
+from solver.report.misfit_figure import failure_figure, pictures_of, wave_figure
 from solver.report.page import parameter_tables, render
 from solver.report.route_figure import along_x, route_figure, same_scale
 from solver.run_facts import facts_of
@@ -122,7 +124,7 @@ def test_page_with_many_passes_shows_the_worst_and_says_so(survey, monkeypatch):
     monkeypatch.setattr(page_module, "MOST_PASSES", 2)
     many = replace(survey, passes=[replace(survey.passes[i % 2], track_id=f"track {i}") for i in range(5)])
     result = spoiled(survey, slice(60, 100), slice(10, 20), 5.0)
-    parts = page_module.waves(made_run(replace(many, result=result)))
+    parts = page_module.waves(made_run(replace(many, result=result)), misfit_of(result, many.passes))
     assert parts["radios"].count("<input") == parts["panes"].count("pane-") == 2
     assert "track 1" in parts["chips"]
     assert "track 3" in parts["chips"]
@@ -200,35 +202,43 @@ def spoiled(survey, rows, columns, sigmas):
 
 
 def test_misfit_is_where_the_residual_is(survey):
-    result = spoiled(survey, slice(0, 60), slice(10, 20), 3.0)
-    channel = misfit.by_channel(result)
-    np.testing.assert_allclose(channel[10:20], 9.0 * 60 / 100)
-    assert channel[:10].max() == channel[20:].max() == 0.0
-    np.testing.assert_allclose(misfit.by_pass(result, survey.passes), [9.0 * 10 / 54, 0.0])
-    edges = np.array([53, 63, 74, 108])
-    grid = misfit.by_pass_and_channel(result, survey.passes, edges)
-    # Ten channels in each of the first two bins; channel 70 is dead, so bin two is columns 10 to 19.
-    np.testing.assert_allclose(grid, [[0.0, 9.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-12)
+    misfit = misfit_of(spoiled(survey, slice(0, 60), slice(10, 20), 3.0), survey.passes)
+    np.testing.assert_allclose(misfit.by_channel[10:20], 9.0 * 60 / 100)
+    assert misfit.by_channel[:10].max() == misfit.by_channel[20:].max() == 0.0
+    np.testing.assert_allclose(misfit.by_pass, [9.0 * 10 / 54, 0.0])
+    np.testing.assert_array_equal(misfit.edges, np.arange(53, 109))
 
 
 def test_misfit_leaves_out_what_was_not_measured_or_has_no_weight(survey):
     result = spoiled(survey, slice(0, 60), slice(10, 20), 3.0)
     result.measured[0, 10] = np.nan
+    result.measured[:, 20] = np.nan
     weight = result.weight.copy()
     weight[1:60, 10] = 0.0
     result = replace(result, weight=weight)
-    assert misfit.by_channel(result)[10] == 0.0
-    assert misfit.discounted(result) == pytest.approx(59 / (100 * 54 - 1))
+    misfit = misfit_of(result, survey.passes)
+    assert misfit.by_channel[10] == 0.0
+    assert np.isnan(misfit.by_channel[20])
+    assert misfit.discounted == pytest.approx(59 / (100 * 53 - 1))
+
+
+def test_channels_are_binned_without_loss(survey, monkeypatch):
+    monkeypatch.setattr(misfit_module.bin_edges, "__defaults__", (6,))
+    misfit = misfit_of(spoiled(survey, slice(0, 60), slice(10, 20), 3.0), survey.passes)
+    # Bins of ten channels. Channel 70 is dead: the ten spoiled columns are channels 63 to 73 without it.
+    np.testing.assert_array_equal(misfit.edges, [53, 63, 73, 83, 93, 103, 113])
+    np.testing.assert_allclose(misfit.by_pass_and_bin[0], [0, 9.0, 0.9, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(misfit.by_pass_and_bin[1], 0.0, atol=1e-12)
 
 
 def test_coarse_keeps_noise_at_one_sigma():
     noise = np.random.default_rng(0).normal(size=(900, 700))
     noise[:300, :5] = np.nan
-    small = coarse(noise)
+    small = coarse(noise, 300)
     assert max(small.shape) <= 300
     assert np.nanstd(small) == pytest.approx(1.0, abs=0.02)
     assert np.isnan(small[0, 0])
-    np.testing.assert_array_equal(coarse(noise[:40, :40]), noise[:40, :40])
+    np.testing.assert_array_equal(coarse(noise[:40, :40], 300), noise[:40, :40])
 
 
 def test_color_scale_is_symmetric_and_reaches_the_signal():
@@ -238,15 +248,11 @@ def test_color_scale_is_symmetric_and_reaches_the_signal():
     assert color_scale(np.array([np.nan])).vmax == 10.0
 
 
-def test_worst():
-    assert list(worst(np.array([1.0, 5.0, np.nan, 3.0]), 2)) == [1, 3]
-
-
 # ---- figures --------------------------------------------------------------------------------------------------------
 
 
 def test_picture_leaves_a_gap_at_dead_channels(survey):
-    image = picture(survey.result, survey.result.measured, survey.passes[0])
+    image = pictures_of(survey.result, survey.passes[0], 300).measured
     assert image.shape == (60, 55)
     assert np.isnan(image[:, 70 - 53]).all()
     assert np.isfinite(np.delete(image, 70 - 53, axis=1)).all()
@@ -273,7 +279,7 @@ def test_same_scale_widens_what_would_be_too_high():
 
 def test_svg_follows_the_theme_and_repeats_under_the_same_salt(survey):
     run = made_run(survey)
-    first, second = (svg(failure_figure(run, 350)) for _ in range(2))
+    first, second = (svg(failure_figure(run, misfit_of(run.result, run.passes), 350)) for _ in range(2))
     assert first == second
     assert first.startswith("<svg viewBox=")
     assert "var(--ink)" in first
@@ -282,7 +288,8 @@ def test_svg_follows_the_theme_and_repeats_under_the_same_salt(survey):
 
 def test_wave_figure_shows_the_vehicle_over_its_channels(survey):
     run = made_run(survey)
-    figure = wave_figure(run, run.passes[0], run.result.model, color_scale(run.result.measured), 340)
+    model = pictures_of(run.result, run.passes[0], 300).model
+    figure = wave_figure(run, run.passes[0], model, color_scale(model), 340)
     (axes,) = figure.axes
     channel, seconds = axes.lines[0].get_data()
     crossed = np.isfinite(channel)
