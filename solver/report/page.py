@@ -250,7 +250,7 @@ def sides(run: "Run") -> str:
     """How to read the map."""
     return (
         f"The survey line is x, along the road toward {words.wind(run.frame.x_azimuth)}; right and left are as seen "
-        "looking that way. The true route lies inside the corridor at 95 of 100 places."
+        "looking that way. If the model holds, the true route lies inside the corridor at 95 of 100 places."
     )
 
 

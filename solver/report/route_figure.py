@@ -154,7 +154,7 @@ def sideways_profile(run: "Run") -> Profile:
     at = [int(np.argmin(np.abs(result.channel - a.channel))) for a in run.anchors]
     miss = ((places - result.route[at, :2]) * normals(result.route)[at]).sum(1)
     zero = np.zeros_like(half)
-    return Profile("Sideways, off the route drawn above", zero, half, result.constrained, miss, Z95 * sigma)
+    return Profile("Off the route", zero, half, result.constrained, miss, Z95 * sigma)
 
 
 def depth_profile(run: "Run") -> Profile:
