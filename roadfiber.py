@@ -115,39 +115,26 @@ def demo(
 
     Example: `roadfiber demo --out runs/demo`
     """
-    from solver.simulator import route_error
+    from solver.simulator import read_scenario, route_error
 
-    folder = write_demo(out, seed)
-    site, calibration, trajectories = folder / "site.toml", folder / "calibration.json", folder / "trajectories.csv"
-    video, start = folder / "street.mp4", f"{demo_scenario(seed).start}Z"
-    points = folder / "control_points.csv"
+    scenario = read_scenario("street-filmed", seed=seed)
+    print(f"filming a street and recording its fiber: {out}", flush=True)
+    write_demo(out, scenario)
+    site, points, video = out / "site.toml", out / "control_points.csv", out / "street.mp4"
+    calibration, trajectories, run = out / "calibration.json", out / "trajectories.csv", out / "run"
+    start = f"{scenario.start}Z"
     run_command("calibrate", "ground", points, "--video", video, "--frame", site, "--out", calibration)
     run_command("track", video, "--calibration", calibration, "--start", start, "--out", trajectories)
-    run_command("locate", site, "--out", folder / "run")
-    error = route_error(folder / "run" / "route.csv", folder / "truth.json")
+    run_command("locate", site, "--out", run)
+    error = route_error(run / "route.csv", out / "truth.json")
     print(
         f"\nerror against the known route, {error.channels} channels in view: {error.mean:.2f} m on average, "
         f"{error.largest:.2f} m at most ({error.largest_lateral:.2f} on the map, {error.largest_depth:.2f} in depth)"
     )
-    print(f"report: {folder / 'run' / 'report.html'}")
+    print(f"report: {run / 'report.html'}")
 
 
-def demo_scenario(seed: int) -> "Scenario":
-    """Describe the street of the demo: the lanes and the view of the filmed one."""
-    from solver.simulator import Scenario
-
-    return Scenario(
-        name="demo",
-        seed=seed,
-        passes=8,
-        lanes=(1.75, -1.75),
-        view=(18.0, 78.0),
-        headway=(9.0, 13.0),
-        classes={"car": 0.4, "van": 0.3, "truck": 0.15, "bus": 0.15},
-    )
-
-
-def write_demo(out: Path, seed: int) -> Path:
+def write_demo(out: Path, scenario: "Scenario") -> None:
     """Write what a user would bring: `street.mp4`, `control_points.csv`, `das/*.h5`, `anchors.csv`, `site.toml`."""
     from solver.simulator import simulate
     from solver.simulator.files import CAMERA, require_free, site_text, write_recording
@@ -155,14 +142,13 @@ def write_demo(out: Path, seed: int) -> Path:
     from vision.scene.film import Driver, film, street_scene
 
     require_free(out)
-    survey = simulate(demo_scenario(seed))
+    survey = simulate(scenario)
     drivers = [Driver(v.vehicle_class, v.length, v.width, v.position, v.velocity) for v in survey.vehicles]
     with writing(out) as folder:
         folder.mkdir()
         write_recording(survey, folder)
-        film(street_scene(drivers, seed), folder, float(survey.time[-1]), seed)
-        (folder / "site.toml").write_text(site_text(survey.scenario, CAMERA), encoding="utf-8")
-    return out
+        film(street_scene(drivers, scenario.seed), folder, float(survey.time[-1]), scenario.seed)
+        (folder / "site.toml").write_text(site_text(scenario, CAMERA), encoding="utf-8")
 
 
 def run_command(*words: object) -> None:

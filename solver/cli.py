@@ -12,7 +12,9 @@ app = typer.Typer()
 def simulate(
     scenario: Annotated[
         str,
-        typer.Argument(help="A TOML file, or `street`, `street-gps`, `street-paper` (point loads), `street-filtered`."),
+        typer.Argument(
+            help="A TOML file, or `street`, or `street-` and `gps`, `paper` (point loads), `filtered`, `filmed`."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; an earlier simulated survey there is replaced.")],
     seed: Annotated[int | None, typer.Option(help="Another seed is another street.  [default: 0]")] = None,

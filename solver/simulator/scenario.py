@@ -104,6 +104,14 @@ BUILT_IN: dict[str, dict[str, Any]] = {
     "street-gps": {"gps": True, "frame_rate": 5.0},
     "street-paper": {"effects": {"point_load": 1.0}},
     "street-filtered": {"sampling": "filtered"},
+    # The street that `vision.scene.film` films: its lanes, and what its camera sees well.
+    "street-filmed": {
+        "passes": 8,
+        "lanes": (1.75, -1.75),
+        "view": (18.0, 78.0),
+        "headway": (9.0, 13.0),
+        "classes": {"car": 0.4, "van": 0.3, "truck": 0.15, "bus": 0.15},
+    },
 }
 
 
