@@ -57,7 +57,7 @@ def _fixes(scenario: Scenario, vehicle: Vehicle, rng: np.random.Generator) -> "p
     frames = np.arange(np.ceil(first * scenario.frame_rate), np.floor(last * scenario.frame_rate) + 1)
     time = frames / scenario.frame_rate
     seen = vehicle.position(time) + scenario.fix_sigma * rng.normal(size=(len(time), 2))
-    stamp = np.round((time + scenario.effect("clock_offset")) * 1e9).astype("timedelta64[ns]")
+    stamp = np.round((time - scenario.effect("clock_offset")) * 1e9).astype("timedelta64[ns]")
     unknown = bool(scenario.effect("wheel_layout") or scenario.effect("point_load"))
     sigma = max(scenario.fix_sigma, MILLIMETER)
     columns = {

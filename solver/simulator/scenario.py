@@ -15,7 +15,7 @@ from vision.contract import InputError
 # Hidden effects: amount -> what it means. 0 is absent.
 EFFECTS: dict[str, str] = {
     "gauge_length": "relative error: the true gauge is (1 + value) times the one in site.toml",
-    "clock_offset": "s; the trajectories' clock is ahead of the interrogator's by this much",
+    "clock_offset": "s; the interrogator's clock is ahead of the trajectories' by this much",
     "channel_coupling": "sd of the smooth log gain along the fiber",
     "stiffness_contrast": "ln of the ratio of shear moduli beyond and before the middle of the view",
     "highpass": "Hz; corner of the interrogator's first-order AC coupling",

@@ -187,7 +187,7 @@ def test_clock_offset_moves_the_stamps_and_wheel_layout_hides_the_class():
     late = simulate(Scenario(seed=6, passes=1, effects={"clock_offset": 0.15}))
     hidden = simulate(Scenario(seed=6, passes=1, effects={"wheel_layout": 1.0}))
     shift = late.trajectories["time"] - base.trajectories["time"]
-    assert shift.dt.total_seconds().to_numpy() == pytest.approx(0.15)
+    assert shift.dt.total_seconds().to_numpy() == pytest.approx(-0.15)
     assert set(hidden.trajectories["class"]) == {"vehicle"} and "length" not in hidden.trajectories
     np.testing.assert_array_equal(hidden.strain_rate, base.strain_rate)
 
@@ -273,3 +273,34 @@ def test_a_scenario_file_starts_from_a_built_in_one_and_options_win(tmp_path):
     assert scenario.effect("highpass") == 0.08 and scenario.lateral == (3, 4)
     with pytest.raises(InputError, match="neither a file nor a built-in"):
         read_scenario(tmp_path / "absent.toml")
+
+
+def test_the_practice_surveys_are_such_streets(shared_data):
+    """Surveys by another author: with their route and tracks, our strain rate leaves only their noise."""
+    import json
+
+    from solver.das import read_das
+    from solver.site import read_site
+    from vision.contract import read_trajectories
+
+    folder = shared_data / "practice"
+    known = json.loads((folder / "answers.json").read_text())["survey-01"]
+    site = read_site(folder / "survey-01" / "site.toml")
+    record = read_das(site.das.files, gauge_length=10.0, channel_spacing=1.021, quantity="strain_rate")
+    route = Route.through(np.array(known["route_xyz"]))
+    seen = slice(80, 160)
+    fiber = Fiber(Scenario(), route, route.arc[seen])
+    fixes = read_trajectories(site.trajectories.files).query("`class` == 'bus'")
+    time = (fixes["time"].dt.tz_localize(None).to_numpy() - record.start) / np.timedelta64(1, "s")
+    path = np.polynomial.Polynomial.fit(time, fixes["x"], 4)
+    middle = time.mean()
+    bus = Vehicle(
+        "5", "bus", 1e4, 5.9, 2.05, 0.38, 12, 2.5, 1, fixes["y"].mean(), middle, path(middle), path.deriv()(middle),
+        STILL, STILL,
+    )  # fmt: skip
+    rows = np.flatnonzero(np.abs(record.time - middle) < 2.5)
+    measured = record.strain_rate[rows, seen]
+    model = (fiber.strain(bus, record.time[rows] + 0.01) - fiber.strain(bus, record.time[rows] - 0.01)) / 0.02
+    scale = (model * measured).sum() / (model**2).sum()
+    assert scale > 0
+    assert ((measured - scale * model) ** 2).sum() < 0.05 * (measured**2).sum()
