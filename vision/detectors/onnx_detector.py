@@ -19,7 +19,7 @@ from vision.video import Video
 
 PROVIDERS = ("CUDAExecutionProvider", "OpenVINOExecutionProvider", "CoreMLExecutionProvider", "CPUExecutionProvider")
 FLOAT_TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
-FLOOR = 0.2  # lowest score handed on; the tracker continues tracks, but starts none, on weak detections
+FLOOR = 0.1  # lowest score handed on; the tracker continues tracks, but starts none, on weak detections
 LARGEST = 0.5  # share of the image; small models call an empty road one huge car
 BUILT_IN = {"street": Path(__file__).parents[1] / "street_detector" / "street.onnx"}
 
@@ -59,7 +59,7 @@ class OnnxDetector:
         return replace(self, background=np.median(fitted, axis=0).astype(np.uint8))
 
     def detect(self, image: NDArray[np.uint8]) -> Detections:
-        """Find the vehicles in an image [height, width, 3], BGR; weak ones too, down to a score of 0.2."""
+        """Find the vehicles in an image [height, width, 3], BGR; weak ones too, down to a score of 0.1."""
         canvas, placement = self._fit(image)
         images = [canvas] if self.background is None else [canvas, self.background]
         outputs = _run(self.session, _feeds(self.session, self._tensors(images), self.size))
