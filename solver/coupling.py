@@ -11,7 +11,8 @@ from solver.model import Fiber, SignalPath, Traffic, Vehicles
 from solver.wavelets import Array, bank, best_scale
 
 FARTHEST = 20.0  # m; a fiber farther from the lane is beyond what a survey feels
-STEP = 0.25  # m, of the tabulated offsets
+STEP = 0.5  # m, of the tabulated offsets
+JUMP = 0.1  # share by which the width may grow from one tabulated offset to the next
 
 
 def straight_response(
@@ -97,13 +98,16 @@ class CouplingCurve:
 
 
 def rising_branch(width: Array) -> Array:
-    """Widths [offset] with the part before the last minimum flattened to it, so that they never fall.
+    """Widths [offset] with all before the last fall or jump flattened to what follows, so that they rise steadily.
 
-    >>> rising_branch(np.array([9.0, 2.0, 7.0, 6.0, 6.5, 8.0])).tolist()
-    [6.0, 6.0, 6.0, 6.0, 6.5, 8.0]
+    >>> rising_branch(np.array([9.0, 2.0, 7.0, 6.0, 6.5, 7.0])).tolist()
+    [6.0, 6.0, 6.0, 6.0, 6.5, 7.0]
+    >>> rising_branch(np.array([2.0, 2.1, 6.0, 6.2])).tolist()
+    [6.0, 6.0, 6.0, 6.2]
     """
-    falls = np.flatnonzero(np.diff(width) <= 0)
-    bottom = falls[-1] + 1 if len(falls) else 0
+    step = np.diff(width)
+    unsteady = np.flatnonzero((step <= 0) | (step > JUMP * width[:-1]))
+    bottom = unsteady[-1] + 1 if len(unsteady) else 0
     return np.where(np.arange(len(width)) < bottom, width[bottom], width)
 
 
@@ -119,11 +123,11 @@ def coupling_curve(vehicle_class: str, *, depth: float, gauge_length: float, poi
 
     >>> curve = coupling_curve("vehicle", depth=0.9, gauge_length=10.0, poisson_ratio=0.25)
     >>> curve.nearest, float(curve.width_at(8.0).round(1))
-    (2.75, 8.2)
+    (3.0, 8.2)
     """
     offset = np.arange(0.0, FARTHEST + STEP, STEP)
     step = gauge_length / 20
-    scales = np.linspace(3 * step, gauge_length + 0.75 * FARTHEST, 120)
+    scales = np.linspace(3 * step, 0.3 * gauge_length + 0.8 * FARTHEST, 100)
     wavelets = bank(scales / step)
     along = step * np.arange(-(len(wavelets) // 2), len(wavelets) // 2 + 1, dtype=float)
     response = straight_response(

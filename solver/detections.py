@@ -56,19 +56,21 @@ def thinned(strain_rate: Array, passes: Sequence[Pass], stride: int) -> tuple[Ar
     >>> thinned(np.array([[1.0], [3.0], [np.nan], [4.0], [9.0]]), [], 2)[0].tolist()
     [[2.0], [4.0]]
     """
+    if stride == 1:
+        return strain_rate, list(passes)
     frames = len(strain_rate) // stride
     blocks = strain_rate[: frames * stride].reshape(frames, stride, -1)
     finite = np.isfinite(blocks)
     count = finite.sum(1)
     total = np.where(finite, blocks, 0.0).sum(1)
     mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
-    return mean, [one for one in (thinned_pass(one, stride, frames) for one in passes) if len(one.rows)]
+    return mean, [thinned_pass(one, stride, frames) for one in passes]
 
 
 def thinned_pass(one: Pass, stride: int, frames: int) -> Pass:
-    """Keep the frames that the pass fills, with its mean place there."""
-    skip = -one.rows[0] % stride
-    count = min((len(one.rows) - skip) // stride, frames - (one.rows[0] + skip) // stride)
+    """Keep the frames that a pass fills, with its mean place there; there may be none."""
+    skip = int(-one.rows[0] % stride)
+    count = min((len(one.rows) - skip) // stride, frames - int(one.rows[0] + skip) // stride)
     part = slice(skip, skip + max(count, 0) * stride)
 
     def blocks(values: NDArray[Any]) -> NDArray[Any]:
@@ -85,17 +87,20 @@ def thinned_pass(one: Pass, stride: int, frames: int) -> Pass:
 def mended(strain_rate: Array) -> Array:
     """Strain rate [frame, channel] with NaN and spikes replaced by a line between their neighbors in the frame.
 
-    A spike is off the median of five channels by more than eight times the noise (a cycle skip, a faded channel); what
-    a vehicle does is smooth over five channels. A frame without samples becomes 0.
+    A spike (a cycle skip, a faded channel) is off the median of five channels by more than eight times the noise and
+    by more than those five vary otherwise; what a vehicle does is smooth over five channels. A frame without samples
+    becomes 0.
 
-    >>> mended(np.array([[0.0, np.nan, 2.0, 3.0, np.nan]])).tolist()
-    [[0.0, 1.0, 2.0, 3.0, 3.0]]
+    >>> mended(np.array([[0.0, np.nan, 2.0, 3.1, 4.0, 90.0, 6.0, np.nan]])).tolist()
+    [[0.0, 1.0, 2.0, 3.1, 4.0, 5.0, 6.0, 6.0]]
     """
-    from scipy.ndimage import median_filter
-
     filled = interpolated(strain_rate)
-    rough = np.abs(filled - median_filter(filled, (1, 5), mode="nearest"))
-    return interpolated(np.where(rough > SPIKE * 1.4826 * np.median(rough), np.nan, filled))
+    around = np.pad(filled, ((0, 0), (2, 2)), mode="reflect")
+    five = np.sort(np.lib.stride_tricks.sliding_window_view(around, 5, axis=1), axis=2)
+    rough = np.abs(filled - five[..., 2])
+    noise = 1.4826 * np.median(rough[np.isfinite(strain_rate)])
+    spike = (rough > SPIKE * noise) & (rough > five[..., 3] - five[..., 1])
+    return interpolated(np.where(spike, np.nan, filled))
 
 
 def interpolated(strain_rate: Array) -> Array:
@@ -109,7 +114,7 @@ def interpolated(strain_rate: Array) -> Array:
     return filled
 
 
-def snr_maps(strain_rate: Array, scales: Array) -> tuple[Array, Array]:
+def snr_maps(strain_rate: Array, scales: Array, heard: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
     """Largest SNR over the bank, as an amplitude ratio, of responses of either polarity.
 
     Each scale's map is divided by 1.4826 times its median absolute deviation.
@@ -118,6 +123,7 @@ def snr_maps(strain_rate: Array, scales: Array) -> tuple[Array, Array]:
     ----------
     strain_rate : [frame, channel], finite
     scales : of the bank, in channels
+    heard : which channels tell the deviation [channel]; all if not given
 
     Returns
     -------
@@ -136,13 +142,14 @@ def snr_maps(strain_rate: Array, scales: Array) -> tuple[Array, Array]:
     padded = np.pad(strain_rate, ((0, 0), (half, half)), mode="edge")
     size = next_fast_len(padded.shape[1] + len(wavelets), real=True)
     spectrum = rfft(padded, size, axis=1)
-    sparse = slice(None, None, max(1, len(strain_rate) // ROWS_FOR_NOISE))
+    heard = np.ones(channels, bool) if heard is None else heard
+    every = max(1, len(strain_rate) // ROWS_FOR_NOISE)
     positive = np.full(strain_rate.shape, -np.inf)
     negative = positive.copy()
     for shape in wavelets.T:
         # Correlation with a wavelet is convolution with its mirror.
         match = irfft(spectrum * rfft(shape[::-1], size), size, axis=1)[:, 2 * half : 2 * half + channels]
-        level = match[sparse]
+        level = match[::every, heard]
         match /= max(1.4826 * float(np.median(np.abs(level - np.median(level)))), np.finfo(float).tiny)
         np.maximum(positive, match, out=positive)
         np.maximum(negative, -match, out=negative)
@@ -173,10 +180,13 @@ class MatchedFilter:
         self.wavelets = bank(scales)
         half = len(self.wavelets) // 2
         self.frames = np.unique(np.concatenate([one.rows for one in passes]))
-        data = mended(strain_rate[self.frames])
         self.measured = np.isfinite(strain_rate[self.frames])
+        data = mended(strain_rate[self.frames])
         self.padded = np.pad(data, ((0, 0), (half, half)), mode="edge")
-        self.positive, self.negative = snr_maps(data, scales)
+        # Frames and channels that measured nothing must not make the noise look small.
+        rows = self.measured.any(1)
+        self.positive, self.negative = np.zeros((2, *data.shape))
+        self.positive[rows], self.negative[rows] = snr_maps(data[rows], scales, self.measured.any(0))
 
     def detect(self, one: Pass, polarity: int, expected: Array | None = None, gate: int = 0) -> Detections:
         """Best channel and scale in every frame of a pass that is in view, where the SNR is above 7 dB.
@@ -215,6 +225,12 @@ class MatchedFilter:
             level[keep],
             profile,
         )
+
+    @property
+    def nothing(self) -> Detections:
+        """No detection at all."""
+        none = np.zeros(0)
+        return Detections(none.astype(int), none, none, none, none, none, none, np.zeros((0, len(self.scales))))
 
     def profile(self, row: NDArray[np.int64], channel: NDArray[np.int64]) -> Array:
         """Correlation [detection, scale] with the wavelets centered at a channel, 1/s, not divided by the noise."""

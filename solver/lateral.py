@@ -12,11 +12,14 @@ from solver.wavelets import Array, best_scale, derivative_of_ricker
 
 GRID = 0.1  # m, of the lateral positions tried
 REACH = 15.0  # m to either side of the lanes
-SLACK = 0.03  # meters to the side per meter of fiber that cost one standard deviation
+SLACK = 0.1  # meters to the side per meter of fiber that cost one standard deviation
 SHAPE_ERROR = 0.02  # of a width: what the curve, made for one depth and a straight fiber, cannot follow
-SCALE_ERROR = 0.1  # of all widths together: ground, gauge length, depth not as believed
+WIDTH_ERROR = 0.05  # of all widths together: ground, gauge length, wheels not as believed
+DEPTH_ERROR = 0.33  # of the depth
 WORST = 4.0  # standard deviations that one width may cost at most
-SCALE_FACTORS = np.arange(0.85, 1.2, 0.025)
+FARTHER = 0.02  # standard deviations per meter off the traffic's middle: what decides where widths tell nothing
+FORBIDDEN = 1e6
+WIDTH_FACTORS = np.arange(0.85, 1.2, 0.05)
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,7 @@ class Sides:
     evidence : by how much the widths fit the mirror worse, summed over passes and averaged over bins, in standard
         deviations; 0 where all vehicles use one lane
     width_factor : measured over modeled widths
+    depth_factor : best depth over believed depth
     """
 
     channel: Array
@@ -54,6 +58,7 @@ class Sides:
     mirror: Array
     evidence: float
     width_factor: float
+    depth_factor: float
 
 
 def relative_scale_error() -> float:
@@ -97,14 +102,13 @@ def binned_widths(edges: Array, detections: Sequence[Detections], scales: Array,
     return Widths((edges[1:] + edges[:-1]) / 2, lane, width, sigma)
 
 
-def misfit(widths: Widths, curves: Sequence[CouplingCurve], grid: Array, factor: float) -> Array:
-    """Misfit [bin, y] of the widths of all passes to a fiber at each y of the grid, in standard deviations."""
-    total = np.zeros((len(widths.channel), len(grid)))
-    for curve, lane, width, sigma in zip(curves, widths.lane, widths.width, widths.sigma, strict=True):
-        seen = np.isfinite(width)
-        model = factor * curve.width_at(grid - lane[seen, None])
-        total[seen] += np.minimum(np.abs(width[seen, None] - model) / sigma[seen, None], WORST)
-    return total
+def misfit(widths: Widths, model: Array) -> Array:
+    """Misfit [bin, y] of the widths of all passes to modeled ones [pass, bin, y], in standard deviations.
+
+    One pass costs at most four in a bin; where it was not seen it costs nothing.
+    """
+    off = np.abs(widths.width[:, :, None] - model) / widths.sigma[:, :, None]
+    return np.asarray(np.nan_to_num(np.minimum(off, WORST)).sum(0))
 
 
 def cheapest_path(cost: Array, price: float) -> tuple[NDArray[np.int64], float]:
@@ -127,17 +131,22 @@ def cheapest_path(cost: Array, price: float) -> tuple[NDArray[np.int64], float]:
 
 
 def best_route(
-    widths: Widths, curves: Sequence[CouplingCurve], grid: Array, price: float, forbidden: NDArray[np.bool_]
-) -> tuple[Array, float, float]:
-    """Lateral position [bin], its cost and the common factor of the widths, of the cheapest allowed route."""
+    costs: Sequence[tuple[Array, float]], price: float, allowed: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], float, int]:
+    """Cheapest allowed route through any of the `costs` [bin, y], each with a cost per bin of its own.
+
+    Returns
+    -------
+    path : index of y [bin]
+    total : its cost
+    which : of the costs
+    """
     routes = []
-    for factor in SCALE_FACTORS:
-        cost = np.where(forbidden, 1e6, misfit(widths, curves, grid, factor))
-        path, total = cheapest_path(cost, price)
-        belief = len(cost) * abs(factor - 1) / SCALE_ERROR
-        routes.append((total + belief, factor, path))
-    total, factor, path = min(routes, key=lambda route: route[0])
-    return grid[path], total, float(factor)
+    for which, (cost, extra) in enumerate(costs):
+        path, total = cheapest_path(np.where(allowed, cost, FORBIDDEN), price)
+        routes.append((total + extra * len(cost), which, path))
+    total, which, path = min(routes, key=lambda route: route[0])
+    return path, total, which
 
 
 def traffic_middle(lane: Array) -> Array:
@@ -152,23 +161,32 @@ def traffic_middle(lane: Array) -> Array:
     return np.where(seen, middle, np.median(middle[seen]))
 
 
-def locate_sides(widths: Widths, curves: Sequence[CouplingCurve], channel_spacing: float) -> Sides:
+def locate_sides(widths: Widths, curves: Sequence[dict[float, CouplingCurve]], channel_spacing: float) -> Sides:
     """Find the lateral position of the fiber, and its best alternative on the other side of the traffic.
 
-    One lane cannot tell left from right; of two, the one nearer to the fiber sees it narrower.
+    One lane cannot tell left from right; of two, the one nearer to the fiber sees it narrower. The depth and a factor
+    common to all widths are tried along with the positions, since both move the widths of all passes.
 
     Parameters
     ----------
     widths : of all passes
-    curves : coupling curve of each pass
+    curves : coupling curve by depth, in units of the believed one, of each pass
     channel_spacing : m
     """
     grid = np.arange(np.nanmin(widths.lane) - REACH, np.nanmax(widths.lane) + REACH, GRID)
     step = np.diff(widths.channel).mean() * channel_spacing if len(widths.channel) > 1 else 1.0
     price = GRID / (SLACK * step)
-    middle = traffic_middle(widths.lane)
-    free = np.zeros((len(middle), len(grid)), bool)
-    y, cost, factor = best_route(widths, curves, grid, price, free)
-    same_side = np.sign(grid - middle[:, None]) == np.sign(y - middle)[:, None]
-    mirror, other, _ = best_route(widths, curves, grid, price, same_side)
-    return Sides(widths.channel, y, mirror, max(other - cost, 0.0) / len(middle), factor)
+    offset = np.abs(grid - widths.lane[:, :, None])
+    middle = traffic_middle(widths.lane)[:, None]
+    costs, factors = [], []
+    for depth in curves[0]:
+        model = np.stack([curve[depth].width_at(off) for curve, off in zip(curves, offset, strict=True)])
+        for factor in WIDTH_FACTORS:
+            unlikely = abs(factor - 1) / WIDTH_ERROR + abs(depth - 1) / DEPTH_ERROR
+            costs.append((misfit(widths, factor * model) + FARTHER * np.abs(grid - middle), unlikely))
+            factors.append((float(factor), depth))
+    path, cost, which = best_route(costs, price, np.ones((len(middle), len(grid)), bool))
+    opposite = (grid >= middle) != (grid[path][:, None] >= middle)
+    mirror, other, _ = best_route(costs, price, opposite)
+    evidence = max(other - cost, 0.0) / len(middle)
+    return Sides(widths.channel, grid[path], grid[mirror], evidence, *factors[which])

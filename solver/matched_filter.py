@@ -6,26 +6,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.alignment import align, direction_residual
 from solver.coupling import CouplingCurve, coupling_curve
 from solver.das import DASRecord
 from solver.detections import FRAME_RATE, Detections, MatchedFilter, thinned
-from solver.fiber_line import TOLERANCE, FiberLine, ransac_line
+from solver.fiber_line import FiberLine
 from solver.lateral import binned_widths, locate_sides
 from solver.trajectory import Pass
 from solver.wavelets import SCALES, Array
 from vision.contract import InputError
 
-GATE = 0.5  # gauge lengths to either side of where a vehicle is expected
-SEEN = 0.5  # share of the frames in which a channel must see its vehicle
-BRIDGE = 2.0  # gauge lengths of unseen channels that do not end the active range
-FOLLOWING = 0.3  # share of the detections that must follow the trajectories
-FEWEST = 6  # detections that make a line
 CLOCK = 2.0  # s of clock error that a survey can bear
 APART = 25.0  # m between two vehicles whose responses do not overlap
 CROWDED_DB = 14.0  # dB that a response counts less beside another one
 DISTANT = 12.0  # m; lateral offset that the bank must cover
-NOISE_DB = 12.0  # what the loudest of a few hundred channels of noise stays under
-CLOCK_MEND = "check the clocks, and that the DAS is of the fiber along this road"
+FEWEST_CHANNELS = 10
+DEPTHS = (0.75, 1.0, 1.25)  # in units of the believed one
 
 
 @dataclass(frozen=True)
@@ -48,6 +44,8 @@ class Initialization:
         (1) and against (-1) +x; the line is halfway between the two
     detections : of each pass, in the order given
     snr_db : median of each pass's detections [pass], dB; -inf for a pass never seen
+    offset : distance between lane and fiber that the median width of each pass says, by its coupling curve alone
+        [pass], m; NaN for a pass never seen
     route : x, y, z of the active channels [channel, 3], m
     """
 
@@ -63,6 +61,7 @@ class Initialization:
     direction_residual: dict[int, float]
     detections: tuple[Detections, ...]
     snr_db: Array
+    offset: Array
     route: Array
 
 
@@ -79,95 +78,6 @@ def bank_scales(curves: Sequence[CouplingCurve], channel_spacing: float) -> Arra
     return SCALES if fits else SCALES * (narrow / 5)
 
 
-def together(detections: Sequence[Detections]) -> tuple[Array, Array, Array]:
-    """x, speed and channel of the detections of all passes [detection]."""
-    x, speed, channel = (
-        np.concatenate([getattr(one, name) for one in detections]) for name in ("x", "speed", "channel")
-    )
-    return x, speed, channel
-
-
-def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float) -> tuple[FiberLine, int]:
-    """Line of channel against position, and the polarity of the responses under which most detections follow one.
-
-    Raises
-    ------
-    InputError
-        If what is detected does not move as the vehicles do.
-    """
-    lines: list[tuple[float, FiberLine, int]] = []
-    loudest = -np.inf
-    for polarity in (1, -1):
-        found = [matched.detect(one, polarity) for one in passes]
-        snr_db = np.concatenate([one.snr_db for one in found])
-        loudest = max(loudest, float(np.median(snr_db)) if len(snr_db) else -np.inf)
-        line, inliers = ransac_line(*together(found), channel_spacing)
-        if line is not None and inliers.sum() >= max(FEWEST, FOLLOWING * len(inliers)):
-            lines.append((float(snr_db[inliers].sum()), line, polarity))
-    if lines:
-        _, line, polarity = max(lines, key=lambda choice: choice[0])
-        return line, polarity
-    if loudest < NOISE_DB:
-        raise InputError(
-            f"DAS record: no vehicle is seen in it (half of the frames stay under {NOISE_DB:g} dB, as noise does); "
-            f"{CLOCK_MEND}, or give more and heavier vehicles"
-        )
-    raise InputError(f"DAS record: what moves in it does not follow the trajectories; {CLOCK_MEND}")
-
-
-def balanced(line: FiberLine, detections: Sequence[Detections]) -> FiberLine:
-    """Shift a line so that vehicles going either way are off it by the same amount, passes counting alike."""
-    shifts: dict[bool, list[float]] = {}
-    for one in detections:
-        if len(one):
-            off = float(np.median(line.residuals(one.x, one.speed, one.channel)))
-            shifts.setdefault(bool(np.median(one.speed) > 0), []).append(off)
-    return replace(line, x0=line.x0 + float(np.mean([np.median(offs) for offs in shifts.values()])))
-
-
-def seen_share(
-    line: FiberLine, passes: Sequence[Pass], detections: Sequence[Detections], channels: int, half: int
-) -> Array:
-    """Share [channel] of the frames in view in which a vehicle within `half` channels was detected; NaN if none came.
-
-    Parameters
-    ----------
-    detections : of each pass, near the line
-    channels : number of channels of the record
-    """
-    edges = np.arange(channels + 1) - 0.5
-    due, met = np.zeros(channels), np.zeros(channels)
-    for one, seen in zip(passes, detections, strict=True):
-        expected = line.channel_of(one.position[:, 0], one.velocity[:, 0])
-        due += np.histogram(expected[one.in_view], edges)[0]
-        met += np.histogram(expected[one.in_view & np.isin(one.rows, seen.row)], edges)[0]
-    box = np.ones(2 * half + 1)
-    due, met = (np.convolve(count, box, mode="full")[half : half + channels] for count in (due, met))
-    return np.divide(met, due, out=np.full(channels, np.nan), where=due > 0.5)
-
-
-def active_range(share: Array, view: tuple[float, float], bridge: int) -> tuple[int, int]:
-    """First and last channel index of the longest stretch in view that sees its vehicles.
-
-    Parameters
-    ----------
-    share : see `seen_share` [channel]
-    view : channel indices at the ends of the view, ascending
-    bridge : how many unseen channels within a stretch do not end it
-
-    >>> active_range(np.array([0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1.0]), (0, 10), 2)
-    (1, 6)
-    """
-    inside = np.arange(np.ceil(view[0]), np.floor(view[1]) + 1).astype(int)
-    inside = inside[(inside >= 0) & (inside < len(share))]
-    seen = inside[np.nan_to_num(share[inside]) >= SEEN]
-    if not len(seen):
-        raise InputError(f"DAS record: no channel sees the vehicles in view; {CLOCK_MEND}")
-    stretches = np.split(seen, np.flatnonzero(np.diff(seen) > bridge + 1) + 1)
-    longest = max(stretches, key=lambda stretch: stretch[-1] - stretch[0])
-    return int(longest[0]), int(longest[-1])
-
-
 def quieter_when_crowded(passes: Sequence[Pass], detections: Sequence[Detections]) -> list[Detections]:
     """Lower the SNR of detections of a vehicle near another one, whose response overlaps."""
     last = max(int(one.rows[-1]) for one in passes) + 1
@@ -182,41 +92,35 @@ def quieter_when_crowded(passes: Sequence[Pass], detections: Sequence[Detections
     return believed
 
 
-@dataclass(frozen=True)
-class Alignment:
-    """Line, active channel indices, and the detections near the line and within them, of each pass."""
-
-    line: FiberLine
-    active: tuple[int, int]
-    detections: list[Detections]
-
-
-def detect_near(matched: MatchedFilter, one: Pass, polarity: int, line: FiberLine, gate: int) -> Detections:
-    """Detections of a pass on the line, looked for up to `gate` channels off it."""
-    found = matched.detect(one, polarity, line.channel_of(one.position[:, 0], one.velocity[:, 0]), gate)
-    return found.where(np.abs(line.residuals(found.x, found.speed, found.channel)) < TOLERANCE)
+def curves_by_depth(
+    vehicle_class: str, depth: float, gauge_length: float, poisson_ratio: float
+) -> dict[float, CouplingCurve]:
+    """Coupling curves of a class for the believed depth and for others, by their share of it."""
+    return {
+        share: coupling_curve(
+            vehicle_class, depth=share * depth, gauge_length=gauge_length, poisson_ratio=poisson_ratio
+        )
+        for share in DEPTHS
+    }
 
 
-def align(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float, gauge: float) -> Alignment:
-    """Find the line among all detections, then again among those near it on the channels that see the vehicles.
+def check_clocks(line: FiberLine) -> None:
+    """Raise InputError where the detections follow the vehicles, but far ahead or behind."""
+    if abs(line.lag) > CLOCK:
+        side = "ahead of" if line.lag > 0 else "behind"
+        raise InputError(
+            f"trajectories: their clock is {abs(line.lag):.1f} s {side} that of the DAS; shift one of them by that"
+        )
 
-    Parameters
-    ----------
-    gauge : gauge length in channels
-    """
-    line, polarity = find_line(matched, passes, channel_spacing)
-    gate = max(2, round(GATE * gauge))
-    x = np.concatenate([one.position[one.in_view, 0] for one in passes])
-    channels = matched.positive.shape[1]
-    for _ in range(2):
-        near = [detect_near(matched, one, polarity, line, gate) for one in passes]
-        share = seen_share(line, passes, near, channels, gate)
-        view = line.channel_of(x)
-        active = active_range(share, (float(view.min()), float(view.max())), round(BRIDGE * gauge))
-        near = [one.where((one.channel >= active[0] - gate) & (one.channel <= active[1] + gate)) for one in near]
-        again, _ = ransac_line(*together(near), channel_spacing)
-        line = balanced(again or line, near)
-    return Alignment(line, active, near)
+
+def visible(passes: Sequence[Pass], channels: int) -> list[int]:
+    """Which passes have a frame in view [visible]; InputError where none has, or there is no fiber to speak of."""
+    if channels < FEWEST_CHANNELS:
+        raise InputError(f"DAS record: {channels} channels are too few to see a vehicle pass; give the whole stretch")
+    seen = [index for index, one in enumerate(passes) if one.in_view.any()]
+    if not seen:
+        raise InputError("trajectories: no vehicle is in view during the DAS record; check the clocks")
+    return seen
 
 
 def initialize(
@@ -242,50 +146,43 @@ def initialize(
         If no vehicle is seen in the record, what is seen does not follow the trajectories, or their clocks are more
         than 2 s apart.
     """
-    stride = max(1, int(record.sampling_rate / FRAME_RATE))
+    stride, spacing = max(1, int(record.sampling_rate / FRAME_RATE)), record.channel_spacing
     frames, thin = thinned(record.strain_rate, passes, stride)
-    spacing = record.channel_spacing
-    curves = [
-        coupling_curve(one.vehicle_class, depth=depth, gauge_length=record.gauge_length, poisson_ratio=poisson_ratio)
-        for one in thin
-    ]
-    matched = MatchedFilter(frames, thin, bank_scales(curves, spacing))
+    seen = visible(thin, frames.shape[1])
+    thin = [thin[index] for index in seen]
+    curves = [curves_by_depth(one.vehicle_class, depth, record.gauge_length, poisson_ratio) for one in thin]
+    believed = [curve[1.0] for curve in curves]
+    matched = MatchedFilter(frames, thin, bank_scales(believed, spacing))
     gauge = record.gauge_length / spacing
     found = align(matched, thin, spacing, gauge)
-    line, (first, last) = found.line, found.active
-    if abs(line.lag) > CLOCK:
-        side = "ahead of" if line.lag > 0 else "behind"
-        raise InputError(
-            f"trajectories: their clock is {abs(line.lag):.1f} s {side} that of the DAS; shift one of them by that"
-        )
+    check_clocks(found.line)
+    first, last = found.active
     edges = np.linspace(first - 0.5, last + 0.5, max(1, round((last - first + 1) / gauge)) + 1)
     widths = binned_widths(edges, quieter_when_crowded(thin, found.detections), matched.scales, spacing)
     sides = locate_sides(widths, curves, spacing)
-    index = np.arange(first, last + 1)
+
+    index, origin = np.arange(first, last + 1), int(record.channel[0])
     lateral, mirror = (np.interp(index, sides.channel, y) for y in (sides.y, sides.mirror))
-    origin = int(record.channel[0])
-    detections = tuple(
-        replace(one, row=one.row * stride + stride // 2, channel=one.channel + origin) for one in found.detections
-    )
+    detections = [matched.nothing] * len(passes)
+    snr_db, offset = np.full(len(passes), -np.inf), np.full(len(passes), np.nan)
+    for number, curve, one in zip(seen, believed, found.detections, strict=True):
+        detections[number] = replace(one, row=one.row * stride + stride // 2, channel=one.channel + origin)
+        if len(one):
+            snr_db[number] = np.median(one.snr_db)
+            offset[number] = curve.offset_of(float(np.median(one.scale)) * spacing)
     return Initialization(
         active=(first + origin, last + origin),
-        direction=1 if line.slope > 0 else -1,
-        x_of_channel=(line.x0 - line.slope * origin, line.slope),
+        direction=1 if found.line.slope > 0 else -1,
+        x_of_channel=(found.line.x0 - found.line.slope * origin, found.line.slope),
         channel=index + origin,
         lateral=lateral,
         mirror=mirror,
         side_evidence=sides.evidence,
         width_factor=sides.width_factor,
-        clock_ahead=line.lag,
-        direction_residual=direction_residual(line, found.detections),
-        detections=detections,
-        snr_db=np.array([np.median(one.snr_db) if len(one) else -np.inf for one in detections]),
-        route=np.stack([line.x_of(index), lateral, np.full(len(index), depth)], axis=1),
+        clock_ahead=found.line.lag,
+        direction_residual=direction_residual(found.line, found.detections),
+        detections=tuple(detections),
+        snr_db=snr_db,
+        offset=offset,
+        route=np.stack([found.line.x_of(index), lateral, np.full(len(index), depth)], axis=1),
     )
-
-
-def direction_residual(line: FiberLine, detections: Sequence[Detections]) -> dict[int, float]:
-    """Median of the vehicle's x minus that of the channel that feels it, m, by the direction of travel (1, -1)."""
-    x, speed, channel = together(detections)
-    off = x - line.x_of(channel)
-    return {sign: float(np.median(off[speed * sign > 0])) for sign in (1, -1) if (speed * sign > 0).any()}
