@@ -9,7 +9,7 @@ from solver.fit.least_squares import MapFit, solve
 from solver.fit.problem import Problem
 from solver.model import Traffic
 
-FOLDS = 4
+FOLDS = 2
 
 
 def part(problem: Problem, chosen: np.ndarray) -> Problem:

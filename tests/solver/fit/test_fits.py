@@ -1,0 +1,70 @@
+"""Both fits on surveys of the independent simulator, whose route is known."""
+
+import numpy as np
+import pytest
+from simulated import case_of
+
+from solver.fit import FitResult, fit_network, fit_spline
+from solver.fit.held_out import held_out_chi2
+from solver.simulator import Scenario, Survey, simulate
+
+
+def at_channels(result: FitResult, channel: np.ndarray) -> np.ndarray:
+    return result.route[np.isin(result.channel, channel)]
+
+
+def largest_error(result: FitResult, case) -> float:
+    return float(np.linalg.norm(at_channels(result, case.problem.channel) - case.truth, axis=1).max())
+
+
+@pytest.fixture(scope="module")
+def spline(case) -> FitResult:
+    return fit_spline(case.problem)
+
+
+def test_spline_lands_within_a_quarter_meter(spline: FitResult, case) -> None:
+    assert spline.converged
+    assert largest_error(spline, case) < 0.25
+    assert 0.9 < spline.chi2_per_dof < 1.1
+
+
+def test_spline_says_what_it_knows(spline: FitResult, case) -> None:
+    active = np.isin(spline.channel, case.problem.channel)
+    assert spline.constrained[active].all()
+    assert (spline.sigma[active, 1] < 0.15).all()
+    assert (spline.sigma[~active, 1] > np.median(spline.sigma[active, 1])).all()
+    assert not spline.ambiguous_side
+    assert ((spline.data_share > -1e-9) & (spline.data_share < 1 + 1e-9)).all()
+
+
+def test_uncertainty_is_honest() -> None:
+    """Errors in units of their sigma have an rms near 1 over several surveys."""
+    squares = []
+    for seed in range(11, 15):
+        case = case_of(simulate(Scenario(seed=seed, passes=4, snr_db=15.0)))
+        result = fit_spline(case.problem)
+        keep = np.isin(result.channel, case.problem.channel)
+        squares.append((((result.route[keep] - case.truth) / result.sigma[keep]) ** 2).mean(0))
+    rms = np.sqrt(np.mean(squares, axis=0))
+    assert (rms > 0.4).all() and (rms < 2.0).all()
+
+
+def test_network_finds_the_fiber(case) -> None:
+    result = fit_network(case.problem, iterations=300)
+    error = np.linalg.norm(at_channels(result, case.problem.channel) - case.truth, axis=1)
+    assert error.mean() < 0.5
+    again = fit_network(case.problem, iterations=3)
+    np.testing.assert_array_equal(again.route, fit_network(case.problem, iterations=3).route)
+
+
+def test_held_out_passes_are_explained_unless_the_gauge_is_wrong(street: Survey, case) -> None:
+    right = held_out_chi2(case.problem)
+    wrong = held_out_chi2(case_of(street, gauge_length=12.5).problem)
+    assert right is not None and wrong is not None
+    assert 0.8 < right < 1.3
+    assert wrong > right + 0.1
+
+
+def test_one_pass_cannot_be_held_out() -> None:
+    alone = case_of(simulate(Scenario(seed=3, passes=1, snr_db=25.0)))
+    assert held_out_chi2(alone.problem) is None

@@ -1,0 +1,82 @@
+"""Derivatives, priors and steps of the maximum a posteriori fit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from solver.cable import SplineBasis
+from solver.fit.least_squares import MapFit, huber, solve
+from solver.fit.prior import Prior, anchor_rows, shape_rows
+from solver.model import Fiber
+
+
+def test_jacobian_by_finite_differences(case) -> None:
+    fit = MapFit(case.problem)
+    state = fit.start()
+    local = fit.path.sensitivities(Fiber.of(fit.ends, state.coefficients), state.vehicles, state.poisson_ratio)
+    jacobian = fit.jacobian(local)
+    vector = state.vector()
+    rng = np.random.default_rng(0)
+    columns = [*rng.choice(3 * fit.basis.size, 6, replace=False), *range(3 * fit.basis.size, len(vector), 3), -1]
+    for column in columns:
+        step = 1e-4 * max(abs(float(vector[column])), 1e-4 if float(vector[column]) else 1.0)
+        ahead, behind = vector.clone(), vector.clone()
+        ahead[column] += step
+        behind[column] -= step
+        numeric = (fit.residual(state.moved(behind)) - fit.residual(state.moved(ahead))) / (2 * step)
+        expected = torch.where(fit.measured, jacobian[..., column], 0.0)
+        torch.testing.assert_close(numeric, expected, rtol=1e-4, atol=1e-5 * float(expected.abs().max()))
+
+
+@pytest.mark.parametrize("rows", ["shape", "anchors"])
+def test_prior_rows_by_finite_differences(case, rows: str) -> None:
+    basis = SplineBasis(0.0, 60.0, 10.0)
+    rng = np.random.default_rng(1)
+    route = torch.from_numpy(np.column_stack([np.linspace(-10, 70, basis.size), rng.normal(4, 1, (basis.size, 2))]))
+
+    def at(coefficients: torch.Tensor):
+        if rows == "shape":
+            return shape_rows(basis, Prior(), coefficients)
+        return anchor_rows(basis, case.problem.anchors, np.array([20.0, 41.5]), coefficients)
+
+    numeric = torch.autograd.functional.jacobian(lambda c: at(c).residual, route).flatten(1)
+    torch.testing.assert_close(at(route).jacobian, numeric)
+
+
+def test_huber_leaves_good_samples_and_bounds_bad_ones() -> None:
+    residual = torch.from_numpy(np.random.default_rng(2).normal(size=(200, 10)))
+    residual[3, 4] = 100.0
+    weight = huber(residual, torch.ones_like(residual, dtype=torch.bool))
+    assert float(weight[3, 4] * residual[3, 4]) < 5.0
+    assert float((weight == 1).double().mean()) > 0.99
+
+
+def test_the_end_is_a_minimum(case) -> None:
+    fit = MapFit(case.problem)
+    end = solve(fit, fit.start())
+    assert end.converged
+    matrix, right, _ = fit.normal(end.state)
+    step_in_sigmas = torch.linalg.solve(matrix, right) * matrix.diagonal().sqrt()
+    assert float(step_in_sigmas.abs().max()) < 0.5
+
+
+def test_known_ground_moves_vehicles_only(case) -> None:
+    fit = MapFit(case.problem, known_ground=True)
+    start = fit.start()
+    end = solve(fit, start).state
+    torch.testing.assert_close(end.coefficients, start.coefficients, rtol=0, atol=0)
+    assert float(end.poisson_ratio) == float(start.poisson_ratio)
+    assert not torch.equal(end.vehicles.along, start.vehicles.along)
+
+
+def test_unmeasured_samples_do_not_matter(case) -> None:
+    rate = case.problem.strain_rate.clone()
+    rate[::7, ::5] = torch.nan
+    missing = replace(case.problem, strain_rate=rate)
+    rate_of_noise = torch.where(torch.isnan(rate), 1.0, rate)
+    fits = [MapFit(missing), MapFit(replace(case.problem, strain_rate=rate_of_noise))]
+    fits[1].measured = fits[0].measured
+    ends = [solve(fit, fits[0].start()).state.coefficients for fit in fits]
+    torch.testing.assert_close(*ends)

@@ -1,0 +1,176 @@
+"""`roadfiber locate` from files to a run folder, on surveys of the independent simulator."""
+
+import json
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import roadfiber
+from solver.simulator import Survey, write_survey
+
+Command = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run `roadfiber ARGS` in this process; status, standard output, standard error."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["roadfiber", *map(str, arguments)])
+        try:
+            roadfiber.main()
+            status = 0
+        except SystemExit as end:
+            status = int(end.code or 0)
+        printed = capsys.readouterr()
+        return status, printed.out, printed.err
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def folder(street: Survey, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A survey as a user brings it."""
+    path = tmp_path_factory.mktemp("survey")
+    write_survey(street, path / "s")
+    return path / "s"
+
+
+def test_a_survey_becomes_a_run_folder(folder: Path, street: Survey, command: Command, tmp_path: Path) -> None:
+    status, said, error = command("-q", "locate", folder, "--out", tmp_path / "run")
+    assert status == 0, error
+    assert "report.html" in said
+    first, last = street.active
+    assert largest_error(tmp_path / "run", street) < 0.25
+    facts = json.loads((tmp_path / "run" / "fit.json").read_text())
+    assert facts["effects"] == ["wheel_layout"]
+    assert 0.9 < facts["chi2_per_dof"] < 1.1
+    assert abs(facts["active_channels"][0] - first) <= 6 and abs(facts["active_channels"][1] - last) <= 6
+    assert {path.name for path in (tmp_path / "run").iterdir()} >= {
+        "route.csv",
+        "route.geojson",
+        "fit.json",
+        "report.html",
+    }
+
+
+def largest_error(run: Path, street: Survey) -> float:
+    first, last = street.active
+    table = pd.read_csv(run / "route.csv").set_index("channel")
+    return float(np.linalg.norm(table.loc[first:last, ["x", "y", "z"]] - street.route[first : last + 1], axis=1).max())
+
+
+def test_point_loads_push_the_route_away(folder: Path, street: Survey, command: Command, tmp_path: Path) -> None:
+    """The effects a model lacks go into the route: four wheels taken for a point cost decimeters."""
+    status, said, error = command("-q", "locate", folder, "--out", tmp_path / "run", "--effects", "none", "--json")
+    assert status == 0, error
+    assert json.loads(said)["effects"] == []
+    assert largest_error(tmp_path / "run", street) > 0.2
+
+
+def test_without_anchors_two_lanes_tell_the_side(
+    folder: Path, street: Survey, command: Command, tmp_path: Path
+) -> None:
+    shutil.copytree(folder, tmp_path / "s")
+    site = tmp_path / "s" / "site.toml"
+    text = site.read_text()
+    site.write_text(text.replace(text[text.index("[anchors]") : text.index("[", text.index("[anchors]") + 1)], ""))
+    status, _, error = command("-q", "locate", site, "--out", tmp_path / "run")
+    assert status == 0, error
+    table = pd.read_csv(tmp_path / "run" / "route.csv").set_index("channel")
+    first, last = street.active
+    assert np.abs(table.loc[first:last, "y"].to_numpy() - street.route[first : last + 1, 1]).max() < 0.5
+    assert json.loads((tmp_path / "run" / "fit.json").read_text())["ambiguous_side"] is False
+
+
+def break_clock(folder: Path) -> None:
+    table = pd.read_csv(folder / "trajectories.csv")
+    table["time"] = table["time"].str.replace("2025-", "2024-")
+    table.to_csv(folder / "trajectories.csv", index=False)
+
+
+def empty_trajectories(folder: Path) -> None:
+    table = pd.read_csv(folder / "trajectories.csv")
+    table.head(0).to_csv(folder / "trajectories.csv", index=False)
+
+
+def corrupt_das(folder: Path) -> None:
+    next(folder.glob("das/*.h5")).write_bytes(b"no HDF5 at all")
+
+
+def remove_das(folder: Path) -> None:
+    shutil.rmtree(folder / "das")
+
+
+def unknown_key(folder: Path) -> None:
+    site = folder / "site.toml"
+    site.write_text(site.read_text().replace("gauge_length", "gage_length"))
+
+
+def no_site(folder: Path) -> None:
+    (folder / "site.toml").unlink()
+
+
+def shuffle_channels(folder: Path) -> None:
+    import h5py
+
+    for path in folder.glob("das/*.h5"):
+        with h5py.File(path, "r+") as file:
+            data = file["Acquisition/Raw[0]/RawData"]
+            data[...] = np.random.default_rng(0).permuted(data[...], axis=0)
+
+
+def nan_channel(folder: Path) -> None:
+    import h5py
+
+    with h5py.File(next(folder.glob("das/*.h5")), "r+") as file:
+        file["Acquisition/Raw[0]/RawData"][:, 100] = np.nan
+
+
+BROKEN = {
+    break_clock: "overlap",
+    empty_trajectories: "trajectories.csv",
+    corrupt_das: "das",
+    remove_das: "no file matches",
+    unknown_key: "gage_length",
+    no_site: "site.toml",
+    shuffle_channels: "DAS record",
+    nan_channel: "100",
+}
+
+
+@pytest.mark.parametrize("damage", BROKEN, ids=lambda damage: damage.__name__)
+def test_bad_input_is_one_line_and_nothing_written(
+    damage: Callable[[Path], None], folder: Path, command: Command, tmp_path: Path
+) -> None:
+    shutil.copytree(folder, tmp_path / "s")
+    damage(tmp_path / "s")
+    status, said, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    assert status == 2
+    assert said == ""
+    assert error.count("\n") == 1 and error.startswith("roadfiber: ") and BROKEN[damage] in error
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["s"]
+
+
+@pytest.mark.parametrize("option", [("--method", "magic"), ("--effects", "wheels,magic")])
+def test_unknown_options_are_named(option: tuple[str, str], folder: Path, command: Command, tmp_path: Path) -> None:
+    status, _, error = command("-q", "locate", folder, "--out", tmp_path / "run", *option)
+    assert status == 2 and "magic" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["survey-01", "survey-02"])
+def test_practice_surveys_within_a_quarter_meter(
+    name: str, shared_data: Path, command: Command, tmp_path: Path
+) -> None:
+    status, _, error = command("-q", "locate", shared_data / "practice" / name, "--out", tmp_path / "run")
+    assert status == 0, error
+    answer = json.loads((shared_data / "practice" / "answers.json").read_text())[name]
+    table = pd.read_csv(tmp_path / "run" / "route.csv").set_index("channel")
+    first, last = answer["active_channels"]
+    truth = np.array(answer["route_xyz"])[first : last + 1]
+    assert np.linalg.norm(table.loc[first:last, ["x", "y", "z"]].to_numpy() - truth, axis=1).max() <= 0.25
