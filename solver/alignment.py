@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solver.detections import Detections, MatchedFilter
 from solver.fiber_line import TOLERANCE, FiberLine, ransac_line
@@ -44,7 +45,7 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
         loudest = max(loudest, float(np.median(snr_db)) if len(snr_db) else -np.inf)
         line, inliers = ransac_line(*together(found), channel_spacing)
         if line is not None and inliers.sum() >= FEWEST + FOLLOWING * len(inliers):
-            lines.append((float((10 ** (snr_db[inliers] / 10)).sum()), line, polarity))
+            lines.append((energy(found, inliers), line, polarity))
     if lines:
         # Upside down, the filter sees the weaker outer lobes, beside the vehicle: a line too, but of less energy.
         _, line, polarity = max(lines, key=lambda choice: choice[0])
@@ -55,6 +56,13 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
             f"{CLOCK_MEND}, or give more and heavier vehicles"
         )
     raise InputError(f"DAS record: what moves in it does not follow the trajectories; {CLOCK_MEND}")
+
+
+def energy(detections: Sequence[Detections], inliers: NDArray[np.bool_]) -> float:
+    """Energy of the detections that are `inliers` [detection], by the median of each pass, in units of the noise's."""
+    parts = np.split(inliers, np.cumsum([len(one) for one in detections])[:-1])
+    levels = [one.snr_db[part] for one, part in zip(detections, parts, strict=True) if part.any()]
+    return float(sum(len(level) * 10 ** (np.median(level) / 10) for level in levels))
 
 
 def balanced(line: FiberLine, detections: Sequence[Detections]) -> FiberLine:
