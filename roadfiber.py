@@ -1,6 +1,7 @@
 """The `roadfiber` command: one sub-command group of each package, and the main job across them."""
 
 import logging
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -12,6 +13,9 @@ import calib.cli
 import solver.cli
 import vision.cli
 from vision.contract.errors import InputError
+
+# Read when torch is first imported: threads that spin while they wait make a busy machine four times slower.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 if TYPE_CHECKING:
     import pandas as pd
