@@ -57,7 +57,7 @@ def track(
     if view:
         view.require_size(clip.width, clip.height, video)
     zero = start_time(start, clip) if view or start else None
-    table, speed = box_tracks(clip, model, min_score=min_score, every=every)
+    table, speed = box_tracks(clip, model, calibration=view, min_score=min_score, every=every)
     if view and zero is not None:
         table = on_road(table, view, zero, clock_offset, video)
     elif zero is not None:

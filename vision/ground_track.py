@@ -57,6 +57,14 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
     return pd.concat(kept, ignore_index=True) if kept else _place(tracks.iloc[:0], calibration)
 
 
+def placeable(boxes: Array, calibration: Calibration) -> NDArray[np.bool_]:
+    """Whether boxes [n, 4], px, stand on the road near enough for one pixel to be less than `WORST_SIGMA`, [n]."""
+    jacobian = calibration.jacobian(_contact(boxes))
+    on_road: NDArray[np.bool_] = np.asarray(np.isfinite(jacobian).all(axis=(1, 2)))
+    coarsest = np.linalg.norm(np.where(on_road[:, None, None], jacobian, 0.0), ord=2, axis=(1, 2))
+    return np.asarray(on_road & (coarsest * EDGE_BIAS < WORST_SIGMA))
+
+
 def _place(track: "pd.DataFrame", calibration: Calibration) -> "pd.DataFrame":
     columns = ["x", "y", "sigma_x", "sigma_y", "length", "width"]
     measured = track[~track["interpolated"].astype(bool)]

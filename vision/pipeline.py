@@ -15,7 +15,7 @@ from vision.contract.errors import InputError
 from vision.contract.progress import progress
 from vision.contract.table import COLUMNS
 from vision.detectors import Detections, Detector, load_detector
-from vision.ground_track import ground_tracks
+from vision.ground_track import ground_tracks, placeable
 from vision.interpolate import BOX, fill_frames, majority_class
 from vision.tracker import Tracker
 from vision.video import Video, open_video
@@ -88,14 +88,22 @@ def track(
     view.require_size(clip.width, clip.height, clip.path)
     zero = start_time(start, clip)
     finder = load_detector(detector, classes=classes) if isinstance(detector, str | Path) else detector
-    boxes, _ = box_tracks(clip, finder, min_score=min_score, every=every)
+    boxes, _ = box_tracks(clip, finder, calibration=view, min_score=min_score, every=every)
     return on_road(boxes, view, zero, clock_offset, clip.path)
 
 
 def box_tracks(
-    video: Video, detector: Detector, *, min_score: float | None = None, every: int = 1
+    video: Video,
+    detector: Detector,
+    *,
+    calibration: Calibration | None = None,
+    min_score: float | None = None,
+    every: int = 1,
 ) -> tuple["pd.DataFrame", Speed]:
     """Follow vehicles through the pictures.
+
+    With a calibration, vehicles too far off to be placed are not followed: near the vanishing point one that leaves
+    and one that comes are the same few pixels, and would become one track.
 
     Returns
     -------
@@ -110,12 +118,15 @@ def box_tracks(
     tracker = Tracker(strong, patience=max(PATIENCE, PATIENT_FRAMES * every * video.frame_interval))
     fixes: list[tuple[int, float, Detections, np.ndarray]] = []
     clock = [perf_counter()]
-    spent = np.zeros(3)
+    spent, seen = np.zeros(3), 0
     looked_at = len(range(0, len(video), every))
     with progress("tracking vehicles", looked_at) as advance:
         for frame in video.frames(every):
             clock.append(perf_counter())
             found = detector.detect(frame.image)
+            seen += len(found)
+            if calibration:
+                found = found.select(placeable(found.box, calibration))
             clock.append(perf_counter())
             fixes.append((frame.index, frame.time, found, tracker.update(frame.time, found.box, found.score)))
             clock.append(perf_counter())
@@ -125,6 +136,8 @@ def box_tracks(
     table = _tabulate(fixes)
     counts = table.groupby("track_id")["frame"].transform("size")
     table = table[counts >= FEWEST_FIXES]
+    if table.empty and seen >= FEWEST_FIXES and not any(len(found) for _, _, found, _ in fixes):
+        raise off_road(video.path)
     if table.empty:
         raise InputError(
             f"{video.path}: no vehicle was followed through {FEWEST_FIXES} frames; try a lower --min-score than "
@@ -140,12 +153,17 @@ def on_road(
     """Turn the boxes of tracks into the trajectory table `track` returns."""
     placed = ground_tracks(boxes, calibration)
     if placed.empty:
-        raise InputError(
-            f"{video}: none of its {boxes['track_id'].nunique()} tracks lies on the calibrated road; check the control "
-            "points (roadfiber calibrate ground --picture)"
-        )
+        raise off_road(video)
     placed = placed.assign(time=utc(placed["time"], zero, clock_offset), track_id=placed["track_id"].astype(str))
     return placed[[*COLUMNS, *EXTRA_COLUMNS]]
+
+
+def off_road(video: Path) -> InputError:
+    """Say that what was found is not where the calibration knows the road."""
+    return InputError(
+        f"{video}: nothing that it shows lies on the calibrated road; check the control points "
+        "(roadfiber calibrate ground --picture)"
+    )
 
 
 def utc(seconds: "pd.Series", zero: np.datetime64, clock_offset: float = 0.0) -> "pd.Series":

@@ -6,7 +6,7 @@ import pytest
 from tests.vision.test_camera import look
 from vision.body_fit import fit_body, project_bodies, silhouette_boxes
 from vision.camera import Calibration
-from vision.ground_track import WORST_SIGMA, edge_sigma, gap_sigma, ground_tracks, headings
+from vision.ground_track import WORST_SIGMA, edge_sigma, gap_sigma, ground_tracks, headings, placeable
 from vision.interpolate import BOX
 from vision.vehicles import SHAPES
 
@@ -201,3 +201,12 @@ def test_bodies_that_reach_behind_the_camera_stay_where_they_are():
     fit = fit_body(camera, SIZE, SHAPES["car"], boxes, np.ones((5, 4)), guess, np.zeros(5))
     np.testing.assert_allclose(fit.position, guess)
     assert np.isfinite(fit.covariance).all() and fit.covariance[:, 0, 0].min() > 50
+
+
+def test_boxes_on_the_road_are_placeable_down_to_where_a_pixel_is_too_coarse():
+    calibration = Calibration(image_size=SIZE, homography=VIEWS["along"][0])
+    horizon = next(v for v in range(SIZE[1]) if np.isfinite(calibration.to_ground([[SIZE[0] / 2, v]])).all())
+    bottoms = np.array([horizon - 20, horizon + 1, SIZE[1] - 40], float)
+    boxes = np.column_stack([np.full(3, 300.0), bottoms - 30, np.full(3, 340.0), bottoms])
+    assert placeable(boxes, calibration).tolist() == [False, False, True]
+    assert placeable(boxes[:0], calibration).shape == (0,)

@@ -15,9 +15,10 @@ from tests.vision.videos import numbered_images, set_creation_time, set_frame_du
 from vision.body_fit import project_bodies
 from vision.camera import Calibration
 from vision.contract import COLUMNS, InputError, read_trajectories
+from vision.detectors import Detections
 from vision.pipeline import box_tracks, start_time, track
 from vision.vehicles import SHAPES
-from vision.video import open_video
+from vision.video import Frame, open_video
 
 SIZE, FRAMES, SPEED, LANE = (640, 360), 70, 9.0, 1.75
 TICKS = [256, 768] * (FRAMES // 2)  # of 1/12800 s: a frame rate that alternates between 50 and 16.7 per s
@@ -194,3 +195,41 @@ def test_real_video_with_real_models(model, shared_data):
         middle = table.loc[table["track_id"] == track_id, ["box_left", "box_bottom"]].to_numpy()
         travel = np.linalg.norm(middle[-1] - middle[0])
         assert np.linalg.norm(np.diff(middle, axis=0), axis=1).sum() < 1.3 * travel + 30
+
+
+def test_a_car_that_leaves_is_not_the_one_that_comes_from_the_vanishing_point():
+    """Boxes of one that drives off, a flicker of far pixels, then one that comes: two tracks, not one."""
+    homography, matrix = look((-10, 6, -9), (25, 0, 0), 420, SIZE)
+    view = Calibration(image_size=SIZE, homography=homography)
+    away = np.column_stack([np.linspace(10, 400, 60), np.full(60, 1.75)])
+    back = np.column_stack([np.linspace(400, 10, 60), np.full(60, -1.75)])
+
+    class Clip:
+        path, index, time, frame_interval = "clip", np.arange(120), np.arange(120) * 0.4, 0.4
+
+        def __len__(self):
+            return 120
+
+        def frames(self, every):
+            return (Frame(k, float(self.time[k]), np.full((1, 1), k)) for k in range(120))
+
+    class Known:
+        threshold = 0.4
+
+        def prepare(self, video):
+            return self
+
+        def detect(self, image):
+            x, y = np.concatenate([away, back])[int(image[0, 0])]
+            corners = np.array([[x + a, y + b, c, 1] for a in (-2.2, 2.2) for b in (-0.9, 0.9) for c in (-1.5, 0)])
+            pixels = corners @ matrix.T
+            pixels = pixels[:, :2] / pixels[:, 2:]
+            box = np.concatenate([pixels.min(0), pixels.max(0)])[None]
+            return Detections(box, np.array([0.9]), np.array(["car"]))
+
+    chained, _ = box_tracks(Clip(), Known())
+    assert chained["track_id"].nunique() == 1, "without a calibration nothing tells them apart"
+    table, _ = box_tracks(Clip(), Known(), calibration=view)
+    assert table["track_id"].nunique() == 2
+    halves = [set(track["frame"] >= 60) for _, track in table.groupby("track_id")]
+    assert halves == [{False}, {True}]

@@ -27,6 +27,10 @@ class Detections:
     def __len__(self) -> int:
         return len(self.score)
 
+    def select(self, keep: NDArray[np.bool_]) -> "Detections":
+        """Return those where `keep` [n] is true."""
+        return Detections(self.box[keep], self.score[keep], self.label[keep])
+
 
 class Detector(Protocol):
     """Finds vehicles in images."""
