@@ -36,10 +36,11 @@ class Initialization:
     channel : numbers of the active channels [channel]
     lateral, mirror : y of the fiber and of its best alternative on the other side of the traffic [channel], m
     side_evidence : by how much the mirror fits the widths worse, summed over passes, in standard deviations; 0 = the
-        passes cannot tell, above about 2 the side is decided
+        passes cannot tell, above about 3 the side is decided
     width_factor : measured over modeled widths; far from 1 the ground, the gauge length or the wheels are not as
         believed
-    clock_ahead : how far the clock of the trajectories is ahead of the DAS's, s; 0 where all vehicles go one way
+    clock_ahead : how far the clock of the trajectories is ahead of the DAS's, s; 0 where all vehicles go one way.
+        Loads that are not in the middle of the wheelbase count as a few hundredths
     direction_residual : median of x of the vehicle minus x of the channel that feels it, m, for vehicles going along
         (1) and against (-1) +x; the line is halfway between the two
     detections : of each pass, in the order given
@@ -109,7 +110,8 @@ def check_clocks(line: FiberLine) -> None:
     if abs(line.lag) > CLOCK:
         side = "ahead of" if line.lag > 0 else "behind"
         raise InputError(
-            f"trajectories: their clock is {abs(line.lag):.1f} s {side} that of the DAS; shift one of them by that"
+            f"trajectories: their clock is {abs(line.lag):.1f} s {side} that of the DAS; "
+            f"take {line.lag:.2f} s off their times (clock_offset in [camera])"
         )
 
 
