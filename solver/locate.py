@@ -149,8 +149,8 @@ def pose(
 
 
 def chi2(result: FitResult) -> float:
-    """Weighted misfit, per degree of freedom of the best fit, so that unmodeled physics does not decide sides."""
-    return float(np.nansum(result.weight * result.residual**2)) / max(1.0, result.chi2_per_dof)
+    """Weighted misfit of a fit."""
+    return float(np.nansum(result.weight * result.residual**2))
 
 
 def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Problem]:
@@ -162,7 +162,9 @@ def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Prob
             ends.append((fit(problem, advance), problem))
     ends.sort(key=lambda end: chi2(end[0]))
     (best, problem), others = ends[0], ends[1:]
-    rivals = [r for r, _ in others if chi2(r) - chi2(best) < DECISIVE and apart(r, best)]
+    # Where the model leaves more than noise, so much more must a rival be worse to be ruled out.
+    least = DECISIVE * max(1.0, best.chi2_per_dof)
+    rivals = [r for r, _ in others if chi2(r) - chi2(best) < least and apart(r, best)]
     return replace(best, ambiguous_side=bool(rivals)), problem
 
 

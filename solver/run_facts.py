@@ -12,7 +12,7 @@ import numpy as np
 
 from solver.anchors import Anchor
 from solver.das import DASRecord
-from solver.das_files import checksum
+from solver.das.files import checksum
 from solver.fit.least_squares import HUBER
 from solver.fit.result import FitResult
 from solver.noise import quiet

@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from solver.units import Quantity
+from solver.das.units import Quantity
 from vision.contract import InputError, LocalFrame
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from solver.prodml import write_prodml
+from solver.das.prodml import write_prodml
 from solver.simulator.scenario import Scenario
 from solver.simulator.survey import Survey
 from vision.contract import InputError, write_trajectories, writing

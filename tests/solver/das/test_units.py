@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from solver.units import (
+from solver.das.units import (
     QUANTITIES,
     Unit,
     across_gauge,

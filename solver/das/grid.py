@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.das_files import Block
+from solver.das.files import Block
 from vision.contract import InputError
 
 Array = NDArray[np.float64]

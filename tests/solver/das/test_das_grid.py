@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from solver.das_files import Block
-from solver.das_grid import Segment, assemble, on_grid, sampling_interval, segments_of
+from solver.das.files import Block
+from solver.das.grid import Segment, assemble, on_grid, sampling_interval, segments_of
 from vision.contract import InputError
 
 INTERVAL = 200_000_000

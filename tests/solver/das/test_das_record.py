@@ -7,9 +7,9 @@ import h5py
 import numpy as np
 import pytest
 
-from solver.das import DASRecord, ranges, read_das
-from solver.prodml import write_prodml
-from solver.units import dascore, strain_per_radian
+from solver.das.prodml import write_prodml
+from solver.das.record import DASRecord, ranges, read_das
+from solver.das.units import dascore, strain_per_radian
 from vision.contract import InputError
 
 START = np.datetime64("2025-08-11T06:00:00", "ns")

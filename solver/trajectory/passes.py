@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.das import DASRecord
-from solver.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, run_filter, smooth
-from solver.tracks import Track, driven, during, moves, numbered, tracks_of, turns, unbroken
+from solver.trajectory.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, run_filter, smooth
+from solver.trajectory.tracks import Track, driven, during, moves, numbered, tracks_of, turns, unbroken
 from vision.contract import InputError, progress
 
 if TYPE_CHECKING:
@@ -205,8 +205,8 @@ def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40
     Notes
     -----
     Each axis of each track is smoothed on its own with a Singer model of the motion and a first-order autoregressive
-    error of the fixes (`solver.kalman`). How restless the vehicle is and how long the error lasts are the values of
-    highest likelihood, so steady drives are smoothed hard; the sigmas of the table are believed. An error that lasts
+    error of the fixes (`solver.trajectory.kalman`). How restless the vehicle is and how long the error lasts are the
+    values of highest likelihood, so steady drives are smoothed hard; the sigmas of the table are believed. An error that lasts
     through the whole view (a calibration a meter off, a box that is always too long) leaves no trace in one track
     and is not in `sigma`. Left out, and counted in the log: tracks of under 3 fixes or 5 m of travel.
     """

@@ -2,7 +2,7 @@ import struct
 
 import pytest
 
-from solver.tdms import read_tdms_properties
+from solver.das.tdms import read_tdms_properties
 
 
 def text(value):

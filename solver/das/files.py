@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
-from solver.tdms import read_tdms_properties
-from solver.units import Unit, dascore, parse_unit
+from solver.das.tdms import read_tdms_properties
+from solver.das.units import Unit, dascore, parse_unit
 from vision.contract import InputError
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

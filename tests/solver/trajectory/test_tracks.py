@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from drives import START, fixes
 
-from solver.tracks import Track, driven, during, moves, numbered, tracks_of, turns, unbroken
+from solver.trajectory.tracks import Track, driven, during, moves, numbered, tracks_of, turns, unbroken
 
 
 def a_track(time, x, sigma=0.1):

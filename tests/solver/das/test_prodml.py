@@ -2,8 +2,8 @@ import h5py
 import numpy as np
 import pytest
 
-from solver.das import read_das
-from solver.prodml import write_prodml
+from solver.das.prodml import write_prodml
+from solver.das.record import read_das
 
 START = np.datetime64("2025-08-11T06:00:00.123456789")
 SETTING = {

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from solver.kalman import (
+from solver.trajectory.kalman import (
     MANEUVER,
     Fixes,
     between,

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.das_files import Block, checksum, read_blocks
-from solver.das_grid import assemble, sampling_interval, segments_of
-from solver.units import Unit, across_gauge, resolve, to_strain_rate
+from solver.das.files import Block, checksum, read_blocks
+from solver.das.grid import assemble, sampling_interval, segments_of
+from solver.das.units import Unit, across_gauge, resolve, to_strain_rate
 from vision.contract import InputError, progress
 
 Array = NDArray[np.float64]
@@ -239,9 +239,9 @@ def read_das(
     Parameters
     ----------
     files : PRODML, Silixa TDMS or HDF5, Terra15, OptoDAS, Febus, AP Sensing and what else DASCore reads, or numpy
-        `.npy` / `.npz` with a `.toml` or `.json` beside it (`solver.das_files.SideFile`); in any order
+        `.npy` / `.npz` with a `.toml` or `.json` beside it (`solver.das.files.SideFile`); in any order
     gauge_length, channel_spacing : m; win over the file's, with a warning where they differ by over 1 %
-    quantity : what the numbers are, one of `solver.units.QUANTITIES`, where the file does not say
+    quantity : what the numbers are, one of `solver.das.units.QUANTITIES`, where the file does not say
     channels : (first, last) to read, both included; all by default
     exclude : channels to leave out (they stay in the record as NaN)
     scale : stored number -> SI unit of the quantity; wins over the file's unit
