@@ -206,3 +206,9 @@ def test_unknown_codec_is_one_clear_line_and_leaves_nothing(tmp_path, capfd):
     with pytest.raises(InputError, match="codec ABCD"):
         write_video(scene_with(), tmp_path / "street.mp4", duration=0.2, codec="ABCD")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_bright_light_saturates_and_does_not_wrap():
+    bright = scene_with(light=Light(sun=1.0, exposure=1.6, visibility=100.0))
+    usual = scene_with(light=Light(sun=1.0, exposure=1.0, visibility=100.0))
+    assert (render(bright, 0.0).astype(int) >= render(usual, 0.0).astype(int) - 2).mean() > 0.999

@@ -257,7 +257,7 @@ def ground(camera: Camera, light: Light, ortho: Orthophoto, sunlit: Image) -> Im
         chain = np.linalg.inv(half) @ scale @ ortho.to_pixels @ camera.ground_homography() @ half
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         seen = cv2.warpPerspective(coarser, chain, camera.size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-        picture[near] = light.through_air(seen[near], distance[near])
+        picture[near] = np.clip(light.through_air(seen[near], distance[near]), 0, 255)
         coarser = cv2.resize(coarser, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     return picture
 
