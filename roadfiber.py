@@ -62,7 +62,7 @@ def locate(
     Example: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`
     """
     from solver.locate import locate as locate_fiber
-    from solver.run_folder import check_target
+    from solver.run import check_target
     from solver.site import read_site
 
     check_target(out)

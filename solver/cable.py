@@ -1,6 +1,7 @@
 """Cable stage: the fiber's route, a curve in three dimensions parametrised by its length."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -9,6 +10,13 @@ from scipy.interpolate import BSpline
 from torch import Tensor
 
 DEGREE = 3
+
+
+class Basis(Protocol):
+    """Functions of the distance along the fiber whose sums are routes."""
+
+    def at(self, distance: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
+        """Matrix [distance, coefficient] of their values, or of a derivative by distance."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,7 @@ class SplineBasis:
     @property
     def knots(self) -> NDArray[np.float64]:
         """Knots [intervals + 7], m, three beyond either end."""
-        return self.start + self.step * np.arange(-DEGREE, self.intervals + DEGREE + 1)
+        return np.asarray(self.start + self.step * np.arange(-DEGREE, self.intervals + DEGREE + 1), float)
 
     def at(self, distance: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
         """Basis matrix [distance, coefficient], or its derivative with respect to distance."""
@@ -67,7 +75,7 @@ class SplineBasis:
         bending = 1e-3 * self.step**2 * self.at(grid, 2)
         matrix = np.vstack([self.at(distance), bending])
         target = np.vstack([points, np.zeros((len(grid), 3))])
-        return np.linalg.lstsq(matrix, target, rcond=None)[0]
+        return np.asarray(np.linalg.lstsq(matrix, target, rcond=None)[0], float)
 
 
 @dataclass(frozen=True)
@@ -88,14 +96,16 @@ class GaugeEnds:
     gauge_length: float
 
     @classmethod
-    def of(cls, basis: SplineBasis, distance: NDArray[np.float64], gauge_length: float) -> "GaugeEnds":
+    def of(cls, basis: Basis, distance: NDArray[np.float64], gauge_length: float) -> "GaugeEnds":
         """Gauge ends of channels centered at `distance` [channel], m."""
-        matrices = [
-            torch.from_numpy(basis.at(distance + side * gauge_length / 2, order))
-            for order in (0, 1)
-            for side in (1, -1)
-        ]
-        return cls(*matrices, gauge_length)
+        ahead, behind = distance + gauge_length / 2, distance - gauge_length / 2
+        return cls(
+            torch.from_numpy(basis.at(ahead)),
+            torch.from_numpy(basis.at(behind)),
+            torch.from_numpy(basis.at(ahead, 1)),
+            torch.from_numpy(basis.at(behind, 1)),
+            gauge_length,
+        )
 
 
 def unit(vectors: Tensor) -> Tensor:

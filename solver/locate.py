@@ -52,8 +52,8 @@ class Located:
     timings: dict[str, float] = field(default_factory=dict)
 
     def write(self, folder: Path) -> None:
-        """Write the run folder, whole or not at all (see `solver.run_folder.write_run`)."""
-        from solver.run_folder import write_run
+        """Write the run folder, whole or not at all (see `solver.run.write_run`)."""
+        from solver.run import write_run
 
         write_run(
             folder,
@@ -215,6 +215,8 @@ def locate(
     warnings: list[str] = []
     with timed(timings, "read"):
         if table is None:
+            if site.trajectories is None:
+                raise InputError(f"{site.name}: has a camera only; track its video first and give the trajectories")
             table = read_trajectories(site.trajectories.files, site.frame)
         record = read_das(
             site.das.files,

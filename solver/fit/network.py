@@ -64,11 +64,7 @@ class RouteNetwork(nn.Module):
         self.start = start
         self.latent = nn.Parameter(torch.randn(LATENT, dtype=torch.float64))
         widths = (LATENT, HIDDEN, HIDDEN, HIDDEN)
-        hidden = [
-            layer
-            for a, b in pairwise(widths)
-            for layer in (nn.Linear(a, b, dtype=torch.float64), nn.ReLU())
-        ]
+        hidden = [layer for a, b in pairwise(widths) for layer in (nn.Linear(a, b, dtype=torch.float64), nn.ReLU())]
         self.layers = nn.Sequential(*hidden, nn.Linear(HIDDEN, start.numel(), dtype=torch.float64))
         self.scale = nn.Parameter(torch.ones(3, dtype=torch.float64))
         self.shift = nn.Parameter(torch.zeros(3, dtype=torch.float64))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from solver.anchors import Anchor
-from solver.cable import GaugeEnds, SplineBasis
+from solver.cable import Basis, GaugeEnds
 from solver.fit.prior import Prior
 from solver.model import SignalPath, Traffic
 from solver.trajectory import Pass
@@ -76,7 +76,7 @@ class Problem:
         """The signal path of this survey's traffic."""
         return SignalPath(self.traffic, self.gauge_length)
 
-    def ends(self, basis: SplineBasis) -> GaugeEnds:
+    def ends(self, basis: Basis) -> GaugeEnds:
         """Gauge ends of the fitted channels."""
         return GaugeEnds.of(basis, self.distance, self.gauge_length)
 

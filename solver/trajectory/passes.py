@@ -206,9 +206,9 @@ def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40
     -----
     Each axis of each track is smoothed on its own with a Singer model of the motion and a first-order autoregressive
     error of the fixes (`solver.trajectory.kalman`). How restless the vehicle is and how long the error lasts are the
-    values of highest likelihood, so steady drives are smoothed hard; the sigmas of the table are believed. An error that lasts
-    through the whole view (a calibration a meter off, a box that is always too long) leaves no trace in one track
-    and is not in `sigma`. Left out, and counted in the log: tracks of under 3 fixes or 5 m of travel.
+    values of highest likelihood, so steady drives are smoothed hard; the sigmas of the table are believed. An error
+    that lasts through the whole view (a calibration a meter off, a box that is always too long) leaves no trace in one
+    track and is not in `sigma`. Left out, and counted in the log: tracks of under 3 fixes or 5 m of travel.
     """
     tracks = [part for track in tracks_of(table, record.start) for part in unbroken(track)]
     check_overlap(tracks, record)

@@ -10,11 +10,11 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from solver import geojson, report
 from solver.anchors import Anchor
 from solver.das import DASRecord
 from solver.fit.result import FitResult, Parameter
-from solver.run_facts import FORMAT, facts_of
+from solver.run import geojson, report
+from solver.run.facts import FORMAT, facts_of
 from solver.site import Site
 from solver.trajectory import Pass
 from vision.contract import InputError, LocalFrame, writing
@@ -138,7 +138,7 @@ def write_run(
     timings : s of each step, by name
     held_out : chi2 per degree of freedom of passes that the fit did not see
     effects : names of the effects in the model
-    warnings : lines for the user, beside those that `solver.report.words.cautions` finds
+    warnings : lines for the user, beside those that `solver.run.report.words.cautions` finds
 
     Raises
     ------

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from solver.anchors import Anchor
-from solver.report import misfit as misfit_module
-from solver.report import page as page_module
-from solver.report import words
-from solver.report.drawing import coarse, color_scale, svg
-from solver.report.misfit import misfit_of
-from solver.report.misfit_figure import failure_figure, pictures_of, wave_figure
-from solver.report.page import parameter_tables, render
-from solver.report.route_figure import along_x, route_figure, same_scale
-from solver.run_facts import facts_of
-from solver.run_folder import Run
+from solver.run.facts import facts_of
+from solver.run.folder import Run
+from solver.run.report import misfit as misfit_module
+from solver.run.report import page as page_module
+from solver.run.report import words
+from solver.run.report.drawing import coarse, color_scale, svg
+from solver.run.report.misfit import misfit_of
+from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure
+from solver.run.report.page import parameter_tables, render
+from solver.run.report.route_figure import along_x, route_figure, same_scale
 
 VOID = {"meta", "img", "input", "br", "path", "use", "link"}
 

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 
 from solver.load import layout_of
+from solver.matched_filter.wavelets import Array, bank, best_scale
 from solver.model import Fiber, SignalPath, Traffic, Vehicles
-from solver.wavelets import Array, bank, best_scale
 
 FARTHEST = 20.0  # m; a fiber farther from the lane is beyond what a survey feels
 STEP = 0.5  # m, of the tabulated offsets

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from drive_by import a_street, drive
 
-from solver.detections import MatchedFilter, interpolated, mended, snr_maps, thinned
-from solver.wavelets import SCALES, bank
+from solver.matched_filter.detections import MatchedFilter, interpolated, mended, snr_maps, thinned
+from solver.matched_filter.wavelets import SCALES, bank
 
 
 def test_bank_is_zero_mean_and_of_unit_energy():

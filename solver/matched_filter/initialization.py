@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.alignment import align, direction_residual
-from solver.coupling import CouplingCurve, coupling_curve
 from solver.das import DASRecord
-from solver.detections import FRAME_RATE, Detections, MatchedFilter, thinned
-from solver.fiber_line import FiberLine
-from solver.lateral import binned_widths, locate_sides
+from solver.matched_filter.alignment import align, direction_residual
+from solver.matched_filter.coupling import CouplingCurve, coupling_curve
+from solver.matched_filter.detections import FRAME_RATE, Detections, MatchedFilter, thinned
+from solver.matched_filter.fiber_line import FiberLine
+from solver.matched_filter.lateral import binned_widths, locate_sides
+from solver.matched_filter.wavelets import SCALES, Array
 from solver.trajectory import Pass
-from solver.wavelets import SCALES, Array
 from vision.contract import InputError
 
 CLOCK = 2.0  # s of clock error that a survey can bear

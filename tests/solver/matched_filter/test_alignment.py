@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from solver.alignment import active_range, balanced
-from solver.detections import Detections
-from solver.fiber_line import FiberLine, ransac_line
+from solver.matched_filter.alignment import active_range, balanced
+from solver.matched_filter.detections import Detections
+from solver.matched_filter.fiber_line import FiberLine, ransac_line
 from vision.contract import InputError
 
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from solver.coupling import coupling_curve, rising_branch, straight_response
-from solver.wavelets import bank, best_scale
+from solver.matched_filter.coupling import coupling_curve, rising_branch, straight_response
+from solver.matched_filter.wavelets import bank, best_scale
 
 GROUND = {"depth": 0.9, "gauge_length": 10.0, "poisson_ratio": 0.25}
 CLASSES = ("vehicle", "car", "van", "truck", "bus")

@@ -14,11 +14,12 @@ from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure
 
 from solver.fit.result import Parameter
-from solver.geojson import Z95, half_width
-from solver.report import words
-from solver.report.drawing import coarse, color_map, color_scale, data_uri, svg
-from solver.report.misfit import Misfit, misfit_of
-from solver.report.misfit_figure import (
+from solver.run.facts import strict
+from solver.run.geojson import Z95, half_width
+from solver.run.report import words
+from solver.run.report.drawing import coarse, color_map, color_scale, data_uri, svg
+from solver.run.report.misfit import Misfit, misfit_of
+from solver.run.report.misfit_figure import (
     Pictures,
     failure_figure,
     pass_label,
@@ -27,12 +28,11 @@ from solver.report.misfit_figure import (
     wave_figure,
     worst,
 )
-from solver.report.route_figure import along_x, route_figure
-from solver.run_facts import strict
+from solver.run.report.route_figure import along_x, route_figure
 from solver.trajectory import Pass
 
 if TYPE_CHECKING:
-    from solver.run_folder import Run
+    from solver.run.folder import Run
 
 WIDE, NARROW, PANEL = 1060, 350, 340  # px
 MOST_PASSES = 16  # that the page shows in full
@@ -274,7 +274,7 @@ def render(run: "Run") -> str:
     -------
     html : the page
     """
-    template = Template(files("solver.report").joinpath("template.html").read_text(encoding="utf-8"))
+    template = Template(files("solver.run.report").joinpath("template.html").read_text(encoding="utf-8"))
     grade, verdict = words.quality(run)
     misfit = misfit_of(run.result, run.passes)
     wide, narrow = (route_figure(run, width) for width in (WIDE, NARROW))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.path import Path as Outline
 
-from solver.geojson import Z95, corridor_ring, half_width, route_features, runs
+from solver.run.geojson import Z95, corridor_ring, half_width, route_features, runs
 
 
 def crossings(ring: np.ndarray) -> int:

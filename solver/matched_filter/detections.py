@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.matched_filter.wavelets import Array, bank, best_scale, parabola
 from solver.trajectory import Pass
-from solver.wavelets import Array, bank, best_scale, parabola
 
 THRESHOLD_DB = 7.0
 FRAME_RATE = 10.0  # Hz; a vehicle moves less than its response is wide between two frames

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from solver import run_folder
 from solver.fit.result import FitResult
-from solver.run_folder import check_target, read_run, write_run
+from solver.run import folder as run_folder
+from solver.run.folder import check_target, read_run, write_run
 from vision.contract import InputError
 
 

@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from solver.geojson import Z95, corridor_ring, half_width, normals, runs
-from solver.report.drawing import BACKWARD, FORWARD, INK, MUTED, PAPER, ROUTE, canvas, place, styled
+from solver.run.geojson import Z95, corridor_ring, half_width, normals, runs
+from solver.run.report.drawing import BACKWARD, FORWARD, INK, MUTED, PAPER, ROUTE, canvas, place, styled
 from solver.trajectory import Pass
 
 if TYPE_CHECKING:
-    from solver.run_folder import Run
+    from solver.run.folder import Run
 
 MARGIN = 5.0  # m of road shown beyond either end of the route
 LATERAL_SPAN = 1.2  # m, least height of the sideways panel

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.geojson import Z95, half_width, runs
+from solver.run.geojson import Z95, half_width, runs
 
 if TYPE_CHECKING:
-    from solver.run_folder import Run
+    from solver.run.folder import Run
 
 WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"]
 

@@ -11,12 +11,12 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from solver.fit.result import FitResult
-from solver.report.drawing import INK, ROUTE, canvas, coarse, color_map, place, styled
-from solver.report.misfit import Misfit, rows_of
+from solver.run.report.drawing import INK, ROUTE, canvas, coarse, color_map, place, styled
+from solver.run.report.misfit import Misfit, rows_of
 from solver.trajectory import Pass
 
 if TYPE_CHECKING:
-    from solver.run_folder import Run
+    from solver.run.folder import Run
 
 
 def whole_range(result: FitResult, values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.detections import Detections, MatchedFilter
-from solver.fiber_line import TOLERANCE, FiberLine, ransac_line
+from solver.matched_filter.detections import Detections, MatchedFilter
+from solver.matched_filter.fiber_line import TOLERANCE, FiberLine, ransac_line
+from solver.matched_filter.wavelets import Array
 from solver.trajectory import Pass
-from solver.wavelets import Array
 from vision.contract import InputError
 
 GATE = 0.5  # gauge lengths to either side of where a vehicle is expected
