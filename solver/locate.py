@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from solver.anchors import Anchor, read_anchors
 from solver.das import DASRecord, read_das
 from solver.fit import METHODS, FitResult, Prior, Problem
 from solver.fit.held_out import held_out_chi2
-from solver.matched_filter import Initialization, initialize
-from solver.model import Traffic
-from solver.noise import noise_level, quiet
+from solver.matched_filter import initialize
+from solver.pose import bent_ends, near, pose, shortened, start_route, straight_part
 from solver.site import Site
 from solver.trajectory import Pass, smooth_passes
 from vision.contract import InputError, progress, read_trajectories
@@ -29,10 +27,6 @@ logger = logging.getLogger("roadfiber")
 
 #: Effects that may be in the model; `locate --effects none` is the paper's point loads.
 EFFECTS = ("wheel_layout",)
-#: Anchors farther than this from the active channels, in meters of fiber, say nothing about them.
-ANCHOR_REACH = 50.0
-#: A vehicle farther than this from every fitted channel is not felt, m: under 1 % of its response when nearest.
-FELT = 25.0
 #: Chi2 by which one side of the road must beat the other before the side counts as known (3 sigma).
 DECISIVE = 9.0
 
@@ -77,77 +71,6 @@ def timed(timings: dict[str, float], name: str) -> Iterator[None]:
     timings[name] = time.perf_counter() - begun
 
 
-def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int) -> slice:
-    """Active channels to fit: without the last gauge length where the fiber leaves the road before the view ends.
-
-    A gauge across a sharp bend feels both legs; the end-point difference of the base model does not hold there.
-    """
-    x = np.concatenate([one.position[one.in_view, 0] for one in passes])
-    x0, slope = rough.x_of_channel
-    ends = np.sort((np.array([x.min(), x.max()]) - x0) / slope)
-    leaves = (rough.active[0] - ends[0] > gauge / 2, ends[1] - rough.active[1] > gauge / 2)
-    first, stop = gauge * leaves[0], len(rough.channel) - gauge * leaves[1]
-    return slice(first, stop) if stop - first > 2 * gauge else slice(None)
-
-
-def nearby(one: Pass, route: np.ndarray, reach: float = FELT) -> Pass | None:
-    """The part of a pass within `reach` of the route [channel, 3], m; None where it never comes that near."""
-    distance = np.hypot(*(one.position[:, None, :] - route[None, :, :2]).transpose(2, 0, 1)).min(1)
-    near_rows = np.flatnonzero(distance <= reach)
-    if len(near_rows) < 2:
-        return None
-    keep = slice(near_rows[0], near_rows[-1] + 1)
-    return replace(
-        one, **{name: getattr(one, name)[keep] for name in ("rows", "position", "velocity", "sigma", "in_view")}
-    )
-
-
-def start_route(rough: Initialization, lateral: np.ndarray, anchors: Sequence[Anchor]) -> np.ndarray:
-    """Rough route [channel, 3] through the matched filter's line, moved onto the anchors where there are any."""
-    route = np.column_stack([rough.route[:, 0], lateral, rough.route[:, 2]])
-    if not anchors:
-        return route
-    at = [a.channel for a in anchors]
-    for axis, name in enumerate("xyz"):
-        miss = np.array([getattr(a, name) for a in anchors]) - np.interp(at, rough.channel, route[:, axis])
-        # Lateral position and depth of the anchors are better than any start; x keeps the slope of the line.
-        if axis:
-            route[:, axis] = np.interp(rough.channel, at, [getattr(a, name) for a in anchors])
-        else:
-            route[:, axis] += miss.mean()
-    return route
-
-
-def pose(
-    record: DASRecord,
-    passes: Sequence[Pass],
-    anchors: Sequence[Anchor],
-    route: np.ndarray,
-    channel: np.ndarray,
-    prior: Prior,
-) -> Problem:
-    """State the fitting problem over the active `channel` numbers, starting at `route` [channel, 3]."""
-    column = np.searchsorted(record.channel, channel)
-    strain_rate = record.strain_rate[:, column]
-    noise = noise_level(strain_rate, quiet(len(strain_rate), route, passes))
-    alive = np.isfinite(noise) & (noise > 0)
-    passes = [part for one in passes if (part := nearby(one, route)) is not None]
-    traffic = Traffic.of(passes)
-    return Problem(
-        strain_rate=torch.from_numpy(strain_rate[traffic.samples][:, alive]),
-        noise=torch.from_numpy(noise[alive]),
-        channel=channel[alive],
-        zero_distance=float(record.distance[0] - record.channel[0] * record.channel_spacing),
-        channel_spacing=record.channel_spacing,
-        gauge_length=record.gauge_length,
-        passes=passes,
-        traffic=traffic,
-        anchors=anchors,
-        start=route[alive],
-        prior=prior,
-    )
-
-
 def chi2(result: FitResult) -> float:
     """Weighted misfit of a fit."""
     return float(np.nansum(result.weight * result.residual**2))
@@ -168,20 +91,22 @@ def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Prob
     return replace(best, ambiguous_side=bool(rivals)), problem
 
 
+def fit_straight(result: FitResult, problem: Problem, method: str, warnings: list[str]) -> tuple[FitResult, Problem]:
+    """Fit again without the ends at which the fiber turns off the road, until none is left."""
+    gauge = round(problem.gauge_length / problem.channel_spacing)
+    while (keep := bent_ends(result, gauge)) != slice(None) and keep != slice(0, len(problem.channel)):
+        whole, problem = problem, shortened(problem, keep, result)
+        for end in sorted({int(whole.channel[0]), int(whole.channel[-1])} - set(problem.channel[[0, -1]].tolist())):
+            warnings.append(f"the fiber turns off the road near channel {end}; it is not located there")
+        again, problem = fit_sides([problem], method)
+        result = replace(again, ambiguous_side=result.ambiguous_side)
+    return result, problem
+
+
 def apart(one: FitResult, other: FitResult) -> bool:
     """Whether two routes differ by more than their own uncertainty."""
     shift = np.abs(one.route[:, 1] - other.route[:, 1])
     return bool(np.median(shift) > max(0.5, 3 * float(np.nanmedian(other.sigma[:, 1]))))
-
-
-def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, warnings: list[str]) -> list[Anchor]:
-    """Anchors within reach of the active channels; the others are named in `warnings`."""
-    reach = ANCHOR_REACH / spacing
-    used = [a for a in anchors if active[0] - reach <= a.channel <= active[1] + reach]
-    far = [a.name for a in anchors if a not in used]
-    if far:
-        warnings.append(f"anchors too far from the located channels to matter: {', '.join(far)}")
-    return used
 
 
 def locate(
@@ -240,8 +165,8 @@ def locate(
     starts = [start_route(rough, y, anchors)[keep] for y in sides]
     problems = [pose(record, passes, anchors, start, rough.channel[keep], prior) for start in starts]
     with timed(timings, "fit"):
-        result, problem = fit_sides(problems, method)
+        result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
     with timed(timings, "held_out"):
-        found = result.route[np.isin(result.channel, problem.channel)]
-        held_out = held_out_chi2(replace(problem, start=found)) if method == "spline" else None
+        again = shortened(problem, slice(None), result)
+        held_out = held_out_chi2(again) if method == "spline" else None
     return Located(site, record, passes, anchors, result, held_out, effects, warnings, timings)

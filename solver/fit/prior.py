@@ -31,7 +31,7 @@ class Prior:
     depth_slope: float = 0.03
     curvature: float = 0.02
     depth_curvature: float = 0.005
-    stretch: float = 0.003
+    stretch: float = 0.001
     poisson_ratio: tuple[float, float] = (0.25, 0.03)
     along: float = 0.5
     across: float = 0.05

@@ -7,7 +7,7 @@ import numpy as np
 from solver.anchors import Anchor
 from solver.das import DASRecord
 from solver.fit import Prior, Problem
-from solver.locate import pose
+from solver.pose import pose
 from solver.simulator import Survey
 from solver.trajectory import smooth_passes
 

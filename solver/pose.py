@@ -1,0 +1,136 @@
+"""From a survey that is read, smoothed and matched to the problem that a fit is given."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from solver.anchors import Anchor
+from solver.das import DASRecord
+from solver.fit import FitResult, Prior, Problem
+from solver.matched_filter import Initialization
+from solver.model import Traffic
+from solver.noise import noise_level, quiet
+from solver.trajectory import Pass
+
+#: Anchors farther than this from the active channels, in meters of fiber, say nothing about them.
+ANCHOR_REACH = 50.0
+#: A vehicle farther than this from every fitted channel is not felt, m: under 1 % of its response when nearest.
+FELT = 25.0
+#: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times
+#: that of the other channels, is a bend that the model does not hold for.
+TURN, EXCESS = 0.05, 1.2
+
+
+def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, warnings: list[str]) -> list[Anchor]:
+    """Anchors within reach of the active channels; the others are named in `warnings`."""
+    reach = ANCHOR_REACH / spacing
+    used = [a for a in anchors if active[0] - reach <= a.channel <= active[1] + reach]
+    far = [a.name for a in anchors if a not in used]
+    if far:
+        warnings.append(f"anchors too far from the located channels to matter: {', '.join(far)}")
+    return used
+
+
+def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int) -> slice:
+    """Active channels to fit: without the last gauge length where the fiber leaves the road before the view ends.
+
+    A gauge across a sharp bend feels both legs; the end-point difference of the base model does not hold there.
+    """
+    x = np.concatenate([one.position[one.in_view, 0] for one in passes])
+    x0, slope = rough.x_of_channel
+    ends = np.sort((np.array([x.min(), x.max()]) - x0) / slope)
+    leaves = (rough.active[0] - ends[0] > gauge / 2, ends[1] - rough.active[1] > gauge / 2)
+    first, stop = gauge * leaves[0], len(rough.channel) - gauge * leaves[1]
+    return slice(first, stop) if stop - first > 2 * gauge else slice(None)
+
+
+def nearby(one: Pass, route: np.ndarray, reach: float = FELT) -> Pass | None:
+    """The part of a pass within `reach` of the route [channel, 3], m; None where it never comes that near."""
+    distance = np.hypot(*(one.position[:, None, :] - route[None, :, :2]).transpose(2, 0, 1)).min(1)
+    near_rows = np.flatnonzero(distance <= reach)
+    if len(near_rows) < 2:
+        return None
+    keep = slice(near_rows[0], near_rows[-1] + 1)
+    return replace(
+        one, **{name: getattr(one, name)[keep] for name in ("rows", "position", "velocity", "sigma", "in_view")}
+    )
+
+
+def start_route(rough: Initialization, lateral: np.ndarray, anchors: Sequence[Anchor]) -> np.ndarray:
+    """Rough route [channel, 3] through the matched filter's line, moved onto the anchors where there are any."""
+    route = np.column_stack([rough.route[:, 0], lateral, rough.route[:, 2]])
+    if not anchors:
+        return route
+    at = [a.channel for a in anchors]
+    for axis, name in enumerate("xyz"):
+        miss = np.array([getattr(a, name) for a in anchors]) - np.interp(at, rough.channel, route[:, axis])
+        # Lateral position and depth of the anchors are better than any start; x keeps the slope of the line.
+        if axis:
+            route[:, axis] = np.interp(rough.channel, at, [getattr(a, name) for a in anchors])
+        else:
+            route[:, axis] += miss.mean()
+    return route
+
+
+def pose(
+    record: DASRecord,
+    passes: Sequence[Pass],
+    anchors: Sequence[Anchor],
+    route: np.ndarray,
+    channel: np.ndarray,
+    prior: Prior,
+) -> Problem:
+    """State the fitting problem over the active `channel` numbers, starting at `route` [channel, 3]."""
+    column = np.searchsorted(record.channel, channel)
+    strain_rate = record.strain_rate[:, column]
+    noise = noise_level(strain_rate, quiet(len(strain_rate), route, passes))
+    alive = np.isfinite(noise) & (noise > 0)
+    passes = [part for one in passes if (part := nearby(one, route)) is not None]
+    traffic = Traffic.of(passes)
+    return Problem(
+        strain_rate=torch.from_numpy(strain_rate[traffic.samples][:, alive]),
+        noise=torch.from_numpy(noise[alive]),
+        channel=channel[alive],
+        zero_distance=float(record.distance[0] - record.channel[0] * record.channel_spacing),
+        channel_spacing=record.channel_spacing,
+        gauge_length=record.gauge_length,
+        passes=passes,
+        traffic=traffic,
+        anchors=anchors,
+        start=route[alive],
+        prior=prior,
+    )
+
+
+def bent_ends(result: FitResult, gauge: int) -> slice:
+    """Fitted channels to keep: without the last gauge length where the fiber turns off and the model fails.
+
+    Parameters
+    ----------
+    gauge : gauge length, channels
+    """
+    square = np.nansum(result.weight * result.residual**2, 0) / result.weight.sum(0)
+    route = result.route[np.isin(result.channel, result.fitted_channel)]
+    direction = np.gradient(route, axis=0)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+
+    def bent(inner: int, end: slice) -> bool:
+        turn = np.arccos(np.clip(direction[end] @ direction[inner], -1, 1)).max()
+        return bool(turn > TURN and square[end].mean() > EXCESS * np.median(square))
+
+    first = gauge * bent(gauge, slice(None, gauge))
+    stop = len(square) - gauge * bent(-gauge - 1, slice(-gauge, None))
+    return slice(first, stop) if stop - first > 2 * gauge else slice(None)
+
+
+def shortened(problem: Problem, keep: slice, result: FitResult) -> Problem:
+    """The problem with the channels `keep` only, beginning where a fit of all of them ended."""
+    return replace(
+        problem,
+        strain_rate=problem.strain_rate[:, keep],
+        noise=problem.noise[keep],
+        channel=problem.channel[keep],
+        start=result.route[np.isin(result.channel, problem.channel)][keep],
+    )
