@@ -16,6 +16,7 @@ from solver.fit import METHODS, FitResult, Prior, Problem
 from solver.fit.held_out import held_out_chi2
 from solver.matched_filter import initialize
 from solver.pose import bent_ends, near, pose, shortened, start_route, straight_part
+from solver.processing import decimated
 from solver.site import Site
 from solver.trajectory import Pass, smooth_passes
 from vision.contract import InputError, progress, read_trajectories
@@ -143,13 +144,8 @@ def locate(
             if site.trajectories is None:
                 raise InputError(f"{site.name}: has a camera only; track its video first and give the trajectories")
             table = read_trajectories(site.trajectories.files, site.frame)
-        record = read_das(
-            site.das.files,
-            **{
-                k: getattr(site.das, k)
-                for k in ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
-            },
-        )
+        said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
+        record = decimated(read_das(site.das.files, **{name: getattr(site.das, name) for name in said}))
         anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
     with timed(timings, "smooth"):
         passes = smooth_passes(table, record)

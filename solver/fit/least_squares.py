@@ -109,12 +109,16 @@ class MapFit:
             anchor_rows(self.basis, p.anchors, p.anchor_distance, coefficients),
         )
 
+    def shape_matrix(self, coefficients: Tensor) -> Tensor:
+        """Normal matrix [free, free] of the prior on the route's shape alone."""
+        rows = self.route_rows(coefficients)[0].jacobian
+        matrix = torch.zeros(len(self.mean), len(self.mean), dtype=torch.float64)
+        matrix[: rows.shape[1], : rows.shape[1]] = rows.T @ rows
+        return matrix[self.free][:, self.free]
+
     def prior_matrix(self, coefficients: Tensor) -> Tensor:
-        """Normal matrix [free, free] of the prior alone, anchors left out."""
-        shape = self.route_rows(coefficients)[0].jacobian
-        matrix = torch.diag(self.sd[self.free] ** -2)
-        matrix[: shape.shape[1], : shape.shape[1]] += shape.T @ shape
-        return matrix
+        """Normal matrix [free, free] of all priors, anchors left out."""
+        return self.shape_matrix(coefficients) + torch.diag(self.sd[self.free] ** -2)
 
     def residual(self, state: State) -> Tensor:
         """(measured - model) / noise, [sample, channel], 0 where not measured."""

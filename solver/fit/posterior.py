@@ -21,7 +21,8 @@ class Posterior:
     Parameters
     ----------
     covariance : [free, free], scaled by chi2/dof where the model leaves more than noise
-    prior_part : [free, free], the part of `covariance` that the prior decides; the rest is data and anchors
+    prior_part : [free, free], the part of `covariance` that priors decide; the rest is data and anchors
+    shape_part : [free, free], the part of it that the prior on the route's shape decides
     weight : [sample, channel], of each sample
     residual : [sample, channel], (measured - model) / noise
     chi2_per_dof : weighted misfit over degrees of freedom
@@ -29,6 +30,7 @@ class Posterior:
 
     covariance: Tensor
     prior_part: Tensor
+    shape_part: Tensor
     weight: Tensor
     residual: Tensor
     chi2_per_dof: float
@@ -39,12 +41,13 @@ class Posterior:
         matrix, _, weight = fit.normal(state)
         covariance = torch.linalg.inv(matrix)
         prior_part = covariance @ fit.prior_matrix(state.coefficients) @ covariance
+        shape_part = covariance @ fit.shape_matrix(state.coefficients) @ covariance
         residual = fit.residual(state)
         freedom = float(weight.sum() - torch.trace((covariance - prior_part) @ matrix))
         chi2 = float((weight * residual**2).sum()) / max(freedom, 1.0)
         # Unmodeled physics is at least as wrong as the misfit it leaves (Birge ratio).
         scale = max(1.0, chi2)
-        return cls(covariance * scale, prior_part * scale, weight, residual, chi2)
+        return cls(covariance * scale, prior_part * scale, shape_part * scale, weight, residual, chi2)
 
 
 def route_covariance(fit: MapFit, covariance: Tensor, distance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -94,6 +97,7 @@ def assemble(
     route = fit.basis.at(distance) @ state.coefficients.numpy()
     total = route_covariance(fit, posterior.covariance, distance)
     prior = route_covariance(fit, posterior.prior_part, distance)
+    shape = route_covariance(fit, posterior.shape_part, distance)
     share = 1 - np.diagonal(prior, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
     residual = posterior.residual * problem.noise
     model = torch.where(problem.measured, problem.strain_rate - residual, torch.nan)
@@ -103,7 +107,7 @@ def assemble(
         distance=distance,
         route=route,
         covariance=total,
-        constrained=lateral_share(route, total, prior) > 0.5,
+        constrained=lateral_share(route, total, shape) > 0.5,
         data_share=share,
         parameters=parameters(problem, state, fit, posterior.covariance),
         samples=problem.traffic.samples,

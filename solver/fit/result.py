@@ -26,7 +26,7 @@ class FitResult:
     channel, distance : [channel], number and distance along the fiber (m) of the route's points
     route : [channel, 3], x, y, z, m
     covariance : [channel, 3, 3], m^2; NaN where the method gives none
-    constrained : [channel] bool, False where neither data nor anchors decide the lateral position
+    constrained : [channel] bool, False where only the smoothness of routes decides the lateral position
     data_share : [channel, 3], share of the posterior variance that data and anchors, not priors, decide; NaN likewise
     parameters : name -> Parameter
     samples : [sample], rows of the record that were fitted
