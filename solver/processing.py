@@ -7,7 +7,7 @@ import numpy as np
 from solver.das import DASRecord
 
 #: Records are fitted at this rate or a little above, Hz. What a wheel 2 m away leaves at 20 m/s falls with frequency as
-#: exp(-2 pi f 2 / 20): 0.7 % at the 8 Hz that the filter lets pass. At 12 Hz, with 4 % cut off, routes went 0.3 m wrong.
+#: exp(-2 pi f 2 / 20): 0.7 % at the 8 Hz that the filter lets pass. At 12 Hz, with 4 % lost, routes went 0.3 m wrong.
 FIT_RATE = 20.0
 #: Length of the anti-alias filter, output samples to either side; its pass band is flat to 0.8 of the new Nyquist rate.
 HALF_LENGTH = 10
