@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -14,6 +14,7 @@ from solver.anchors import Anchor
 from solver.das import DASRecord
 from solver.fit.result import FitResult, Parameter
 from solver.run import geojson, report
+from solver.run.contents import Run
 from solver.run.facts import FORMAT, facts_of
 from solver.site import Site
 from solver.trajectory import Pass
@@ -24,29 +25,6 @@ ROUTE = ("channel", "distance", "route", "covariance", "constrained", "data_shar
 ARRAYS = (*ROUTE, "samples", "fitted_channel", "noise")
 MAPS = ("measured", "model", "weight")
 ROWS = ("rows", "position", "velocity", "sigma", "in_view")
-
-
-@dataclass(frozen=True)
-class Run:
-    """One located fiber with all that its report shows.
-
-    Parameters
-    ----------
-    result : of the fit
-    frame : the local frame of all x, y
-    start : of the record, UTC
-    time : s since `start` [sample], of the fitted samples
-    passes, anchors : as fitted
-    facts : the content of fit.json
-    """
-
-    result: FitResult
-    frame: LocalFrame
-    start: np.datetime64
-    time: NDArray[np.float64]
-    passes: list[Pass]
-    anchors: list[Anchor]
-    facts: dict[str, Any]
 
 
 def route_table(run: Run) -> str:

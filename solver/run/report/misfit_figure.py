@@ -1,7 +1,6 @@
 """Measured, model and residual as pictures, and where the model fails."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,12 +10,10 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from solver.fit.result import FitResult
+from solver.run.contents import Run
 from solver.run.report.drawing import INK, ROUTE, canvas, coarse, color_map, place, styled
 from solver.run.report.misfit import Misfit, rows_of
 from solver.trajectory import Pass
-
-if TYPE_CHECKING:
-    from solver.run.folder import Run
 
 
 def whole_range(result: FitResult, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -52,7 +49,7 @@ def nearest_channel(result: FitResult, one: Pass) -> NDArray[np.float64]:
 
 
 @styled
-def wave_figure(run: "Run", one: Pass, picture: NDArray[np.float64], scale: AsinhNorm, width: int) -> Figure:
+def wave_figure(run: Run, one: Pass, picture: NDArray[np.float64], scale: AsinhNorm, width: int) -> Figure:
     """One map [time, channel] of one pass; the dotted line is the vehicle.
 
     Parameters
@@ -123,7 +120,7 @@ def draw_marginals(top: Axes, right: Axes, result: FitResult, misfit: Misfit, fl
 
 
 @styled
-def failure_figure(run: "Run", misfit: Misfit, width: int) -> Figure:
+def failure_figure(run: Run, misfit: Misfit, width: int) -> Figure:
     """Where the model fails: chi2 of each pass in bins of channels; by channel above, by pass to the right.
 
     Parameters

@@ -7,13 +7,14 @@ from html import escape
 from importlib.resources import files
 from pathlib import PurePath
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure
 
 from solver.fit.result import Parameter
+from solver.run.contents import Run
 from solver.run.facts import strict
 from solver.run.geojson import Z95, half_width
 from solver.run.report import words
@@ -30,9 +31,6 @@ from solver.run.report.misfit_figure import (
 )
 from solver.run.report.route_figure import along_x, route_figure
 from solver.trajectory import Pass
-
-if TYPE_CHECKING:
-    from solver.run.folder import Run
 
 WIDE, NARROW, PANEL = 1060, 350, 340  # px
 MOST_PASSES = 16  # that the page shows in full
@@ -57,7 +55,7 @@ def terms(pairs: list[tuple[str, str]]) -> str:
 # ---- the map ---------------------------------------------------------------------------------------------------------
 
 
-def panels_of(figure: Figure, run: "Run") -> list[dict[str, Any]]:
+def panels_of(figure: Figure, run: Run) -> list[dict[str, Any]]:
     """Where each panel of the map is, as fractions of the figure from the upper left, and what it shows."""
     straight = along_x(run.result.route)
     main, side = ("x", "y") if straight else ("distance", "offset")
@@ -73,7 +71,7 @@ def panels_of(figure: Figure, run: "Run") -> list[dict[str, Any]]:
     return panels
 
 
-def route_json(run: "Run") -> str:
+def route_json(run: Run) -> str:
     """What the pointer reads out: the route with 95 % half-widths."""
     result = run.result
     x, y, z = result.route.T
@@ -85,7 +83,7 @@ def route_json(run: "Run") -> str:
     return json_text({name: np.round(column, 3) for name, column in columns.items()} | degrees | whole)
 
 
-def legend(run: "Run") -> str:
+def legend(run: Run) -> str:
     """Swatches of the map."""
     wind = [words.wind(run.frame.x_azimuth + turn) for turn in (0, 180)]
     counts = [sum(p.speed > 0 for p in run.passes), sum(p.speed <= 0 for p in run.passes)]
@@ -116,7 +114,7 @@ def chip(one: Pass, number: int, chi2: float, pictures: Pictures, scale: AsinhNo
     )
 
 
-def pane(run: "Run", number: int, pictures: Pictures, scale: AsinhNorm) -> str:
+def pane(run: Run, number: int, pictures: Pictures, scale: AsinhNorm) -> str:
     """Measured, model and residual of one pass."""
     figures = [
         f"<figure><figcaption>{name.capitalize()}</figcaption>"
@@ -150,7 +148,7 @@ def explained(shown: int, passes: int, discounted: float) -> str:
     return text
 
 
-def waves(run: "Run", misfit: Misfit) -> dict[str, str]:
+def waves(run: Run, misfit: Misfit) -> dict[str, str]:
     """Parts of the page that show measured, model and residual."""
     shown = worst(misfit.by_pass, MOST_PASSES)
     cells = min(MOST_CELLS, int((PIXELS / (3 * len(shown))) ** 0.5))
@@ -218,7 +216,7 @@ def parameter_tables(parameters: dict[str, Parameter]) -> str:
     return f"<table>{rows}</table>{passes}"
 
 
-def fit_facts(run: "Run") -> list[tuple[str, str]]:
+def fit_facts(run: Run) -> list[tuple[str, str]]:
     """How the route was found."""
     facts, settings, result = run.facts, run.facts["settings"], run.result
     held_out, (first, last) = facts["held_out_chi2_per_dof"], facts["active_channels"]
@@ -239,14 +237,14 @@ def fit_facts(run: "Run") -> list[tuple[str, str]]:
     ]
 
 
-def inputs(run: "Run") -> list[tuple[str, str]]:
+def inputs(run: Run) -> list[tuple[str, str]]:
     """Files with checksums, and versions."""
     sources = [(f["role"], f"{PurePath(f['path']).name}, SHA-256 {f['sha256']}") for f in run.facts["inputs"]]
     versions = ", ".join(f"{name} {number}" for name, number in run.facts["versions"].items())
     return [*sources, ("versions", versions)]
 
 
-def sides(run: "Run") -> str:
+def sides(run: Run) -> str:
     """How to read the map."""
     return (
         f"The survey line is x, along the road toward {words.wind(run.frame.x_azimuth)}; right and left are as seen "
@@ -254,7 +252,7 @@ def sides(run: "Run") -> str:
     )
 
 
-def caution_section(run: "Run") -> str:
+def caution_section(run: Run) -> str:
     """What to know before relying on the route."""
     lines = [line for line in run.facts["warnings"] if line != words.quality(run)[1]]
     if not lines:
@@ -263,7 +261,7 @@ def caution_section(run: "Run") -> str:
     return f"<section><h2>What to know before relying on it</h2><ul>{items}</ul></section>"
 
 
-def render(run: "Run") -> str:
+def render(run: Run) -> str:
     """The report as one HTML page that needs no other file.
 
     Parameters

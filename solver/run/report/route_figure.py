@@ -1,19 +1,16 @@
 """The map: the road from above, the fiber's sideways position and its depth."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from solver.run.contents import Run
 from solver.run.geojson import Z95, corridor_ring, half_width, normals, runs
 from solver.run.report.drawing import BACKWARD, FORWARD, INK, MUTED, PAPER, ROUTE, canvas, place, styled
 from solver.trajectory import Pass
-
-if TYPE_CHECKING:
-    from solver.run.folder import Run
 
 MARGIN = 5.0  # m of road shown beyond either end of the route
 LATERAL_SPAN = 1.2  # m, least height of the sideways panel
@@ -31,7 +28,7 @@ def along_x(route: NDArray[np.float64]) -> bool:
     return bool((step[:, 0] > 0.5 * length).all() or (step[:, 0] < -0.5 * length).all())
 
 
-def abscissa(run: "Run") -> NDArray[np.float64]:
+def abscissa(run: Run) -> NDArray[np.float64]:
     """Horizontal coordinate [channel] of the two lower panels, m."""
     return run.result.route[:, 0] if along_x(run.result.route) else run.result.distance
 
@@ -98,7 +95,7 @@ def draw_north(axes: Axes, x_azimuth: float) -> None:
     axes.text(letter[0], letter[1], "N", transform=axes.transAxes, ha="center", va="center", weight="bold")
 
 
-def draw_plan(axes: Axes, run: "Run", window: Limits) -> None:
+def draw_plan(axes: Axes, run: Run, window: Limits) -> None:
     """The road from above; y grows downward, as it does to the right of +x."""
     result = run.result
     axes.axhline(0.0, color=MUTED, lw=0.6, ls=(0, (6, 4)), zorder=0)
@@ -143,7 +140,7 @@ class Profile:
         return np.concatenate([self.value - self.half, self.value + self.half, self.known])
 
 
-def sideways_profile(run: "Run") -> Profile:
+def sideways_profile(run: Run) -> Profile:
     """Lateral position; relative to the route itself where that does not follow the road."""
     result = run.result
     half = np.nan_to_num(half_width(result.route, result.covariance))
@@ -157,7 +154,7 @@ def sideways_profile(run: "Run") -> Profile:
     return Profile("Off the route", zero, half, result.constrained, miss, Z95 * sigma)
 
 
-def depth_profile(run: "Run") -> Profile:
+def depth_profile(run: Run) -> Profile:
     """Depth below the road."""
     result = run.result
     half, sure = np.nan_to_num(Z95 * result.sigma[:, 2]), ~(result.data_share[:, 2] < 0.5)
@@ -165,7 +162,7 @@ def depth_profile(run: "Run") -> Profile:
     return Profile("Depth", result.route[:, 2], half, sure, known, Z95 * sigma)
 
 
-def draw_profile(axes: Axes, run: "Run", profile: Profile) -> None:
+def draw_profile(axes: Axes, run: Run, profile: Profile) -> None:
     """A profile with its 95 % corridor and the anchors."""
     x = abscissa(run)
     axes.fill_between(
@@ -185,7 +182,7 @@ def stretch_of(axes: Axes) -> str:
     return f"{times} × taller than true" if times > 1 else "about true to scale"
 
 
-def ground_limits(run: "Run", width: float) -> tuple[Limits, Limits]:
+def ground_limits(run: Run, width: float) -> tuple[Limits, Limits]:
     """Ranges x and y, m, that show the route, its anchors and the traffic beside it in a panel `width` px wide."""
     route = run.result.route
     half = np.nan_to_num(half_width(route, run.result.covariance))
@@ -196,7 +193,7 @@ def ground_limits(run: "Run", width: float) -> tuple[Limits, Limits]:
 
 
 @styled
-def route_figure(run: "Run", width: int) -> Figure:
+def route_figure(run: Run, width: int) -> Figure:
     """From above, true to scale; sideways position and depth, stretched, with the 95 % corridor.
 
     Parameters

@@ -1,14 +1,10 @@
 """The report in words: where the fiber is, how sure that is, and what the data cannot say."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.run.contents import Run
 from solver.run.geojson import Z95, half_width, runs
-
-if TYPE_CHECKING:
-    from solver.run.folder import Run
 
 WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"]
 
@@ -71,7 +67,7 @@ def span(low: float, high: float) -> str:
     return f"{first} to {lateral(far)}"
 
 
-def headline(run: "Run") -> str:
+def headline(run: Run) -> str:
     """Where the fiber is, in one sentence."""
     y, z = run.result.route[:, 1], run.result.route[:, 2]
     sure = "" if run.result.constrained.mean() > 0.5 and not run.result.ambiguous_side else "probably "
@@ -86,14 +82,14 @@ def widest(half: NDArray[np.float64]) -> str:
     return f"± {np.max(half):.2f} m" if len(half) and np.isfinite(half).all() else "not stated"
 
 
-def quality(run: "Run") -> tuple[str, str]:
+def quality(run: Run) -> tuple[str, str]:
     """Grade (good, fair, weak, poor) and sentence on how well the model explains the measurement."""
     floor = run.facts["noise_floor"] or 1.0
     ratio = np.nan_to_num(run.result.chi2_per_dof / max(floor, 1.0), nan=np.inf)
     return next((grade, words) for limit, grade, words in VERDICTS if ratio <= limit)
 
 
-def key_figures(run: "Run") -> list[tuple[str, str, str]]:
+def key_figures(run: Run) -> list[tuple[str, str, str]]:
     """Figures at the top: label, value, what it means."""
     result = run.result
     half = half_width(result.route, result.covariance)
@@ -113,7 +109,7 @@ def key_figures(run: "Run") -> list[tuple[str, str, str]]:
     ]
 
 
-def stretches(run: "Run", flags: NDArray[np.bool_]) -> str:
+def stretches(run: Run, flags: NDArray[np.bool_]) -> str:
     """Channels where `flags` [channel] is true, in words."""
     result = run.result
     if flags.all():
@@ -123,7 +119,7 @@ def stretches(run: "Run", flags: NDArray[np.bool_]) -> str:
     return f"at channels {named}" + (" and elsewhere" if len(parts) > 4 else "")
 
 
-def prior_lines(run: "Run") -> list[str]:
+def prior_lines(run: Run) -> list[str]:
     """Lines on what the priors decided."""
     result, lines = run.result, []
     loose = ~result.constrained
@@ -146,7 +142,7 @@ def prior_lines(run: "Run") -> list[str]:
     return lines
 
 
-def anchor_lines(run: "Run") -> list[str]:
+def anchor_lines(run: Run) -> list[str]:
     """Lines on anchors that the route misses by more than both their uncertainties explain."""
     result, lines = run.result, []
     for anchor in run.anchors:
@@ -163,7 +159,7 @@ def anchor_lines(run: "Run") -> list[str]:
     return lines
 
 
-def cautions(run: "Run") -> list[str]:
+def cautions(run: Run) -> list[str]:
     """What the user must know before relying on the route; empty where there is nothing."""
     result, settings, lines = run.result, run.facts["settings"], []
     if result.ambiguous_side:

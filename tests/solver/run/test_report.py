@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from solver.anchors import Anchor
+from solver.run import Run
 from solver.run.facts import facts_of
-from solver.run.folder import Run
 from solver.run.report import misfit as misfit_module
 from solver.run.report import page as page_module
 from solver.run.report import words
