@@ -20,7 +20,7 @@ ANCHOR_REACH = 50.0
 FELT = 25.0
 #: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times
 #: that of the other channels, is a bend that the model does not hold for.
-TURN, EXCESS = 0.05, 1.2
+TURN, EXCESS = 0.2, 1.2
 
 
 def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, warnings: list[str]) -> list[Anchor]:

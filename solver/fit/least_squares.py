@@ -74,15 +74,22 @@ class MapFit:
 
     def start_at(self, route: Tensor, nu: Tensor) -> State:
         """Vehicles of their class, with the amplitudes that fit a route [coefficient, 3] best."""
-        p = self.problem
-        vehicles = Vehicles.of(p.passes)
-        rate = self.path.rows(Fiber.of(self.ends, route), vehicles.rows(p.traffic), nu)
-        weight = self.measured[p.traffic.sample_index] / p.noise**2
-        per_pass = torch.zeros(2, p.traffic.passes, dtype=torch.float64)
-        per_pass[0].index_add_(0, p.traffic.pass_index, (weight * rate * self.data[p.traffic.sample_index]).sum(1))
-        per_pass[1].index_add_(0, p.traffic.pass_index, (weight * rate**2).sum(1))
-        vehicles.amplitude = per_pass[0] / per_pass[1].clamp_min(1e-300)
-        return State(route, vehicles, nu)
+        return self.settled(State(route, Vehicles.of(self.problem.passes), nu), self.measured.double())
+
+    def settled(self, state: State, weight: Tensor) -> State:
+        """The same state with the amplitudes that fit best: they enter linearly, so no step need search for them."""
+        traffic = self.problem.traffic
+        vehicles = replace(state.vehicles, amplitude=torch.ones_like(state.vehicles.amplitude))
+        rows = self.path.rows(Fiber.of(self.ends, state.coefficients), vehicles.rows(traffic), state.poisson_ratio)
+        alone = torch.zeros(traffic.passes, *self.data.shape, dtype=torch.float64)
+        alone[traffic.pass_index, traffic.sample_index] = rows
+        scale = weight.sqrt() / self.problem.noise
+        alone = (alone * scale).flatten(1)
+        matrix = alone @ alone.T
+        # A vehicle that is not felt at all keeps an amplitude of zero.
+        matrix += 1e-12 * matrix.diagonal().max() * torch.eye(traffic.passes, dtype=torch.float64)
+        amplitude = torch.linalg.solve(matrix, alone @ (self.data * scale).flatten())
+        return replace(state, vehicles=replace(vehicles, amplitude=amplitude))
 
     def _prior(self) -> tuple[Tensor, Tensor]:
         """Mean and standard deviation of every parameter [parameter]; sd inf for the route (see `route_prior`)."""
@@ -206,7 +213,7 @@ def solve(fit: MapFit, state: State, iterations: int = 40, advance: Callable[[in
         advance(1)
         step = torch.zeros_like(fit.mean)
         step[free] = torch.linalg.solve(matrix + damping * torch.diag(matrix.diagonal()), right)
-        candidate = state.moved(state.vector() + step)
+        candidate = fit.settled(state.moved(state.vector() + step), weight)
         new_cost = fit.cost(candidate, weight) if fit.buried(candidate) else np.inf
         if new_cost > cost:
             damping *= 8
