@@ -20,7 +20,7 @@ class Posterior:
 
     Parameters
     ----------
-    covariance : [free, free], scaled by chi2/dof where the model leaves more than noise
+    covariance : [free, free], scaled by the mean squared misfit of data or anchors where that is more than noise
     prior_part : [free, free], the part of `covariance` that priors decide; the rest is data and anchors
     shape_part : [free, free], the part of it that the prior on the route's shape decides
     weight : [sample, channel], of each sample
@@ -45,8 +45,9 @@ class Posterior:
         residual = fit.residual(state)
         freedom = float(weight.sum() - torch.trace((covariance - prior_part) @ matrix))
         chi2 = float((weight * residual**2).sum()) / max(freedom, 1.0)
-        # Unmodeled physics is at least as wrong as the misfit it leaves (Birge ratio).
-        scale = max(1.0, chi2)
+        # Unmodeled physics is at least as wrong as the misfit it leaves in the data or at the anchors (Birge ratio).
+        missed = fit.route_rows(state.coefficients)[1].residual
+        scale = max(1.0, chi2, float((missed**2).sum()) / max(len(missed), 1))
         return cls(covariance * scale, prior_part * scale, shape_part * scale, weight, residual, chi2)
 
 

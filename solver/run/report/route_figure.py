@@ -205,7 +205,7 @@ def route_figure(run: Run, width: int) -> Figure:
     -------
     figure : with axes labeled `plan`, `lateral` and `depth`
     """
-    left, across, straight = 52, width - 64, along_x(run.result.route)
+    left, across, straight = 66, width - 78, along_x(run.result.route)
     x, y, height = same_scale(*ground_limits(run, across), across, 90, 0.75 * across)
     figure = canvas(width, round(height) + 2 * PANEL + 190)
     plan = place(figure, "plan", left, 46, across, height)

@@ -143,17 +143,17 @@ def prior_lines(run: Run) -> list[str]:
 
 
 def anchor_lines(run: Run) -> list[str]:
-    """Lines on anchors that the route misses by more than both their uncertainties explain."""
+    """Lines on anchors that the route, though drawn to them, misses by more than their uncertainty explains."""
     result, lines = run.result, []
     for anchor in run.anchors:
         i = int(np.argmin(np.abs(result.channel - anchor.channel)))
         miss = result.route[i, 1:] - (anchor.y, anchor.z)
-        sigma = np.hypot(np.nan_to_num(result.sigma[i, 1:]), (anchor.sigma_xy, anchor.sigma_z))
+        sigma = np.array([anchor.sigma_xy, anchor.sigma_z])
         if (np.abs(miss) > TOO_FAR * sigma).any():
             side = "below" if miss[1] > 0 else "above"
             lines.append(
                 f"Anchor {anchor.name}: the vehicles put the fiber {abs(miss[0]):.2f} m beside it and "
-                f"{abs(miss[1]):.2f} m {side} it, beyond the stated uncertainty. Check its channel and place; "
+                f"{abs(miss[1]):.2f} m {side} it, beyond its stated uncertainty. Check its channel and place; "
                 "if they are right, the model is wrong."
             )
     return lines
