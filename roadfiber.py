@@ -57,13 +57,15 @@ def locate(
 ) -> None:
     """Locate the fiber of a survey: DAS files and trajectories, or a video, to a route on a map.
 
-    Writes route.csv, route.geojson, fit.json and report.html. A survey with a camera is tracked first.
+    Writes route.csv, route.geojson, fit.json and report.html. Where there are no trajectories the video is tracked
+    first, and the run folder gets trajectories.csv too.
 
     Example: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`
     """
     from solver.locate import locate as locate_fiber
     from solver.run import check_target
     from solver.site import read_site
+    from vision.contract import write_trajectories
 
     check_target(out)
     survey = read_site(site / "site.toml" if site.is_dir() else site)
@@ -71,6 +73,8 @@ def locate(
     chosen = [name.strip() for name in effects.split(",") if name.strip() not in ("", "none")]
     located = locate_fiber(survey, tracked, method=method, effects=chosen)
     located.write(out)
+    if tracked is not None:
+        write_trajectories(tracked, out / "trajectories.csv")
     print((out / "fit.json").read_text() if as_json else summary(located, out))
 
 
