@@ -1,6 +1,5 @@
 """From a survey's files to a located fiber: read, smooth, match, fit."""
 
-import logging
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,7 +12,7 @@ import numpy as np
 from solver.anchors import Anchor, read_anchors
 from solver.das import DASRecord, read_das
 from solver.fit import METHODS, FitResult, Prior, Problem
-from solver.fit.held_out import held_out_chi2
+from solver.fit.held_out import FOLDS, held_out_chi2
 from solver.matched_filter import initialize
 from solver.pose import bent_ends, near, pose, shortened, start_route, straight_part
 from solver.processing import decimated
@@ -23,8 +22,6 @@ from vision.contract import InputError, progress, read_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
-
-logger = logging.getLogger("roadfiber")
 
 #: Effects that may be in the model; `locate --effects none` is the paper's point loads.
 EFFECTS = ("wheel_layout",)
@@ -163,6 +160,7 @@ def locate(
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
     with timed(timings, "held_out"):
-        again = shortened(problem, slice(None), result)
-        held_out = held_out_chi2(again) if method == "spline" else None
+        with progress("fitting without some passes", FOLDS) as advance:
+            again = shortened(problem, slice(None), result)
+            held_out = held_out_chi2(again, advance) if method == "spline" else None
     return Located(site, record, passes, anchors, result, held_out, effects, warnings, timings)

@@ -1,5 +1,6 @@
 """How well a route found from some passes explains the passes it never saw."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -27,10 +28,13 @@ def own_samples(problem: Problem, chosen: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(~np.isin(mine, rest))
 
 
-def held_out_chi2(problem: Problem, folds: int = FOLDS) -> float | None:
+def held_out_chi2(
+    problem: Problem, advance: Callable[[int], None] = lambda n: None, *, folds: int = FOLDS
+) -> float | None:
     """Chi2 per degree of freedom of held-out passes, each refitting only its own amplitude, shift and wheels.
 
     Passes are dealt to `folds` groups; each group is left out once, the route fitted to the others and then held.
+    `advance` is called with 1 after each group.
 
     Returns
     -------
@@ -51,4 +55,5 @@ def held_out_chi2(problem: Problem, folds: int = FOLDS) -> float | None:
         weight = unseen.normal(end)[2][alone]
         misfit += float((weight * unseen.residual(end)[alone] ** 2).sum())
         freedom += float(weight.sum()) - int(unseen.free.sum())
+        advance(1)
     return misfit / freedom if freedom > 0 else None
