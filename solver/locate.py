@@ -159,8 +159,7 @@ def locate(
     problems = [pose(record, passes, anchors, start, rough.channel[keep], prior) for start in starts]
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
-    with timed(timings, "held_out"):
-        with progress("fitting without some passes", FOLDS) as advance:
-            again = shortened(problem, slice(None), result)
-            held_out = held_out_chi2(again, advance) if method == "spline" else None
+    with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:
+        again = shortened(problem, slice(None), result)
+        held_out = held_out_chi2(again, advance) if method == "spline" else None
     return Located(site, record, passes, anchors, result, held_out, effects, warnings, timings)
