@@ -129,7 +129,7 @@ def prior_lines(run: Run) -> list[str]:
             f"{stretches(run, loose)}: dashed in the map."
         )
     depth = run.facts["settings"]["depth"]
-    assumed = f"the assumed {depth[0]:g} ± {depth[1]:g} m and the assumed smoothness"
+    assumed = f"the assumed {depth[0]:g} ± {depth[1]:g} m, Poisson ratio and smoothness"
     guessed = result.data_share[:, 2] < 0.5
     if guessed.any():
         lines.append(f"Depth: {assumed} decide more than the data do, {stretches(run, guessed)}.")
