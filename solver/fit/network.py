@@ -27,6 +27,9 @@ LEARNING_RATE = 0.005
 ITERATIONS = 1000
 DEPTH_ATTENUATION = 0.01
 STRIDE = 4
+#: Meters per unit of the network's output at the start, and sd of a segment's relative length: tighter ones leave Adam
+#: straightening the random first route instead of moving it.
+SCALE, STRETCH = 0.1, 0.01
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class RouteNetwork(nn.Module):
         widths = (LATENT, HIDDEN, HIDDEN, HIDDEN)
         hidden = [layer for a, b in pairwise(widths) for layer in (nn.Linear(a, b, dtype=torch.float64), nn.ReLU())]
         self.layers = nn.Sequential(*hidden, nn.Linear(HIDDEN, start.numel(), dtype=torch.float64))
-        self.scale = nn.Parameter(torch.ones(3, dtype=torch.float64))
+        self.scale = nn.Parameter(torch.full((3,), SCALE, dtype=torch.float64))
         self.shift = nn.Parameter(torch.zeros(3, dtype=torch.float64))
 
     def forward(self, depth_gradient: float) -> Tensor:
@@ -93,7 +96,7 @@ def regularizers(problem: Problem, line: Polyline, route: Tensor) -> Tensor:
     # The priors are per independent stretch of the fiber, about a gauge length; nodes are denser.
     per_node = spacing / problem.gauge_length
     loss = per_node * (2 * turn / (prior.curvature * spacing) ** 2).sum()
-    loss = loss + per_node * ((length / spacing - 1) ** 2).sum() / prior.stretch**2
+    loss = loss + per_node * ((length / spacing - 1) ** 2).sum() / STRETCH**2
     loss = loss + per_node * (bend[:, 2] ** 2).sum() / prior.depth_curvature**2
     loss = loss + ((route[:, 2].mean() - prior.depth[0]) / prior.depth[1]) ** 2
     at = torch.from_numpy(line.at(problem.anchor_distance)) @ route
