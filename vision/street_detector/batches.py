@@ -46,7 +46,7 @@ def window(frame: Pictures, boxes: Floats, rng: np.random.Generator) -> Floats:
     height, width = frame.shape[:2]
     middle = np.array([rng.uniform(0, width), rng.uniform(0, height)])
     if len(boxes) and rng.uniform() < 0.75:
-        box = boxes[rng.integers(len(boxes))]
+        box = boxes[rng.choice(len(boxes), p=interest(boxes))]
         middle = (box[:2] + box[2:4]) / 2 + rng.uniform(-100, 100, 2) / zoom
     half = np.array(CROP[::-1]) / 2
     low, high = half / zoom - 16, (width, height) - half / zoom + 16
@@ -56,6 +56,13 @@ def window(frame: Pictures, boxes: Floats, rng: np.random.Generator) -> Floats:
     scale = np.diag([flip * zoom, zoom])
     offset = half - scale @ middle
     return np.column_stack([scale, offset + scale @ [0.5, 0.5] - 0.5]).astype(np.float32)
+
+
+def interest(boxes: Floats) -> Floats:
+    """How often a crop should be about each vehicle [n]: large and visible ones more, summing to 1."""
+    side = np.sqrt(np.prod(boxes[:, 2:4] - boxes[:, :2], axis=1)).astype(float)
+    weight = np.sqrt(side) * (boxes[:, 5] > 0.3) + 0.01
+    return weight / weight.sum()
 
 
 def moved(boxes: Floats, move: Floats) -> Floats:

@@ -11,6 +11,7 @@ from vision.street_detector.model import STRIDE, sides_to_boxes
 
 SEEN = 0.3  # vehicles of which less is visible are neither asked for nor punished
 SMALL = 5.0  # px, likewise for boxes with a shorter side
+FULL = 24.0  # px; the class and sides of smaller ones are half guesswork and count for less
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Targets:
     ----------
     heat : [batch, row, column] 1 at centers, falling off as a Gaussian
     counted : [batch, row, column] 0 where nothing is asked
-    weight : [batch, row, column] weight of box and class; sums to 1 per vehicle
+    weight : [batch, row, column] weight of box and class; sums to 1 per vehicle of at least `FULL` px, less for smaller
     boxes : [batch, 4, row, column] px
     kinds : [batch, row, column] class index
     """
@@ -67,7 +68,8 @@ def picture_targets(truth: NDArray[np.float32], rows: int, columns: int) -> tupl
         hill[min(int(cy), rows - 1), min(int(cx), columns - 1)] = 1
         mine = (hill > heat) & (hill > 0.4)
         heat = np.maximum(heat, hill)
-        weight[mine] = (hill / hill[hill > 0.4].sum())[mine]
+        worth = float(np.clip(min(row[2] - row[0], row[3] - row[1]) / FULL, 0.2, 1.0))
+        weight[mine] = worth * (hill / hill[hill > 0.4].sum())[mine]
         kinds[mine] = int(row[4])
         boxes[:, mine] = row[:4, None]
     counted[heat == 1] = 1
@@ -80,9 +82,9 @@ def detection_loss(maps: Tensor, targets: Targets) -> Tensor:
     Penalty-reduced focal loss on the centers (Law and Deng 2018, eq. 1), generalized IoU (Rezatofighi et al. 2019) and
     the logarithm of the sides' ratio on the boxes, cross entropy on the classes, each averaged over vehicles.
     """
-    count = targets.weight.sum().clamp(min=1.0)
-    score = torch.sigmoid(maps[:, 0]).clamp(1e-5, 1 - 1e-5)
     center = (targets.heat == 1).to(maps.dtype)
+    count, worth = center.sum().clamp(min=1.0), targets.weight.sum().clamp(min=1.0)
+    score = torch.sigmoid(maps[:, 0]).clamp(1e-5, 1 - 1e-5)
     found = center * (1 - score) ** 2 * torch.log(score)
     empty = (1 - center) * (1 - targets.heat) ** 4 * score**2 * torch.log(1 - score)
     heat = -(targets.counted * (found + empty)).sum()
@@ -90,7 +92,7 @@ def detection_loss(maps: Tensor, targets: Targets) -> Tensor:
     overlap = targets.weight * (1 - generalized_iou(boxes, targets.boxes))
     sides = targets.weight * (maps[:, 1:5] - log_sides(targets.boxes)).abs().mean(1)
     kinds = targets.weight * nn.functional.cross_entropy(maps[:, 5:], targets.kinds, reduction="none")
-    return (heat + 2 * overlap.sum() + 2 * sides.sum() + 0.5 * kinds.sum()) / count
+    return heat / count + (2 * overlap.sum() + 2 * sides.sum() + kinds.sum()) / worth
 
 
 def log_sides(boxes: Tensor) -> Tensor:

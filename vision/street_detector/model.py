@@ -12,11 +12,11 @@ KEPT = 100  # detections per frame
 class Residual(nn.Module):
     """Two 3 x 3 convolutions beside the identity (He et al. 2016)."""
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: int, dilation: int = 1) -> None:
         super().__init__()
         self.body = nn.Sequential(
             convolution(channels, channels),
-            nn.Conv2d(channels, channels, 3, 1, 1, bias=False),
+            nn.Conv2d(channels, channels, 3, 1, dilation, dilation, bias=False),
             nn.BatchNorm2d(channels),
         )
 
@@ -39,22 +39,21 @@ class StreetNet(nn.Module):
     of centers) and Tian et al. (2019, FCOS: distances from a cell to the box's four sides).
     """
 
-    def __init__(self, widths: tuple[int, int, int, int, int] = (12, 16, 32, 64, 96)) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        w2, w4, w8, w16, w32 = widths
-        self.to4 = nn.Sequential(convolution(6, w2, stride=2), convolution(w2, w4, stride=2), Residual(w4))
-        self.to8 = nn.Sequential(convolution(w4, w8, stride=2), Residual(w8))
-        self.to16 = nn.Sequential(convolution(w8, w16, stride=2), Residual(w16))
-        self.to32 = nn.Sequential(convolution(w16, w32, stride=2), Residual(w32), Residual(w32))
-        self.lateral16 = convolution(w32, w16, size=1)
-        self.lateral8 = convolution(w16, w8, size=1)
-        self.lateral4 = convolution(w8, w4, size=1)
-        self.smooth16, self.smooth8 = convolution(w16, w16), convolution(w8, w8)
-        self.smooth4 = nn.Sequential(convolution(w4, w4), convolution(w4, w8))
-        self.heads = nn.Conv2d(w8, 1 + 4 + len(CLASSES), 1)
+        self.to4 = nn.Sequential(convolution(6, 16, stride=2), convolution(16, 16, stride=2), Residual(16))
+        self.to8 = nn.Sequential(convolution(16, 40, stride=2), Residual(40))
+        self.to16 = nn.Sequential(convolution(40, 64, stride=2), Residual(64))
+        self.to32 = nn.Sequential(convolution(64, 96, stride=2), Residual(96), Residual(96, dilation=2))
+        self.lateral16, self.lateral8, self.lateral4 = (
+            nn.ModuleList([convolution(fine, merged, size=1), convolution(coarse, merged, size=1)])
+            for fine, coarse, merged in ((64, 96, 64), (40, 64, 48), (16, 48, 32))
+        )
+        self.smooth16, self.smooth8, self.smooth4 = convolution(64, 64), convolution(48, 48), convolution(32, 32)
+        self.head16, self.head8, self.head4 = (nn.Conv2d(merged, 1 + 4 + len(CLASSES), 1) for merged in (64, 48, 32))
         with torch.no_grad():
             start = torch.tensor([-4.0] + [1.5] * 4 + [0.0] * len(CLASSES))  # centers are rare, sides a few cells
-            self.heads.bias = nn.Parameter(start)
+            self.head4.bias = nn.Parameter(start)
 
     def forward(self, frame: Tensor, background: Tensor) -> Tensor:
         """Frame and background [batch, 3, row, column], RGB, 0-1 -> [batch, 9, row / 4, column / 4].
@@ -65,11 +64,17 @@ class StreetNet(nn.Module):
         f4 = self.to4(torch.cat([2 * frame - 1, 4 * (frame - background)], dim=1))
         f8 = self.to8(f4)
         f16 = self.to16(f8)
-        up = self.lateral16(self.to32(f16))
-        f16 = self.smooth16(f16 + nn.functional.interpolate(up, scale_factor=2.0, mode="nearest"))
-        f8 = self.smooth8(f8 + nn.functional.interpolate(self.lateral8(f16), scale_factor=2.0, mode="nearest"))
-        f4 = self.smooth4(f4 + nn.functional.interpolate(self.lateral4(f8), scale_factor=2.0, mode="nearest"))
-        return self.heads(f4)
+        m16 = self.smooth16(merged(self.lateral16, f16, self.to32(f16)))
+        m8 = self.smooth8(merged(self.lateral8, f8, m16))
+        m4 = self.smooth4(merged(self.lateral4, f4, m8))
+        # every level says what it can: the coarse ones see whole vehicles, the fine one places their sides
+        coarse = self.head8(m8) + nn.functional.interpolate(self.head16(m16), scale_factor=2.0, mode="nearest")
+        return self.head4(m4) + nn.functional.interpolate(coarse, scale_factor=2.0, mode="nearest")
+
+
+def merged(lateral: nn.ModuleList, fine: Tensor, coarse: Tensor) -> Tensor:
+    """Fine map plus the coarse one at its scale, each through its 1 x 1 convolution (Lin et al. 2017)."""
+    return lateral[0](fine) + nn.functional.interpolate(lateral[1](coarse), scale_factor=2.0, mode="nearest")
 
 
 def sides_to_boxes(sides: Tensor) -> Tensor:

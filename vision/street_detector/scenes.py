@@ -25,19 +25,17 @@ class Samples:
     Attributes
     ----------
     frames : [n] JPEG bytes
-    backgrounds : [m] JPEG bytes, medians of their scene
-    background : [n] row of `backgrounds` for every frame
+    backgrounds : [n] JPEG bytes, the median of the frame's scene
     boxes : [n] arrays [k, 6]: x1, y1, x2, y2 (px), class index, visibility
     """
 
     frames: list[bytes]
     backgrounds: list[bytes]
-    background: list[int]
     boxes: list[NDArray[np.float32]]
 
     def picture(self, k: int) -> tuple[Pictures, Pictures]:
         """Frame and background `k`, [height, width, 3] BGR."""
-        return decoded(self.frames[k]), decoded(self.backgrounds[self.background[k]])
+        return decoded(self.frames[k]), decoded(self.backgrounds[k])
 
 
 def decoded(jpeg: bytes) -> Pictures:
@@ -51,12 +49,12 @@ def encoded(picture: Pictures, quality: int) -> bytes:
 
 
 def random_camera(rng: np.random.Generator, street: Street) -> Camera:
-    """Draw a camera 4-12 m high, from the middle of the road to 22 m beside it, looking along or across it."""
-    height, side = rng.uniform(4, 12), rng.choice([-1.0, 1.0])
+    """Draw a camera 4-14 m high, from the middle of the road to 22 m beside it, looking along or across it."""
+    height, side = rng.uniform(4, 14), rng.choice([-1.0, 1.0])
     beside = rng.uniform(0, 22) if height > 5.5 else rng.uniform(street.curb, 16)
     ahead = rng.choice([-1.0, 1.0]) * rng.uniform(0.25, 1) * rng.uniform(20, 55)
     x = rng.uniform(20, 140)
-    camera = Camera.looking_at((x, side * beside, -height), (x + ahead, rng.uniform(-5, 5)), rng.uniform(38, 92), SIZE)
+    camera = Camera.looking_at((x, side * beside, -height), (x + ahead, rng.uniform(-5, 5)), rng.uniform(42, 92), SIZE)
     return Camera(
         camera.position, camera.yaw, camera.pitch + rng.uniform(-4, 3), camera.focal, SIZE, rng.normal(0, 1.5)
     )
@@ -108,7 +106,7 @@ def random_vehicle(rng: np.random.Generator, street: Street, x: float, lane: int
 
 def traffic(rng: np.random.Generator, street: Street, middle: float) -> tuple[SceneVehicle, ...]:
     """Draw vehicles over 500 m about `middle` in every lane, from sparse to dense."""
-    vehicles, headway = [], np.exp(rng.uniform(np.log(14), np.log(60)))
+    vehicles, headway = [], np.exp(rng.uniform(np.log(15), np.log(120)))
     for lane in range(street.lanes):
         x = middle - 250 + rng.uniform(0, headway)
         while x < middle + 250:
@@ -176,26 +174,23 @@ def scene_samples(seed: int, frames: int) -> Samples:
     return sampled(random_scene(seed), rng.uniform(-9, 9, frames), rng)
 
 
-def sampled(scene: Scene, times: NDArray[np.float64], rng: np.random.Generator, medians: int = 15) -> Samples:
-    """Frames of a scene at `times`, s, and two backgrounds, each the median of `medians` frames at random times."""
-    backgrounds = []
-    for _ in range(2):
-        others = [decoded(photographed(scene, t, rng)) for t in rng.uniform(-12, 12, medians)]
-        backgrounds.append(encoded(np.median(others, axis=0).astype(np.uint8), 90))
+def sampled(scene: Scene, times: NDArray[np.float64], rng: np.random.Generator, medians: int = 31) -> Samples:
+    """Frames of a scene at `times`, s, and their background, the median of `medians` frames at random times."""
+    others = [render(scene, t) for t in rng.uniform(-20, 20, medians)]
+    background = encoded(np.median(others, axis=0).astype(np.uint8), int(rng.integers(60, 96)))
     rows = []
     for t in times:
         truth = truth_boxes(scene, t)
         kinds = np.array([CLASSES.index(label) for label in truth.labels], float)
         rows.append(np.column_stack([truth.boxes, kinds, truth.visibility]).astype(np.float32).reshape(-1, 6))
     frames = [photographed(scene, t, rng) for t in times]
-    return Samples(frames, backgrounds, [k % 2 for k in range(len(frames))], rows)
+    return Samples(frames, [background] * len(frames), rows)
 
 
 def joined(parts: list[Samples]) -> Samples:
     """Chain the samples of several scenes."""
-    whole = Samples([], [], [], [])
+    whole = Samples([], [], [])
     for part in parts:
-        whole.background.extend(k + len(whole.backgrounds) for k in part.background)
         whole.frames.extend(part.frames)
         whole.backgrounds.extend(part.backgrounds)
         whole.boxes.extend(part.boxes)
@@ -225,7 +220,7 @@ def kept(seed: int, frames: int, cache: Path) -> Samples:
         samples = scene_samples(seed, frames)
         arrays: dict[str, Any] = {f"frame_{k}": np.frombuffer(f, np.uint8) for k, f in enumerate(samples.frames)}
         arrays |= {f"boxes_{k}": b for k, b in enumerate(samples.boxes)}
-        arrays |= {f"background_{k}": np.frombuffer(b, np.uint8) for k, b in enumerate(samples.backgrounds)}
+        arrays["background"] = np.frombuffer(samples.backgrounds[0], np.uint8)
         np.savez(file, **arrays)
         return samples
     with np.load(file) as data:
@@ -233,7 +228,6 @@ def kept(seed: int, frames: int, cache: Path) -> Samples:
             raise InputError(f"{file}: not a cached scene; remove it")
         return Samples(
             [data[f"frame_{k}"].tobytes() for k in range(frames)],
-            [data[f"background_{k}"].tobytes() for k in range(2)],
-            [k % 2 for k in range(frames)],
+            [data["background"].tobytes()] * frames,
             [data[f"boxes_{k}"] for k in range(frames)],
         )

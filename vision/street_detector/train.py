@@ -11,6 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import cv2
 import numpy as np
 import torch
 from torch import nn
@@ -33,7 +34,7 @@ def train(
     samples: Samples,
     steps: int,
     size: int = 8,
-    rate: float = 2e-3,
+    rate: float = 4e-3,
     seed: int = 0,
     keep: Callable[[StreetNet], None] | None = None,
 ) -> tuple[StreetNet, list[float]]:
@@ -63,7 +64,10 @@ def train(
         for step in range(steps):
             frames, backgrounds, targets = coming.result()
             coming = loader.submit(batch, samples, size, np.random.default_rng([seed, step + 1]))
-            loss = detection_loss(net(frames.contiguous(memory_format=torch.channels_last), backgrounds), targets)
+            # half precision is twice as fast where the processor has it; the last quarter settles in single
+            with torch.autocast("cpu", torch.bfloat16, enabled=step < 0.75 * steps):
+                maps = net(*(p.contiguous(memory_format=torch.channels_last) for p in (frames, backgrounds)))
+            loss = detection_loss(maps.float(), targets)
             optimizer.zero_grad(set_to_none=True)
             loss.backward()
             nn.utils.clip_grad_norm_(net.parameters(), 10.0)
@@ -92,14 +96,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, required=True, help="ONNX file to write")
     parser.add_argument("--cache", type=Path, default=Path("street_scenes"), help="folder for rendered scenes")
-    parser.add_argument("--scenes", type=int, default=300, help="streets to train on, 16 frames each")
+    parser.add_argument("--scenes", type=int, default=240, help="streets to train on, 16 frames each")
     parser.add_argument("--held-out", type=int, default=40, help="streets to score on, 8 frames each")
-    parser.add_argument("--steps", type=int, default=4500)
+    parser.add_argument("--steps", type=int, default=8000)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
     logging.basicConfig(format="%(asctime)s %(message)s", level=logging.DEBUG)
     torch.set_num_threads(chosen.threads)
+    cv2.setNumThreads(chosen.threads)
     samples = make_samples(range(chosen.scenes), 16, chosen.cache)
 
     def keep(net: StreetNet) -> None:
