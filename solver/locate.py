@@ -92,7 +92,7 @@ def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Prob
 def fit_straight(result: FitResult, problem: Problem, method: str, warnings: list[str]) -> tuple[FitResult, Problem]:
     """Fit again without the ends at which the fiber turns off the road, until none is left."""
     gauge = round(problem.gauge_length / problem.channel_spacing)
-    while (keep := bent_ends(result, gauge)) != slice(None) and keep != slice(0, len(problem.channel)):
+    while (keep := bent_ends(result, gauge)) != slice(0, len(problem.channel)):
         whole, problem = problem, shortened(problem, keep, result)
         for end in sorted({int(whole.channel[0]), int(whole.channel[-1])} - set(problem.channel[[0, -1]].tolist())):
             warnings.append(f"the fiber turns off the road near channel {end}; it is not located there")

@@ -111,6 +111,9 @@ def bent_ends(result: FitResult, gauge: int) -> slice:
     ----------
     gauge : gauge length, channels
     """
+    whole = slice(0, len(result.fitted_channel))
+    if whole.stop <= 2 * gauge:
+        return whole
     square = np.nansum(result.weight * result.residual**2, 0) / result.weight.sum(0)
     route = result.route[np.isin(result.channel, result.fitted_channel)]
     direction = np.gradient(route, axis=0)
@@ -122,7 +125,7 @@ def bent_ends(result: FitResult, gauge: int) -> slice:
 
     first = gauge * bent(gauge, slice(None, gauge))
     stop = len(square) - gauge * bent(-gauge - 1, slice(-gauge, None))
-    return slice(first, stop) if stop - first > 2 * gauge else slice(None)
+    return slice(first, stop) if stop - first > 2 * gauge else whole
 
 
 def shortened(problem: Problem, keep: slice, result: FitResult) -> Problem:

@@ -92,7 +92,7 @@ class MapFit:
         return replace(state, vehicles=replace(vehicles, amplitude=amplitude))
 
     def _prior(self) -> tuple[Tensor, Tensor]:
-        """Mean and standard deviation of every parameter [parameter]; sd inf for the route (see `route_prior`)."""
+        """Mean and standard deviation of every parameter [parameter]; sd inf for the route (see `route_rows`)."""
         p = self.problem
         layouts = [layout_of(one.vehicle_class) for one in p.passes]
         sd = {
@@ -151,9 +151,11 @@ class MapFit:
     def track_variance(self, local: Sensitivities) -> Tensor:
         """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel]."""
         traffic = self.problem.traffic
-        along, across = (
-            local.by[name] ** 2 * traffic.sigma[:, i, None] ** 2 for i, name in enumerate(("along", "across"))
-        )
+        # The sigmas are of x and y; the shifts are along and across the heading.
+        cosine, sine = (traffic.heading**2).unbind(-1)
+        x, y = (traffic.sigma**2).unbind(-1)
+        along = local.by["along"] ** 2 * (cosine * x + sine * y)[:, None]
+        across = local.by["across"] ** 2 * (sine * x + cosine * y)[:, None]
         return traffic.superpose(along + across) / self.problem.noise**2
 
     def cost(self, state: State, weight: Tensor) -> float:
@@ -164,7 +166,8 @@ class MapFit:
 
     def buried(self, state: State) -> bool:
         """Whether the whole route is under the ground, where the half-space is."""
-        depth = torch.from_numpy(self.basis.at(self.problem.distance)) @ state.coefficients[:, 2]
+        everywhere = self.problem.distance_of(self.problem.route_channel)
+        depth = torch.from_numpy(self.basis.at(everywhere)) @ state.coefficients[:, 2]
         return bool(depth.min() > SHALLOWEST)
 
     def normal(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
@@ -195,10 +198,9 @@ def huber(residual: Tensor, measured: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Solution:
-    """Where Levenberg-Marquardt ended: the state, its cost, how many steps it took and whether it converged."""
+    """Where Levenberg-Marquardt ended, how many steps it took and whether it converged."""
 
     state: State
-    cost: float
     iterations: int
     converged: bool
 
@@ -213,8 +215,11 @@ def solve(fit: MapFit, state: State, iterations: int = 40, advance: Callable[[in
         advance(1)
         step = torch.zeros_like(fit.mean)
         step[free] = torch.linalg.solve(matrix + damping * torch.diag(matrix.diagonal()), right)
-        candidate = fit.settled(state.moved(state.vector() + step), weight)
-        new_cost = fit.cost(candidate, weight) if fit.buried(candidate) else np.inf
+        candidate = state.moved(state.vector() + step)
+        new_cost = np.inf
+        if fit.buried(candidate):
+            candidate = fit.settled(candidate, weight)
+            new_cost = fit.cost(candidate, weight)
         if new_cost > cost:
             damping *= 8
             continue
@@ -224,4 +229,4 @@ def solve(fit: MapFit, state: State, iterations: int = 40, advance: Callable[[in
         cost = fit.cost(state, weight)
         largest = float((step[free].abs() * matrix.diagonal().sqrt()).max())
         converged = fall < 1e-3 * max(1.0, 1e-3 * cost) or largest < 0.02
-    return Solution(state, cost, step_number, converged)
+    return Solution(state, step_number, converged)
