@@ -14,6 +14,8 @@ BOX = ["box_left", "box_top", "box_right", "box_bottom"]
 def majority_class(tracks: "pd.DataFrame") -> "pd.DataFrame":
     """Give all fixes of a track the class with the largest sum of `confidence`; ties go to the first by name.
 
+    What the detector said of every single fix stays in `detected_class`.
+
     Parameters
     ----------
     tracks : [fix] with track_id, class, confidence
@@ -24,7 +26,7 @@ def majority_class(tracks: "pd.DataFrame") -> "pd.DataFrame":
     ['van', 'van', 'van']
     """
     votes = tracks.groupby(["track_id", "class"], sort=True)["confidence"].sum().unstack(fill_value=0)
-    return tracks.assign(**{"class": tracks["track_id"].map(votes.idxmax(axis=1))})
+    return tracks.assign(**{"class": tracks["track_id"].map(votes.idxmax(axis=1)), "detected_class": tracks["class"]})
 
 
 def fill_frames(tracks: "pd.DataFrame", frame: NDArray[np.int64], time: NDArray[np.float64]) -> "pd.DataFrame":
@@ -34,12 +36,13 @@ def fill_frames(tracks: "pd.DataFrame", frame: NDArray[np.int64], time: NDArray[
 
     Parameters
     ----------
-    tracks : [fix] with track_id, class, confidence, frame, time (s) and the box
+    tracks : [fix] with track_id, class, detected_class, confidence, frame, time (s) and the box
     frame, time : [frame], index and time (s) of all frames that were looked at, increasing
 
     Returns
     -------
-    table [fix] of the same columns and `interpolated`, sorted by track and time
+    table [fix] of the same columns and `interpolated`, sorted by track and time; `detected_class` is empty where
+        nothing was detected
     """
     import pandas as pd
 
@@ -63,6 +66,7 @@ def _fill_one(track: "pd.DataFrame", frame: NDArray[np.int64], time: NDArray[np.
             "track_id": track["track_id"].iloc[0],
             "class": track["class"].iloc[0],
             **columns,
+            "detected_class": track.set_index("frame")["detected_class"].reindex(frame[span], fill_value="").to_numpy(),
             "interpolated": ~np.isin(frame[span], track["frame"]),
         }
     )

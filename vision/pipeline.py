@@ -28,8 +28,8 @@ log = logging.getLogger("roadfiber.pipeline")
 FEWEST_FIXES = 5  # of a track; less is more often a false alarm than a vehicle
 PATIENCE = 1.0  # s without a fix after which a track ends, or
 PATIENT_FRAMES = 6  # looked-at frames, whichever is longer
-PIXEL_COLUMNS = ("time", "track_id", "class", *BOX, "confidence", "interpolated", "frame")
-EXTRA_COLUMNS = ("confidence", "interpolated", "length", "width", "frame", *BOX)
+PIXEL_COLUMNS = ("time", "track_id", "class", *BOX, "confidence", "interpolated", "frame", "detected_class")
+EXTRA_COLUMNS = ("confidence", "interpolated", "length", "width", "frame", *BOX, "detected_class")
 
 
 @dataclass(frozen=True)

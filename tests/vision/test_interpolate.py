@@ -9,7 +9,7 @@ def fixes(track_id, frame, time, label="car", confidence=0.5):
     boxes = {name: 100.0 + 10 * side + 30 * time for side, name in enumerate(BOX)}
     return pd.DataFrame(
         {"track_id": track_id, "frame": frame, "time": time, "class": label, "confidence": confidence, **boxes}
-    )
+    ).assign(detected_class=label)
 
 
 def test_class_is_weighted_by_score():
@@ -17,6 +17,7 @@ def test_class_is_weighted_by_score():
     other = fixes(2, range(2), range(2), ["truck", "bus"], [0.5, 0.5])
     named = majority_class(pd.concat([table, other], ignore_index=True))
     assert named["class"].tolist() == ["van"] * 5 + ["bus"] * 2, "a tie goes to the first by name"
+    assert named["detected_class"].tolist() == ["car", "car", "car", "van", "van", "truck", "bus"]
 
 
 def test_gaps_are_filled_in_true_time():
@@ -26,6 +27,7 @@ def test_gaps_are_filled_in_true_time():
     filled = fill_frames(fixes(7, frame[seen], time[seen]), frame, time)
     assert filled["frame"].tolist() == frame[3:10].tolist()
     assert filled["interpolated"].tolist() == [False, False, True, True, True, False, False]
+    assert filled["detected_class"].tolist() == ["car", "car", "", "", "", "car", "car"]
     np.testing.assert_allclose(filled["time"], time[3:10])
     np.testing.assert_allclose(filled["box_left"], 100 + 30 * time[3:10])
     np.testing.assert_allclose(filled["box_bottom"], 130 + 30 * time[3:10])
