@@ -186,4 +186,4 @@ class PolynomialBasis:
         u = (np.asarray(distance, float) - self.start) * per_meter - 1
         legendre = np.polynomial.legendre
         columns = [legendre.legval(u, legendre.legder(row, derivative)) for row in np.eye(self.degree + 1)]
-        return np.stack(columns, axis=1) * per_meter**derivative
+        return np.asarray(np.stack(columns, axis=1) * per_meter**derivative)

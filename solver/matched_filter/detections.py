@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.matched_filter.wavelets import Array, bank, best_scale, parabola
+from solver.processing.gaps import interpolated
 from solver.trajectory import Pass
 
 THRESHOLD_DB = 7.0
@@ -104,17 +105,6 @@ def mended(strain_rate: Array) -> Array:
     noise = 1.4826 * np.median(np.abs(bend)) / np.sqrt(6) if len(bend) else 0.0
     spike = (rough > SPIKE * noise) & (rough > five[..., 3] - five[..., 1])
     return interpolated(np.where(spike, np.nan, filled))
-
-
-def interpolated(strain_rate: Array) -> Array:
-    """Fill NaN linearly along the channels of each frame [frame, channel]; a frame of NaN becomes 0."""
-    filled = strain_rate.copy()
-    place = np.arange(strain_rate.shape[1])
-    finite = np.isfinite(strain_rate)
-    for frame in np.flatnonzero(~finite.all(1)):
-        known = finite[frame]
-        filled[frame] = np.interp(place, place[known], strain_rate[frame, known]) if known.any() else 0.0
-    return filled
 
 
 def snr_maps(strain_rate: Array, scales: Array, heard: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from drive_by import a_street, drive
 
-from solver.matched_filter.detections import MatchedFilter, interpolated, mended, snr_maps, thinned
+from solver.matched_filter.detections import MatchedFilter, mended, snr_maps, thinned
 from solver.matched_filter.wavelets import SCALES, bank
 
 
@@ -53,10 +53,6 @@ def test_mended_takes_out_spikes_and_gaps_and_leaves_a_vehicle_alone():
     rows = np.arange(30) != 4
     assert np.abs(again - clean)[rows].max() < 1.5
     assert (again[4] == 0).all()
-
-
-def test_interpolated_holds_the_ends():
-    assert interpolated(np.array([[np.nan, 1.0, np.nan, 3.0, np.nan]])).tolist() == [[1.0, 1.0, 2.0, 3.0, 3.0]]
 
 
 @pytest.mark.parametrize("stride", [2, 3, 7])

@@ -1,4 +1,4 @@
-"""Processing stage: what is done to the record before it is fitted."""
+"""Fast records are reduced before they are fitted."""
 
 from dataclasses import replace
 
