@@ -11,6 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, Va
 
 from vision.contract.errors import InputError
 from vision.contract.files import writing
+from vision.lens import NAMES, Lens
 
 Array = NDArray[np.float64]
 
@@ -27,11 +28,30 @@ def _matrix(value: ArrayLike) -> Array:
     return matrix
 
 
+def _covariance(value: ArrayLike) -> Array:
+    try:
+        matrix = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError("must be rows of numbers") from error
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not np.isfinite(matrix).all():
+        raise ValueError("must be a square of finite numbers")
+    deviation = np.sqrt(np.maximum(np.diagonal(matrix), 0))
+    if (np.abs(matrix) > np.outer(deviation, deviation) * (1 + 1e-6) + 1e-300).any() or not np.allclose(
+        matrix, matrix.T, rtol=1e-6
+    ):
+        raise ValueError("is no covariance: it must be symmetric, with no correlation above 1")
+    return matrix
+
+
 Matrix = Annotated[Array, BeforeValidator(_matrix), PlainSerializer(lambda matrix: matrix.tolist())]
+Covariance = Annotated[Array, BeforeValidator(_covariance), PlainSerializer(lambda matrix: matrix.tolist())]
 
 
 class ControlPoint(BaseModel):
-    """A mark on the road: (u, v), px from the top left of the image, is at (x, y), m in the local frame."""
+    """A mark on the road: (u, v), px from the top left of the image, is at (x, y), m in the local frame.
+
+    `sigma`, px, and `sigma_xy`, m, say how well it is found in the image and was measured on the road.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -40,29 +60,44 @@ class ControlPoint(BaseModel):
     x: float
     y: float
     name: str = ""
+    sigma: float = 1.0
+    sigma_xy: float = 0.0
+
+
+class Parameter(BaseModel):
+    """A number of the camera, for people: its value, standard deviation and unit."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    value: float
+    sigma: float
+    unit: str
 
 
 @dataclass(frozen=True)
 class Pinhole:
-    """A camera with square pixels and its principal point in the middle of the image.
+    """Where a camera stands and how it sees.
 
     Parameters
     ----------
     focal : focal length, px
     matrix : [3, 4], (x, y, z, 1) in the local frame (m, z down) -> homogeneous pixels, third one > 0 in front
     position : (x, y, z) of the camera, m; z is negative, above the road
+    lens : that distorts the picture, or None
     """
 
     focal: float
     matrix: Array
     position: Array
+    lens: Lens | None = None
 
     def project(self, points: ArrayLike) -> Array:
         """Points [..., 3], m (z down) -> pixels [..., 2]; NaN behind the camera."""
         points = np.asarray(points, float)
         image = points @ self.matrix[:, :3].T + self.matrix[:, 3]
         depth = np.where(image[..., 2:] > 0, image[..., 2:], np.nan)
-        return image[..., :2] / depth
+        ideal = image[..., :2] / depth
+        return ideal if self.lens is None else self.lens.distort(ideal).reshape(ideal.shape)
 
 
 class Calibration(BaseModel):
@@ -71,7 +106,11 @@ class Calibration(BaseModel):
     Parameters
     ----------
     image_size : (width, height) of the video it belongs to, px
-    homography : [3, 3], maps (u, v, 1) in pixels to (x, y, 1) in meters, up to scale
+    homography : [3, 3], maps (u, v, 1) in pixels to (x, y, 1) in meters, up to scale; with a lens, in its ideal pixels
+    lens : intrinsics and distortion, or None for a picture without distortion
+    model : how it was fitted, `homography` or `camera`
+    covariance : [9, 9] of the homography's entries, row by row, or [18, 18] of them and `Lens.vector`
+    parameters : of the camera, with their standard deviations
     control_points : the marks it was fitted to
     residuals_px, residuals_m : distance of every control point from its fitted place, in image and on road
     leave_one_out_m : distance on the road of every control point predicted by the others
@@ -98,6 +137,10 @@ class Calibration(BaseModel):
 
     image_size: tuple[int, int]
     homography: Matrix
+    lens: Lens | None = None
+    model: str = "homography"
+    covariance: Covariance | None = None
+    parameters: dict[str, Parameter] = {}
     control_points: tuple[ControlPoint, ...] = ()
     residuals_px: tuple[float, ...] | None = None
     residuals_m: tuple[float, ...] | None = None
@@ -109,50 +152,90 @@ class Calibration(BaseModel):
     def _see_the_road_from_above(self) -> Self:
         if min(self.image_size) <= 0:
             raise ValueError(f"image_size {self.image_size} must be two positive numbers, width and height in px")
-        oriented = self.homography * np.sign(np.linalg.det(self.homography))
-        object.__setattr__(self, "homography", oriented / np.abs(oriented[2]).max())
+        scale = np.sign(np.linalg.det(self.homography)) / np.abs(self.homography[2]).max()
+        object.__setattr__(self, "homography", self.homography * scale)
+        if self.covariance is not None:
+            scales = np.concatenate([np.full(9, scale), np.ones(0 if self.lens is None else len(NAMES))])
+            if len(self.covariance) != len(scales):
+                raise ValueError(f"covariance must have {len(scales)} rows and columns")
+            object.__setattr__(self, "covariance", self.covariance * np.outer(scales, scales))
         width, height = self.image_size
         marks = [(point.u, point.v) for point in self.control_points] or [(width / 2, height)]
-        if (self._homogeneous(np.array(marks, float))[:, 2] <= 0).any():
+        if (self._homogeneous(self._ideal(marks))[:, 2] <= 0).any():
             raise ValueError(
                 "homography shows the road from below: y must be to the right of +x seen from above "
                 "(exchange its sign), and no control point may lie above the horizon"
             )
         return self
 
+    def _ideal(self, pixels: ArrayLike) -> Array:
+        pixels = np.asarray(pixels, float).reshape(-1, 2)
+        return pixels if self.lens is None else self.lens.undistort(pixels)
+
     def _homogeneous(self, pixels: Array) -> Array:
         return pixels @ self.homography[:, :2].T + self.homography[:, 2]
 
     def to_ground(self, pixels: ArrayLike) -> Array:
         """Pixels [n, 2] (u, v) -> [n, 2] (x, y), m; NaN on and above the horizon."""
-        image = self._homogeneous(np.asarray(pixels, float).reshape(-1, 2))
+        image = self._homogeneous(self._ideal(pixels))
         return image[:, :2] / np.where(image[:, 2:] > 0, image[:, 2:], np.nan)
 
     def jacobian(self, pixels: ArrayLike) -> Array:
         """Pixels [n, 2] -> d(x, y)/d(u, v) [n, 2, 2], m/px; NaN on and above the horizon.
 
-        Of X = (H p)_12 / w: dX/dp = (H_12 - X H_3) / w (the quotient rule).
+        Of X = (H p)_12 / w: dX/dp = (H_12 - X H_3) / w (the quotient rule); p is the ideal pixel.
         """
-        pixels = np.asarray(pixels, float).reshape(-1, 2)
-        ground = self.to_ground(pixels)
-        w = self._homogeneous(pixels)[:, 2, None, None]
-        return np.asarray((self.homography[:2, :2] - ground[:, :, None] * self.homography[2, :2]) / w)
+        ideal = self._ideal(pixels)
+        slope = self._ideal_jacobian(ideal)
+        return slope if self.lens is None else slope @ np.linalg.inv(self.lens.jacobian(ideal))
+
+    def _ideal_jacobian(self, ideal: Array) -> Array:
+        w = self._homogeneous(ideal)[:, 2:]
+        w = np.where(w > 0, w, np.nan)
+        ground = self._homogeneous(ideal)[:, :2] / w
+        return np.asarray((self.homography[:2, :2] - ground[:, :, None] * self.homography[2, :2]) / w[:, :, None])
+
+    def position_covariance(self, pixels: ArrayLike) -> Array:
+        """Covariance [n, 2, 2], m^2, of `to_ground` of pixels [n, 2] that is due to the calibration alone.
+
+        To first order, d(x, y)/d parameters times their covariance. Zero where the file has no covariance; NaN on and
+        above the horizon. The error of the pixel itself adds J S J' with `jacobian` J and its covariance S.
+        """
+        ideal = self._ideal(pixels)
+        if self.covariance is None:
+            return np.where(np.isfinite(self._ideal_jacobian(ideal)), 0.0, np.nan)
+        image = self._homogeneous(ideal)
+        w = np.where(image[:, 2:] > 0, image[:, 2:], np.nan)
+        ground, ray = image[:, :2] / w, np.column_stack([ideal, np.ones(len(ideal))]) / w
+        zero = np.zeros_like(ray)
+        slope = np.stack(
+            [np.hstack([ray, zero, -ground[:, :1] * ray]), np.hstack([zero, ray, -ground[:, 1:] * ray])], axis=1
+        )
+        if self.lens is not None:
+            by_lens = self._ideal_jacobian(ideal) @ self.lens.sensitivity(pixels)
+            slope = np.concatenate([slope, by_lens], axis=2)
+        return np.asarray(slope @ self.covariance @ slope.transpose(0, 2, 1))
 
     def to_image(self, ground: ArrayLike) -> Array:
-        """Ground points [n, 2] (x, y), m -> pixels [n, 2]; NaN behind the camera."""
+        """Ground points [n, 2] (x, y), m -> pixels [n, 2]; NaN behind the camera and beyond the lens's reach."""
         ground = np.asarray(ground, float).reshape(-1, 2)
         inverse = np.linalg.inv(self.homography)
         image = ground @ inverse[:, :2].T + inverse[:, 2]
-        return np.asarray(image[:, :2] / np.where(image[:, 2:] > 0, image[:, 2:], np.nan))
+        ideal = np.asarray(image[:, :2] / np.where(image[:, 2:] > 0, image[:, 2:], np.nan))
+        return ideal if self.lens is None else self.lens.distort(ideal)
 
     def pinhole(self) -> Pinhole | None:
         """Recover the camera behind the homography; None where the view does not determine it.
 
+        With a lens its intrinsics are known. Without, they are found for square pixels and a central principal point:
         H^-1 = s K [r1 r2 t] with K of square pixels and a central principal point: r1 and r2 are orthonormal
         exactly where (g1 + i g2)' w (g1 + i g2) = 0, w = diag(q, q, 1), q = 1/f^2 (Hartley & Zisserman 2004,
         section 8.8: the imaged circular points lie on the absolute conic), one linear equation for q with a
         real and an imaginary part. Straight down, both vanish whatever q is and there is no answer.
         """
+        if self.lens is not None:
+            columns = np.linalg.inv(self.lens.matrix) @ np.linalg.inv(self.homography)
+            return _pinhole_from_columns(self.lens.focal[0], self.lens.matrix, columns, self.lens)
         width, height = self.image_size
         center = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, 1]])
         columns = center @ np.linalg.inv(self.homography)
@@ -166,7 +249,7 @@ class Calibration(BaseModel):
             return None
         focal = float(inverse_square**-0.5)
         intrinsic = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
-        return _pinhole_from_columns(focal, intrinsic, np.diag([1 / focal, 1 / focal, 1]) @ columns)
+        return _pinhole_from_columns(focal, intrinsic, np.diag([1 / focal, 1 / focal, 1]) @ columns, None)
 
     def require_size(self, width: int, height: int, video: str | Path) -> None:
         """Raise InputError unless the video has the size the calibration was made for."""
@@ -193,7 +276,7 @@ class Calibration(BaseModel):
             temporary.write_text(self.model_dump_json(indent=2, exclude_none=True) + "\n", encoding="utf-8")
 
 
-def _pinhole_from_columns(focal: float, intrinsic: Array, columns: Array) -> Pinhole:
+def _pinhole_from_columns(focal: float, intrinsic: Array, columns: Array, lens: Lens | None) -> Pinhole:
     scale = np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
     r1, r2, translation = (columns / scale).T
     # The nearest rotation, in Frobenius norm, to what the homography holds.
@@ -202,7 +285,7 @@ def _pinhole_from_columns(focal: float, intrinsic: Array, columns: Array) -> Pin
     # Only the vertical is taken from it: the road must stay where the homography, fitted to control points, puts it.
     axes = np.column_stack([r1, r2, rotation[:, 2]])
     matrix = intrinsic @ np.column_stack([axes, translation])
-    return Pinhole(focal=focal, matrix=matrix, position=-np.linalg.solve(axes, translation))
+    return Pinhole(focal=focal, matrix=matrix, position=-np.linalg.solve(axes, translation), lens=lens)
 
 
 def _first_complaint(errors: Sequence[Any]) -> str:

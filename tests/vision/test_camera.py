@@ -6,6 +6,7 @@ from pydantic import ValidationError
 
 from vision.camera import Calibration
 from vision.contract.errors import InputError
+from vision.lens import Lens
 
 
 def look(position, target, focal=900.0, size=(960, 540)):
@@ -106,7 +107,7 @@ GOOD = {"image_size": [640, 480], "homography": [[0, -0.1, 48], [0.1, 0, -32], [
     ("content", "complaint"),
     [
         ("{", "invalid JSON"),
-        (json.dumps(GOOD | {"lens": 1}), "lens extra inputs"),
+        (json.dumps(GOOD | {"glass": 1}), "glass extra inputs"),
         (json.dumps({"image_size": [640, 480]}), "homography field required"),
         (json.dumps(GOOD | {"homography": [[1, 2], [3, 4]]}), "three rows"),
         (json.dumps(GOOD | {"homography": [[1, 2, 3], [2, 4, 6], [0, 0, 1]]}), "singular"),
@@ -115,6 +116,9 @@ GOOD = {"image_size": [640, 480], "homography": [[0, -0.1, 48], [0.1, 0, -32], [
             json.dumps(GOOD | {"control_points": [{"u": 1, "v": 2, "x": 3}]}),
             r"control_points\.0\.y field required",
         ),
+        (json.dumps(GOOD | {"covariance": [[1.0]]}), "covariance must have 9 rows"),
+        (json.dumps(GOOD | {"covariance": [[1.0, 2.0], [2.0, 1.0]]}), "no correlation above 1"),
+        (json.dumps(GOOD | {"lens": {"focal": [0, 1], "center": [1, 2]}}), "must be two positive numbers"),
     ],
 )
 def test_bad_files_are_one_line(content, complaint, tmp_path):
@@ -136,3 +140,79 @@ def test_missing_and_binary_files(tmp_path):
 def test_wrong_size_names_both():
     with pytest.raises(InputError, match=r"1920 x 1080 px.*640 x 480 px"):
         Calibration(**GOOD).require_size(1920, 1080, "street.mp4")
+
+
+LENS = Lens(focal=(700, 700), center=(485, 262), distortion=(-0.25, 0.07, 0, 0, 0))
+
+
+@pytest.fixture
+def bent(view):
+    """A calibration whose picture is distorted; in ideal pixels it is the view with another focal length."""
+    return Calibration(image_size=(960, 540), homography=view[0].homography, lens=LENS)
+
+
+def test_distorted_ground_and_image_are_inverse(bent):
+    pixels = np.random.default_rng(0).uniform([100, 320], [860, 540], (50, 2))
+    ground = bent.to_ground(pixels)
+    assert np.isfinite(ground).all()
+    np.testing.assert_allclose(bent.to_image(ground), pixels, atol=1e-5)
+    straight = Calibration(image_size=(960, 540), homography=bent.homography)
+    assert np.linalg.norm(straight.to_image(ground) - pixels, axis=1).max() > 10
+
+
+def test_distorted_jacobian_is_the_derivative(bent):
+    pixels = np.random.default_rng(1).uniform([100, 330], [860, 540], (50, 2))
+    step = 1e-3
+    numeric = [(bent.to_ground(pixels + d) - bent.to_ground(pixels - d)) / (2 * step) for d in step * np.eye(2)]
+    np.testing.assert_allclose(bent.jacobian(pixels), np.stack(numeric, axis=-1), rtol=1e-4, atol=1e-6)
+    assert np.isnan(bent.jacobian([[480.0, 2.0]])).all() == np.isnan(bent.to_ground([[480.0, 2.0]])).all()
+
+
+def test_a_distorted_pinhole_sees_the_road_where_the_calibration_does(bent):
+    pixels = np.random.default_rng(4).uniform([200, 350], [760, 540], (20, 2))
+    ground = np.column_stack([bent.to_ground(pixels), np.zeros(20)])
+    np.testing.assert_allclose(bent.pinhole().project(ground), pixels, atol=1e-5)
+    assert bent.pinhole().project(ground[:, None]).shape == (20, 1, 2)
+
+
+def random_covariance(size, scale, rng):
+    root = rng.normal(size=(size, size)) * scale[:, None]
+    return root @ root.T
+
+
+@pytest.mark.parametrize("lens", [None, LENS])
+def test_position_covariance_is_that_of_perturbed_calibrations(view, lens):
+    """Against positions of calibrations drawn from the covariance, through the file."""
+    rng = np.random.default_rng(3)
+    plain = Calibration(image_size=(960, 540), homography=view[0].homography, lens=lens)
+    sizes = [np.abs(plain.homography.ravel()) * 2e-4 + 1e-9]
+    if lens is not None:
+        sizes.append(np.array([2e-4, 2e-4, 0.1, 0.1, 1e-3, 1e-3, 1e-5, 1e-5, 1e-4]))
+    covariance = random_covariance(sum(map(len, sizes)), np.concatenate(sizes), rng)
+    known = Calibration(image_size=(960, 540), homography=plain.homography, lens=lens, covariance=covariance)
+    pixels = np.array([[300.0, 500], [600, 480], [480, 530]])
+    root = np.linalg.cholesky(known.covariance + 1e-18 * np.diag(np.diagonal(known.covariance)))
+    drawn = []
+    for _ in range(1500):
+        change = root @ rng.normal(size=len(root))
+        moved = None if lens is None else Lens.from_vector(lens.vector + change[9:])
+        homography = plain.homography + change[:9].reshape(3, 3)
+        drawn.append(Calibration(image_size=(960, 540), homography=homography, lens=moved).to_ground(pixels))
+    empirical = np.stack([np.cov(place.T) for place in np.swapaxes(drawn, 0, 1)])
+    predicted = known.position_covariance(pixels)
+    for ours, theirs in zip(predicted, empirical, strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=0.12 * np.trace(theirs))
+
+
+def test_no_covariance_means_none_and_the_sky_has_no_answer(view):
+    covariance = view[0].position_covariance([[480, 530], [480, -2000]])
+    np.testing.assert_array_equal(covariance[0], 0)
+    assert np.isnan(covariance[1]).all()
+
+
+def test_covariance_follows_the_scale_of_the_homography(view):
+    size, homography = (960, 540), view[0].homography
+    covariance = random_covariance(9, np.abs(homography.ravel()) * 1e-4, np.random.default_rng(0))
+    one = Calibration(image_size=size, homography=homography, covariance=covariance)
+    other = Calibration(image_size=size, homography=-4 * homography, covariance=16 * covariance)
+    np.testing.assert_allclose(one.position_covariance([[480, 530]]), other.position_covariance([[480, 530]]))
