@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from solver.matched_filter.detections import Detections, MatchedFilter
 from solver.matched_filter.fiber_line import TOLERANCE, FiberLine, ransac_line
-from solver.matched_filter.wavelets import Array
+from solver.response.wavelets import Array
 from solver.trajectory import Pass
 from vision.contract import InputError
 

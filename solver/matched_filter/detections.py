@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.matched_filter.wavelets import Array, bank, best_scale, parabola
 from solver.processing.gaps import interpolated
+from solver.response.wavelets import Array, bank, best_scale, parabola
 from solver.trajectory import Pass
 
 THRESHOLD_DB = 7.0

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.matched_filter.wavelets import Array
+from solver.response.wavelets import Array
 
 TOLERANCE = 2.5  # m, of a detection about the line: long vehicles and jitter of weak ones
 SLOPES = (0.6, 1.1)  # dx per meter of fiber: slack and a fiber askew to the road make less than 1

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from solver.das import DASRecord
 from solver.matched_filter.alignment import align, direction_residual
-from solver.matched_filter.coupling import CouplingCurve, coupling_curve
 from solver.matched_filter.detections import FRAME_RATE, Detections, MatchedFilter, thinned
 from solver.matched_filter.fiber_line import FiberLine
 from solver.matched_filter.lateral import binned_widths, locate_sides
-from solver.matched_filter.wavelets import SCALES, Array
+from solver.response.coupling import CouplingCurve, coupling_curve
+from solver.response.wavelets import SCALES, Array
 from solver.trajectory import Pass
 from vision.contract import InputError
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.matched_filter.coupling import CouplingCurve
 from solver.matched_filter.detections import Detections
-from solver.matched_filter.wavelets import Array, best_scale, derivative_of_ricker
+from solver.response.coupling import CouplingCurve
+from solver.response.wavelets import Array, best_scale, derivative_of_ricker
 
 GRID = 0.1  # m, of the lateral positions tried
 REACH = 15.0  # m to either side of the lanes

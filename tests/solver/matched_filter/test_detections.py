@@ -5,7 +5,7 @@ import pytest
 from drive_by import a_street, drive
 
 from solver.matched_filter.detections import MatchedFilter, mended, snr_maps, thinned
-from solver.matched_filter.wavelets import SCALES, bank
+from solver.response.wavelets import SCALES, bank
 
 
 def test_bank_is_zero_mean_and_of_unit_energy():

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from solver.matched_filter.coupling import CouplingCurve, coupling_curve
 from solver.matched_filter.detections import Detections
 from solver.matched_filter.initialization import curves_by_depth
 from solver.matched_filter.lateral import Widths, binned_widths, cheapest_path, locate_sides, relative_scale_error
-from solver.matched_filter.wavelets import SCALES, bank, best_scale
+from solver.response.coupling import CouplingCurve, coupling_curve
+from solver.response.wavelets import SCALES, bank, best_scale
 
 BINS = 9
 CHANNEL = 5.0 + 10.0 * np.arange(BINS)

@@ -47,6 +47,30 @@ def bank(scales: Sequence[float] | Array) -> Array:
     return np.stack([wavelet(scale, half) for scale in scales], axis=1)
 
 
+def wide_bank(gauge_length: float, farthest: float) -> tuple[Array, Array, Array]:
+    """Bank for the response of any straight fiber up to `farthest`, m, beside the vehicle.
+
+    Parameters
+    ----------
+    gauge_length : m
+
+    Returns
+    -------
+    scales : [scale], m
+    along : places [sample], m, from the vehicle; a twentieth of a gauge apart
+    wavelets : [sample, scale]
+
+    >>> scales, along, wavelets = wide_bank(10.0, 20.0)
+    >>> scales[[0, -1]].tolist(), along[[0, -1]].tolist(), wavelets.shape
+    ([1.5, 19.0], [-95.0, 95.0], (381, 100))
+    """
+    step = gauge_length / 20
+    scales = np.linspace(3 * step, 0.3 * gauge_length + 0.8 * farthest, 100)
+    wavelets = bank(scales / step)
+    half = len(wavelets) // 2
+    return scales, step * np.arange(-half, half + 1, dtype=float), wavelets
+
+
 def parabola(left: Array, middle: Array, right: Array) -> Array:
     """Place of the peak of the parabola through three equidistant values, in steps from the middle, -0.5 to 0.5.
 

@@ -1,11 +1,21 @@
 import numpy as np
 import pytest
+import torch
 
-from solver.matched_filter.coupling import coupling_curve, rising_branch, straight_response
-from solver.matched_filter.wavelets import bank, best_scale
+from solver.load import layout_of
+from solver.response import coupling_curve, straight_strain_rate
+from solver.response.coupling import rising_branch
+from solver.response.wavelets import bank, best_scale
+from vision.contract import InputError
 
 GROUND = {"depth": 0.9, "gauge_length": 10.0, "poisson_ratio": 0.25}
 CLASSES = ("vehicle", "car", "van", "truck", "bus")
+
+
+def response(offset: list[float], along: np.ndarray, kind: str) -> np.ndarray:
+    one = torch.ones((), dtype=torch.float64)
+    place = (torch.tensor(offset, dtype=torch.float64), 0.9 * one, torch.from_numpy(along), 0.25 * one)
+    return straight_strain_rate(*place, layout_of(kind), 10.0).numpy()
 
 
 def closed_form(offset: float, along: np.ndarray, depth: float, gauge: float, nu: float) -> np.ndarray:
@@ -24,7 +34,7 @@ def closed_form(offset: float, along: np.ndarray, depth: float, gauge: float, nu
 
 def test_response_of_a_point_load_is_the_closed_form():
     along = np.linspace(-40, 40, 81)
-    rate = straight_response(np.array([1.0, 4.0]), along, "vehicle", **GROUND)
+    rate = response([1.0, 4.0], along, "vehicle")
     for offset, row in zip((1.0, 4.0), rate, strict=True):
         np.testing.assert_allclose(row, closed_form(offset, along, 0.9, 10.0, 0.25), atol=1e-7 * np.abs(row).max())
 
@@ -46,8 +56,8 @@ def test_width_is_the_scale_that_the_filter_finds():
     wavelets = bank(scales)
     along = np.arange(len(wavelets), dtype=float) - len(wavelets) // 2
     for offset in (4.0, 8.0, 11.0):
-        response = straight_response(np.array([offset]), along, "car", **GROUND)
-        assert abs(best_scale(response @ wavelets, scales)[0] - curve.width_at(offset)) < 0.1
+        shape = response([offset], along, "car")
+        assert abs(best_scale(shape @ wavelets, scales)[0] - curve.width_at(offset)) < 0.1
 
 
 def test_under_the_wheels_the_width_tells_nothing():
@@ -81,3 +91,9 @@ def test_any_gauge_and_ground_gives_a_curve_that_never_falls(gauge_length: float
 def test_rising_branch_keeps_a_steady_rise():
     width = np.array([5.0, 5.1, 5.3, 5.6])
     np.testing.assert_array_equal(rising_branch(width), width)
+
+
+@pytest.mark.parametrize("wrong", [{"depth": 0.0}, {"gauge_length": -1.0}])
+def test_a_fiber_above_the_ground_or_without_a_gauge_is_refused(wrong: dict):
+    with pytest.raises(InputError, match="above 0"):
+        coupling_curve("car", **{**GROUND, **wrong})

@@ -7,52 +7,13 @@ import numpy as np
 import torch
 
 from solver.load import layout_of
-from solver.matched_filter.wavelets import Array, bank, best_scale
-from solver.model import Fiber, SignalPath, Traffic, Vehicles
+from solver.response.straight import straight_strain_rate
+from solver.response.wavelets import Array, best_scale, wide_bank
+from vision.contract import InputError
 
 FARTHEST = 20.0  # m; a fiber farther from the lane is beyond what a survey feels
 STEP = 0.5  # m, of the tabulated offsets
 JUMP = 0.1  # share by which the width may grow from one tabulated offset to the next
-
-
-def straight_response(
-    offset: Array, along: Array, vehicle_class: str, *, depth: float, gauge_length: float, poisson_ratio: float
-) -> Array:
-    """Strain rate of a straight level fiber beside a vehicle that drives along it at 1 m/s.
-
-    Parameters
-    ----------
-    offset : lateral distance from the vehicle's middle to the fiber [offset], m
-    along : distance ahead of the vehicle [place], m
-    vehicle_class : its wheel layout is taken; an unknown class is a point load
-    depth, gauge_length : m
-    poisson_ratio : of the ground
-
-    Returns
-    -------
-    [offset, place], per unit F / (4 pi G): 1/(m^2 s)
-
-    >>> beside = np.array([-5.0, 0.0, 5.0])
-    >>> rate = straight_response(np.array([4.0]), beside, "vehicle", depth=0.9, gauge_length=10.0, poisson_ratio=0.25)
-    >>> rate.round(4).tolist()
-    [[0.0013, 0.0, -0.0013]]
-    """
-    count = len(offset)
-    position = torch.from_numpy(np.stack([np.zeros(count), -np.asarray(offset, float)], axis=1))
-    forward = torch.tensor([[1.0, 0.0]], dtype=torch.float64).expand(count, 2)
-    every = torch.arange(count)
-    traffic = Traffic(count, every, every, np.arange(count), position, forward, forward, torch.zeros(count, 2))
-
-    def ends(shift: float) -> torch.Tensor:
-        return torch.from_numpy(np.stack([along + shift, np.zeros(len(along)), np.full(len(along), depth)], axis=1))
-
-    tangent = torch.tensor([[1.0, 0.0, 0.0]], dtype=torch.float64).expand(len(along), 3)
-    layout = layout_of(vehicle_class)
-    values = (1.0, 0.0, 0.0, layout.wheelbase, layout.track, layout.front_share)
-    vehicles = Vehicles(*(torch.full((count,), value, dtype=torch.float64) for value in values))
-    fiber = Fiber(ends(gauge_length / 2), ends(-gauge_length / 2), tangent, tangent)
-    rate = SignalPath(traffic, gauge_length).rows(fiber, vehicles, torch.tensor(poisson_ratio, dtype=torch.float64))
-    return np.asarray(rate.numpy())
 
 
 @dataclass(frozen=True)
@@ -113,7 +74,10 @@ def rising_branch(width: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def coupling_curve(vehicle_class: str, *, depth: float, gauge_length: float, poisson_ratio: float) -> CouplingCurve:
-    """Tabulate the coupling curve of a vehicle class from the signal path.
+    """Tabulate the coupling curve of a vehicle class, the paper's sigma(Y; Z), for any depth Z.
+
+    sigma(Y; Z) = argmax over s of |integral of e'(x; Y, Z) psi((x - x_0) / s) / sqrt(s) dx|, with e' the response of
+    a straight fiber (`straight_strain_rate`) and psi the derivative-of-Ricker wavelet.
 
     Parameters
     ----------
@@ -121,17 +85,29 @@ def coupling_curve(vehicle_class: str, *, depth: float, gauge_length: float, poi
     depth, gauge_length : m
     poisson_ratio : of the ground
 
+    Raises
+    ------
+    InputError
+        If the depth or the gauge length is not positive.
+
+    Examples
+    --------
     >>> curve = coupling_curve("vehicle", depth=0.9, gauge_length=10.0, poisson_ratio=0.25)
     >>> curve.nearest, float(curve.width_at(8.0).round(1))
     (3.0, 8.2)
     """
+    if not (depth > 0 and gauge_length > 0):
+        raise InputError(f"coupling curve: depth {depth:g} m, gauge length {gauge_length:g} m; give both above 0")
     offset = np.arange(0.0, FARTHEST + STEP, STEP)
-    step = gauge_length / 20
-    scales = np.linspace(3 * step, 0.3 * gauge_length + 0.8 * FARTHEST, 100)
-    wavelets = bank(scales / step)
-    along = step * np.arange(-(len(wavelets) // 2), len(wavelets) // 2 + 1, dtype=float)
-    response = straight_response(
-        offset, along, vehicle_class, depth=depth, gauge_length=gauge_length, poisson_ratio=poisson_ratio
-    )
-    width = best_scale(np.abs(response @ wavelets), scales)
-    return CouplingCurve(offset, rising_branch(width), np.abs(response).max(1))
+    scales, along, wavelets = wide_bank(gauge_length, FARTHEST)
+    one = torch.ones((), dtype=torch.float64)
+    rate = straight_strain_rate(
+        torch.from_numpy(offset),
+        depth * one,
+        torch.from_numpy(along),
+        poisson_ratio * one,
+        layout_of(vehicle_class),
+        gauge_length,
+    ).numpy()
+    width = best_scale(np.abs(rate @ wavelets), scales)
+    return CouplingCurve(offset, rising_branch(width), np.abs(rate).max(1))
