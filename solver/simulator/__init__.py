@@ -5,8 +5,9 @@ bring it.
 """
 
 from solver.simulator.check import RouteError, route_error
+from solver.simulator.effects import EFFECTS
 from solver.simulator.files import write_survey
-from solver.simulator.scenario import BUILT_IN, EFFECTS, Scenario, read_scenario
+from solver.simulator.scenario import BUILT_IN, Scenario, read_scenario
 from solver.simulator.survey import Survey, simulate
 from solver.simulator.vehicle import Vehicle
 

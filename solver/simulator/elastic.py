@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def extension(offset: Sequence[Array], tangent: Array, poisson_ratio: float) -> Array:
+def extension(offset: Sequence[Array], tangent: Array, poisson_ratio: float | Array) -> Array:
     """Extension `t . (grad u) . t` along `tangent` under a unit vertical load, F / (4 pi G) = 1 m^2.
 
     Parameters
     ----------
     offset : [3, ...], m; from the load, on the surface, to the point; z down and positive
     tangent : [3, ...]; unit vectors, broadcast against `offset`
-    poisson_ratio : of the ground
+    poisson_ratio : of the ground; an array is broadcast against `offset`
 
     Returns
     -------
@@ -56,6 +56,44 @@ def extension(offset: Sequence[Array], tangent: Array, poisson_ratio: float) -> 
     vertical = 2.0 * poisson_ratio * z * cube - dipole * z * z
     shear = -2.0 * dipole * z
     return ovality * along * along + hoop * (1.0 - steep**2) + vertical * steep**2 + shear * along * steep
+
+
+def tangential_extension(
+    offset: Sequence[Array], tangent: Array, force: tuple[Array, Array], poisson_ratio: float | Array
+) -> Array:
+    """Extension along `tangent` under a horizontal load on the surface, divided by 1 / (4 pi G).
+
+    Cerruti's displacements (Poulos & Davis 1974, section 2.2) at two points a millimeter up and down the fiber,
+    differenced.
+
+    Parameters
+    ----------
+    offset, tangent, poisson_ratio : as for `extension`
+    force : its components along x and y, N, broadcast against `offset`
+
+    >>> import numpy as np
+    >>> ahead, along = np.array([2.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+    >>> bool(tangential_extension(ahead, along, (np.array(1.0), np.array(0.0)), 0.25) < 0)  # pushed together
+    True
+    """
+    ends = []
+    for step in (-1e-3, 1e-3):
+        point = [o + step * t for o, t in zip(offset, tangent, strict=True)]
+        ends.append(
+            force[0] * _cerruti(point[0], point[1], point[2], tangent, poisson_ratio)
+            + force[1] * _cerruti(point[1], -point[0], point[2], (tangent[1], -tangent[0], tangent[2]), poisson_ratio)
+        )
+    return (ends[1] - ends[0]) / 2e-3
+
+
+def _cerruti(x: Array, y: Array, z: Array, tangent: Sequence[Array] | Array, nu: float | Array) -> Array:
+    """Displacement along `tangent` under a unit load along the first axis; any right- or left-handed x, y."""
+    R = np.sqrt(x * x + y * y + z * z)
+    k, reach = 1.0 - 2.0 * nu, 1.0 / (R + z)
+    ux = (1.0 + x * x / R**2 + k * (R * reach - (x * reach) ** 2)) / R
+    uy = x * y / R**3 * (1.0 - k * (R * reach) ** 2)
+    uz = x / R**2 * (z / R + k * R * reach)
+    return ux * tangent[0] + uy * tangent[1] + uz * tangent[2]
 
 
 def gauge_nodes(first: float, last: float, panel: float, order: int = 4) -> Array:

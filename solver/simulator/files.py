@@ -1,13 +1,17 @@
 """Write a survey as a user would bring it, and the truth beside it."""
 
 import dataclasses
+import itertools
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solver.das.prodml import write_prodml
+from solver.simulator.effects import EFFECTS, hidden
+from solver.simulator.noise import color
 from solver.simulator.scenario import Scenario
 from solver.simulator.survey import Survey
 from vision.contract import InputError, write_trajectories, writing
@@ -111,13 +115,14 @@ def require_free(folder: Path) -> None:
 
 def truth(survey: Survey) -> dict[str, Any]:
     """Everything the files hide, JSON-ready: the route, the noise, the vehicles, the hidden effects."""
-    effects = {name: amount for name, amount in survey.scenario.effects.items() if amount}
+    switches = hidden(survey.scenario.effects, survey.scenario.seed)
     return {
-        "hidden_effect": " ".join(effects) or "none",
-        "switches": effects,
+        "hidden_effect": " ".join(name for name in switches if name in EFFECTS) or "none",
+        "switches": switches,
         "seed": survey.scenario.seed,
         "snr_db": survey.scenario.snr_db,
         "noise_sd": survey.noise_sd,
+        "noise": color(survey.scenario)._asdict(),
         "passes": survey.scenario.passes,
         "poisson_ratio": survey.scenario.poisson_ratio,
         "shear_modulus": survey.scenario.shear_modulus,
@@ -140,13 +145,24 @@ def _write_trajectories(survey: Survey, path: Path) -> None:
 def _write_das(survey: Survey, folder: Path) -> None:
     rows = max(1, round(FILE_LENGTH * survey.scenario.sampling_rate))
     folder.mkdir()
-    for number, first in enumerate(range(0, len(survey.time), rows), 1):
+    for number, (first, end) in enumerate(_unbroken(~np.isnan(survey.strain_rate[:, 0]), rows), 1):
         write_prodml(
             folder / f"das_{number:04}.h5",
-            survey.strain_rate[first : first + rows],
+            survey.strain_rate[first:end],
             start=survey.start + np.timedelta64(round(survey.time[first] * 1e9), "ns"),
             sampling_rate=survey.scenario.sampling_rate,
             gauge_length=survey.scenario.gauge_length,
             channel_spacing=survey.scenario.channel_spacing,
             vendor="roadfiber simulate",
         )
+
+
+def _unbroken(recorded: NDArray[np.bool_], most: int) -> list[tuple[int, int]]:
+    """First and end of every stretch of rows that were recorded, cut at multiples of `most`.
+
+    >>> _unbroken(np.array([True, True, False, True, True, True]), 4)
+    [(0, 2), (3, 4), (4, 6)]
+    """
+    steps = np.flatnonzero(np.diff(recorded)) + 1
+    edges = np.unique(np.concatenate([[0], steps, np.arange(0, len(recorded), most), [len(recorded)]]))
+    return [(int(a), int(b)) for a, b in itertools.pairwise(edges) if recorded[a]]

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from solver.simulator.scenario import Scenario
 from solver.simulator.street import MARGIN
+from solver.simulator.tracking import reported, stamps
 from solver.simulator.vehicle import Vehicle
 from vision.contract import InputError, LocalFrame
 
@@ -56,8 +57,8 @@ def _fixes(scenario: Scenario, vehicle: Vehicle, rng: np.random.Generator) -> "p
     first, last = vehicle.times_within(*scenario.view, 0.01)
     frames = np.arange(np.ceil(first * scenario.frame_rate), np.floor(last * scenario.frame_rate) + 1)
     time = frames / scenario.frame_rate
-    seen = vehicle.position(time) + scenario.fix_sigma * rng.normal(size=(len(time), 2))
-    stamp = np.round((time - scenario.effect("clock_offset")) * 1e9).astype("timedelta64[ns]")
+    seen = reported(scenario, vehicle, time, rng)
+    stamp = np.round(stamps(scenario, time) * 1e9).astype("timedelta64[ns]")
     unknown = bool(scenario.effect("wheel_layout") or scenario.effect("point_load"))
     sigma = max(scenario.fix_sigma, MILLIMETER)
     columns = {

@@ -10,19 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from solver.simulator.effects import EFFECTS, SETTINGS, amount_of, effect_rng
 from vision.contract import InputError
 
-# Hidden effects: amount -> what it means. 0 is absent.
-EFFECTS: dict[str, str] = {
-    "gauge_length": "relative error: the true gauge is (1 + value) times the one in site.toml",
-    "clock_offset": "s; the interrogator's clock is ahead of the trajectories' by this much",
-    "channel_coupling": "sd of the smooth log gain along the fiber",
-    "stiffness_contrast": "ln of the ratio of shear moduli beyond and before the middle of the view",
-    "highpass": "Hz; corner of the interrogator's first-order AC coupling",
-    "unseen_vehicle": "load, relative to a car's, of a vehicle that the trajectories lack",
-    "wheel_layout": "1: the trajectories call every class `vehicle`",
-    "point_load": "1: every vehicle is one point load, as published, and its class `vehicle`",
-}
+NOISES = ("white", "colored", "street")
+TRACK_NOISES = ("white", "camera")
 
 
 @dataclass(frozen=True)
@@ -33,8 +25,15 @@ class Scenario:
     ----------
     name : of the survey
     seed : the same seed is the same survey, bit by bit
-    passes : vehicles that go by
-    snr_db : 10 log10(mean signal^2 / noise variance) over the maps of all passes (channels and times in view)
+    passes : vehicles that go by; a number or a range
+    snr_db : 10 log10(mean signal^2 / noise variance) over the maps of all passes (channels and times in view);
+        a number or a range
+    noise : "white"; "colored", a fixed mixture of 1/f and common noise; "street", such a mixture drawn by the seed
+        (common to all channels 0 to 20 % of the variance, 1/f 5 to 35 %, channels unequal by 10 to 30 %)
+    signal_noise : sd of noise that grows with the signal, relative to it
+    bad_channels : that record nothing but loud noise
+    spikes : share of samples with a jump of 8 to 40 sds of the noise
+    gaps : stretches of 1 to 4 s that are missing
     sampling : "instant", strain rate as it is at each sample; "filtered", strain at 100 Hz, differenced,
         low-passed at 0.8 of Nyquist without delay and decimated
     sampling_rate : Hz, of the file
@@ -54,16 +53,24 @@ class Scenario:
     classes : name -> share of the traffic
     frame_rate : fixes per second
     fix_sigma, anchor_sigma : m
+    track_noise : of the fixes: "white"; "camera", as trackers leave it, the mean of three fixes
+    track_wander, track_wander_time : m, sd of a slow error of each track besides, and its correlation time, s
     gps : trajectories in latitude and longitude
     origin, x_azimuth : the local frame, degrees
     start : of the record, ISO 8601, UTC
-    effects : name -> amount, see `EFFECTS`
+    effects : name -> amount, see `EFFECTS`; secondary settings are named after their effect, such as
+        `viscoelastic_lag_tau`, and drawn by the seed where not given
     """
 
     name: str = "street"
     seed: int = 0
-    passes: int = 8
-    snr_db: float = 20.0
+    passes: int | tuple[int, int] = 8
+    snr_db: float | tuple[float, float] = 20.0
+    noise: str = "colored"
+    signal_noise: float = 0.0
+    bad_channels: int = 0
+    spikes: float = 0.0
+    gaps: int = 0
     sampling: str = "instant"
     sampling_rate: float = 5.0
     gauge_length: float = 10.0
@@ -85,6 +92,9 @@ class Scenario:
     frame_rate: float = 12.5
     fix_sigma: float = 0.06
     anchor_sigma: float = 0.05
+    track_noise: str = "white"
+    track_wander: float = 0.0
+    track_wander_time: float = 3.0
     gps: bool = False
     origin: tuple[float, float] = (32.113, 34.804)
     x_azimuth: float = 78.0
@@ -95,8 +105,18 @@ class Scenario:
         check(self)
 
     def effect(self, name: str) -> float:
-        """Amount of a hidden effect, 0 where it is absent."""
-        return float(self.effects.get(name, 0.0))
+        """Amount of a hidden effect, 0 where it is absent; or a setting of one, drawn where it is not given."""
+        return amount_of(self.effects, self.seed, name)
+
+    def drawn(self) -> "Scenario":
+        """The same with a number where `passes` or `snr_db` is a range."""
+        if not isinstance(self.passes, tuple) and not isinstance(self.snr_db, tuple):
+            return self
+        rng = effect_rng(self.seed, "passes, snr_db")
+        low, high = np.broadcast_to(self.passes, 2)
+        passes = int(rng.integers(low, high, endpoint=True))
+        snr_db = float(rng.uniform(*np.broadcast_to(self.snr_db, 2)))
+        return dataclasses.replace(self, passes=passes, snr_db=snr_db)
 
 
 BUILT_IN: dict[str, dict[str, Any]] = {
@@ -104,6 +124,12 @@ BUILT_IN: dict[str, dict[str, Any]] = {
     "street-gps": {"gps": True, "frame_rate": 5.0},
     "street-paper": {"effects": {"point_load": 1.0}},
     "street-filtered": {"sampling": "filtered"},
+    "street-blind": {
+        "passes": (8, 10),
+        "snr_db": (15.0, 20.0),
+        "noise": "street",
+        "track_noise": "camera",
+    },
     # The street that `vision.scene.film` films: its lanes, and what its camera sees well.
     "street-filmed": {
         "passes": 8,
@@ -164,7 +190,6 @@ def _tuples(value: Any) -> Any:
 def check(scenario: Scenario) -> None:
     """Raise InputError at the first field that cannot be simulated."""
     for name in (
-        "snr_db",
         "sampling_rate",
         "gauge_length",
         "channel_spacing",
@@ -172,16 +197,22 @@ def check(scenario: Scenario) -> None:
         "shear_modulus",
     ):
         _number(name, getattr(scenario, name))
-    for name in ("frame_rate", "fix_sigma", "anchor_sigma", "x_azimuth"):
+    for name in ("frame_rate", "fix_sigma", "anchor_sigma", "x_azimuth", "track_wander", "track_wander_time"):
         _number(name, getattr(scenario, name))
+    for name in ("signal_noise", "spikes"):
+        _number(name, getattr(scenario, name))
+    for name in ("passes", "snr_db"):
+        value = getattr(scenario, name)
+        (_range if isinstance(value, tuple) else _number)(name, value)
     for name in ("view", "lateral", "depth", "undulation", "depth_undulation", "speeds", "headway"):
         _range(name, getattr(scenario, name))
     for name in ("lanes", "origin"):
         _pair(name, getattr(scenario, name))
-    for name in ("seed", "passes", "channels"):
-        if type(getattr(scenario, name)) is not int:
-            raise InputError(f"{name}: must be a whole number, not {getattr(scenario, name)!r}")
-    for name in ("name", "side", "sampling", "start"):
+    for name in ("seed", "passes", "channels", "bad_channels", "gaps"):
+        value = getattr(scenario, name)
+        if any(type(item) is not int for item in (value if isinstance(value, tuple) else (value,))):
+            raise InputError(f"{name}: must be a whole number, not {value!r}")
+    for name in ("name", "side", "sampling", "start", "noise", "track_noise"):
         if not isinstance(getattr(scenario, name), str):
             raise InputError(f"{name}: must be text, in quotes")
     for name in ("classes", "effects"):
@@ -198,10 +229,16 @@ def _rules(s: Scenario) -> list[tuple[bool, str]]:
     return [
         *((getattr(s, name) > 0, f"{name}: must be above 0") for name in positive),
         (s.seed >= 0, "seed: must be 0 or above"),
-        (s.passes >= 1, "passes: at least 1"),
+        (np.min(s.passes) >= 1, "passes: at least 1"),
         (s.channels >= 2, "channels: at least 2"),
         (isinstance(s.gps, bool), "gps: true or false"),
         (-1 < s.poisson_ratio <= 0.5, "poisson_ratio: between -1 and 0.5"),
+        (s.noise in NOISES, f"noise: one of {', '.join(NOISES)}, not {s.noise!r}"),
+        (s.track_noise in TRACK_NOISES, f"track_noise: one of {', '.join(TRACK_NOISES)}, not {s.track_noise!r}"),
+        (s.signal_noise >= 0 and 0 <= s.spikes <= 1, "signal_noise, spikes: 0 or above; spikes at most 1"),
+        (0 <= s.bad_channels < s.channels, "bad_channels: 0 or more, fewer than the channels"),
+        (0 <= s.gaps <= 20, "gaps: 0 to 20"),
+        (s.track_wander >= 0 and s.track_wander_time > 0, "track_wander: 0 m or above; track_wander_time: above 0 s"),
         (s.fix_sigma >= 0 and s.anchor_sigma >= 0, "fix_sigma, anchor_sigma: 0 or above, meters"),
         (s.view[1] - s.view[0] >= 20, "view: at least 20 m long"),
         (s.speeds[0] > 1 and s.speeds[1] <= 200, "speeds: between 1 and 200 km/h"),
@@ -215,7 +252,7 @@ def _rules(s: Scenario) -> list[tuple[bool, str]]:
         (_is_time(s.start), f"start: ISO 8601 in UTC, such as 2025-08-11T06:00:00, not {s.start!r}"),
         (set(s.classes) <= set(FLEET), f"classes: known are {', '.join(FLEET)}"),
         (all(v >= 0 for v in s.classes.values()) and sum(s.classes.values()) > 0, "classes: shares above 0"),
-        (set(s.effects) <= set(EFFECTS), f"effects: known are {', '.join(EFFECTS)}"),
+        (set(s.effects) <= {*EFFECTS, *SETTINGS}, f"effects: known are {', '.join((*EFFECTS, *SETTINGS))}"),
         (s.effects.get("gauge_length", 0.0) > -0.9, "effects.gauge_length: relative error, above -0.9"),
     ]
 

@@ -3,18 +3,21 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.simulator.elastic import extension, gauge_nodes, gauge_weights
-from solver.simulator.recording import high_pass, low_pass_decimate
+from solver.simulator.cable import arc_of, sense
+from solver.simulator.elastic import extension, gauge_nodes, gauge_weights, tangential_extension
+from solver.simulator.interrogator import IN_TIME, clipped, creep, filtered, rate_of
+from solver.simulator.load import contact
+from solver.simulator.recording import low_pass_decimate
 from solver.simulator.route import Route
 from solver.simulator.scenario import Scenario
+from solver.simulator.surface_wave import surface_wave
 from solver.simulator.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-GRAVITY = 9.81  # m/s^2
 PANEL = 0.5  # m of fiber per four Gauss-Legendre nodes
 REACH = 150.0  # m beyond the view where vehicles appear and vanish; the strain rate there is 1e-4 of its peak
 STENCIL = 0.01  # s; step of the central difference
-FINE_RATE = 100.0  # Hz, about, at which a "filtered" survey computes strain
+FINE_RATE = 100.0  # Hz, about, at which strain is computed where anything happens in time
 BLOCK = 40_000  # times x nodes at once, so that the work stays in the cache
 
 
@@ -24,21 +27,27 @@ def listen(
     distance: Array,
     vehicles: tuple[Vehicle, ...],
     time: Array,
-    rng: np.random.Generator,
+    seen: Array,
 ) -> Array:
-    """Strain rate [time, channel], 1/s, without noise, at `time` [time], s, hidden effects included."""
-    fiber = Fiber(scenario, route, distance)
-    if scenario.sampling == "instant":
+    """Strain rate [time, channel], 1/s, without noise, at `time` [time], s, hidden effects included.
+
+    Parameters
+    ----------
+    scenario, route, vehicles : what is where
+    distance : [channel] m along the light path; middle of each gauge
+    seen : [channel] m; those in view
+    """
+    fiber = Fiber(scenario, route, distance, seen)
+    if scenario.sampling == "instant" and not any(map(scenario.effect, IN_TIME)):
         rate = _instant(fiber, vehicles, time)
-        every = 1
     else:
         every = max(1, round(FINE_RATE / scenario.sampling_rate))
         rate = _stepwise(fiber, vehicles, time, every)
-    if corner := scenario.effect("highpass"):
-        rate = high_pass(rate, corner, every * scenario.sampling_rate)
-    if scenario.sampling == "filtered":
-        rate = low_pass_decimate(rate, every)
-    return rate * coupling(rng, distance, scenario.effect("channel_coupling"))
+        filters = scenario.sampling == "filtered"
+        rate = low_pass_decimate(rate, every) if filters else rate[::every]
+    if scenario.effect("rayleigh_wave"):
+        rate = rate + surface_wave(scenario, route, arc_of(scenario, distance, distance), vehicles, time, rate)
+    return clipped(scenario, rate)
 
 
 def _instant(fiber: "Fiber", vehicles: tuple[Vehicle, ...], time: Array) -> Array:
@@ -54,15 +63,15 @@ def _instant(fiber: "Fiber", vehicles: tuple[Vehicle, ...], time: Array) -> Arra
 
 
 def _stepwise(fiber: "Fiber", vehicles: tuple[Vehicle, ...], time: Array, every: int) -> Array:
-    """Strain `every` times per sample, differenced as an interrogator does; [time * every, channel]."""
+    """Strain `every` times per sample, and what becomes of it in time; rate [time * every, channel]."""
     step = (time[1] - time[0]) / every
-    fine = time[0] + step * np.arange(len(time) * every)
-    rate = np.zeros((len(fine), fiber.channels))
+    edges = time[0] + step * (np.arange(len(time) * every + 1) - 0.5)
+    strain = np.zeros((len(edges), fiber.channels))
     for vehicle in vehicles:
-        rows = _present(fiber, vehicle, fine)
-        edges = np.append(fine[rows], fine[rows][-1] + step) - step / 2
-        rate[rows] += np.diff(fiber.strain(vehicle, edges), axis=0) / step
-    return rate
+        rows = _present(fiber, vehicle, edges)
+        strain[rows] += fiber.strain(vehicle, edges[rows])
+    strain = creep(fiber.scenario, strain, step)
+    return filtered(fiber.scenario, rate_of(fiber.scenario, strain, step), step)
 
 
 def _present(fiber: "Fiber", vehicle: Vehicle, time: Array) -> slice:
@@ -79,19 +88,27 @@ class Fiber:
     ----------
     scenario : ground, gauge length and hidden effects
     route : where it lies
-    distance : [channel] m; middle of each gauge
+    distance : [channel] m along the light path; middle of each gauge
+    seen : [channel] m; those in view, if not all
     """
 
-    def __init__(self, scenario: Scenario, route: Route, distance: Array):
+    def __init__(self, scenario: Scenario, route: Route, distance: Array, seen: Array | None = None):
         gauge = scenario.gauge_length * (1.0 + scenario.effect("gauge_length"))
-        span = (float(distance[0]) - gauge / 2, float(distance[-1]) + gauge / 2, PANEL)
-        nodes = gauge_nodes(*span)
+        spare = 5.0 * (scenario.effect("pulse_width") + scenario.effect("shear_lag"))
+        span = (float(distance[0] - gauge / 2 - spare), float(distance[-1] + gauge / 2 + spare), PANEL)
+        light = gauge_nodes(*span)
+        _, quadrature = np.polynomial.legendre.leggauss(4)
+        measure = np.resize(quadrature, len(light)) * (span[1] - span[0]) / 2 / (len(light) / 4)
+        average = _average(scenario, distance, gauge, span)
+        average = sense(scenario, average, light, measure, distance, distance if seen is None else seen)
+        arc = arc_of(scenario, light, distance)
         self.scenario = scenario
         self.channels = len(distance)
-        self.points = route.position(nodes).T.copy()
-        self.tangents = route.tangent(nodes).T.copy()
+        self.points = route.position(arc).T.copy()
+        self.tangents = route.tangent(arc).T.copy()
+        self.poisson_ratio = _poisson_ratio(scenario, self.points[0])
         softness = _softness(scenario, self.points[0]) / (4 * np.pi * scenario.shear_modulus)
-        self.average = (gauge_weights(distance, gauge, *span) * softness).T.copy()
+        self.average = (average * softness).T.copy()
 
     def strain(self, vehicle: Vehicle, time: Array) -> Array:
         """Strain [time, channel] under a vehicle at `time` [time], s."""
@@ -105,31 +122,51 @@ class Fiber:
 
     def _under(self, vehicle: Vehicle, time: Array) -> Array:
         """Extension [time, node] times 4 pi G, N/m^2."""
-        place, shares = vehicle.wheels(time)
-        if self.scenario.effect("point_load"):
-            place, shares = vehicle.position(time)[:, None, :], np.ones(1)
-        nu = self.scenario.poisson_ratio
+        place, force = contact(self.scenario, vehicle, time)
         x, y, z = self.points
         total = np.zeros((len(time), len(x)))
-        for wheel, share in enumerate(shares):
-            dx, dy = x - place[:, wheel, :1], y - place[:, wheel, 1:]
-            total += share * extension((dx, dy, z), self.tangents, nu)
-        return vehicle.mass * GRAVITY * total
+        for wheel in range(place.shape[1]):
+            offset = (x - place[:, wheel, :1], y - place[:, wheel, 1:], z)
+            total += force[:, wheel, 2:] * extension(offset, self.tangents, self.poisson_ratio)
+            sideways = (force[:, wheel, :1], force[:, wheel, 1:2])
+            if any(part.any() for part in sideways):
+                total += tangential_extension(offset, self.tangents, sideways, self.poisson_ratio)
+        return total
 
 
-def coupling(rng: np.random.Generator, distance: Array, sd: float) -> Array:
-    """Gain [channel] = exp(g), g smooth along the fiber (sines of 20 to 80 m), of standard deviation `sd`.
+def _average(scenario: Scenario, distance: Array, gauge: float, span: tuple[float, float, float]) -> Array:
+    """Weights [channel, node] of the interrogator's average: its gauge, smeared by its pulse."""
+    width = scenario.effect("pulse_width")
+    if not width:
+        return gauge_weights(distance, gauge, *span)
+    if scenario.effect("pulse_width_gaussian"):
+        shift, weight = np.polynomial.hermite_e.hermegauss(9)
+        shift = shift * width / np.sqrt(12)
+    else:
+        shift, weight = np.polynomial.legendre.leggauss(9)
+        shift = shift * width / 2
+    weight = weight / weight.sum()
+    return sum(
+        (w * gauge_weights(distance + s, gauge, *span) for s, w in zip(shift, weight, strict=True)),
+        start=np.zeros(1),
+    )
 
-    >>> import numpy as np
-    >>> coupling(np.random.default_rng(0), np.arange(3.0), 0.0)
-    array([1., 1., 1.])
-    """
-    wavelength, phase = rng.uniform(20, 80, 12), rng.uniform(0, 2 * np.pi, 12)
-    waves = np.sin(2 * np.pi * distance[:, None] / wavelength + phase).sum(1)
-    return np.exp(sd * (waves - waves.mean()) / waves.std())
+
+def _step(scenario: Scenario, name: str, x: Array) -> Array:
+    """-1 before, +1 beyond the place that an effect's settings name; a tanh."""
+    first, last = scenario.view
+    middle = first + scenario.effect(f"{name}_at") * (last - first)
+    return np.tanh((x - middle) / scenario.effect(f"{name}_width"))
 
 
 def _softness(scenario: Scenario, x: Array) -> Array:
-    """G before the step / G here, at x [node], m; the step is in the middle of the view and 2 m wide."""
-    amount, middle = scenario.effect("stiffness_contrast"), sum(scenario.view) / 2
-    return np.exp(-amount * 0.5 * (1 + np.tanh((x - middle) / 2.0)))
+    """G before the step / G here, at x [node], m."""
+    amount = scenario.effect("stiffness_contrast")
+    return np.exp(-amount * 0.5 * (1 + _step(scenario, "stiffness_contrast", x)))
+
+
+def _poisson_ratio(scenario: Scenario, x: Array) -> Array:
+    """[node] at x [node], m."""
+    uniform = scenario.poisson_ratio + scenario.effect("poisson_ratio")
+    ratio = uniform + scenario.effect("poisson_gradient") * _step(scenario, "poisson_gradient", x)
+    return np.clip(ratio, 0.0, 0.5)

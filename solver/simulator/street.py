@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.simulator.cable import bend
+from solver.simulator.effects import effect_rng
 from solver.simulator.route import Route, spline_route, street_route
 from solver.simulator.scenario import Scenario
-from solver.simulator.vehicle import FLEET, Vehicle, draw_vehicle
+from solver.simulator.vehicle import FLEET, GRAVITY, Vehicle, draw_vehicle
 
 Array = NDArray[np.float64]
 MARGIN = 12.0  # s of quiet before the first and after the last vehicle in view
@@ -16,7 +18,7 @@ MARGIN = 12.0  # s of quiet before the first and after the last vehicle in view
 def lay(scenario: Scenario, rng: np.random.Generator) -> tuple[Route, Array]:
     """Lay the fiber; return it and the distance [channel] along it, m, of the middle of each gauge."""
     if scenario.route is not None:
-        route = spline_route(scenario.route)
+        route = bend(scenario, spline_route(scenario.route))
         return route, scenario.channel_spacing * np.arange(
             int(route.length / scenario.channel_spacing) + 1, dtype=np.float64
         )
@@ -32,7 +34,7 @@ def lay(scenario: Scenario, rng: np.random.Generator) -> tuple[Route, Array]:
         undulation=rng.uniform(*scenario.undulation),
         depth_undulation=rng.uniform(*scenario.depth_undulation),
     )
-    return route, scenario.channel_spacing * np.arange(scenario.channels, dtype=np.float64)
+    return bend(scenario, route), scenario.channel_spacing * np.arange(scenario.channels, dtype=np.float64)
 
 
 def drive(scenario: Scenario, rng: np.random.Generator) -> tuple[Vehicle, ...]:
@@ -58,7 +60,39 @@ def drive(scenario: Scenario, rng: np.random.Generator) -> tuple[Vehicle, ...]:
                 speed=speed,
             )
         )
-    return tuple(vehicles)
+    return tuple(_driven(scenario, vehicle, number) for number, vehicle in enumerate(vehicles))
+
+
+def _driven(scenario: Scenario, vehicle: Vehicle, number: int) -> Vehicle:
+    """Put the hidden effects that belong to a vehicle and its driver."""
+    vehicle = replace(vehicle, front_share=vehicle.front_share + scenario.effect("front_share"))
+    if (length := scenario.effect("long_vehicle")) and number % 3 == 0:
+        count = max(2, round(scenario.effect("long_vehicle_axles")))
+        axles = tuple((ahead, 1 / count) for ahead in np.linspace(length / 2, -length / 2, count).tolist())
+        vehicle = replace(
+            vehicle,
+            vehicle_class="truck",
+            mass=FLEET["truck"].mass[0] * count / 2,
+            wheelbase=length,
+            track=FLEET["truck"].track,
+            length=round(length + 2.0, 1),
+            width=FLEET["truck"].width,
+            axles=axles,
+        )
+    return replace(vehicle, brakes=_brakes(scenario, vehicle, number)) if scenario.effect("braking") else vehicle
+
+
+def _brakes(scenario: Scenario, vehicle: Vehicle, number: int) -> tuple[tuple[float, float, float], ...]:
+    """When a vehicle brakes: the share that does is spread over the traffic; nobody loses over 60 % of the speed."""
+    share = scenario.effect("braking_share")
+    start = effect_rng(scenario.seed, "braking").random()
+    if int((number + 1) * share + start) == int(number * share + start):
+        return ()
+    first, last = scenario.view[:: vehicle.direction]
+    begin = vehicle.time_when_at(first + scenario.effect("braking_at") * (last - first))
+    most = scenario.effect("braking") * GRAVITY
+    duration = min(scenario.effect("braking_time"), 1.2 * vehicle.speed / most)
+    return ((begin, duration, most),)
 
 
 def unseen(scenario: Scenario, vehicles: tuple[Vehicle, ...], rng: np.random.Generator) -> Vehicle:

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.simulator.cable import arc_of
+from solver.simulator.noise import color, damage, noise
 from solver.simulator.observe import active_channels, dig, in_view, sample_times, watch
-from solver.simulator.recording import noise
+from solver.simulator.processing import processed
 from solver.simulator.scenario import Scenario
 from solver.simulator.strain import listen
 from solver.simulator.street import drive, lay, unseen
@@ -25,12 +27,12 @@ class Survey:
 
     Attributes
     ----------
-    scenario : what was asked for
+    scenario : what was asked for, with what was drawn of its ranges
     start : UTC, of the first sample
     time : [time] s since `start`
-    strain_rate : [time, channel] 1/s, as recorded
-    signal : [time, channel] 1/s, before noise
-    distance : [channel] m along the fiber
+    strain_rate : [time, channel] 1/s, as recorded; NaN in a gap
+    signal : [time, channel] 1/s, before noise and processing
+    distance : [channel] m along the fiber, as the file has it
     route : [channel, 3] m; the middle of each channel's gauge
     vehicles : all that drove by; the last of them unseen where the scenario says so
     trajectories : table as in the contract (GPS: latitude, longitude, sigma)
@@ -58,7 +60,8 @@ def simulate(scenario: Scenario) -> Survey:
 
     Every wheel is a point load on a homogeneous elastic half-space. The strain of a channel is the mean over
     its gauge of the extension t . (grad u) . t along the curved fiber, by Gauss-Legendre quadrature;
-    the strain rate is its central difference in time.
+    the strain rate is its central difference in time. Hidden effects change this chain, see `EFFECTS`; those that act
+    in time are stepped at 100 Hz.
 
     Raises
     ------
@@ -71,19 +74,22 @@ def simulate(scenario: Scenario) -> Survey:
     """
     # One stream per purpose: asking for more passes or another SNR leaves the route as it was.
     streams = np.random.SeedSequence(scenario.seed).spawn(5)
+    scenario = scenario.drawn()
     ways, traffic, fixes, dust, extra = (np.random.default_rng(stream) for stream in streams)
     route, distance = lay(scenario, ways)
-    points = route.position(distance)
+    points = route.position(arc_of(scenario, distance, distance))
     active = active_channels(points, scenario.view)
     vehicles = drive(scenario, traffic)
     time = sample_times(scenario, vehicles)
     seen = len(vehicles)
     if scenario.effect("unseen_vehicle"):
         vehicles = (*vehicles, unseen(scenario, vehicles, extra))
-    signal = listen(scenario, route, distance, vehicles, time, extra)
+    signal = listen(scenario, route, distance, vehicles, time, distance[active[0] : active[1] + 1])
     power = np.mean(signal[in_view(scenario, vehicles[:seen], time), active[0] : active[1] + 1] ** 2)
-    noise_sd = float(np.sqrt(power / 10 ** (scenario.snr_db / 10)))
-    recorded = signal + noise_sd * noise(dust, (len(time), len(distance)))
+    noise_sd = float(np.sqrt(power / 10 ** (np.asarray(scenario.snr_db) / 10)))
+    recorded = signal + noise_sd * noise(dust, signal.shape, color(scenario))
+    recorded += scenario.signal_noise * signal * dust.normal(size=signal.shape)
+    recorded = damage(scenario, processed(scenario, recorded, noise_sd), noise_sd)
     return Survey(
         scenario,
         np.datetime64(scenario.start, "ns"),

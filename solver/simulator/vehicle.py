@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+GRAVITY = 9.81  # m/s^2
 
 
 class Make(NamedTuple):
@@ -46,6 +47,8 @@ class Vehicle:
     speed : m/s, mean
     surge : [k, 3]; amplitude m, angular frequency 1/s, phase of the sines that its progress departs by
     weave : [k, 3]; amplitude m, wavenumber 1/m, phase of its lateral wander
+    brakes : [k, 3]; when it begins to brake, s, for how long, s, and the largest deceleration, m/s^2
+    axles : [k, 2]; m ahead of the middle of the wheelbase, share of the load; () for the two of the class
 
     >>> steady = ((0.0, 1.0, 0.0),)
     >>> car = Vehicle("1", "car", 1400, 2.65, 1.55, 0.56, 4.5, 1.8, 1, 0.0, 10.0, 50.0, 15.0, steady, steady)
@@ -69,45 +72,87 @@ class Vehicle:
     speed: float
     surge: tuple[tuple[float, float, float], ...]
     weave: tuple[tuple[float, float, float], ...]
+    brakes: tuple[tuple[float, float, float], ...] = ()
+    axles: tuple[tuple[float, float], ...] = ()
 
     def position(self, time: ArrayLike) -> Array:
         """Ground point under the middle of the wheelbase, [n, 2] m, at `time` [n], s."""
         since = np.asarray(time, float) - self.time_at
         amplitude, omega, phase = np.array(self.surge).T[:, :, None]
         surge = (amplitude * (np.sin(omega * since + phase) - np.sin(phase))).sum(0)
-        x = self.x_at + self.direction * (self.speed * since + surge)
+        x = self.x_at + self.direction * (self.speed * since + surge - self._braked(time)[2])
         return np.stack([x, self.lane + self._wander(x)], axis=-1)
 
     def velocity(self, time: ArrayLike) -> Array:
         """[n, 2] m/s at `time` [n], s."""
         since = np.asarray(time, float) - self.time_at
         amplitude, omega, phase = np.array(self.surge).T[:, :, None]
-        forward = self.speed + (amplitude * omega * np.cos(omega * since + phase)).sum(0)
+        forward = self.speed + (amplitude * omega * np.cos(omega * since + phase)).sum(0) - self._braked(time)[1]
         x = self.position(time)[:, 0]
         amplitude, k, phase = np.array(self.weave).T[:, :, None]
         slope = (amplitude * k * np.cos(k * x + phase)).sum(0)
         return self.direction * forward[:, None] * np.stack([np.ones_like(slope), slope], axis=-1)
 
+    def deceleration(self, time: ArrayLike) -> Array:
+        """By its brakes, [n] m/s^2, at `time` [n], s."""
+        return self._braked(time)[0]
+
+    def _braked(self, time: ArrayLike) -> tuple[Array, Array, Array]:
+        """Deceleration, lost speed and lost way [n] by brakes that come and go as sin^2."""
+        time = np.asarray(time, float)
+        sums = np.zeros((3, *time.shape))
+        for begin, duration, most in self.brakes:
+            since = np.clip(time - begin, 0.0, duration)
+            turn = 2 * np.pi / duration
+            lost = most / 2 * (since - np.sin(turn * since) / turn)
+            way = most / 2 * (since**2 / 2 + (np.cos(turn * since) - 1) / turn**2)
+            after = np.maximum(time - begin - duration, 0.0)
+            sums += np.stack([most * np.sin(turn * since / 2) ** 2, lost, way + most * duration / 2 * after])
+        return sums[0], sums[1], sums[2]
+
     def _wander(self, x: Array) -> Array:
         amplitude, k, phase = np.array(self.weave).T[:, :, None]
         return (amplitude * np.sin(k * x + phase)).sum(0)
 
-    def wheels(self, time: ArrayLike) -> tuple[Array, Array]:
-        """Contact points [n, wheel, 2] m at `time` [n], s, and each one's share of the load [wheel]."""
+    def axes(self, time: ArrayLike) -> tuple[Array, Array]:
+        """Unit vectors [n, 2] ahead and to the right, at `time` [n], s."""
         velocity = self.velocity(time)
         ahead = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
-        right = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-        forward = np.array([0.5, 0.5, -0.5, -0.5])[:, None] * self.wheelbase
-        lateral = np.array([-0.5, 0.5, -0.5, 0.5])[:, None] * self.track
-        rear = 1.0 - self.front_share
-        shares = np.array([self.front_share, self.front_share, rear, rear]) / 2
+        return ahead, np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+
+    @property
+    def wheels_ahead(self) -> Array:
+        """How far [wheel] each stands ahead of the middle of the wheelbase, m."""
+        return np.repeat([ahead for ahead, _ in self._axles()], 2)
+
+    def _axles(self) -> tuple[tuple[float, float], ...]:
+        half = self.wheelbase / 2
+        return self.axles or ((half, self.front_share), (-half, 1.0 - self.front_share))
+
+    def wheels(self, time: ArrayLike) -> tuple[Array, Array]:
+        """Contact points [n, wheel, 2] m at `time` [n], s, and each one's share of the load [wheel]."""
+        ahead, right = self.axes(time)
+        forward = self.wheels_ahead[:, None]
+        lateral = np.resize([-0.5, 0.5], len(forward))[:, None] * self.track
+        shares = np.repeat([share for _, share in self._axles()], 2) / 2
         place = self.position(time)[:, None, :] + forward * ahead[:, None, :] + lateral * right[:, None, :]
         return place, shares
+
+    def time_when_at(self, x: float) -> float:
+        """When the middle of the wheelbase passes `x`, m; s."""
+        reach = (abs(x - self.x_at) + 20.0) / self.speed
+        time = self.time_at + np.linspace(-self._slack * reach, self._slack * reach, 4001)
+        return float(np.interp(self.direction * x, self.direction * self.position(time)[:, 0], time))
+
+    @property
+    def _slack(self) -> float:
+        """How much longer than at mean speed a way may take."""
+        return 3.5 if self.brakes else 1.2
 
     def times_within(self, first: float, last: float, step: float) -> tuple[float, float]:
         """When it enters and leaves the stretch of x from `first` to `last`, m; s, to `step`."""
         reach = (max(abs(first - self.x_at), abs(last - self.x_at)) + 20.0) / self.speed
-        time = self.time_at + np.arange(-1.2 * reach, 1.2 * reach, step)
+        time = self.time_at + np.arange(-self._slack * reach, self._slack * reach, step)
         x = self.position(time)[:, 0]
         inside = time[(x >= first) & (x <= last)]
         return float(inside[0]), float(inside[-1])

@@ -75,6 +75,16 @@ def test_a_route_is_compared_over_the_channels_in_view(tmp_path, written):
     assert error.channels == survey.active[1] - survey.active[0] - 1
 
 
+def test_a_gap_reads_back_as_one(tmp_path):
+    survey = simulate(Scenario(seed=8, passes=1, gaps=2))
+    site = read_site(write_survey(survey, tmp_path / "survey"))
+    record = read_das(site.das.files, gauge_length=10.0, channel_spacing=1.021, quantity="strain_rate")
+    lost = np.isnan(survey.strain_rate)
+    assert lost.any() and not lost.all()
+    assert 1 <= len(record.gaps) <= 2
+    np.testing.assert_array_equal(np.isnan(record.strain_rate), lost)
+
+
 def test_an_earlier_survey_is_replaced_and_nothing_else(tmp_path):
     survey = simulate(Scenario(seed=8, passes=1))
     folder = tmp_path / "survey"
@@ -114,6 +124,6 @@ def test_a_bad_scenario_is_one_line_and_exit_2(tmp_path):
     assert done.returncode == 2 and done.stdout == ""
     assert done.stderr.splitlines() == [
         "roadfiber: strete: neither a file nor a built-in scenario (street, street-gps, street-paper, street-filtered, "
-        "street-filmed)"
+        "street-blind, street-filmed)"
     ]
     assert not out.exists()
