@@ -19,32 +19,41 @@ def write_graph(
     metadata: dict[str, str] | None = None,
     element=TensorProto.FLOAT,
     dynamic: bool = False,
+    channels_last: bool = False,
+    batch: int = 1,
+    half: bool = False,
 ) -> Path:
-    """`size` is (width, height); what a gain multiplies is the mean of that channel of the input `image`."""
-    shape = ["n", 3, "h", "w"] if dynamic else [1, 3, size[1], size[0]]
-    inputs = [helper.make_tensor_value_info(image, element, shape), *extra_inputs]
+    """`size` is (width, height); what a gain multiplies is the mean of that channel of the input `image`.
+
+    `half` makes the outputs half precision.
+    """
+    sides = ["h", "w"] if dynamic else [size[1], size[0]]
+    shape = [*sides, 3] if channels_last else [3, *sides]
+    inputs = [helper.make_tensor_value_info(image, element, ["n" if dynamic else batch, *shape]), *extra_inputs]
     constants = {
         "channel": np.array([channel]),
         "axes": np.array([0, 1, 2, 3]),
         "one": np.array([], np.int64),
     }
     nodes = [
-        helper.make_node("Gather", [image, "channel"], ["picked"], axis=1),
+        helper.make_node("Gather", [image, "channel"], ["picked"], axis=3 if channels_last else 1),
         helper.make_node("Cast", ["picked"], ["floats"], to=TensorProto.FLOAT),
         helper.make_node("ReduceMean", ["floats", "axes"], ["mean_"], keepdims=0),
         helper.make_node("Reshape", ["mean_", "one"], ["mean"]),
     ]
     infos = []
     for name, values in outputs.items():
-        integer = values.dtype == np.int64
+        kind = {np.dtype(np.int64): TensorProto.INT64}.get(values.dtype, TensorProto.FLOAT)
+        last = TensorProto.FLOAT16 if half and kind == TensorProto.FLOAT else kind
         constants[f"{name}_base"] = values
         constants[f"{name}_gain"] = (gains or {}).get(name, np.zeros_like(values)).astype(np.float32)
         nodes += [
             helper.make_node("Mul", ["mean", f"{name}_gain"], [f"{name}_add"]),
-            helper.make_node("Cast", [f"{name}_add"], [f"{name}_cast"], to=TensorProto.INT64 if integer else 1),
-            helper.make_node("Add", [f"{name}_base", f"{name}_cast"], [name]),
+            helper.make_node("Cast", [f"{name}_add"], [f"{name}_cast"], to=kind),
+            helper.make_node("Add", [f"{name}_base", f"{name}_cast"], [f"{name}_sum"]),
+            helper.make_node("Cast", [f"{name}_sum"], [name], to=last),
         ]
-        infos.append(helper.make_tensor_value_info(name, TensorProto.INT64 if integer else 1, values.shape))
+        infos.append(helper.make_tensor_value_info(name, last, values.shape))
     initializers = [numpy_helper.from_array(value, name) for name, value in constants.items()]
     graph = helper.make_graph(nodes, "detector", inputs, infos, initializers)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
@@ -59,8 +68,21 @@ def yolov8(count_of_classes=80, size=(416, 416)):
     return np.zeros((1, 4 + count_of_classes, anchors(size)), np.float32)
 
 
-def anchors(size):
-    return sum((size[0] // s) * (size[1] // s) for s in (8, 16, 32))
+def anchors(size, strides=(8, 16, 32)):
+    return sum(-(-size[0] // s) * -(-size[1] // s) for s in strides)
+
+
+def center_size(box):
+    """Left, top, right, bottom -> center x, center y, width, height."""
+    return [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2, box[2] - box[0], box[3] - box[1]]
+
+
+def bins(distance: float, count: int = 8) -> np.ndarray:
+    """Logits [count] of two neighboring bins whose softmax has this mean."""
+    logits = np.full(count, -50.0)
+    low = int(distance)
+    logits[low : low + 2] = np.log([1 - (distance - low) + 1e-12, distance - low + 1e-12])
+    return logits
 
 
 def write_bright_spot_detector(path: Path, size=(640, 360), level=0.5) -> Path:

@@ -1,113 +1,22 @@
+"""Every layout on a synthetic graph with a known answer, what networks are shown, names, and real models."""
+
 import json
 
 import numpy as np
 import pytest
-from onnx import TensorProto, helper
+from onnx import TensorProto
 
-from tests.vision.graphs import anchors, write_graph, yolov8
+from tests.vision import layout_graphs as graphs
+from tests.vision.graphs import anchors, center_size, write_graph, yolov8
+from tests.vision.layout_graphs import BOX, BUS, CENTERED, GRAPHS, IMAGE, PERSON
 from tests.vision.videos import write_video
 from vision.contract.errors import InputError
 from vision.detectors import LAYOUTS, load_detector
-from vision.detectors.names import COCO
+from vision.detectors.layout import Graph
+from vision.detectors.names import COCO, COCO_IDS
 from vision.video import open_video
 
-CAR, BUS, PERSON = COCO.index("car"), COCO.index("bus"), COCO.index("person")
-IMAGE = np.full((312, 624, 3), 90, np.uint8)  # 2/3 fits it into 416 x 208; centered, 104 px from the top
-BOX = np.array([150.0, 60, 270, 150])
-CENTERED = BOX * 2 / 3 + np.array([0, 104, 0, 104])
-CORNERED = BOX * 2 / 3
-
-
-def center_size(box):
-    return [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2, box[2] - box[0], box[3] - box[1]]
-
-
-def yolov8_graph(path):
-    answer = yolov8()
-    answer[0, :4, 7], answer[0, 4 + BUS, 7] = center_size(CENTERED), 0.8
-    answer[0, :4, 9], answer[0, 4 + PERSON, 9] = center_size(CENTERED + 150), 0.9
-    return write_graph(path, {"output0": answer})
-
-
-def yolov10_graph(path):
-    answer = np.zeros((1, 300, 6), np.float32)
-    answer[0, 0] = [*CENTERED, 0.8, BUS]
-    answer[0, 1] = [*(CENTERED + 150), 0.9, PERSON]
-    return write_graph(path, {"output0": answer})
-
-
-def yolox_answer():
-    answer = np.zeros((1, anchors((416, 416)), 85), np.float32)
-    grid, stride, column, row = 416 // 16, 16, 9, 4
-    cell = (416 // 8) ** 2 + row * grid + column
-    cx, cy, w, h = center_size(CORNERED)
-    answer[0, cell, :5] = [cx / stride - column, cy / stride - row, np.log(w / stride), np.log(h / stride), 1.0]
-    answer[0, cell, 5 + BUS] = 0.8
-    return answer
-
-
-def yolox_graph(path):
-    return write_graph(path, {"output": yolox_answer()})
-
-
-def yolox_decoded_graph(path):
-    answer = np.zeros((1, anchors((416, 416)), 85), np.float32)
-    answer[0, 5, :5], answer[0, 5, 5 + BUS] = [*center_size(CORNERED), 1.0], 0.8
-    return write_graph(path, {"output": answer})
-
-
-def nanodet_graph(path):
-    outputs = {}
-    for stride in (8, 16, 32):
-        outputs[f"class_{stride}"] = np.zeros((1, (416 // stride) ** 2, 80), np.float32)
-    for stride in (8, 16, 32):
-        outputs[f"distance_{stride}"] = np.zeros((1, (416 // stride) ** 2, 32), np.float32)
-    column, row = 4, 5
-    cell = row * 13 + column
-    outputs["class_32"][0, cell, BUS] = 0.8
-    center = (np.array([column, row]) + 0.5) * 32
-    edges = np.concatenate([center - CENTERED[:2], CENTERED[2:] - center]) / 32
-    for edge, distance in enumerate(edges):  # two neighboring bins whose softmax has this mean
-        low = int(distance)
-        outputs["distance_32"][0, cell, edge * 8 : edge * 8 + 8] = -50
-        outputs["distance_32"][0, cell, edge * 8 + low] = np.log(1 - (distance - low) + 1e-12)
-        outputs["distance_32"][0, cell, edge * 8 + low + 1] = np.log(distance - low + 1e-12)
-    return write_graph(path, outputs)
-
-
-def deim_graph(path):
-    stretched = BOX * np.array([416 / 624, 416 / 312] * 2)
-    sizes = helper.make_tensor_value_info("orig_target_sizes", TensorProto.INT64, ["n", 2])
-    outputs = {
-        "labels": np.array([[BUS, PERSON]]),
-        "boxes": np.array([[stretched, stretched + 150]], np.float32),
-        "scores": np.array([[0.8, 0.9]], np.float32),
-    }
-    return write_graph(path, outputs, extra_inputs=(sizes,))
-
-
-def street_graph(path, **more):
-    answer = np.zeros((1, 100, 6), np.float32)
-    answer[0, 0] = [*CENTERED, 0.8, 1]
-    background = helper.make_tensor_value_info("background", TensorProto.FLOAT, [1, 3, 416, 416])
-    metadata = {"layout": "roadfiber-street", "names": "{0: 'car', 1: 'bus'}", "threshold": "0.35"}
-    return write_graph(
-        path, {"detections": answer}, image="frame", extra_inputs=(background,), metadata=metadata, **more
-    )
-
-
-GRAPHS = {
-    "yolov8": yolov8_graph,
-    "yolov10": yolov10_graph,
-    "yolox": yolox_graph,
-    "nanodet": nanodet_graph,
-    "deim": deim_graph,
-    "roadfiber-street": street_graph,
-}
-
-
-def test_every_layout_is_tested():
-    assert set(GRAPHS) == {layout.name for layout in LAYOUTS}
+CAR = COCO.index("car")
 
 
 @pytest.fixture(scope="module")
@@ -116,23 +25,127 @@ def clip(tmp_path_factory):
     return open_video(write_video(path, [IMAGE] * 3))
 
 
+def assert_finds_the_bus(detector, atol=0.02):
+    found = detector.detect(IMAGE)
+    assert found.label.tolist() == ["bus"], "the person is no vehicle"
+    np.testing.assert_allclose(found.box, [BOX], atol=atol)
+    np.testing.assert_allclose(found.score, [0.8], atol=1e-6 if atol < 0.1 else 1e-3)
+
+
+def test_every_layout_is_tested():
+    assert {layout.name for layout in LAYOUTS} - set(GRAPHS) == {"deim-imagenet"}, "which nothing shows"
+
+
 @pytest.mark.parametrize("layout", GRAPHS)
 def test_layout_is_recognized_and_read(layout, tmp_path, clip):
     detector = load_detector(GRAPHS[layout](tmp_path / "m.onnx")).prepare(clip)
     assert detector.layout.name == layout
-    found = detector.detect(IMAGE)
-    assert found.label.tolist() == ["bus"], "the person is no vehicle"
-    np.testing.assert_allclose(found.box, [BOX], atol=0.02)
-    np.testing.assert_allclose(found.score, [0.8], atol=1e-6)
+    assert_finds_the_bus(detector)
 
 
-def test_decoded_yolox(tmp_path):
-    found = load_detector(yolox_decoded_graph(tmp_path / "m.onnx")).detect(IMAGE)
-    np.testing.assert_allclose(found.box, [BOX], atol=0.02)
+@pytest.mark.parametrize("layout", GRAPHS)
+def test_no_graph_fits_two_layouts(layout, tmp_path):
+    detector = load_detector(GRAPHS[layout](tmp_path / "m.onnx"))
+    session = detector.session
+    feeds = {
+        entry.name: np.ones([side if isinstance(side, int) else 1 for side in entry.shape], dtype)
+        for entry in session.get_inputs()
+        for dtype in [{"tensor(float)": np.float32, "tensor(uint8)": np.uint8}.get(entry.type, np.int64)]
+    }
+    names = tuple(entry.name.split(":")[0] for entry in session.get_outputs())
+    inputs = tuple(entry.name for entry in session.get_inputs())
+    graph = Graph(inputs, names, tuple(session.run(None, feeds)), detector.size)
+    assert [known.name for known in LAYOUTS if known.matches(graph)] == [layout]
 
 
+@pytest.mark.parametrize("layout", sorted(set(GRAPHS) - {"roadfiber-street"}))
+def test_half_precision(layout, tmp_path, clip):
+    more = {} if layout == "ssd" else {"element": TensorProto.FLOAT16}
+    detector = load_detector(GRAPHS[layout](tmp_path / "m.onnx", half=True, **more)).prepare(clip)
+    assert detector.layout.name == layout
+    assert_finds_the_bus(detector, atol=0.5)
+
+
+def test_class_scores_and_distances_in_either_order(tmp_path):
+    assert_finds_the_bus(load_detector(graphs.nanodet_swapped(tmp_path / "m.onnx")))
+
+
+def test_nanodet_plus_of_three_strides_is_no_yolox(tmp_path):
+    detector = load_detector(graphs.nanodet_plus(tmp_path / "m.onnx", strides=(8, 16, 32)))
+    assert detector.layout.name == "nanodet-plus", "same shape as a YOLOX of 107 classes; only logits are negative"
+    assert_finds_the_bus(detector)
+
+
+def test_batch_axis_may_be_missing(tmp_path):
+    outputs = {name: values[0] for name, values in graphs.deim_answer().items()}
+    sizes = graphs.side_input("orig_target_sizes", TensorProto.INT64)
+    assert_finds_the_bus(load_detector(write_graph(tmp_path / "m.onnx", outputs, extra_inputs=(sizes,))))
+
+
+def test_outputs_in_another_order(tmp_path):
+    outputs = dict(reversed(graphs.deim_answer().items()))
+    sizes = graphs.side_input("orig_target_sizes", TensorProto.INT64)
+    assert_finds_the_bus(load_detector(write_graph(tmp_path / "m.onnx", outputs, extra_inputs=(sizes,))))
+
+
+def test_undecoded_heads_beside_the_table(tmp_path):
+    answer = np.zeros((1, 3 * anchors((416, 416)), 85), np.float32)
+    answer[0, 7, :5], answer[0, 7, 5 + BUS] = [*center_size(CENTERED), 1.0], 0.8
+    outputs = {"output": answer, "350": np.zeros((1, 3, 52, 52, 85), np.float32)}
+    assert_finds_the_bus(load_detector(write_graph(tmp_path / "m.onnx", outputs)))
+
+
+def test_metadata_tells_shares_from_px(tmp_path):
+    """A frame without vehicles, boxes of no size: only the exporter's word is left."""
+    blank = np.zeros((1, 300, 6), np.float32)
+    said = write_graph(tmp_path / "said.onnx", {"o": blank}, metadata={"head": "RTDETRDecoder"})
+    assert load_detector(said).layout.name == "rtdetr-rows"
+    assert load_detector(write_graph(tmp_path / "m.onnx", {"o": blank})).layout.name == "yolov10"
+
+
+def test_answer_of_no_rows(tmp_path):
+    path = write_graph(tmp_path / "m.onnx", {"o": np.zeros((1, 0, 6), np.float32)})
+    assert len(load_detector(path).detect(IMAGE)) == 0
+
+
+def test_two_classes_of_an_old_rtdetr_are_no_rows(tmp_path):
+    answer = np.full((1, 300, 6), 0.01, np.float32)
+    answer[0, 0] = [*center_size(graphs.STRETCHED / graphs.SIDE), 0.05, 0.8]
+    detector = load_detector(write_graph(tmp_path / "m.onnx", {"o": answer}), names=["person", "bus"])
+    assert detector.layout.name == "rtdetr"
+    assert_finds_the_bus(detector)
+
+
+COLORS = {  # what a graph of the layout sees of a red image, by channel of the input
+    "yolov5": (200 / 255, 0, 0),
+    "yolov8": (200 / 255, 0, 0),
+    "yolov10": (200 / 255, 0, 0),
+    "yolox": (0, 0, 200),
+    "yolox-decoded": (0, 0, 200),
+    "rtdetr": (200 / 255, 0, 0),
+    "rtdetr-rows": (200 / 255, 0, 0),
+    "deim": (200 / 255, 0, 0),
+    "rf-detr": ((200 - 123.675) / 58.395, -116.28 / 57.12, -103.53 / 57.375),
+    "detr-logits": (200 / 255, 0, 0),
+    "nanodet": (-103.53 / 57.375, -116.28 / 57.12, (200 - 123.675) / 58.395),
+    "nanodet-plus": (-103.53 / 57.375, -116.28 / 57.12, (200 - 123.675) / 58.395),
+    "picodet": ((200 - 123.675) / 58.395, -116.28 / 57.12, -103.53 / 57.375),
+    "picodet-nms": ((200 - 123.675) / 58.395, -116.28 / 57.12, -103.53 / 57.375),
+    "ssd": (200, 0, 0),
+    "roadfiber-street": (200 / 255, 0, 0),
+}
 RED = np.zeros((416, 416, 3), np.uint8)
 RED[:, :, 2] = 200
+
+
+@pytest.mark.parametrize("layout", GRAPHS)
+def test_what_the_network_is_shown(layout, tmp_path, clip):
+    detector = load_detector(GRAPHS[layout](tmp_path / "m.onnx")).prepare(clip)
+    tensor = detector.image.tensors([RED] * len(detector.image.names), detector.layout.normalization)
+    shown = tensor[detector.image.names[0]]
+    assert shown.shape == ((1, 416, 416, 3) if layout == "ssd" else (1, 3, 416, 416))
+    mean = shown.mean(axis=(0, 1, 2) if layout == "ssd" else (0, 2, 3), dtype=float)
+    np.testing.assert_allclose(mean, COLORS[layout], rtol=1e-4, atol=1e-6)
 
 
 def test_yolov8_sees_rgb_from_0_to_1(tmp_path):
@@ -143,7 +156,7 @@ def test_yolov8_sees_rgb_from_0_to_1(tmp_path):
 
 
 def test_yolox_sees_bgr_from_0_to_255(tmp_path):
-    answer = yolox_answer()
+    answer = graphs.yolox_answer()
     answer[0, :, 5:] = 0
     gain = np.zeros_like(answer)
     gain[0, np.flatnonzero(answer[0, :, 4])[0], 5 + CAR] = 0.004
@@ -151,27 +164,31 @@ def test_yolox_sees_bgr_from_0_to_255(tmp_path):
     np.testing.assert_allclose(load_detector(path).detect(RED).score, [0.8], rtol=1e-5)
 
 
-def test_half_precision_input(tmp_path):
-    answer = yolov8()
-    answer[0, :4, 7], answer[0, 4 + CAR, 7] = center_size(CENTERED), 0.8
-    path = write_graph(tmp_path / "m.onnx", {"o": answer}, element=TensorProto.FLOAT16)
-    assert len(load_detector(path).detect(IMAGE)) == 1
-
-
-def test_dynamic_size_comes_from_the_metadata(tmp_path):
-    answer = yolov8(size=(640, 384))
-    path = write_graph(tmp_path / "m.onnx", {"o": answer}, dynamic=True, metadata={"imgsz": "[384, 640]"})
-    assert load_detector(path).size == (640, 384)
-
-
 def test_names_of_the_model(tmp_path):
     answer = yolov8(3)
     answer[0, :4, 7], answer[0, 6, 7] = center_size(CENTERED), 0.8
     path = write_graph(tmp_path / "m.onnx", {"o": answer}, metadata={"names": "{2: 'Motorbike', 0: 'cat', 1: 'dog'}"})
     assert load_detector(path).detect(IMAGE).label.tolist() == ["motorcycle"]
+    assert load_detector(path, classes=["motor-bike"]).detect(IMAGE).label.tolist() == ["motorcycle"]
     plain = write_graph(tmp_path / "p.onnx", {"o": answer})
     assert load_detector(plain, names=["cat", "dog", "lorry"]).detect(IMAGE).label.tolist() == ["truck"]
     assert len(load_detector(plain, names=["car", "dog", "lorry"], classes=["car"]).detect(IMAGE)) == 0
+
+
+def test_coco_ids():
+    assert len(COCO_IDS) == 91 and [COCO_IDS[k] for k in (1, 3, 4, 6, 8, 44, 90)] == [
+        *("person", "car", "motorcycle", "bus", "truck", "bottle", "toothbrush")
+    ]
+    assert [name for name in COCO_IDS if name != "unused"] == list(COCO)
+
+
+def test_names_of_an_own_rf_detr(tmp_path):
+    """Three classes and the column of no class: the logits are as wide as the boxes."""
+    outputs = {"dets": graphs.share_boxes(), "labels": graphs.logits(4, [(1, 0.8), (0, 0.9)])}
+    path = write_graph(tmp_path / "m.onnx", outputs)
+    with pytest.raises(InputError, match="3 classes and no names"):
+        load_detector(path)
+    assert_finds_the_bus(load_detector(path, names=["person", "bus", "car"]))
 
 
 def test_overlapping_classes_are_one_vehicle(tmp_path):
@@ -191,30 +208,30 @@ def test_a_car_as_large_as_the_image_is_none(tmp_path):
 def test_background_is_the_median_of_the_video(tmp_path):
     images = [np.full((416, 416, 3), value, np.uint8) for value in (40, 40, 200, 40, 40)]
     video = open_video(write_video(tmp_path / "v.mp4", images))
-    detector = load_detector(street_graph(tmp_path / "m.onnx")).prepare(video)
+    detector = load_detector(graphs.street(tmp_path / "m.onnx")).prepare(video)
     assert detector.background.shape == (416, 416, 3) and abs(detector.background.mean() - 40) < 3
     assert detector.threshold == 0.35
 
 
 def test_forced_layout(tmp_path):
-    path = yolov10_graph(tmp_path / "m.onnx")
+    path = graphs.yolov10(tmp_path / "m.onnx")
     assert load_detector(path, layout="yolov10").layout.name == "yolov10"
     with pytest.raises(InputError, match="cannot be read as deim"):
         load_detector(path, layout="deim")
+    with pytest.raises(InputError, match="cannot be read as yolov8"):
+        load_detector(graphs.deim(tmp_path / "d.onnx"), layout="yolov8", names=["car", "bus"])
     with pytest.raises(InputError, match=r"layout 'yolo99' is unknown; known are .*yolox"):
         load_detector(path, layout="yolo99")
+    dinov3 = load_detector(graphs.deim(tmp_path / "d.onnx"), layout="deim-imagenet")
+    assert dinov3.layout.normalization.mean == (123.675, 116.28, 103.53)
 
 
-def test_files_that_are_no_detector(tmp_path):
-    with pytest.raises(InputError, match=r"no such file.*street"):
-        load_detector(tmp_path / "none.onnx")
-    (tmp_path / "junk.onnx").write_bytes(b"junk")
-    with pytest.raises(InputError, match="not an ONNX model"):
-        load_detector(tmp_path / "junk.onnx")
-    classifier = write_graph(tmp_path / "c.onnx", {"logits": np.zeros((1, 1000), np.float32)})
-    with pytest.raises(InputError, match=r"logits \[1, 1000\].*recognized are .*yolov8") as error:
-        load_detector(classifier)
-    assert "\n" not in str(error.value)
+def test_the_model_decides_what_it_is_but_not_against_the_user(tmp_path):
+    path = graphs.rtdetr_rows(tmp_path / "m.onnx", metadata={"layout": "yolov10"})
+    assert load_detector(path).layout.name == "yolov10"
+    assert load_detector(path, layout="rtdetr-rows").layout.name == "rtdetr-rows"
+    axes = graphs.rtdetr_rows(tmp_path / "axes.onnx", metadata={"layout": "NCHW"})
+    assert load_detector(axes).layout.name == "rtdetr-rows"
 
 
 @pytest.mark.parametrize(
@@ -241,3 +258,9 @@ def test_real_models_see_the_same_car(model, shared_data):
     strong = found.box[found.score > 0.55]
     near = np.abs(strong - [445, 183, 494, 227]).max(axis=1)
     assert near.min() < 6 and found.label[found.score > 0.55][near.argmin()] == "car"
+
+
+def test_person_is_a_class_like_others(tmp_path):
+    detector = load_detector(GRAPHS["ssd"](tmp_path / "m.onnx"), classes=["person"])
+    assert detector.wanted.tolist() == [PERSON_PLACE := graphs.PERSON_ID - 1] and PERSON_PLACE == PERSON
+    assert detector.detect(IMAGE).label.tolist() == ["person"]

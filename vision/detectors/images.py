@@ -1,7 +1,7 @@
 """An image into the network's input, and boxes back out of it."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,17 +55,39 @@ class Normalization:
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
     deviation: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
-    def tensor(self, canvas: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """Image [h, w, 3] BGR, 0-255 -> [1, 3, h, w]."""
-        channels = canvas if self.order == "BGR" else canvas[:, :, ::-1]
-        values = np.ascontiguousarray(channels.transpose(2, 0, 1), dtype=np.float32)
-        if any(self.mean):
-            values -= np.array(self.mean, np.float32)[:, None, None]
-        if any(part != 1.0 for part in self.deviation):
-            values *= 1 / np.array(self.deviation, np.float32)[:, None, None]
-        return values[None]
+    def planes(self, canvas: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Image [h, w, 3] BGR -> [3, h, w] in the network's order, still bytes."""
+        import cv2
+
+        planes = np.empty((3, *canvas.shape[:2]), np.uint8)
+        cv2.split(canvas, list(planes if self.order == "BGR" else planes[::-1]))
+        return planes
+
+    def tensor(self, canvas: NDArray[np.uint8], dtype: type = np.float32, channels_last: bool = False) -> NDArray[Any]:
+        """Image [h, w, 3] BGR, 0-255 -> [1, 3, h, w], or [1, h, w, 3].
+
+        A network that takes bytes normalizes them itself.
+
+        >>> red = np.array([[[0, 0, 255]]], np.uint8)
+        >>> RGB_UNIT.tensor(red).ravel().tolist(), BGR_BYTES.tensor(red, np.uint8).ravel().tolist()
+        ([1.0, 0.0, 0.0], [0, 0, 255])
+        """
+        values = self.planes(canvas)[None]
+        if dtype is not np.uint8:
+            values = self._normalized(values).astype(dtype, copy=False)
+        return np.ascontiguousarray(values.transpose(0, 2, 3, 1)) if channels_last else values
+
+    def _normalized(self, planes: NDArray[np.uint8]) -> NDArray[np.float32]:
+        scale = 1 / np.array(self.deviation, np.float32)[:, None, None]
+        if not any(self.mean):
+            return np.asarray(planes.astype(np.float32) if (scale == 1).all() else planes * scale, np.float32)
+        values = planes - np.array(self.mean, np.float32)[:, None, None]
+        values *= scale
+        return np.asarray(values, np.float32)
 
 
 RGB_UNIT = Normalization("RGB", deviation=(255.0, 255.0, 255.0))
+RGB_BYTES = Normalization("RGB")
 BGR_BYTES = Normalization("BGR")
+RGB_IMAGENET = Normalization("RGB", mean=(123.675, 116.28, 103.53), deviation=(58.395, 57.12, 57.375))
 BGR_IMAGENET = Normalization("BGR", mean=(103.53, 116.28, 123.675), deviation=(57.375, 57.12, 58.395))

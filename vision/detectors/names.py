@@ -1,6 +1,7 @@
 """Class names: the COCO list, spellings models differ in, and which classes are road vehicles."""
 
 import ast
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from vision.contract.errors import InputError
@@ -17,16 +18,38 @@ COCO_LIST = (
 )
 COCO = tuple(COCO_LIST.split(","))
 
+# COCO numbers its classes 1 to 90 and never used these ten; models that answer by number leave them empty.
+UNUSED_IDS = (0, 12, 26, 29, 30, 45, 66, 68, 69, 71, 83)
+
+
+def _by_id() -> tuple[str, ...]:
+    names = iter(COCO)
+    return tuple("unused" if number in UNUSED_IDS else next(names) for number in range(91))
+
+
+COCO_IDS = _by_id()
+
 VEHICLES = ("car", "van", "bus", "truck", "motorcycle", "vehicle")
 
 SPELLINGS = {
     "motorbike": "motorcycle",
+    "motor bike": "motorcycle",
+    "motor cycle": "motorcycle",
     "motor": "motorcycle",
+    "motorcyclist": "motorcycle",
+    "scooter": "motorcycle",
     "auto": "car",
+    "automobile": "car",
+    "passenger car": "car",
+    "sedan": "car",
+    "hatchback": "car",
     "suv": "car",
     "taxi": "car",
     "lorry": "truck",
+    "heavy truck": "truck",
+    "hgv": "truck",
     "minivan": "van",
+    "delivery van": "van",
     "coach": "bus",
     "bike": "bicycle",
 }
@@ -35,23 +58,29 @@ SPELLINGS = {
 def plain_name(name: str) -> str:
     """Spell a class name as this package does.
 
-    >>> plain_name("Motorbike"), plain_name("car")
-    ('motorcycle', 'car')
+    >>> plain_name("Motorbike"), plain_name("motor-cycle"), plain_name("car")
+    ('motorcycle', 'motorcycle', 'car')
     """
-    name = name.strip().lower()
+    name = re.sub(r"[\s_-]+", " ", name).strip().lower()
     return SPELLINGS.get(name, name)
 
 
-def class_names(metadata: Mapping[str, str], count: int | None, given: Sequence[str] | None, model: str) -> list[str]:
-    """Names of a model's classes in its order: those given, else its metadata's (`names`), else COCO's 80.
+def class_names(
+    metadata: Mapping[str, str],
+    count: int | None,
+    given: Sequence[str] | None,
+    model: str,
+    usual: Sequence[str] = COCO,
+) -> list[str]:
+    """Names of a model's classes in its order: those given, else its metadata's (`names`), else the `usual` ones.
 
     `count` is how many classes the graph has, where its shapes say. Raises InputError where that does not agree.
     """
     names = list(given) if given else _metadata_names(metadata, model)
     if names is None:
-        if count not in (None, len(COCO)):
+        if count not in (None, len(usual)):
             raise InputError(f"{model}: has {count} classes and no names in its metadata; name them with --names")
-        names = list(COCO)
+        names = list(usual)
     if count not in (None, len(names)):
         raise InputError(f"{model}: has {count} classes but {len(names)} names; give one name for each (--names)")
     return [plain_name(name) for name in names]

@@ -1,0 +1,114 @@
+"""Dense heads that answer with one table: YOLOv5 and 7, YOLOv8 to 12, YOLOX."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detectors.images import BGR_BYTES
+from vision.detectors.layout import (
+    PYRAMIDS,
+    Candidates,
+    Graph,
+    Layout,
+    Outputs,
+    Size,
+    are_shares,
+    around,
+    best_of,
+    cell_count,
+    cells,
+    classes_along,
+)
+
+LARGEST_LOGARITHM = 16.0  # of a width in cells; e^16 cells are no vehicle, and decoded widths in px are larger
+
+
+def decode_yolov5(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: float) -> Candidates:
+    """[1, n, 5 + classes]: center, size, px; objectness; class scores."""
+    raw = outputs[0][0]
+    likely = np.flatnonzero(raw[:, 4] >= floor)  # scores of classes are at most one
+    best, score, label = best_of(raw[likely, 5:] * raw[likely, 4:5], wanted, floor)
+    rows = likely[best]
+    return Candidates(around(raw[rows, :2], raw[rows, 2:4]), score, label)
+
+
+def decode_yolox(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: float) -> Candidates:
+    """[1, n, 5 + classes]: center and log size in cells of strides 8, 16, 32; objectness; class scores.
+
+    Ge et al. 2021, YOLOX; `demo_postprocess` of its ONNX demo.
+    """
+    raw = outputs[0][0]
+    likely = np.flatnonzero(raw[:, 4] >= floor)
+    best, score, label = best_of(raw[likely, 5:] * raw[likely, 4:5], wanted, floor)
+    rows = likely[best]
+    grids = cells(size)
+    stride = np.concatenate([np.full(len(g), s) for g, s in zip(grids, (8, 16, 32), strict=True)])[rows, None]
+    center = (raw[rows, :2] + np.concatenate(grids)[rows]) * stride
+    return Candidates(around(center, np.exp(raw[rows, 2:4]) * stride), score, label)
+
+
+def decode_yolov8(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: float) -> Candidates:
+    """[1, 4 + classes, n]: center, size, px; class scores."""
+    raw = outputs[0][0].T
+    rows, score, label = best_of(raw[:, 4:], wanted, floor)
+    return Candidates(around(raw[rows, :2], raw[rows, 2:4]), score, label)
+
+
+def _is_yolov5(graph: Graph) -> bool:
+    table = graph.table()
+    counts = [3 * cell_count(graph.size, strides) for strides in PYRAMIDS]
+    return len(table) in counts and table.shape[1] > 5 and are_shares(table[:, 4:])
+
+
+def _is_yolov8(graph: Graph) -> bool:
+    table = graph.table()
+    counts = [cell_count(graph.size, strides) for strides in PYRAMIDS]
+    return table.shape[1] in counts and len(table) > 4 and are_shares(table[4:])
+
+
+def _is_yolox(graph: Graph) -> bool:
+    table = graph.table()
+    return len(table) == cell_count(graph.size) and table.shape[1] > 5 and are_shares(table[:, 4:])
+
+
+def _has_decoded_grid(graph: Graph) -> bool:
+    return bool(graph.table()[:, 2:4].max() > LARGEST_LOGARITHM)
+
+
+YOLO = (
+    Layout(
+        "yolov5",
+        "[1,3n,5+classes] (YOLOv5, 7)",
+        _is_yolov5,
+        decode_yolov5,
+        classes=classes_along(2, others=5),
+        dense=True,
+    ),
+    Layout(
+        "yolov8",
+        "[1,4+classes,n] (YOLOv8, 9, 11, 12)",
+        _is_yolov8,
+        decode_yolov8,
+        classes=classes_along(1, others=4),
+        dense=True,
+    ),
+    Layout(
+        "yolox",
+        "[1,n,5+classes] in cells",
+        lambda graph: _is_yolox(graph) and not _has_decoded_grid(graph),
+        decode_yolox,
+        classes=classes_along(2, others=5),
+        dense=True,
+        fitting="corner",
+        normalization=BGR_BYTES,
+    ),
+    Layout(
+        "yolox-decoded",
+        "[1,n,5+classes] in px",
+        lambda graph: _is_yolox(graph) and _has_decoded_grid(graph),
+        decode_yolov5,
+        classes=classes_along(2, others=5),
+        dense=True,
+        fitting="corner",
+        normalization=BGR_BYTES,
+    ),
+)
