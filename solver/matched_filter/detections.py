@@ -1,6 +1,6 @@
 """Matched filter: where along the fiber, how strong and how wide each passing vehicle appears, frame by frame."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -107,16 +107,41 @@ def mended(strain_rate: Array) -> Array:
     return interpolated(np.where(spike, np.nan, filled))
 
 
-def snr_maps(strain_rate: Array, scales: Array, heard: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
-    """Largest SNR over the bank, as an amplitude ratio, of responses of either polarity.
+def scale_maps(strain_rate: Array, scales: Array, heard: NDArray[np.bool_] | None = None) -> Iterator[Array]:
+    """SNR map [frame, channel] of each scale, as an amplitude ratio, negative for wavelets upside down.
 
-    Each scale's map is divided by 1.4826 times its median absolute deviation.
+    (d * psi_s)(x) / (1.4826 median |d * psi_s - median(d * psi_s)|): correlation along the channels, in units of its
+    own noise, so that all scales are as likely to be loud by chance.
 
     Parameters
     ----------
     strain_rate : [frame, channel], finite
     scales : of the bank, in channels
     heard : which channels tell the deviation [channel]; all if not given
+
+    >>> noise = np.random.default_rng(0).normal(size=(50, 200))
+    >>> [round(float(np.median(np.abs(one))) * 1.4826, 2) for one in scale_maps(noise, np.array([2.0, 8.0]))]
+    [1.0, 1.0]
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    wavelets = bank(scales)
+    channels, half = strain_rate.shape[1], len(wavelets) // 2
+    padded = np.pad(strain_rate, ((0, 0), (half, half)), mode="edge")
+    size = next_fast_len(padded.shape[1] + len(wavelets), real=True)
+    spectrum = rfft(padded, size, axis=1)
+    heard = np.ones(channels, bool) if heard is None else heard
+    every = max(1, len(strain_rate) // ROWS_FOR_NOISE)
+    for shape in wavelets.T:
+        # Correlation with a wavelet is convolution with its mirror.
+        match = irfft(spectrum * rfft(shape[::-1], size), size, axis=1)[:, 2 * half : 2 * half + channels]
+        level = match[::every, heard]
+        match /= max(1.4826 * float(np.median(np.abs(level - np.median(level)))), np.finfo(float).tiny)
+        yield match
+
+
+def snr_maps(strain_rate: Array, scales: Array, heard: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
+    """Largest SNR over the bank (see `scale_maps`) of responses of either polarity.
 
     Returns
     -------
@@ -128,22 +153,9 @@ def snr_maps(strain_rate: Array, scales: Array, heard: NDArray[np.bool_] | None 
     >>> positive.argmax(1).tolist(), bool((positive.max(1) > negative.max(1)).all())
     ([85, 85, 85], True)
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    wavelets = bank(scales)
-    channels, half = strain_rate.shape[1], len(wavelets) // 2
-    padded = np.pad(strain_rate, ((0, 0), (half, half)), mode="edge")
-    size = next_fast_len(padded.shape[1] + len(wavelets), real=True)
-    spectrum = rfft(padded, size, axis=1)
-    heard = np.ones(channels, bool) if heard is None else heard
-    every = max(1, len(strain_rate) // ROWS_FOR_NOISE)
     positive = np.full(strain_rate.shape, -np.inf)
     negative = positive.copy()
-    for shape in wavelets.T:
-        # Correlation with a wavelet is convolution with its mirror.
-        match = irfft(spectrum * rfft(shape[::-1], size), size, axis=1)[:, 2 * half : 2 * half + channels]
-        level = match[::every, heard]
-        match /= max(1.4826 * float(np.median(np.abs(level - np.median(level)))), np.finfo(float).tiny)
+    for match in scale_maps(strain_rate, scales, heard):
         np.maximum(positive, match, out=positive)
         np.maximum(negative, -match, out=negative)
     return positive, negative
