@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -15,6 +16,7 @@ from vision.contract.errors import InputError
 from vision.contract.progress import progress
 from vision.contract.table import COLUMNS
 from vision.detectors import Detections, Detector, load_detector
+from vision.detectors.look import look
 from vision.ground_track import ground_tracks, placeable
 from vision.interpolate import BOX, fill_frames, majority_class
 from vision.tracker import Tracker
@@ -58,6 +60,7 @@ def track(
     min_score: float | None = None,
     classes: Iterable[str] | None = None,
     every: int = 1,
+    cache: Path | None = None,
 ) -> "pd.DataFrame":
     """Track the vehicles of a video on the road.
 
@@ -71,6 +74,7 @@ def track(
     min_score : score that starts a track; by default the detector's own
     classes : names of the classes to follow; road vehicles by default
     every : look at every n-th frame
+    cache : folder where detections are kept for another run (`vision.cache.cache_folder()`); by default they are not
 
     Returns
     -------
@@ -83,12 +87,12 @@ def track(
     InputError, where the video, the detector or the calibration cannot be used or do not belong together, the start
     is unknown, or no vehicle was followed on the road.
     """
-    clip = open_video(video)
+    clip = open_video(video, cache)
     view = calibration if isinstance(calibration, Calibration) else Calibration.read(calibration)
     view.require_size(clip.width, clip.height, clip.path)
     zero = start_time(start, clip)
     finder = load_detector(detector, classes=classes) if isinstance(detector, str | Path) else detector
-    boxes, _ = box_tracks(clip, finder, calibration=view, min_score=min_score, every=every)
+    boxes, _ = box_tracks(clip, finder, calibration=view, min_score=min_score, every=every, cache=cache)
     return on_road(boxes, view, zero, clock_offset, clip.path)
 
 
@@ -99,11 +103,13 @@ def box_tracks(
     calibration: Calibration | None = None,
     min_score: float | None = None,
     every: int = 1,
+    cache: Path | None = None,
 ) -> tuple["pd.DataFrame", Speed]:
     """Follow vehicles through the pictures.
 
     With a calibration, vehicles too far off to be placed are not followed: near the vanishing point one that leaves
-    and one that comes are the same few pixels, and would become one track.
+    and one that comes are the same few pixels, and would become one track. With a folder as `cache`, what an ONNX
+    detector finds is kept there, and what it found before is used.
 
     Returns
     -------
@@ -113,25 +119,20 @@ def box_tracks(
     ------
     InputError, where there is no vehicle in five frames.
     """
-    detector = detector.prepare(video)
     strong = detector.threshold if min_score is None else min_score
     tracker = Tracker(strong, patience=max(PATIENCE, PATIENT_FRAMES * every * video.frame_interval))
     fixes: list[tuple[int, float, Detections, np.ndarray]] = []
-    clock = [perf_counter()]
     spent, seen = np.zeros(3), 0
     looked_at = len(range(0, len(video), every))
-    with progress("tracking vehicles", looked_at) as advance:
-        for frame in video.frames(every):
-            clock.append(perf_counter())
-            found = detector.detect(frame.image)
+    looks = look(video, detector, every, cache=cache)
+    with progress("tracking vehicles", looked_at) as advance, closing(looks):
+        for now in looks:
+            begun, found = perf_counter(), now.found
             seen += len(found)
             if calibration:
                 found = found.select(placeable(found.box, calibration))
-            clock.append(perf_counter())
-            fixes.append((frame.index, frame.time, found, tracker.update(frame.time, found.box, found.score)))
-            clock.append(perf_counter())
-            spent += np.diff(clock)
-            clock = clock[-1:]
+            fixes.append((now.index, now.time, found, tracker.update(now.time, found.box, found.score)))
+            spent += now.decode, now.detect, perf_counter() - begun
             advance(1)
     table = _tabulate(fixes)
     counts = table.groupby("track_id")["frame"].transform("size")

@@ -5,12 +5,14 @@ import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.cache import checksum, keep_arrays, kept_arrays
 from vision.contract.errors import InputError
 from vision.contract.progress import progress
 
@@ -59,15 +61,21 @@ class Video:
         """Median time between frames, s."""
         return float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
 
+    @cached_property
+    def checksum(self) -> str:
+        """SHA-256 of the file."""
+        return checksum(self.path)
+
     def frames(self, every: int = 1) -> Iterator[Frame]:
         """Decode every `every`-th frame."""
-        yield from self._decode(np.arange(0, len(self), every))
+        yield from self.frames_at(np.arange(0, len(self), every))
 
     def sample(self, count: int) -> list[Frame]:
         """Decode `count` frames, or all there are, spread evenly over the file."""
-        return list(self._decode(np.unique(np.linspace(0, len(self) - 1, count).round().astype(int))))
+        return list(self.frames_at(np.unique(np.linspace(0, len(self) - 1, count).round().astype(int))))
 
-    def _decode(self, wanted: NDArray[np.intp]) -> Iterator[Frame]:
+    def frames_at(self, wanted: NDArray[np.intp]) -> Iterator[Frame]:
+        """Decode the frames at these places of `index` and `time`, which increase."""
         capture = _open(self.path)
         position = -1
         for place in wanted:
@@ -82,11 +90,16 @@ class Video:
         capture.release()
 
 
-def open_video(path: str | Path) -> Video:
+def open_video(path: str | Path, cache: Path | None = None) -> Video:
     """Decode a file once and return what is in it.
 
     The timestamp of a frame is the presentation time the container holds for it (OpenCV's FFmpeg backend
     gives it after `grab`). A frame whose time does not increase is left out and counted in the log.
+
+    Parameters
+    ----------
+    path : the file
+    cache : folder where what decodes is kept by the file's checksum; the next time nothing is decoded
 
     Raises
     ------
@@ -100,7 +113,7 @@ def open_video(path: str | Path) -> Video:
         raise InputError(f"{path}: no such file; give a video file")
     capture = _open(path)
     rate, claimed = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
-    raw, shape = _scan(capture, int(max(claimed, 0)))
+    raw, shape = _scan(capture, int(max(claimed, 0))) if cache is None else _kept_scan(path, cache, capture, claimed)
     if not len(raw):
         raise InputError(f"{path}: no frame decodes; the file is empty or damaged, export the video again")
     increasing = raw > np.maximum.accumulate(np.concatenate([[-np.inf], raw[:-1]]))
@@ -138,6 +151,19 @@ def _scan(capture: Any, claimed: int) -> tuple[NDArray[np.float64], tuple[int, i
             advance(1)
     capture.release()
     return np.array(times, float), shape
+
+
+def _kept_scan(path: Path, cache: Path, capture: Any, claimed: float) -> tuple[NDArray[np.float64], tuple[int, int]]:
+    """`_scan`, or what it gave for the same file before."""
+    place = cache / "timestamps" / f"{checksum(path)}.npz"
+    kept = kept_arrays(place)
+    if kept is None:
+        time, shape = _scan(capture, int(max(claimed, 0)))
+        kept = {"time": time, "shape": np.array(shape)}
+        keep_arrays(place, kept)
+    capture.release()
+    height, width = (int(side) for side in kept["shape"])
+    return np.asarray(kept["time"], float), (height, width)
 
 
 def _require_whole(path: Path, decoded: float, duration: float) -> None:

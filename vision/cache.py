@@ -1,0 +1,81 @@
+"""Results that are kept between runs, in a folder per user, by checksum of what they came from."""
+
+import hashlib
+import logging
+import os
+import sys
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.contract.files import writing
+from vision.contract.progress import progress
+
+log = logging.getLogger("roadfiber.cache")
+
+BLOCK = 1 << 24  # bytes read at a time
+
+
+def cache_folder() -> Path:
+    """Return the folder of kept results: `ROADFIBER_CACHE`, else roadfiber's in the platform's place for caches."""
+    if os.environ.get("ROADFIBER_CACHE"):
+        return Path(os.environ["ROADFIBER_CACHE"])
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "roadfiber"
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file; a file that did not change since is not read twice.
+
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "a"
+    >>> _ = path.write_bytes(b"abc")
+    >>> checksum(path)[:8]
+    'ba7816bf'
+    """
+    state = path.stat()
+    return _checksum(path.absolute(), state.st_size, state.st_mtime_ns)
+
+
+@cache
+def _checksum(path: Path, size: int, modified: int) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as file, progress(f"checksum of {path.name}", -(-size // BLOCK)) as advance:
+        while block := file.read(BLOCK):
+            digest.update(block)
+            advance(1)
+    return digest.hexdigest()
+
+
+def keep_arrays(path: Path, arrays: Mapping[str, Any]) -> bool:
+    """Write arrays whole or not at all; say so in the log and return False where that cannot be done."""
+    try:
+        with writing(path) as temporary:
+            np.savez_compressed(temporary, **arrays)
+    except OSError as error:
+        log.warning("%s: nothing is kept for a second look (%s)", path.parent, error.strerror or error)
+        return False
+    return True
+
+
+def kept_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
+    """Read kept arrays; None where there are none, or (with a line in the log) damaged ones, which are removed."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except (BadZipFile, EOFError, KeyError, OSError, ValueError):
+        log.warning("%s: is damaged and made anew", path)
+        path.unlink(missing_ok=True)
+        return None
