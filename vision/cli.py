@@ -32,6 +32,11 @@ def track(
         float | None, typer.Option(min=0.0, max=1.0, help="Score that starts a track.  [default: the model's]")
     ] = None,
     every: Annotated[int, typer.Option(min=1, help="Look at every n-th frame.")] = 1,
+    cache: Annotated[
+        Path | None,
+        typer.Option(envvar="ROADFIBER_CACHE", help="Folder that keeps detections.  [default: the user's cache]"),
+    ] = None,
+    no_cache: Annotated[bool, typer.Option("--no-cache", help="Neither use nor keep detections.")] = False,
     out: Annotated[
         Path | None, typer.Option(help=".csv or .parquet to write.  [default: trajectories.csv; pixels: boxes.csv]")
     ] = None,
@@ -41,9 +46,12 @@ def track(
 
     With a calibration (`roadfiber calibrate ground`), writes one row per vehicle and frame: UTC, class, the ground
     under the middle of the wheelbase and its sigma in meters, and the box. Without one, boxes in pixels.
+    Detections are kept: a second look, with another calibration or score, costs nothing, and a run that was
+    interrupted goes on where it stopped.
 
     Example: `roadfiber track street.mp4 --calibration calibration.json --start 2025-08-11T06:00:00Z`
     """
+    from vision.cache import cache_folder
     from vision.camera import Calibration
     from vision.detectors import load_detector
     from vision.pipeline import box_tracks, on_road, start_time, summarize, utc
@@ -53,11 +61,12 @@ def track(
     check_suffix(out)
     view = Calibration.read(calibration) if calibration else None
     model = load_detector(detector, layout=layout, names=split(names), classes=split(classes))
-    clip = open_video(video)
+    kept = None if no_cache else cache or cache_folder()
+    clip = open_video(video, kept)
     if view:
         view.require_size(clip.width, clip.height, video)
     zero = start_time(start, clip) if view or start else None
-    table, speed = box_tracks(clip, model, calibration=view, min_score=min_score, every=every)
+    table, speed = box_tracks(clip, model, calibration=view, min_score=min_score, every=every, cache=kept)
     if view and zero is not None:
         table = on_road(table, view, zero, clock_offset, video)
     elif zero is not None:
