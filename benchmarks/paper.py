@@ -1,0 +1,331 @@
+"""The paper's study, repeated: error against SNR, track noise, anchors and Poisson ratio, beside the paper's figures.
+
+    python benchmarks/paper.py --axes snr anchors --surveys 50 --methods spline network --out runs/paper
+
+Every survey comes from the simulator, which shares no code with the signal path. Results are kept in `results.json` by
+their settings, so that a run that was stopped goes on where it was, and more surveys or methods add to it. Expected
+error: of draws from the covariance of the fit at the truth (Cramer-Rao, with the priors).
+"""
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from matplotlib.figure import Figure
+
+from solver.anchors import Anchor
+from solver.curves import hausdorff
+from solver.fit import Prior, Problem
+from solver.fit.least_squares import MapFit
+from solver.geometric import geometric_route
+from solver.locate import Located, locate
+from solver.matched_filter import initialize
+from solver.pose import pose
+from solver.simulator import Scenario, Survey, simulate, write_survey
+from solver.site import read_site
+from vision.contract import InputError, progress, writing
+
+METHODS = ("spline", "network", "geometric")
+DRAWS = 200
+BELIEVED_RATIO = 0.25  # what every simulated site.toml says
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One located survey.
+
+    Parameters
+    ----------
+    method : "spline", "network", or "geometric": the paper's first route alone
+    seed : of the simulated survey
+    snr_db : over the maps of all passes, dB
+    track_noise : standard deviation of every fix, independent, known to the fit, m
+    track_offset : standard deviation of a constant error of each whole track, unknown to the fit, m
+    anchors : how many, over the 100 m view, with 5 cm of error
+    poisson_error : true minus believed Poisson ratio
+    passes : vehicles
+    loads : "point", as in the paper, or "wheels"
+    """
+
+    method: str = "spline"
+    seed: int = 0
+    snr_db: float = 15.0
+    track_noise: float = 0.06
+    track_offset: float = 0.0
+    anchors: int = 2
+    poisson_error: float = 0.0
+    passes: int = 8
+    loads: str = "point"
+
+    @property
+    def key(self) -> str:
+        """What its result is kept under."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """What is varied, and what the paper says of it.
+
+    Parameters
+    ----------
+    field : of `Setting`
+    label : of the figure
+    values : to try
+    limit : value beyond which the paper fails, or that it needs; None where it names none
+    said : about it
+    """
+
+    field: str
+    label: str
+    values: tuple[float, ...]
+    limit: float | None
+    said: str
+
+
+AXES = {
+    "snr": Axis("snr_db", "SNR, dB", (-3, 0, 3, 7, 10, 15, 20, 30), 7.0, "the paper fails below 7 dB"),
+    "noise": Axis("track_noise", "noise of the fixes, m", (0, 0.1, 0.2, 0.35, 0.5, 0.7, 1), 0.35, "and beyond 0.35 m"),
+    "offset": Axis(
+        "track_offset", "error of a whole track, m", (0, 0.1, 0.2, 0.35, 0.5, 0.7, 1), 0.35, "beyond 0.35 m"
+    ),
+    "anchors": Axis("anchors", "anchors per 100 m", (0, 1, 2, 5), 2.0, "the paper needs 2 per 100 m"),
+    "poisson": Axis(
+        "poisson_error", "error of the Poisson ratio", (-0.05, -0.02, 0, 0.02, 0.05), None, "5 cm per 0.01"
+    ),
+}
+FIELD = (0.35, 0.5)  # m; largest error that the paper reached in the field
+PER_RATIO = 5.0  # m per unit of Poisson ratio that the paper loses
+
+
+def survey_of(setting: Setting) -> Survey:
+    """Simulate the survey of a setting."""
+    effects = {"point_load": 1.0} if setting.loads == "point" else {}
+    survey = simulate(
+        Scenario(
+            seed=setting.seed,
+            passes=setting.passes,
+            snr_db=setting.snr_db,
+            fix_sigma=setting.track_noise,
+            poisson_ratio=BELIEVED_RATIO + setting.poisson_error,
+            effects=effects,
+        )
+    )
+    rng = np.random.default_rng([setting.seed, 1])
+    return replace(
+        survey,
+        anchors=anchors_of(survey, setting.anchors, rng),
+        trajectories=shifted(survey.trajectories, setting.track_offset, rng),
+    )
+
+
+def anchors_of(survey: Survey, count: int, rng: np.random.Generator) -> pd.DataFrame:
+    """Anchors evenly over the view, an eighth of it from either end, with the scenario's errors."""
+    first, last = survey.active
+    share = np.linspace(1 / 8, 7 / 8, count) if count > 1 else np.array([0.5])[:count]
+    channel = np.rint(first + share * (last - first)).astype(int)
+    sigma = survey.scenario.anchor_sigma
+    place = survey.route[channel] + sigma * rng.normal(size=(len(channel), 3))
+    columns = {"name": [f"anchor_{number}" for number in channel], "channel": channel}
+    columns |= dict(zip("xyz", place.T, strict=True)) | {"sigma_xy": sigma, "sigma_z": sigma}
+    return pd.DataFrame(columns)
+
+
+def shifted(table: pd.DataFrame, sd: float, rng: np.random.Generator) -> pd.DataFrame:
+    """Trajectories with a constant error of each track, of standard deviation `sd` along x and along y, m."""
+    tracks = table["track_id"].unique()
+    shift = dict(zip(tracks, sd * rng.normal(size=(len(tracks), 2)), strict=True))
+    moved = np.array([shift[track] for track in table["track_id"]])
+    return table.assign(x=table["x"] + moved[:, 0], y=table["y"] + moved[:, 1])
+
+
+def located(setting: Setting, survey: Survey) -> Located:
+    """Locate the fiber as a user would, from the survey's files."""
+    with tempfile.TemporaryDirectory() as folder:
+        site = read_site(write_survey(survey, Path(folder) / "survey"))
+        if not setting.anchors:
+            site = site.model_copy(update={"anchors": None})
+        method = "spline" if setting.method == "geometric" else setting.method
+        return locate(site, method=method, effects=() if setting.loads == "point" else ("wheel_layout",))
+
+
+def problem_at(found: Located, true: np.ndarray) -> Problem:
+    """The problem that was fitted, beginning at the true route of all channels [channel, 3], m."""
+    channel = found.result.fitted_channel
+    ground = found.site.ground
+    prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
+    anchors: Sequence[Anchor] = found.anchors
+    return pose(found.record, found.passes, anchors, true[channel], channel, prior)
+
+
+def expected_errors(problem: Problem, true: np.ndarray, channel: np.ndarray) -> tuple[float, float]:
+    """Mean and largest error, m, to expect over `channel`: of draws from the covariance of the fit at the truth."""
+    fit = MapFit(problem)
+    reach = problem.route_channel[(problem.route_channel >= 0) & (problem.route_channel < len(true))]
+    route = fit.basis.interpolate(problem.distance_of(reach), true[reach])
+    matrix = fit.normal(fit.start_at(torch.from_numpy(route), torch.tensor(problem.prior.poisson_ratio[0])))[0]
+    size = 3 * fit.basis.size
+    covariance = torch.linalg.inv(matrix)[:size, :size].numpy()
+    drawn = np.random.default_rng(0).multivariate_normal(np.zeros(size), covariance, DRAWS, method="eigh")
+    error = fit.basis.at(problem.distance_of(channel)) @ drawn.reshape(DRAWS, -1, 3)
+    distance = np.linalg.norm(error, axis=-1)
+    return float(distance.mean()), float(distance.max(1).mean())
+
+
+def run(setting: Setting) -> dict[str, float | str]:
+    """Locate one survey and compare with the truth; a survey that cannot be located gives what was said."""
+    survey = survey_of(setting)
+    begun = time.perf_counter()
+    try:
+        found = located(setting, survey)
+    except InputError as error:
+        return {"failed": str(error)}
+    seconds = time.perf_counter() - begun
+    result, true = found.result, survey.route
+    view = np.arange(survey.active[0], survey.active[1] + 1)
+    here = np.isin(result.channel, view)
+    channel, route = result.channel[here], result.route[here]
+    if setting.method == "geometric":
+        rough = initialize(found.record, found.passes)
+        here = np.isin(rough.channel, view)
+        channel, route = rough.channel[here], geometric_route(found.record, found.passes, rough)[here]
+    error = np.linalg.norm(route - true[channel], axis=1)
+    mean, largest = expected_errors(problem_at(found, true), true, channel)
+    row: dict[str, float | str] = {
+        "mean": float(error.mean()),
+        "largest": float(error.max()),
+        "hausdorff": hausdorff(route, true[channel]),
+        "located_share": len(channel) / len(view),
+        "expected_mean": mean,
+        "expected_largest": largest,
+        "seconds": seconds,
+    }
+    if setting.method != "geometric":
+        off = np.abs(result.route - true[result.channel])[np.isin(result.channel, channel)]
+        row["covered"] = float((off < 1.96 * result.sigma[np.isin(result.channel, channel)]).mean())
+    return row
+
+
+def settings_of(axes: Iterable[str], methods: Sequence[str], surveys: int, base: Setting) -> list[Setting]:
+    """Every point of the study once, survey by survey, so that a part of a run is a smaller study."""
+    points = [
+        replace(base, method=method, seed=seed, **{AXES[axis].field: value})
+        for seed in range(surveys)
+        for axis in axes
+        for value in AXES[axis].values
+        for method in methods
+    ]
+    return list(dict.fromkeys(points))
+
+
+def study(settings: Sequence[Setting], kept: Path, jobs: int = 1) -> dict[str, dict[str, float | str]]:
+    """Results by key of all settings; those in the file `kept` are taken from there, and new ones added to it."""
+    results = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
+    left = [setting for setting in settings if setting.key not in results]
+    with progress("locating surveys", len(left)) as advance:
+        for setting, row in finished(left, jobs):
+            results[setting.key] = row
+            with writing(kept) as temporary:
+                temporary.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+            advance(1)
+    return results
+
+
+def finished(settings: Sequence[Setting], jobs: int) -> Iterator[tuple[Setting, dict[str, float | str]]]:
+    """Settings and their results, as they come."""
+    if jobs == 1:
+        yield from ((setting, run(setting)) for setting in settings)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        futures = {pool.submit(run, setting): setting for setting in settings}
+        yield from ((futures[future], future.result()) for future in as_completed(futures))
+
+
+def table_of(axis: Axis, settings: Sequence[Setting], results: dict[str, dict[str, float | str]]) -> pd.DataFrame:
+    """One row per value and method of an axis: surveys, failures, errors with their spread, expectation, seconds."""
+    rows = [{**asdict(setting), **results[setting.key]} for setting in settings if setting.key in results]
+    frame = pd.DataFrame(rows)
+    for name in ("mean", "largest", "hausdorff", "expected_mean", "expected_largest", "covered", "seconds", "failed"):
+        if name not in frame:
+            frame[name] = np.nan
+    groups = frame.groupby([axis.field, "method"])
+    table = pd.DataFrame(
+        {
+            "surveys": groups.size(),
+            "failed": groups["failed"].count(),
+            "mean": groups["mean"].mean(),
+            "spread": groups["mean"].std(),
+            "expected": groups["expected_mean"].mean(),
+            "ratio": groups["mean"].mean() / groups["expected_mean"].mean(),
+            "largest": groups["largest"].mean(),
+            "95 %": groups["largest"].quantile(0.95),
+            "hausdorff": groups["hausdorff"].mean(),
+            "covered": groups["covered"].mean(),
+            "seconds": groups["seconds"].mean(),
+        }
+    )
+    return table.reset_index()
+
+
+def draw(axis: Axis, table: pd.DataFrame) -> Figure:
+    """Mean error with its spread and expectation, Hausdorff distance beside the paper's, and seconds."""
+    figure = Figure(figsize=(13, 4), layout="constrained")
+    error, curve, seconds = figure.subplots(1, 3)
+    for method, rows in table.groupby("method"):
+        at = rows[axis.field]
+        (line,) = error.plot(at, rows["mean"], "o-", label=method)
+        spread = rows["spread"].fillna(0.0)
+        error.fill_between(at, (rows["mean"] - spread).clip(lower=1e-3), rows["mean"] + spread, alpha=0.2)
+        curve.plot(at, rows["hausdorff"], "o-", color=line.get_color(), label=method)
+        seconds.plot(at, rows["seconds"], "o-", color=line.get_color(), label=method)
+    expected = table.groupby(axis.field)["expected"].mean()
+    error.plot(expected.index, expected, "k--", label="expected (Cramer-Rao)")
+    curve.axhspan(*FIELD, color="gray", alpha=0.3, label="the paper, in the field")
+    if axis.limit is not None:
+        curve.axvline(axis.limit, color="gray", linestyle=":", label=axis.said)
+    elif axis.field == "poisson_error":
+        at = np.linspace(min(axis.values), max(axis.values), 50)
+        curve.plot(at, PER_RATIO * np.abs(at), ":", color="gray", label=f"the paper loses {axis.said}")
+    titles = ("mean error and spread, m", "Hausdorff distance, m", "seconds per survey")
+    for panel, title in zip((error, curve, seconds), titles, strict=True):
+        panel.set(title=title, xlabel=axis.label, yscale="log")
+        panel.grid(alpha=0.3)
+    error.legend()
+    curve.legend()
+    return figure
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run what is missing, print a table and draw a figure per axis."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--axes", nargs="+", choices=AXES, default=list(AXES))
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
+    parser.add_argument("--surveys", type=int, default=50)
+    parser.add_argument("--passes", type=int, default=8)
+    parser.add_argument("--snr", type=float, default=15.0, help="dB, where SNR is not the axis")
+    parser.add_argument("--loads", choices=("point", "wheels"), default="point", help="point loads are the paper's")
+    parser.add_argument("--jobs", type=int, default=1, help="surveys at once")
+    parser.add_argument("--out", type=Path, default=Path("runs/paper"))
+    options = parser.parse_args(arguments)
+    base = Setting(passes=options.passes, snr_db=options.snr, loads=options.loads)
+    options.out.mkdir(parents=True, exist_ok=True)
+    kept = options.out / "results.json"
+    results = study(settings_of(options.axes, options.methods, options.surveys, base), kept, options.jobs)
+    for name in options.axes:
+        axis = AXES[name]
+        table = table_of(axis, settings_of([name], options.methods, options.surveys, base), results)
+        print(f"\n{axis.label} ({axis.said})\n{table.round(3).to_string(index=False)}")
+        draw(axis, table).savefig(options.out / f"{name}.png", dpi=110)
+
+
+if __name__ == "__main__":
+    main()
