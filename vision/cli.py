@@ -1,4 +1,4 @@
-"""`roadfiber track`."""
+"""`roadfiber track` and `roadfiber quality`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -73,6 +73,68 @@ def track(
         table = table.assign(time=utc(table["time"], zero, clock_offset))
     write_table(table, out)
     report(summarize(table, speed) | {"metric": view is not None, "out": str(out)}, as_json)
+
+
+@app.command()
+def quality(
+    tracks: Annotated[
+        list[Path], typer.Argument(help="Tables of one video: .csv or .parquet of `track`, MOTChallenge .txt, .ottrk.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder to write; an earlier report there is replaced.")] = Path("quality"),
+    names: Annotated[str | None, typer.Option(help="Names to show, by comma.  [default: the files']")] = None,
+    truth: Annotated[Path | None, typer.Option(help="True tracks; adds MOTA, IDF1 and HOTA.")] = None,
+    video: Annotated[Path | None, typer.Option(help="Video of the tracks, shown behind the heat maps.")] = None,
+    gauge_length: Annotated[float, typer.Option(help="Of the DAS, m, for the effect on the route.")] = 10.0,
+    frame_rate: Annotated[
+        float | None, typer.Option(help="Of the video, 1/s, for files without a clock.  [default: the other tables']")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print quality.json.")] = False,
+) -> None:
+    """Compare the tracks of detectors or settings on one video: which to use, and is it good enough for the fiber.
+
+    Writes report.html (opens offline), quality.json and the pictures. Jitter is judged by the 35 cm rule. The speed is
+    shown where `track --json` was kept beside its table: `roadfiber track ... --out a.csv --json > a.json`.
+
+    Example: `roadfiber quality yolox.csv nanodet.csv --video street.mp4 --out quality`
+    """
+    import json
+
+    from vision.contract.errors import InputError
+    from vision.quality import write_report
+
+    if frame_rate is not None and frame_rate <= 0:
+        raise InputError(f"--frame-rate {frame_rate:g}: must be above 0")
+    facts = write_report(
+        tracks,
+        out,
+        names=split(names),
+        truth=truth,
+        video=video,
+        gauge_length=gauge_length,
+        frame_rate=frame_rate,
+    )
+    if as_json:
+        print(json.dumps(facts))
+        return
+    for setting in facts["settings"]:
+        print(setting_line(setting))
+    print(f"use {facts['use']}: {facts['because']}. {facts['verdict']}\nwrote {out / 'report.html'}")
+
+
+def setting_line(setting: "dict[str, Any]") -> str:
+    """One line on a setting of quality.json.
+
+    >>> setting_line({"name": "a", "tracks": 3, "frames_per_track": 40.0, "jitter": {"mean_after": 0.1}, "unit": "m",
+    ...     "good_enough": "good", "scores": {"mota": 0.9, "idf1": 0.8, "hota": 0.7}})
+    'a: 3 vehicles, 40 frames each, jitter 0.1 m (good), MOTA 0.9, IDF1 0.8, HOTA 0.7'
+    """
+    jitter = setting["jitter"]["mean_after"]
+    size = "unknown" if jitter is None else f"{jitter:.2g} {setting['unit']}"
+    grade = f" ({setting['good_enough']})" if setting["unit"] == "m" else ""
+    scores = setting["scores"] or {}
+    three = "".join(f", {name.upper()} {scores[name]:.3g}" for name in ("mota", "idf1", "hota") if scores)
+    frames = f"{setting['frames_per_track']:.0f} frames each"
+    return f"{setting['name']}: {setting['tracks']} vehicles, {frames}, jitter {size}{grade}{three}"
 
 
 def split(text: str | None) -> list[str] | None:

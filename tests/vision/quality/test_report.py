@@ -1,0 +1,131 @@
+import json
+import re
+import sys
+from html.parser import HTMLParser
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+import roadfiber
+from tests.vision.quality.tables import stamped, tracks, write
+from tests.vision.videos import write_video
+from vision.exchange import write_mot
+
+
+class Page(HTMLParser):
+    """What a page loads, and its text."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.loads, self.text = [], ""
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        self.loads += [value for name, value in attributes if name in ("src", "href", "xlink:href") and value]
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.fixture
+def command(monkeypatch, capsys, tmp_path):
+    """Run `roadfiber quality ...` in a folder of its own: exit status, what it printed, what it complained of."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["roadfiber", "-q", "quality", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            roadfiber.main()
+        return end.value.code or 0, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Two settings in meters and in pixels, the truth, and a video of their size."""
+    folder = tmp_path_factory.mktemp("tracks")
+    for name, options in {"fine": {"noise": 0.05, "flicker": 0.05}, "rough": {"noise": 0.5, "missed": 0.05}}.items():
+        write(stamped(tracks(**options)), folder / f"{name}.csv")
+        write(tracks(**options, metric=False), folder / f"{name}_px.csv")
+    write_mot(tracks(noise=0.0), folder / "truth.txt")
+    (folder / "fine.json").write_text(json.dumps({"frames_per_second": {"all": 61.0}}))
+    image = np.full((160, 640, 3), 90, np.uint8)
+    write_video(folder / "street.mp4", [image] * 400)
+    return folder
+
+
+def test_the_report_is_whole_and_offline(files, command, tmp_path):
+    code, out, _ = command(
+        files / "fine.csv", files / "rough.csv", "--truth", files / "truth.txt", "--video", files / "street.mp4"
+    )
+    assert code == 0 and "use fine: it agrees best with the truth (HOTA)" in out
+    assert "fine: 7 vehicles, 229 frames each" in out and "(good), MOTA 1, IDF1 1, HOTA 0.9" in out
+    folder = tmp_path / "quality"
+    assert {path.name for path in folder.iterdir()} == {
+        "report.html", "quality.json", "jitter.png", "classes.png", "route.png", "heat-fine.png", "heat-rough.png",
+    }  # fmt: skip
+    html = (folder / "report.html").read_text()
+    page = Page(html)
+    assert len(page.loads) >= 2 and all(load.startswith(("data:image/png;base64,", "#")) for load in page.loads)
+    assert not re.search(r"url\((?!#)|@import", html), "nothing comes from elsewhere"
+    for words in ("Use fine: good enough for the fiber", "35 cm", "What it does to the route", "HOTA", "61"):
+        assert words in page.text, words
+    facts = json.loads((folder / "quality.json").read_text())
+    fine, rough = facts["settings"]
+    assert facts["use"] == "fine" and facts["good_enough"] == "good" and rough["good_enough"] == "poor"
+    assert fine["scores"]["mota"] == 1.0 and fine["frames_per_second"] == {"all": 61.0}
+    assert len(fine["jitter"]["after"]) == len(fine["route"]) == 10 and fine["jitter"]["parked_vehicles"] == 1
+    assert [entry["role"] for entry in facts["inputs"]] == ["tracks", "tracks", "truth", "video"]
+
+
+def test_the_heat_map_is_where_the_boxes_are(files, command, tmp_path):
+    code, _, _ = command(files / "fine.csv", "--video", files / "street.mp4")
+    picture = matplotlib.image.imread(tmp_path / "quality" / "heat-fine.png")[..., :3]
+    assert code == 0 and picture.shape == (160, 640, 3)
+    color = np.ptp(picture, axis=2)
+    lane = round(130 + 5 * 1.75)
+    assert color[lane, 100:500].min() > 0.15 and color[:80].max() < 0.02 and color[:, 620:].max() < 0.02
+
+
+def test_pixels_are_not_judged(files, command, tmp_path):
+    code, out, _ = command(files / "fine_px.csv", files / "rough_px.csv", "--json", "--out", "q")
+    facts = json.loads(out)
+    assert code == 0 and facts["good_enough"] == "unknown" and facts["settings"][0]["route"] is None
+    text = Page((tmp_path / "q" / "report.html").read_text()).text
+    assert "in pixels only" in text and "35 cm" not in text and not (tmp_path / "q" / "route.png").exists()
+
+
+def test_an_earlier_report_is_replaced_and_nothing_else(files, command, tmp_path):
+    assert command(files / "fine.csv")[0] == 0 and command(files / "rough.csv")[0] == 0
+    assert not (tmp_path / "quality" / "heat-fine.png").exists()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("years of work")
+    code, _, err = command(files / "fine.csv", "--out", "mine")
+    assert code == 2 and "no earlier report" in err and (tmp_path / "mine" / "thesis.txt").exists()
+
+
+BAD = {
+    "no file": (["none.csv"], "no such file"),
+    "other video": (["FILES/fine.csv", "FILES/shifted.csv"], "no frame in common"),
+    "names": (["FILES/fine.csv", "--names", "a,b"], "2 different names for 1 tables"),
+    "no truth": (["FILES/fine.csv", "--truth", "gt.csv"], "no such file"),
+    "other truth": (["FILES/fine.csv", "--truth", "FILES/shifted.csv"], "shares no frame"),
+    "no video": (["FILES/fine.csv", "--video", "none.mp4"], "no such file"),
+    "small video": (["FILES/fine.csv", "--video", "FILES/small.mp4"], "give the video of these tracks"),
+    "gauge": (["FILES/fine.csv", "--gauge-length", "0"], "above 0 m"),
+    "rate": (["FILES/truth.txt", "--frame-rate", "-1"], "above 0"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_nothing_is_written(case, files, command, tmp_path):
+    arguments, complaint = BAD[case]
+    table = tracks()
+    write(stamped(table.assign(frame=table["frame"] + 9000)), files / "shifted.csv")
+    if not (files / "small.mp4").exists():
+        write_video(files / "small.mp4", [np.zeros((64, 96, 3), np.uint8)] * 400)
+    code, out, err = command(*(text.replace("FILES", str(files)) for text in arguments))
+    assert code == 2 and out == "" and complaint in err and err.count("\n") == 1, err
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,89 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.vision.quality.tables import stamped, tracks, write
+from vision.contract import InputError
+from vision.exchange import write_mot
+from vision.interpolate import BOX
+from vision.quality import read_settings
+
+
+def test_tables_of_meters(tmp_path):
+    a, b = write(stamped(tracks()), tmp_path / "a.csv"), tmp_path / "b.parquet"
+    stamped(tracks(seed=1)).to_parquet(b)
+    (tmp_path / "a.json").write_text(json.dumps({"frames_per_second": {"detect": 80.0, "all": 60.0}}))
+    first, second = read_settings([a, b])
+    assert (first.name, first.unit, second.unit) == ("a", "m", "m") and first.has_boxes
+    assert first.speed == {"detect": 80.0, "all": 60.0} and second.speed is None
+    np.testing.assert_allclose(first.tracks["time"], tracks()["time"])
+
+
+def test_interpolated_survives_a_csv(tmp_path):
+    table = tracks(missed=0.2)
+    (found,) = read_settings([write(table, tmp_path / "a.csv")])
+    assert (
+        found.tracks["interpolated"].dtype == bool and found.tracks["interpolated"].sum() == table["interpolated"].sum()
+    )
+    assert (found.tracks.loc[found.tracks["interpolated"], "detected_class"] == "").all()
+
+
+def test_one_table_in_pixels_puts_all_in_pixels(tmp_path):
+    a = write(tracks(), tmp_path / "a.csv")
+    write_mot(tracks(), tmp_path / "b.txt")
+    first, second = read_settings([a, tmp_path / "b.txt"])
+    assert first.unit == second.unit == "px"
+    np.testing.assert_allclose(first.tracks["y"], first.tracks[BOX[3]])
+    np.testing.assert_allclose(second.tracks["time"], second.tracks["frame"] / 25, err_msg="the other table's clock")
+
+
+def test_names(tmp_path):
+    a = write(tracks(), tmp_path / "a.csv")
+    assert [s.name for s in read_settings([a, a])] == ["a", "a 2"]
+    assert [s.name for s in read_settings([a, a], ["one", "two"])] == ["one", "two"]
+    with pytest.raises(InputError, match="--names: 1 different names for 2 tables"):
+        read_settings([a, a], ["one", "one"])
+
+
+BAD = {
+    "no class": (lambda t: t.drop(columns="class"), "no column class"),
+    "no frame": (lambda t: t.drop(columns=["frame", "track_id"]), "no column track_id, frame"),
+    "no place": (lambda t: t.drop(columns=["x", *BOX]), "neither x, y nor box_left"),
+    "no rows": (lambda t: t.iloc[:0], "no fixes"),
+    "no number": (lambda t: t.assign(x=["a", *t["x"][1:]]), "row 1: x is 'a'"),
+    "no time": (lambda t: t.assign(time="noon"), "'noon' is no time"),
+    "twice": (lambda t: pd.concat([t, t]), "is twice in frame 0"),
+    "later": (lambda t: t.assign(time=t["time"] * 1.5), "same frames at other times"),
+    "elsewhere": (lambda t: t.assign(frame=t["frame"] + 5000), "no frame in common"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_tables(case, tmp_path):
+    change, complaint = BAD[case]
+    good, bad = write(tracks(), tmp_path / "good.csv"), write(change(tracks()), tmp_path / "bad.csv")
+    with pytest.raises(InputError, match=complaint) as error:
+        read_settings([good, bad])
+    assert "bad.csv" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_other_bad_input(tmp_path):
+    with pytest.raises(InputError, match="no tables"):
+        read_settings([])
+    with pytest.raises(InputError, match="unknown kind"):
+        read_settings([tmp_path / "a.xlsx"])
+    with pytest.raises(InputError, match="no such file"):
+        read_settings([tmp_path / "a.csv"])
+    write_mot(tracks(), tmp_path / "b.txt")
+    with pytest.raises(InputError, match="no clock; give --frame-rate"):
+        read_settings([tmp_path / "b.txt"])
+    assert read_settings([tmp_path / "b.txt"], frame_rate=25)[0].tracks["time"].max() == pytest.approx(399 / 25)
+    bare = write(tracks().drop(columns=BOX), tmp_path / "bare.csv")
+    with pytest.raises(InputError, match="has no boxes, and other tables no meters"):
+        read_settings([bare, write(tracks(metric=False), tmp_path / "px.csv")])
+    a = write(tracks(), tmp_path / "a.csv")
+    (tmp_path / "a.json").write_text("{}")
+    with pytest.raises(InputError, match=r"a\.json: not what"):
+        read_settings([a])

@@ -1,0 +1,83 @@
+"""Where vehicles were seen: a heat map over the scene."""
+
+from pathlib import Path
+
+import cv2
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.contract.errors import InputError
+from vision.interpolate import BOX
+from vision.quality.setting import Setting
+from vision.video import open_video
+
+Image = NDArray[np.uint8]
+
+WIDTH = 640  # px of the picture in the page
+FRAMES = 15  # of the video, whose median shows the empty scene
+SMOOTH = 0.008  # sd of the blur, widths
+OPAQUE = 0.75
+
+
+def empty_scene(video: Path, settings: list[Setting]) -> Image:
+    """Median of frames all over the video [row, column, 3], blue, green, red: the scene without what moves.
+
+    Raises
+    ------
+    InputError
+        If it is no video, or boxes of a setting lie outside it or frames beyond its end.
+    """
+    clip = open_video(video)
+    for setting in settings:
+        check_inside(setting, clip.width, clip.height, int(clip.index[-1]) + 1, video)
+    return np.median([frame.image for frame in clip.sample(FRAMES)], axis=0).astype(np.uint8)
+
+
+def check_inside(setting: Setting, width: int, height: int, frames: int, video: Path) -> None:
+    """Raise InputError where tracks cannot be of this video."""
+    tracks = setting.tracks
+    across, down = (tracks[BOX[0]] + tracks[BOX[2]]) / 2, (tracks[BOX[1]] + tracks[BOX[3]]) / 2
+    outside = across.max() > width or down.max() > height
+    if outside or tracks["frame"].max() >= frames:
+        raise InputError(
+            f"{setting.path}: has boxes or frames that {video} ({width} x {height} px, {frames} frames) has not; "
+            "give the video of these tracks"
+        )
+
+
+def blank_scene(settings: list[Setting]) -> Image:
+    """Return a dark ground of the size that the boxes span, where there is no video."""
+    corners = np.max([setting.tracks[[BOX[2], BOX[3]]].max().to_numpy(float) for setting in settings], axis=0)
+    width, height = np.maximum(np.ceil(corners), 16).astype(int)
+    return np.full((height, width, 3), 40, np.uint8)
+
+
+def heat_map(setting: Setting, scene: Image) -> Image:
+    """Density of the lower edges of boxes over the scene.
+
+    Parameters
+    ----------
+    setting : tracks with boxes; only what was detected counts
+    scene : [row, column, 3], blue, green, red
+
+    Returns
+    -------
+    picture [row, column, 3], red, green, blue, `WIDTH` px wide
+    """
+    height, width = scene.shape[:2]
+    scale = WIDTH / width
+    size = (WIDTH, max(1, round(height * scale)))
+    ground = cv2.resize(scene, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    gray = cv2.cvtColor(cv2.cvtColor(ground, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2RGB).astype(float)
+    seen = setting.tracks[~setting.tracks["interpolated"]]
+    middle = (seen[BOX[0]] + seen[BOX[2]]).to_numpy(float) / 2
+    column = np.clip((middle * scale).astype(int), 0, size[0] - 1)
+    row = np.clip((seen[BOX[3]].to_numpy(float) * scale).astype(int), 0, size[1] - 1)
+    counts = np.bincount(row * size[0] + column, minlength=size[0] * size[1]).reshape(size[::-1]).astype(float)
+    density = np.asarray(cv2.GaussianBlur(counts, (0, 0), max(SMOOTH * WIDTH, 1.0)))
+    # The square root keeps what is seen rarely visible beside a parked car.
+    share = np.sqrt(density / max(float(density.max()), 1e-12))
+    colors = matplotlib.colormaps["inferno"](0.25 + 0.75 * share)[..., :3] * 255
+    weight = (OPAQUE * np.clip(2 * share, 0, 1))[..., None]
+    return (gray * 0.8 * (1 - weight) + colors * weight).round().astype(np.uint8)

@@ -1,0 +1,186 @@
+"""The figures of one setting: tracks, fragments, classes, jitter, effect on the route, scores, speed."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.jitter import bin_edges, jitter_by_bin, jitter_floor, parked, stride
+from vision.quality.route_effect import route_effect
+from vision.quality.scores import Scores, score_tracks
+from vision.quality.setting import Setting
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What was measured of one setting; lengths in the setting's unit.
+
+    Parameters
+    ----------
+    setting : whose
+    by_class : tracks by class, after one class was given to each track
+    by_detected_class : tracks by every class that was detected in them: more, where detections waver
+    frames_per_track : mean, of frames between first and last
+    fragment : longest run of frames without a miss; the mean over tracks of each one's longest
+    breaks : runs of missed frames inside tracks
+    switches : changes of the detected class inside tracks
+    switching : tracks that have any
+    interpolated : share of fixes
+    before, after : jitter by bin of moving vehicles, before and after missed frames are interpolated
+    floor : jitter of parked vehicles, None where there is none
+    parked : how many there are
+    effect : on the route, by bin; None in pixels
+    scores : against the truth, where it is known
+    """
+
+    setting: Setting
+    by_class: dict[str, int]
+    by_detected_class: dict[str, int]
+    frames_per_track: float
+    fragment: int
+    mean_fragment: float
+    breaks: int
+    switches: int
+    switching: int
+    interpolated: float
+    before: "pd.DataFrame"
+    after: "pd.DataFrame"
+    floor: float | None
+    parked: int
+    effect: "pd.DataFrame | None"
+    scores: Scores | None
+
+    @property
+    def tracks(self) -> int:
+        """How many tracks there are."""
+        return sum(self.by_class.values())
+
+    @property
+    def jitter(self) -> float:
+        """Mean jitter after interpolation, over all fixes."""
+        return mean_over(self.after)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return all figures; NaN stays NaN."""
+        return {
+            "name": self.setting.name,
+            "unit": self.setting.unit,
+            "tracks": self.tracks,
+            "tracks_by_class": self.by_class,
+            "tracks_by_detected_class": self.by_detected_class,
+            "frames_per_track": self.frames_per_track,
+            "longest_fragment_frames": self.fragment,
+            "mean_longest_fragment_frames": self.mean_fragment,
+            "breaks": self.breaks,
+            "class_switches": self.switches,
+            "tracks_with_class_switches": self.switching,
+            "interpolated_share": self.interpolated,
+            "jitter": {
+                "mean_before": mean_over(self.before),
+                "mean_after": self.jitter,
+                "before": self.before.to_dict("records"),
+                "after": self.after.to_dict("records"),
+                "floor": self.floor,
+                "parked_vehicles": self.parked,
+            },
+            "route": None if self.effect is None else self.effect.to_dict("records"),
+            "scores": self.scores and self.scores.rounded(),
+            "frames_per_second": self.setting.speed,
+        }
+
+
+def mean_over(bins: "pd.DataFrame") -> float:
+    """Mean jitter over the fixes of all bins; NaN where there are none."""
+    known = bins[bins["fixes"] > 0]
+    return float(np.average(known["mean"], weights=known["fixes"])) if len(known) else float("nan")
+
+
+def shared_edges(settings: list[Setting]) -> Array:
+    """Edges of ten bins along x over the moving vehicles of all settings, so that their bins are the same."""
+    return bin_edges(np.concatenate([moving(setting)["x"].to_numpy() for setting in settings]))
+
+
+def moving(setting: Setting) -> "pd.DataFrame":
+    """Return the tracks of vehicles that move; all of them where none does, or where there are no meters."""
+    if setting.unit != "m":
+        return setting.tracks
+    rows = ~setting.tracks["track_id"].isin(parked(setting.tracks))
+    return setting.tracks[rows] if rows.any() else setting.tracks
+
+
+def measure(setting: Setting, edges: Array, gauge_length: float, truth: "pd.DataFrame | None" = None) -> Measures:
+    """Measure one setting.
+
+    Parameters
+    ----------
+    setting : tracks
+    edges : [bin + 1], of the bins along x
+    gauge_length : of the DAS, m
+    truth : [fix] with track_id, frame and boxes or x, y
+    """
+    tracks, rolling = setting.tracks, moving(setting)
+    seen = tracks[~tracks["interpolated"]]
+    groups = tracks.groupby("track_id")
+    longest, breaks = fragments(seen)
+    switches = seen.groupby("track_id")["detected_class"].agg(changes)
+    metric = setting.unit == "m"
+    return Measures(
+        setting=setting,
+        by_class=counted(groups["class"].first().value_counts()),
+        by_detected_class=counted(seen.groupby("detected_class")["track_id"].nunique()),
+        frames_per_track=float(groups.size().mean()),
+        fragment=int(longest.max()),
+        mean_fragment=float(longest.mean()),
+        breaks=breaks,
+        switches=int(switches.sum()),
+        switching=int((switches > 0).sum()),
+        interpolated=float(tracks["interpolated"].mean()),
+        before=jitter_by_bin(rolling[~rolling["interpolated"]], edges=edges),
+        after=jitter_by_bin(rolling, edges=edges),
+        floor=jitter_floor(tracks) if metric else None,
+        parked=len(parked(tracks)) if metric else 0,
+        effect=route_effect(rolling, edges, gauge_length) if metric else None,
+        scores=None if truth is None else score_tracks(truth, tracks),
+    )
+
+
+def counted(counts: "pd.Series") -> dict[str, int]:
+    """Counts by name, the largest first."""
+    return {str(name): int(count) for name, count in counts.sort_values(ascending=False, kind="stable").items()}
+
+
+def fragments(seen: "pd.DataFrame") -> tuple["pd.Series", int]:
+    """Longest run of frames without a miss of every track, and how many times runs break off inside tracks.
+
+    Parameters
+    ----------
+    seen : [fix] that was detected, sorted by track and frame
+
+    >>> import pandas as pd
+    >>> longest, breaks = fragments(pd.DataFrame({"track_id": [1] * 6, "frame": [0, 1, 4, 5, 6, 9]}))
+    >>> longest.tolist(), breaks
+    ([3], 2)
+    """
+    step = stride(seen["frame"].to_numpy())
+    name, frame = seen["track_id"].to_numpy(), seen["frame"].to_numpy()
+    other = name[1:] != name[:-1]
+    gap = np.diff(frame) != step
+    run = np.concatenate([[0], np.cumsum(other | gap)])
+    lengths = seen.groupby(["track_id", run]).size()
+    return lengths.groupby(level=0).max(), int((gap & ~other).sum())
+
+
+def changes(labels: "pd.Series") -> int:
+    """Count how often a label differs from the one before.
+
+    >>> import pandas as pd
+    >>> changes(pd.Series(["car", "car", "van", "car"]))
+    2
+    """
+    return int((labels.to_numpy()[1:] != labels.to_numpy()[:-1]).sum())

@@ -1,0 +1,195 @@
+"""Tracks against truth: MOTA (Bernardin & Stiefelhagen 2008), IDF1 (Ristani et al. 2016), HOTA (Luiten et al. 2021).
+
+Boxes are compared by intersection over union; positions, where there are no boxes, by 1 - distance / 2 m.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from vision.boxes import overlap
+from vision.contract.errors import InputError
+from vision.interpolate import BOX
+from vision.jitter import stride
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+MATCHED = 0.5  # similarity that makes a pair, for MOTA and IDF1
+ALPHAS = np.arange(0.05, 0.96, 0.05)  # and those that HOTA is the mean over
+TOO_FAR = 2.0  # m; positions so far apart are not alike at all
+KEPT = 1000.0  # bonus of a pair that was one in the frame before
+EPSILON = 1e-9
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of tracks, 1 is perfect; MOTA may fall below 0.
+
+    Parameters
+    ----------
+    mota, idf1, hota : the usual three
+    deta, assa : the parts of HOTA, detection and association
+    switches : times that a vehicle changes its track
+    misses, false_alarms, boxes : boxes of the truth that were missed, boxes found where nothing is, boxes of the truth
+    """
+
+    mota: float
+    idf1: float
+    hota: float
+    deta: float
+    assa: float
+    switches: int
+    misses: int
+    false_alarms: int
+    boxes: int
+
+    def rounded(self) -> dict[str, float]:
+        """Return all as a dictionary, scores to four digits."""
+        return {name: round(value, 4) for name, value in asdict(self).items()}
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Truth and found tracks, frame by frame.
+
+    Parameters
+    ----------
+    truth, found : numbers of the tracks in each frame, from 0
+    similarity : [truth, found] of each frame, 0 to 1
+    counts : how many tracks of either there are
+    """
+
+    truth: list[Counts]
+    found: list[Counts]
+    similarity: list[Array]
+    counts: tuple[int, int]
+
+
+def score_tracks(truth: "pd.DataFrame", found: "pd.DataFrame") -> Scores:
+    """Score tracks against the truth about the same frames.
+
+    Parameters
+    ----------
+    truth, found : [fix] with track_id, frame, and the box (px) or x, y (m); where `found` saw only every n-th frame,
+        the truth counts in those only
+
+    Raises
+    ------
+    InputError
+        If one has boxes only and the other positions only, or they share no frame.
+
+    >>> import pandas as pd
+    >>> truth = pd.DataFrame({"track_id": 1, "frame": range(4), "x": range(4), "y": 0.0})
+    >>> score_tracks(truth, truth.assign(track_id=[1, 1, 2, 2])).rounded()["idf1"]
+    0.5
+    """
+    pairs = pair_frames(truth, found)
+    mota, switches, misses, false_alarms = clear_mot(pairs)
+    hota, deta, assa = higher_order(pairs)
+    boxes = sum(len(names) for names in pairs.truth)
+    return Scores(mota, identity_f1(pairs), hota, deta, assa, switches, misses, false_alarms, boxes)
+
+
+def pair_frames(truth: "pd.DataFrame", found: "pd.DataFrame") -> Pairs:
+    """Compare truth and tracks in every frame that was looked at."""
+    import pandas as pd
+
+    columns = next((names for names in (BOX, ["x", "y"]) if all(n in t for n in names for t in (truth, found))), None)
+    if columns is None:
+        raise InputError("--truth: has no boxes (px) or positions (m) that the tracks have too; give both or neither")
+    step = stride(found["frame"].to_numpy())
+    truth = truth[(truth["frame"] - found["frame"].min()) % step == 0]
+    shared = np.intersect1d(truth["frame"], found["frame"])
+    if not len(shared):
+        raise InputError("--truth: shares no frame with the tracks; give that of the same video")
+    names = [pd.factorize(table["track_id"].astype(str), sort=True) for table in (truth, found)]
+    frames = np.union1d(truth["frame"], found["frame"])
+    (rows_t, rows_f) = (_rows_by_frame(table["frame"].to_numpy(), frames) for table in (truth, found))
+    values_t, values_f = truth[columns].to_numpy(float), found[columns].to_numpy(float)
+    compare = overlap if columns is BOX else nearness
+    return Pairs(
+        truth=[names[0][0][rows] for rows in rows_t],
+        found=[names[1][0][rows] for rows in rows_f],
+        similarity=[compare(values_t[a], values_f[b]) for a, b in zip(rows_t, rows_f, strict=True)],
+        counts=(len(names[0][1]), len(names[1][1])),
+    )
+
+
+def _rows_by_frame(frame: Counts, frames: Counts) -> list[NDArray[np.intp]]:
+    order = np.argsort(frame, kind="stable")
+    return np.split(order, np.searchsorted(frame[order], frames[1:]))
+
+
+def nearness(a: Array, b: Array) -> Array:
+    """Similarity [n, m] of positions a [n, 2] and b [m, 2], m: 1 in one place, 0 from two meters on.
+
+    >>> nearness(np.array([[0.0, 0.0]]), np.array([[0.0, 0.5], [9.0, 0.0]])).tolist()
+    [[0.75, 0.0]]
+    """
+    distance = np.linalg.norm(a[:, None] - b[None], axis=2)
+    return np.asarray(np.maximum(0.0, 1.0 - distance / TOO_FAR))
+
+
+def clear_mot(pairs: Pairs) -> tuple[float, int, int, int]:
+    """Return MOTA, switches, misses and false alarms: pairs that held in the frame before are kept first."""
+    switches = matched = 0
+    latest: dict[int, int] = {}  # of every vehicle, the track it was last
+    before: dict[int, int] = {}
+    for truth, found, similarity in zip(pairs.truth, pairs.found, pairs.similarity, strict=True):
+        kept = np.array([[before.get(int(t)) == f for f in found] for t in truth]).reshape(similarity.shape)
+        rows, columns = _assign(np.where(similarity >= MATCHED - EPSILON, similarity + KEPT * kept, 0.0))
+        before = {int(truth[r]): int(found[c]) for r, c in zip(rows, columns, strict=True)}
+        switches += sum(latest.get(vehicle, track) != track for vehicle, track in before.items())
+        latest |= before
+        matched += len(rows)
+    boxes, found_boxes = (sum(len(names) for names in side) for side in (pairs.truth, pairs.found))
+    misses, false_alarms = boxes - matched, found_boxes - matched
+    return 1 - (misses + false_alarms + switches) / max(boxes, 1), switches, misses, false_alarms
+
+
+def _assign(value: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Assignment of the largest sum, without pairs worth nothing."""
+    rows, columns = linear_sum_assignment(-value)
+    worth = value[rows, columns] > 0
+    return rows[worth], columns[worth]
+
+
+def identity_f1(pairs: Pairs) -> float:
+    """IDF1: the F1 score of boxes under the one assignment of tracks to vehicles that makes it largest."""
+    together = np.zeros(pairs.counts)
+    for truth, found, similarity in zip(pairs.truth, pairs.found, pairs.similarity, strict=True):
+        together[np.ix_(truth, found)] += similarity >= MATCHED - EPSILON
+    rows, columns = linear_sum_assignment(-together)
+    boxes = sum(len(names) for side in (pairs.truth, pairs.found) for names in side)
+    return float(2 * together[rows, columns].sum() / max(boxes, 1))
+
+
+def higher_order(pairs: Pairs) -> tuple[float, float, float]:
+    """HOTA and its parts, means over the similarities `ALPHAS`.
+
+    Pairs are assigned once a frame, by how well the whole tracks go together and then by similarity.
+    """
+    alike, in_truth, in_found = np.zeros(pairs.counts), np.zeros(pairs.counts[0]), np.zeros(pairs.counts[1])
+    for truth, found, similarity in zip(pairs.truth, pairs.found, pairs.similarity, strict=True):
+        union = similarity.sum(0)[None] + similarity.sum(1)[:, None] - similarity
+        alike[np.ix_(truth, found)] += similarity / np.maximum(union, EPSILON)
+        in_truth[truth] += 1
+        in_found[found] += 1
+    either = in_truth[:, None] + in_found
+    alignment = alike / np.maximum(either - alike, 1)
+    matched = np.zeros((len(ALPHAS), *pairs.counts))
+    for truth, found, similarity in zip(pairs.truth, pairs.found, pairs.similarity, strict=True):
+        rows, columns = linear_sum_assignment(-(alignment[np.ix_(truth, found)] * similarity))
+        good = similarity[rows, columns] >= ALPHAS[:, None] - EPSILON
+        matched[:, truth[rows], found[columns]] += good  # no pair is twice in one frame
+    total = matched.sum(axis=(1, 2))
+    association = (matched**2 / np.maximum(either - matched, 1)).sum(axis=(1, 2)) / np.maximum(total, 1)
+    detection = total / np.maximum(in_truth.sum() + in_found.sum() - total, 1)
+    return float(np.sqrt(detection * association).mean()), float(detection.mean()), float(association.mean())

@@ -1,0 +1,127 @@
+"""Which setting to use, and whether it is good enough for the fiber: in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vision.jitter import LIMIT
+from vision.quality.measures import Measures
+from vision.quality.route_effect import FEWEST
+
+GRADES = ("good", "fair", "weak", "poor")
+AS_GOOD = 0.1  # relative difference of two effects on the route that decides nothing
+MOST = 0.5  # share of bins beyond the limit that makes a setting poor
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What to do.
+
+    Parameters
+    ----------
+    use : name of the setting to use
+    because : why that one
+    grade : good, fair, weak or poor for the fiber; unknown without meters
+    words : what that means
+    """
+
+    use: str
+    because: str
+    grade: str
+    words: str
+
+
+def grade(measures: Measures) -> str:
+    """Grade a setting by the 35 cm rule, over the bins with ten fixes or more.
+
+    good: mean plus standard deviation of the jitter stays below 35 cm in all; fair: the mean does; weak: it does not in
+    some; poor: nor in most. Unknown in pixels, and where no bin has fixes enough.
+    """
+    bins = measures.after[measures.after["fixes"] >= FEWEST]
+    if measures.setting.unit != "m" or bins.empty:
+        return "unknown"
+    beyond = float((bins["mean"] > LIMIT).mean())
+    if beyond > 0:
+        return "poor" if beyond > MOST else "weak"
+    return "good" if ((bins["mean"] + bins["sd"]) <= LIMIT).all() else "fair"
+
+
+def typical_effect(measures: Measures) -> float:
+    """Median over the bins of what the stated sigmas do to the route sideways, m; without them, of noise alone."""
+    if measures.effect is None:
+        return float("nan")
+    passed = measures.effect[measures.effect["passes"] > 0]
+    stated = passed["stated_y"].dropna()
+    values = stated if len(stated) else passed["route_y"].dropna()
+    return float(values.median()) if len(values) else float("nan")
+
+
+def judge(all_measures: Sequence[Measures]) -> Verdict:
+    """Choose by HOTA where the truth is known, else by the route; in pixels by unbroken frames.
+
+    Parameters
+    ----------
+    all_measures : of every setting, all in one unit
+    """
+    if all(m.scores for m in all_measures):
+        best = max(all_measures, key=lambda m: m.scores.hota if m.scores else 0.0)
+        because = "it agrees best with the truth (HOTA)"
+    elif all_measures[0].setting.unit == "m":
+        best = least_harm(all_measures)
+        because = "of those that move the route least it has the least jitter"
+    else:
+        best = max(all_measures, key=lambda m: m.mean_fragment)
+        because = "it follows vehicles longest without a miss; with a calibration, meters would decide"
+    if len(all_measures) == 1:
+        because = "it is the only one given"
+    grade_of_best = grade(best)
+    return Verdict(best.setting.name, because, grade_of_best, words(best, grade_of_best))
+
+
+def least_harm(all_measures: Sequence[Measures]) -> Measures:
+    """Return, of the settings of the best grade that move the route least, within a tenth, the one of least jitter."""
+    order = {name: place for place, name in enumerate((*GRADES, "unknown"))}
+    top = min(order[grade(m)] for m in all_measures)
+    alike = [m for m in all_measures if order[grade(m)] == top]
+    effect = np.nan_to_num([typical_effect(m) for m in alike], nan=np.inf)
+    near = [m for m, size in zip(alike, effect, strict=True) if size <= (1 + AS_GOOD) * effect.min()]
+    return min(near, key=lambda m: float(np.nan_to_num(m.jitter, nan=np.inf)))
+
+
+def words(measures: Measures, name: str) -> str:
+    """Say what a grade means."""
+    centimeters = f"{100 * LIMIT:.0f} cm"
+    if measures.setting.unit != "m":
+        return "Without a calibration nothing is in meters; calibrate the camera to judge jitter and route."
+    if name == "unknown":
+        return "No stretch of road has fixes enough to judge; film longer."
+    bins = measures.after[measures.after["fixes"] >= FEWEST]
+    if name == "good":
+        return f"Good enough for the fiber: jitter stays below {centimeters} all along the view."
+    if name == "fair":
+        return (
+            f"Good enough for the fiber: jitter is below {centimeters} in the mean everywhere, single fixes exceed it."
+        )
+    over = bins[bins["mean"] > LIMIT]
+    where = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in stretches(list(over["low"]), list(over["high"])))
+    if name == "weak":
+        return (
+            f"Usable in part: jitter exceeds {centimeters} at x = {where} m. Leave these stretches out or film nearer."
+        )
+    return f"Not good enough for the fiber: jitter exceeds {centimeters} at x = {where} m, most of the view."
+
+
+def stretches(low: Sequence[float], high: Sequence[float]) -> list[tuple[float, float]]:
+    """Join neighboring bins.
+
+    >>> stretches([0, 1, 5], [1, 2, 6])
+    [(0, 2), (5, 6)]
+    """
+    joined: list[tuple[float, float]] = []
+    for a, b in zip(low, high, strict=True):
+        if joined and np.isclose(joined[-1][1], a):
+            joined[-1] = (joined[-1][0], b)
+        else:
+            joined.append((a, b))
+    return joined
