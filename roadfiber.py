@@ -80,6 +80,7 @@ def locate(
 
 def follow(survey: "Site") -> "pd.DataFrame":
     """Track the survey's video."""
+    from vision.cache import cache_folder
     from vision.pipeline import track
 
     camera = survey.camera
@@ -89,6 +90,7 @@ def follow(survey: "Site") -> "pd.DataFrame":
         calibration=camera.calibration,
         start=camera.start,
         clock_offset=camera.clock_offset,
+        cache=cache_folder(),
     )
 
 

@@ -4,6 +4,7 @@ import hashlib
 import logging
 import os
 import sys
+import zlib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -73,9 +74,9 @@ def kept_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
-    except (BadZipFile, EOFError, KeyError, OSError, ValueError):
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except (BadZipFile, EOFError, KeyError, OSError, ValueError, zlib.error):
         log.warning("%s: is damaged and made anew", path)
         path.unlink(missing_ok=True)
         return None

@@ -1,0 +1,267 @@
+"""Detections and timestamps that are kept: what a second look costs, what a changed input or a damaged file does."""
+
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+import vision.video
+from tests.vision.graphs import write_bright_spot_detector
+from tests.vision.videos import write_video
+from vision.cache import cache_folder, checksum, keep_arrays, kept_arrays
+from vision.contract.errors import InputError
+from vision.detectors import OnnxDetector, load_detector
+from vision.detectors import look as looking
+from vision.detectors.look import look
+from vision.pipeline import box_tracks
+from vision.video import Video, open_video
+
+FRAMES, SIZE = 40, (160, 120)
+
+
+def street(path, shade=220):
+    """A bright car that drives to the right."""
+    images = []
+    for frame in range(FRAMES):
+        image = np.full((SIZE[1], SIZE[0], 3), 40, np.uint8)
+        images.append(cv2.rectangle(image, (10 + 2 * frame, 50), (50 + 2 * frame, 80), (shade, shade, shade), -1))
+    return write_video(path, images)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    return write_bright_spot_detector(tmp_path_factory.mktemp("model") / "spot.onnx", SIZE)
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    return street(tmp_path_factory.mktemp("clip") / "street.mp4")
+
+
+@pytest.fixture
+def work(monkeypatch):
+    """Places of the frames that were detected, and of those that were decoded, in turn."""
+    done = {"detected": 0, "decoded": [], "prepared": 0, "scanned": 0}
+    detect, frames_at, prepare, scan = OnnxDetector.detect, Video.frames_at, OnnxDetector.prepare, vision.video._scan
+
+    def count_detect(self, image):
+        done["detected"] += 1
+        return detect(self, image)
+
+    def count_frames(self, wanted):
+        for frame in frames_at(self, wanted):
+            done["decoded"].append(frame.index)
+            yield frame
+
+    def count_prepare(self, video):
+        done["prepared"] += 1
+        return prepare(self, video)
+
+    def count_scan(*arguments):
+        done["scanned"] += 1
+        return scan(*arguments)
+
+    monkeypatch.setattr(OnnxDetector, "detect", count_detect)
+    monkeypatch.setattr(OnnxDetector, "prepare", count_prepare)
+    monkeypatch.setattr(Video, "frames_at", count_frames)
+    monkeypatch.setattr(vision.video, "_scan", count_scan)
+    return done
+
+
+def see(clip, model, cache, every=1, **options):
+    return list(look(open_video(clip, cache), load_detector(model, **options), every, cache=cache))
+
+
+def same(a, b):
+    return all(
+        x.index == y.index
+        and x.time == y.time
+        and np.array_equal(x.found.box, y.found.box)
+        and np.array_equal(x.found.score, y.found.score)
+        and np.array_equal(x.found.label, y.found.label)
+        for x, y in zip(a, b, strict=True)
+    )
+
+
+def test_a_second_look_costs_nothing_and_sees_the_same(clip, model, tmp_path, work):
+    first = see(clip, model, tmp_path)
+    assert work["detected"] == FRAMES and work["scanned"] == 1 and sum(len(now.found) for now in first) == FRAMES
+    work.update(detected=0, decoded=[], prepared=0, scanned=0)
+    again = see(clip, model, tmp_path)
+    assert same(first, again), "to the last bit"
+    assert work == {"detected": 0, "decoded": [], "prepared": 0, "scanned": 0}
+    assert all(now.image is None for now in again)
+
+
+def test_without_a_cache_nothing_is_kept(clip, model, tmp_path, work, monkeypatch):
+    monkeypatch.setenv("ROADFIBER_CACHE", str(tmp_path))
+    assert same(see(clip, model, None), see(clip, model, None))
+    assert work["detected"] == 2 * FRAMES and not list(tmp_path.iterdir())
+
+
+def test_tracks_of_a_second_look_are_the_same(clip, model, tmp_path, work):
+    video, detector = open_video(clip), load_detector(model)
+    first, _ = box_tracks(video, detector, cache=tmp_path)
+    again, speed = box_tracks(video, detector, cache=tmp_path)
+    pd.testing.assert_frame_equal(first, again)
+    assert work["detected"] == FRAMES and first["track_id"].nunique() == 1 and speed.frames == FRAMES
+
+
+def test_a_denser_look_detects_only_what_is_missing(clip, model, tmp_path, work):
+    see(clip, model, tmp_path, every=4)
+    assert work["detected"] == 10
+    dense = see(clip, model, tmp_path)
+    assert work["detected"] == FRAMES
+    assert same(dense, see(clip, model, None))
+
+
+def test_a_run_that_is_cut_short_goes_on(clip, model, tmp_path, work, monkeypatch):
+    monkeypatch.setattr(looking, "CHUNK", 8)
+    with (
+        pytest.raises(KeyboardInterrupt),
+        closing(look(open_video(clip), load_detector(model), cache=tmp_path)) as looks,
+    ):
+        for now in looks:
+            if now.index == 20:
+                raise KeyboardInterrupt
+    assert work["detected"] == 21
+    work.update(detected=0, decoded=[])
+    rest = see(clip, model, tmp_path)
+    assert work["decoded"] == list(range(21, FRAMES)) and work["detected"] == FRAMES - 21
+    assert same(rest, see(clip, model, None))
+
+
+def test_a_run_that_is_killed_keeps_whole_chunks(clip, model, tmp_path, work, monkeypatch):
+    monkeypatch.setattr(looking, "CHUNK", 8)
+    looks = look(open_video(clip), load_detector(model), cache=tmp_path)
+    for _ in range(21):
+        next(looks)
+    monkeypatch.setattr("vision.detectors.kept.keep_arrays", lambda path, arrays: False)  # what a dead process writes
+    looks.close()
+    monkeypatch.undo()
+    names = [path.name for path in sorted(tmp_path.glob("detections/*/*"))]
+    assert names == ["00000000-00000007-8.npz", "00000008-00000015-8.npz"]
+    known = {now.index for now in see(clip, model, tmp_path) if now.image is None}
+    assert known == set(range(16))
+
+
+def test_images_of_kept_frames_on_request(clip, model, tmp_path, work):
+    see(clip, model, tmp_path, every=2)
+    video, detector = open_video(clip), load_detector(model)
+    shown = list(look(video, detector, cache=tmp_path, images=True))
+    assert all(now.image is not None for now in shown) and work["detected"] == FRAMES
+    for now, frame in zip(shown, video.frames(), strict=True):
+        assert now.index == frame.index and np.array_equal(now.image, frame.image)
+
+
+def test_other_options_are_another_look(clip, model, tmp_path, work):
+    see(clip, model, tmp_path)
+    see(clip, model, tmp_path, classes=["bus"])
+    see(clip, model, tmp_path, names=["a", "b", "truck"])
+    assert work["detected"] == 3 * FRAMES and len(list(tmp_path.glob("detections/*"))) == 3
+
+
+def test_content_counts_not_names(clip, model, tmp_path, work):
+    see(clip, model, tmp_path)
+    (tmp_path / "elsewhere.mp4").write_bytes(clip.read_bytes())
+    (tmp_path / "renamed.onnx").write_bytes(Path(model).read_bytes())
+    see(tmp_path / "elsewhere.mp4", tmp_path / "renamed.onnx", tmp_path)
+    assert work["detected"] == FRAMES
+    other = write_bright_spot_detector(tmp_path / "renamed.onnx", SIZE, level=0.6)
+    see(tmp_path / "elsewhere.mp4", other, tmp_path)
+    assert work["detected"] == 2 * FRAMES
+    see(street(tmp_path / "elsewhere.mp4", shade=230), model, tmp_path)
+    assert work["detected"] == 3 * FRAMES
+
+
+def test_weights_beside_the_model_count(model, clip, tmp_path):
+    path = tmp_path / "m.onnx"
+    path.write_bytes(Path(model).read_bytes())
+    bare = load_detector(path).identity
+    (tmp_path / "m.onnx.data").write_bytes(b"weights")
+    assert load_detector(path).identity["model"] != bare["model"]
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 torn"])
+def test_a_damaged_file_is_made_anew(damage, clip, model, tmp_path, work, caplog):
+    first = see(clip, model, tmp_path)
+    for path in [*tmp_path.glob("detections/*/*.npz"), *tmp_path.glob("timestamps/*.npz")]:
+        path.write_bytes(damage)
+    assert same(first, see(clip, model, tmp_path))
+    assert work["detected"] == 2 * FRAMES and caplog.text.count("is damaged and made anew") == 2
+    assert same(first, see(clip, model, tmp_path)) and work["detected"] == 2 * FRAMES
+
+
+def test_a_folder_that_cannot_be_written_is_no_end(clip, model, tmp_path, work, caplog, monkeypatch):
+    monkeypatch.setattr(looking, "CHUNK", 8)
+    (tmp_path / "file").write_text("in the way")
+    assert len(see(clip, model, tmp_path / "file")) == FRAMES
+    told = [message for message in caplog.messages if "nothing is kept" in message]
+    assert len(told) == 2, "once of the timestamps, once of the detections"
+
+
+def test_a_detector_of_ones_own_is_not_kept(clip, tmp_path):
+    class Blind:
+        threshold = 0.5
+
+        def prepare(self, video):
+            return self
+
+        def detect(self, image):
+            return looking.Detections(np.zeros((0, 4)), np.zeros(0), np.zeros(0, str))
+
+    assert len(list(look(open_video(clip), Blind(), cache=tmp_path))) == FRAMES
+    assert not list(tmp_path.iterdir())
+
+
+def test_frames_without_vehicles_are_known_too(tmp_path, model, work):
+    dark = write_video(tmp_path / "dark.mp4", [np.full((SIZE[1], SIZE[0], 3), 40, np.uint8)] * 5)
+    for _ in range(2):
+        assert [len(now.found) for now in see(dark, model, tmp_path / "cache")] == [0] * 5
+    assert work["detected"] == 5
+
+
+def test_a_video_that_cannot_be_used_leaves_nothing(tmp_path):
+    (tmp_path / "junk.mp4").write_bytes(b"not a video at all" * 50)
+    with pytest.raises(InputError):
+        open_video(tmp_path / "junk.mp4", tmp_path / "cache")
+    assert not (tmp_path / "cache").exists()
+
+
+def test_checksum_follows_the_content(tmp_path):
+    path = tmp_path / "a"
+    path.write_bytes(b"1")
+    first = checksum(path)
+    path.write_bytes(b"22")
+    assert checksum(path) != first
+
+
+def test_arrays_are_kept_whole(tmp_path):
+    assert keep_arrays(tmp_path / "deep" / "a.npz", {"x": np.arange(3)})
+    assert kept_arrays(tmp_path / "deep" / "a.npz")["x"].tolist() == [0, 1, 2]
+    assert kept_arrays(tmp_path / "b.npz") is None
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["a.npz"]
+
+
+@pytest.mark.parametrize(
+    ("platform", "settings", "place"),
+    [
+        ("linux", {"XDG_CACHE_HOME": "/c"}, "/c/roadfiber"),
+        ("linux", {}, "/home/ann/.cache/roadfiber"),
+        ("darwin", {}, "/home/ann/Library/Caches/roadfiber"),
+        ("win32", {"LOCALAPPDATA": "/l"}, "/l/roadfiber"),
+        ("linux", {"ROADFIBER_CACHE": "/own"}, "/own"),
+    ],
+)
+def test_cache_folder(platform, settings, place, monkeypatch):
+    for name in ("XDG_CACHE_HOME", "LOCALAPPDATA", "ROADFIBER_CACHE"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in settings.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(Path, "home", lambda: Path("/home/ann"))
+    assert cache_folder() == Path(place)
