@@ -1,6 +1,6 @@
 """Cable stage: the fiber's route, a curve in three dimensions parametrised by its length."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -66,6 +66,25 @@ class SplineBasis:
         spline = BSpline(self.knots, np.eye(self.size), DEGREE, extrapolate=True)
         return np.asarray(spline(distance, nu=derivative))
 
+    def weights(self, distance: Tensor, derivative: int = 0) -> Tensor:
+        """The same [..., coefficient] at a tensor of distances [...], differentiable; straight on beyond the ends."""
+        inside = distance.clamp(self.start, self.stop)
+        phase = ((inside - self.start) / self.step)[..., None] - torch.arange(-1, self.size - 1, dtype=distance.dtype)
+        x = phase.abs()
+        near, far = x < 1, x < 2
+
+        def pieces(center: Tensor, flank: Tensor) -> Tensor:
+            return torch.where(near, center, torch.where(far, flank, torch.zeros_like(x)))
+
+        if derivative == 2:
+            bent = pieces(3 * x - 2, 2 - x) / self.step**2
+            return torch.where((inside == distance)[..., None], bent, torch.zeros_like(bent))
+        slope = phase.sign() * pieces(1.5 * x**2 - 2 * x, -0.5 * (2 - x) ** 2) / self.step
+        if derivative == 1:
+            return slope
+        value = pieces(2 / 3 - x**2 + 0.5 * x**3, (2 - x) ** 3 / 6)
+        return value + (distance - inside)[..., None] * slope
+
     def interpolate(self, distance: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coefficients [coefficient, 3] of the smoothest route near points [point, 3] at those distances, m.
 
@@ -78,22 +97,28 @@ class SplineBasis:
         return np.asarray(np.linalg.lstsq(matrix, target, rcond=None)[0], float)
 
 
+#: Gauss-Legendre stations within a gauge: offsets in gauge lengths from its middle, and weights that sum to 1.
+STATION_OFFSETS, STATION_WEIGHTS = (x / 2 for x in np.polynomial.legendre.leggauss(7))
+
+
 @dataclass(frozen=True)
 class GaugeEnds:
-    """Basis matrices at the two ends of every channel's gauge.
+    """Basis matrices at the two ends of every channel's gauge, and within it where they are wanted.
 
     Parameters
     ----------
     ahead, behind : [channel, coefficient], positions half a gauge length ahead and behind
     ahead_slope, behind_slope : [channel, coefficient], derivatives with respect to distance, 1/m
-    gauge_length : m
+    inner, inner_slope, inner_bend : [channel, station, coefficient], within the gauge and two derivatives, or None
     """
 
     ahead: Tensor
     behind: Tensor
     ahead_slope: Tensor
     behind_slope: Tensor
-    gauge_length: float
+    inner: Tensor | None = None
+    inner_slope: Tensor | None = None
+    inner_bend: Tensor | None = None
 
     @classmethod
     def of(cls, basis: Basis, distance: NDArray[np.float64], gauge_length: float) -> "GaugeEnds":
@@ -104,8 +129,21 @@ class GaugeEnds:
             torch.from_numpy(basis.at(behind)),
             torch.from_numpy(basis.at(ahead, 1)),
             torch.from_numpy(basis.at(behind, 1)),
-            gauge_length,
         )
+
+    @classmethod
+    def at(cls, basis: SplineBasis, distance: Tensor, gauge_length: Tensor | float, inner: bool) -> "GaugeEnds":
+        """The same, differentiable by distances [channel] and gauge length, m; with the `inner` stations if wanted."""
+        ahead, behind = (distance + sign * torch.as_tensor(gauge_length) / 2 for sign in (1, -1))
+        ends = [basis.weights(where, order) for order in (0, 1) for where in (ahead, behind)]
+        if not inner:
+            return cls(*ends)
+        stations = distance[:, None] + torch.from_numpy(STATION_OFFSETS) * torch.as_tensor(gauge_length)
+        return cls(*ends, *(basis.weights(stations, order) for order in range(3)))
+
+    def matrices(self) -> dict[str, Tensor]:
+        """The fields that are there, by name."""
+        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
 
 
 def unit(vectors: Tensor) -> Tensor:

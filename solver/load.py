@@ -44,6 +44,19 @@ def layout_of(vehicle_class: str) -> WheelLayout:
     return LAYOUTS.get(vehicle_class, POINT)
 
 
+#: All classes that have a number: `CLASSES[class_number(name)]` is the name, or "vehicle" for any other.
+CLASSES = ("vehicle", *LAYOUTS)
+
+
+def class_number(vehicle_class: str) -> int:
+    """Number of a vehicle class; 0 for one without a layout.
+
+    >>> class_number("car"), class_number("tram")
+    (1, 0)
+    """
+    return CLASSES.index(vehicle_class) if vehicle_class in LAYOUTS else 0
+
+
 def wheel_loads(
     position: Tensor, heading: Tensor, wheelbase: Tensor, track: Tensor, front_share: Tensor
 ) -> tuple[Tensor, Tensor]:

@@ -69,11 +69,6 @@ def timed(timings: dict[str, float], name: str) -> Iterator[None]:
     timings[name] = time.perf_counter() - begun
 
 
-def chi2(result: FitResult) -> float:
-    """Weighted misfit of a fit."""
-    return float(np.nansum(result.weight * result.residual**2))
-
-
 def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Problem]:
     """Fit every start; the best is returned, marked ambiguous where another fits about as well elsewhere."""
     fit, steps = METHODS[method]
@@ -81,11 +76,11 @@ def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Prob
     for problem in problems:
         with progress("fitting the route", steps) as advance:
             ends.append((fit(problem, advance), problem))
-    ends.sort(key=lambda end: chi2(end[0]))
+    ends.sort(key=lambda end: end[0].chi2)
     (best, problem), others = ends[0], ends[1:]
     # Where the model leaves more than noise, so much more must a rival be worse to be ruled out.
     least = DECISIVE * max(1.0, best.chi2_per_dof)
-    rivals = [r for r, _ in others if chi2(r) - chi2(best) < least and apart(r, best)]
+    rivals = [r for r, _ in others if r.chi2 - best.chi2 < least and apart(r, best)]
     return replace(best, ambiguous_side=bool(rivals)), problem
 
 

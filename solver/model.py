@@ -1,20 +1,23 @@
-"""The signal path in one piece: trajectory -> load -> ground -> cable -> interrogator.
+"""The signal path in one piece: trajectory -> load -> ground -> cable -> interrogator -> processing.
 
 Rows are (pass, sample) pairs of all passes, one after the other, so that any number of vehicles, meeting or apart, is
 one tensor operation; rows of the same sample superpose.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from solver.cable import GaugeEnds, axial, unit
-from solver.ground import displacement_rate
+from solver.cable import STATION_WEIGHTS, GaugeEnds, axial, unit
+from solver.extension import NONE, Extension, Values
+from solver.half_space.tangential import tangential_displacement_rate
 from solver.interrogator import gauge_strain_rate
-from solver.load import layout_of, wheel_loads
+from solver.load import class_number, layout_of, wheel_loads
+from solver.observation import BASE, Description
+from solver.stages import Ground, Load, Trajectory
 from solver.trajectory import Pass
 
 
@@ -31,6 +34,7 @@ class Traffic:
     position, velocity : [row, 2], m and m/s
     heading : [row, 2], unit vector along travel
     sigma : [row, 2], standard deviation of the position, m
+    class_index : [pass], see `solver.load.class_number`
     """
 
     passes: int
@@ -41,12 +45,14 @@ class Traffic:
     velocity: Tensor
     heading: Tensor
     sigma: Tensor
+    class_index: Tensor
 
     @classmethod
-    def of(cls, passes: Sequence[Pass]) -> "Traffic":
-        """Stack passes."""
+    def of(cls, passes: Sequence[Pass], more: np.ndarray | None = None) -> "Traffic":
+        """Stack passes; `more` are rows of the record to look at beside those with a vehicle."""
         record_rows = np.concatenate([p.rows for p in passes])
-        samples, sample_index = np.unique(record_rows, return_inverse=True)
+        samples = np.unique(record_rows if more is None else np.concatenate([record_rows, more]))
+        sample_index = np.searchsorted(samples, record_rows)
         stack = {
             name: torch.from_numpy(np.concatenate([getattr(p, name) for p in passes]))
             for name in ("position", "velocity", "sigma")
@@ -59,6 +65,7 @@ class Traffic:
             torch.from_numpy(sample_index),
             samples,
             heading=heading,
+            class_index=torch.tensor([class_number(p.vehicle_class) for p in passes]),
             **stack,
         )
 
@@ -68,7 +75,13 @@ class Traffic:
         place[torch.from_numpy(chosen)] = torch.arange(len(chosen))
         keep = place[self.sample_index] >= 0
         rows = {name: getattr(self, name)[keep] for name in ("pass_index", "position", "velocity", "heading", "sigma")}
-        return Traffic(self.passes, sample_index=place[self.sample_index][keep], samples=self.samples[chosen], **rows)
+        return Traffic(
+            self.passes,
+            sample_index=place[self.sample_index][keep],
+            samples=self.samples[chosen],
+            class_index=self.class_index,
+            **rows,
+        )
 
     def superpose(self, rows: Tensor) -> Tensor:
         """Sum responses [row, ...] of the same sample -> [sample, ...]."""
@@ -127,17 +140,26 @@ class Fiber:
     ----------
     ahead, behind : [..., channel, 3], positions, m
     ahead_slope, behind_slope : [..., channel, 3], derivative of position with distance
+    inner, inner_slope, inner_bend : [..., channel, station, 3], positions within the gauge and their first and second
+        derivatives; None where the strain of a gauge is the motion of its ends alone
     """
 
     ahead: Tensor
     behind: Tensor
     ahead_slope: Tensor
     behind_slope: Tensor
+    inner: Tensor | None = None
+    inner_slope: Tensor | None = None
+    inner_bend: Tensor | None = None
 
     @classmethod
     def of(cls, ends: GaugeEnds, coefficients: Tensor) -> "Fiber":
         """Ends of a spline route with `coefficients` [knot, 3], m."""
-        return cls(*(getattr(ends, f.name) @ coefficients for f in fields(cls)))
+        return cls(**{name: matrix @ coefficients for name, matrix in ends.matrices().items()})
+
+    def present(self) -> dict[str, Tensor]:
+        """The fields that are there, by name."""
+        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
 
 
 @dataclass(frozen=True)
@@ -148,66 +170,152 @@ class SignalPath:
     ----------
     traffic : vehicles' places
     gauge_length : m
+    extension : the effects beyond the base model, none by default
     """
 
     traffic: Traffic
     gauge_length: float
+    extension: Extension = NONE
 
-    def rows(self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor) -> Tensor:
-        """Strain rate [row, channel] of each vehicle alone, 1/s.
+    def described(self, values: Values) -> Description:
+        """Ground, cable, interrogator and processing with the effects at `values`."""
+        return self.extension.described(values, self.gauge_length)
 
-        Fields of `fiber` are [channel, 3] or [row, channel, 3]; of `vehicles` (per row) [row] or [row, channel];
-        `poisson_ratio` is a scalar or [row, channel].
-        """
+    def loads(self, vehicles: Vehicles, values: Values) -> Load:
+        """Forces on the road; fields of `vehicles` are [row, 1 or channel]."""
         traffic, v = self.traffic, vehicles
-        # Fields per row get a channel axis, so that per-row and per-sample fields mix freely.
-        v = Vehicles(*(x if x.ndim > 1 else x[:, None] for x in (getattr(v, f.name) for f in fields(v))))
-        heading = traffic.heading[:, None, :]
-        right = torch.stack([-heading[..., 1], heading[..., 0]], -1)
-        position = traffic.position[:, None, :] + v.along[..., None] * heading + v.across[..., None] * right
-        heading = heading.expand(position.shape)
-        wheels, weights = wheel_loads(position, heading, v.wheelbase, v.track, v.front_share)
+        time, since = self.extension.clock(traffic)
+        driven = Trajectory(
+            time,
+            since,
+            traffic.position[:, None, :],
+            traffic.velocity[:, None, :],
+            traffic.heading[:, None, :],
+            traffic.pass_index,
+        )
+        driven = self.extension.changed("trajectory", driven.shifted(v.along, v.across), values)
+        heading = driven.heading.expand(driven.position.shape)
+        wheels, weights = wheel_loads(driven.position, heading, v.wheelbase, v.track, v.front_share)
         if not bool(v.wheelbase.any() | v.track.any()):
             wheels, weights = wheels[..., :1, :], torch.ones_like(weights[..., :1])
-        velocity = traffic.velocity[:, None, None, :]
+        load = Load(wheels, weights, driven, traffic.class_index[traffic.pass_index])
+        return self.extension.changed("load", load, values)
+
+    def rows(self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values | None = None) -> Tensor:
+        """Strain rate [row, channel] of each vehicle alone, 1/s, before whatever acts on the whole map.
+
+        Fields of `fiber` are [channel, 3] or [row, channel, 3]; of `vehicles` (per row) [row] or [row, channel];
+        `poisson_ratio` is a scalar or [row, channel]; `values` are those of the effects' parameters, local to rows
+        and channels (`Extension.local`).
+        """
+        values = values or {}
+        # Fields per row get a channel axis, so that per-row and per-sample fields mix freely.
+        columns = (getattr(vehicles, f.name) for f in fields(vehicles))
+        v = Vehicles(*(x if x.ndim > 1 else x[:, None] for x in columns))
+        load = self.loads(v, values)
+        stages = self.described(values)
         nu = torch.as_tensor(poisson_ratio)
-        nu = nu[..., None] if nu.ndim else nu
 
-        def axial_velocity(point: Tensor, slope: Tensor) -> Tensor:
-            across = point[..., None, :2] - wheels
-            down = point[..., None, 2:].expand(*across.shape[:-1], 1)
-            motion = displacement_rate(torch.cat([across, down], -1), velocity, nu)
-            return axial((weights[..., None] * motion).sum(-2), unit(slope))
+        def motion(point: Tensor) -> Tensor:
+            return ground_motion(load, stages.ground, point, nu)
 
-        ahead = axial_velocity(fiber.ahead, fiber.ahead_slope)
-        behind = axial_velocity(fiber.behind, fiber.behind_slope)
-        return v.amplitude * gauge_strain_rate(ahead, behind, self.gauge_length)
+        def along(point: Tensor, slope: Tensor) -> Tensor:
+            tangent = unit(slope)
+            if stages.cable.vertical is not BASE.cable.vertical:
+                tangent = torch.cat([tangent[..., :2], tangent[..., 2:] * stages.cable.vertical], -1)
+            return axial(motion(point), tangent)
 
-    def strain_rate(self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor) -> Tensor:
+        length = stages.interrogator.gauge_length
+        ends = along(fiber.ahead, fiber.ahead_slope), along(fiber.behind, fiber.behind_slope)
+        rate = gauge_strain_rate(*ends, length)
+        if fiber.inner is not None:
+            rate = rate + stages.cable.path_integral * bend_strain_rate(motion, fiber)
+        if stages.ground.compliance is not None:
+            rate = rate * stages.ground.compliance((fiber.ahead + fiber.behind) / 2)
+        return v.amplitude * stages.cable.gain * rate
+
+    def observed(self, alone: Tensor, values: Values) -> Tensor:
+        """What the interrogator and the processing make of maps [..., sample, channel]."""
+        return self.described(values).observed(alone, self.traffic.samples)
+
+    def strain_rate(
+        self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values | None = None
+    ) -> Tensor:
         """Strain rate [sample, channel] of all vehicles together, 1/s."""
-        return self.traffic.superpose(self.rows(fiber, vehicles.rows(self.traffic), poisson_ratio))
+        values = values or {}
+        rows = self.rows(fiber, vehicles.rows(self.traffic), poisson_ratio, values)
+        return self.observed(self.traffic.superpose(rows), values)
 
-    def sensitivities(self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor) -> "Sensitivities":
+    def sensitivities(
+        self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values | None = None
+    ) -> "Sensitivities":
         """Strain rate of each row and its derivative by every local quantity, in one backward pass.
 
         Each sample depends on its own copy of the local quantities only, so the gradient of the sum over samples
-        holds all derivatives.
+        holds all derivatives. What acts on the whole map is not in them, see `observed`.
         """
         shape = (len(self.traffic.pass_index), fiber.ahead.shape[-2])
 
         def leaf(x: Tensor, *tail: int) -> Tensor:
             return x.expand(*shape, *tail).clone().requires_grad_()
 
-        local_fiber = Fiber(*(leaf(getattr(fiber, f.name), 3) for f in fields(fiber)))
+        points = fiber.present()
+        local_fiber = Fiber(**{name: leaf(x, *x.shape[1:]) for name, x in points.items()})
         per_row = vehicles.rows(self.traffic)
         local_vehicles = Vehicles(*(leaf(getattr(per_row, f.name)[:, None]) for f in fields(per_row)))
         local_nu = leaf(poisson_ratio)
-        rate = self.rows(local_fiber, local_vehicles, local_nu)
-        leaves = {"poisson_ratio": local_nu}
-        for group in (local_fiber, local_vehicles):
-            leaves |= {f.name: getattr(group, f.name) for f in fields(group)}
+        rate = self.rows(local_fiber, local_vehicles, local_nu, values)
+        leaves = {"poisson_ratio": local_nu} | local_fiber.present()
+        leaves |= {f.name: getattr(local_vehicles, f.name) for f in fields(local_vehicles)}
         gradients = torch.autograd.grad(rate.sum(), list(leaves.values()), materialize_grads=True)
         return Sensitivities(rate.detach(), dict(zip(leaves, gradients, strict=True)))
+
+
+def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tensor) -> Tensor:
+    """Velocity of the ground under loads, per unit amplitude.
+
+    Parameters
+    ----------
+    point : [channel, 3], [row, channel, 3] or [row, channel, station, 3], m
+    poisson_ratio : scalar or [row, channel]
+
+    Returns
+    -------
+    [row, channel, 3] or [row, channel, station, 3]
+    """
+    stations = point.ndim > 3
+
+    def beside(x: Tensor, tail: int) -> Tensor:
+        """A quantity per row, channel and wheel, with an axis for stations where points have one."""
+        return x.unsqueeze(x.ndim - tail) if stations else x
+
+    wheels = beside(load.position, 2)
+    velocity = beside(load.trajectory.velocity[..., None, :], 2)
+    nu = poisson_ratio.reshape(*poisson_ratio.shape, *[1] * (1 + stations)) if poisson_ratio.ndim else poisson_ratio
+    if ground.poisson_change is not None:
+        nu = nu + ground.poisson_change(point)[..., None]
+    across = point[..., None, :2] - wheels
+    offset = torch.cat([across, point[..., None, 2:].expand(*across.shape[:-1], 1)], -1)
+    motion = beside(load.share, 1)[..., None] * ground.response(offset, velocity, nu)
+    if load.share_rate is not None:
+        motion = motion + beside(load.share_rate, 1)[..., None] * ground.settlement(offset, nu)
+    if load.thrust is not None:
+        motion = motion + tangential_displacement_rate(offset, velocity, nu, beside(load.thrust, 2))
+    return motion.sum(-2)
+
+
+def bend_strain_rate(motion: Callable[[Tensor], Tensor], fiber: Fiber) -> Tensor:
+    """What the turning of the fiber within its gauge adds to the strain rate [row, channel] of the two ends.
+
+    The strain averaged over a gauge is the integral of t . du/ds = [t . u] - integral of u . dt/ds, over its length.
+    """
+    slope, bend = fiber.inner_slope, fiber.inner_bend
+    assert fiber.inner is not None and slope is not None and bend is not None
+    length = slope.norm(dim=-1, keepdim=True)
+    tangent = slope / length
+    turning = (bend - (bend * tangent).sum(-1, keepdim=True) * tangent) / length
+    weights = torch.from_numpy(STATION_WEIGHTS)
+    return -(weights * (motion(fiber.inner) * turning).sum(-1)).sum(-1)
 
 
 @dataclass(frozen=True)
@@ -217,7 +325,7 @@ class Sensitivities:
     Parameters
     ----------
     rate : [row, channel], 1/s
-    by : name of a local quantity -> derivative [row, channel] or [row, channel, 3]
+    by : name of a local quantity -> derivative [row, channel], [row, channel, 3] or [row, channel, station, 3]
     """
 
     rate: Tensor

@@ -13,11 +13,14 @@ from solver.matched_filter import Initialization
 from solver.model import Traffic
 from solver.noise import noise_level, quiet
 from solver.trajectory import Pass
+from solver.whitening import noise_law
 
 #: Anchors farther than this from the active channels, in meters of fiber, say nothing about them.
 ANCHOR_REACH = 50.0
 #: A vehicle farther than this from every fitted channel is not felt, m: under 1 % of its response when nearest.
 FELT = 25.0
+#: How long before and after each pass the record is looked at, s: what filters leave behind shows there.
+TAIL = 4.0
 #: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times
 #: that of the other channels, is a bend that the model does not hold for.
 TURN, EXCESS = 0.2, 1.2
@@ -85,10 +88,11 @@ def pose(
     """State the fitting problem over the active `channel` numbers, starting at `route` [channel, 3]."""
     column = np.searchsorted(record.channel, channel)
     strain_rate = record.strain_rate[:, column]
-    noise = noise_level(strain_rate, quiet(len(strain_rate), route, passes))
+    still = quiet(len(strain_rate), route, passes)
+    noise = noise_level(strain_rate, still)
     alive = np.isfinite(noise) & (noise > 0)
     passes = [part for one in passes if (part := nearby(one, route)) is not None]
-    traffic = Traffic.of(passes)
+    traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))
     return Problem(
         strain_rate=torch.from_numpy(strain_rate[traffic.samples][:, alive]),
         noise=torch.from_numpy(noise[alive]),
@@ -101,7 +105,20 @@ def pose(
         anchors=anchors,
         start=route[alive],
         prior=prior,
+        sampling_rate=record.sampling_rate,
+        law=noise_law((strain_rate / noise)[:, alive], still[:, alive], record.sampling_rate),
     )
+
+
+def around(passes: Sequence[Pass], samples: int, margin: int) -> np.ndarray:
+    """Rows up to `margin` before and after each pass, within a record of so many samples.
+
+    >>> around([], 10, 2)
+    array([], dtype=int64)
+    """
+    rows = [np.arange(one.rows[0] - margin, one.rows[-1] + margin + 1) for one in passes]
+    every = np.unique(np.concatenate(rows)) if rows else np.empty(0, np.int64)
+    return every[(every >= 0) & (every < samples)]
 
 
 def bent_ends(result: FitResult, gauge: int) -> slice:

@@ -52,8 +52,8 @@ def held_out_chi2(
         unseen = MapFit(held, known_ground=True)
         end = solve(unseen, unseen.start_at(ground.coefficients, ground.poisson_ratio)).state
         alone = own_samples(problem, group)
-        weight = unseen.normal(end)[2][alone]
-        misfit += float((weight * unseen.residual(end)[alone] ** 2).sum())
-        freedom += float(weight.sum()) - int(unseen.free.sum())
+        weights = unseen.normal(end)[2]
+        misfit += float((unseen.whitened(end, weights)[alone] ** 2).sum())
+        freedom += float((weights.good * weights.soft)[alone].sum()) - int(unseen.free.sum())
         advance(1)
     return misfit / freedom if freedom > 0 else None

@@ -1,47 +1,70 @@
 """Maximum a posteriori fit of a spline route by Levenberg-Marquardt, with covariance.
 
-Minimizes sum(((d - f) / sigma)^2) + sum(((theta - prior) / sd)^2) over route, amplitudes, track shifts, wheel layouts
-and Poisson ratio (Tarantola 2005, Inverse Problem Theory, eq. 3.51), with Huber weights for bad samples.
+Minimizes |W (d - f)|^2 + sum(((theta - prior) / sd)^2) over route, amplitudes, track shifts, wheel layouts, Poisson
+ratio and what the effects in the model bring (Tarantola 2005, Inverse Problem Theory, eq. 3.51); W whitens the noise,
+Huber weights bound the pull of bad samples.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from solver.cable import SplineBasis
+from solver.cable import GaugeEnds, SplineBasis
+from solver.extension import Values
+from solver.fit.derivatives import Seen, derivative, observed_tangents
 from solver.fit.prior import Rows, anchor_rows, shape_rows
 from solver.fit.problem import Problem
 from solver.load import layout_of
 from solver.model import Fiber, Sensitivities, Vehicles
+from solver.observation import BASE
 
 KNOT_SPACING = 10.0
 HUBER = 4.0
+#: Times the scale of the residual beyond which a sample is no noise.
+SPIKE = 7.0
 SHALLOWEST = 0.1
 PER_PASS = ("amplitude", "along", "across", "wheelbase", "front_share")
 
 
 @dataclass(frozen=True)
 class State:
-    """All that is fitted: route coefficients [knot, 3] (m), vehicles, Poisson ratio []."""
+    """All that is fitted: route coefficients [knot, 3] (m), vehicles, Poisson ratio [], numbers of the effects."""
 
     coefficients: Tensor
     vehicles: Vehicles
     poisson_ratio: Tensor
+    numbers: Tensor
 
     def vector(self) -> Tensor:
-        """One vector: route, then each per-pass quantity, then the Poisson ratio."""
+        """One vector: route, each per-pass quantity, the Poisson ratio, the effects' numbers."""
         per_pass = [getattr(self.vehicles, name) for name in PER_PASS]
-        return torch.cat([self.coefficients.reshape(-1), *per_pass, self.poisson_ratio.reshape(1)])
+        return torch.cat([self.coefficients.reshape(-1), *per_pass, self.poisson_ratio.reshape(1), self.numbers])
 
     def moved(self, vector: Tensor) -> "State":
         """The state that `vector` describes."""
         shape, passes = self.coefficients.shape, len(self.vehicles.amplitude)
-        route, rest = vector[: self.coefficients.numel()], vector[self.coefficients.numel() : -1]
+        sizes = [self.coefficients.numel(), len(PER_PASS) * passes, 1, len(self.numbers)]
+        route, rest, nu, numbers = vector.split(sizes)
         columns = dict(zip(PER_PASS, rest.reshape(len(PER_PASS), passes), strict=True))
-        return State(route.reshape(shape), replace(self.vehicles, **columns), vector[-1].clamp(0.0, 0.495))
+        vehicles = replace(self.vehicles, **columns)
+        return State(route.reshape(shape), vehicles, nu[0].clamp(0.0, 0.495), numbers)
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What the robust likelihood leaves of each sample.
+
+    Parameters
+    ----------
+    good : [sample, channel], 0 where not measured or far out of the noise: spikes, cycle skips
+    soft : [sample, channel], 0 to 1, of the whitened residual
+    """
+
+    good: Tensor
+    soft: Tensor
 
 
 class MapFit:
@@ -49,46 +72,84 @@ class MapFit:
 
     Parameters
     ----------
-    problem : the survey
+    problem : the survey and the effects in its model
     knot_spacing : of the route, m
-    known_ground : leave route and Poisson ratio as they are and fit the vehicles only
+    known_ground : leave all but the vehicles as it is
     """
 
     def __init__(self, problem: Problem, knot_spacing: float = KNOT_SPACING, known_ground: bool = False):
         self.problem = problem
         self.basis = SplineBasis(*problem.span, knot_spacing)
-        self.ends = problem.ends(self.basis)
         self.path = problem.path
+        self.extension = self.path.extension
         self.measured = problem.measured
         self.data = torch.where(self.measured, problem.strain_rate, 0.0)
+        self.whiten = problem.whitener
+        self._ends = problem.ends(self.basis)
         self.mean, self.sd = self._prior()
         if known_ground:
-            self.sd[: 3 * self.basis.size] = 0.0
-            self.sd[-1] = 0.0
+            self._hold_ground()
         self.free = self.sd > 0
 
     def start(self) -> State:
-        """Begin at the rough route and the expected Poisson ratio."""
+        """Begin at the rough route and the expected Poisson ratio, without any effect."""
         route = torch.from_numpy(self.basis.interpolate(self.problem.distance, self.problem.start))
         return self.start_at(route, torch.tensor(self.problem.prior.poisson_ratio[0], dtype=torch.float64))
 
-    def start_at(self, route: Tensor, nu: Tensor) -> State:
+    def start_at(self, route: Tensor, nu: Tensor, numbers: Tensor | None = None) -> State:
         """Vehicles of their class, with the amplitudes that fit a route [coefficient, 3] best."""
-        return self.settled(State(route, Vehicles.of(self.problem.passes), nu), self.measured.double())
+        numbers = self.extension.numbers() if numbers is None else numbers
+        state = State(route, Vehicles.of(self.problem.passes), nu, numbers)
+        every = self.measured.double()
+        return self.settled(state, Weights(every, every))
 
-    def settled(self, state: State, weight: Tensor) -> State:
+    def bounded(self, state: State) -> State:
+        """The same state with the effects' numbers within their bounds."""
+        return replace(state, numbers=self.extension.bounded(state.numbers))
+
+    def values(self, state: State) -> Values:
+        """Values of the effects' parameters at each row and channel."""
+        return self.extension.local(state.numbers)
+
+    def ends_at(self, values: Values) -> GaugeEnds:
+        """Basis matrices at the gauges' ends, as effects move them."""
+        stages = self.path.described(values)
+        cable, gauge = stages.cable, stages.interrogator.gauge_length
+        around = self.extension.surroundings
+        if around is None:
+            return self._ends
+        within = cable.path_integral is not BASE.cable.path_integral
+        return GaugeEnds.at(self.basis, cable.distance, gauge, within)
+
+    def fiber(self, state: State, values: Values) -> Fiber:
+        """The gauges' ends on the route of a state."""
+        return Fiber.of(self.ends_at(values), state.coefficients)
+
+    def model(self, state: State) -> Tensor:
+        """Strain rate [sample, channel], 1/s."""
+        values = self.values(state)
+        return self.path.strain_rate(self.fiber(state, values), state.vehicles, state.poisson_ratio, values)
+
+    def settled(self, state: State, weights: Weights) -> State:
         """The same state with the amplitudes that fit best: they enter linearly, so no step need search for them."""
-        traffic = self.problem.traffic
+        traffic, values = self.problem.traffic, self.values(state)
+        stages = self.path.described(values)
+        if stages.nonlinear and bool((state.vehicles.amplitude != 1).any()):
+            # What clips is not linear; the steps themselves find the amplitudes.
+            return state
         vehicles = replace(state.vehicles, amplitude=torch.ones_like(state.vehicles.amplitude))
-        rows = self.path.rows(Fiber.of(self.ends, state.coefficients), vehicles.rows(traffic), state.poisson_ratio)
-        alone = torch.zeros(traffic.passes, *self.data.shape, dtype=torch.float64)
+        fiber = self.fiber(state, values)
+        rows = self.path.rows(fiber, vehicles.rows(traffic), state.poisson_ratio, values)
+        alone = torch.zeros(traffic.passes, len(traffic.samples), rows.shape[1], dtype=torch.float64)
         alone[traffic.pass_index, traffic.sample_index] = rows
-        scale = weight.sqrt() / self.problem.noise
-        alone = (alone * scale).flatten(1)
-        matrix = alone @ alone.T
+        alone = stages.linear.observed(alone, traffic.samples) * weights.good
+        scale = weights.soft.sqrt()
+        columns = (self.whiten(alone.permute(1, 2, 0)) * scale[..., None]).flatten(0, 1)
+        data = (self.whiten(self.data * weights.good) * scale).flatten()
+        matrix = columns.T @ columns
         # A vehicle that is not felt at all keeps an amplitude of zero.
         matrix += 1e-12 * matrix.diagonal().max() * torch.eye(traffic.passes, dtype=torch.float64)
-        amplitude = torch.linalg.solve(matrix, alone @ (self.data * scale).flatten())
+        amplitude = torch.linalg.solve(matrix, columns.T @ data)
         return replace(state, vehicles=replace(vehicles, amplitude=amplitude))
 
     def _prior(self) -> tuple[Tensor, Tensor]:
@@ -104,9 +165,22 @@ class MapFit:
         }
         route = torch.zeros(self.basis.size, 3, dtype=torch.float64)
         nu, nu_sd = p.prior.poisson_ratio
-        mean = State(route, Vehicles.of(p.passes), torch.tensor(nu, dtype=torch.float64)).vector()
-        flat = np.concatenate([np.full(route.numel(), np.inf), *(sd[name] for name in PER_PASS), [nu_sd]])
+        numbers = self.extension.numbers()
+        spread = np.zeros(self.extension.size)
+        for slot in self.extension.slots:
+            spread[slot.where] = slot.parameter.plausible
+        mean = State(route, Vehicles.of(p.passes), torch.tensor(nu, dtype=torch.float64), numbers).vector()
+        flat = np.concatenate([np.full(route.numel(), np.inf), *(sd[name] for name in PER_PASS), [nu_sd], spread])
         return mean, torch.from_numpy(flat)
+
+    def _hold_ground(self) -> None:
+        """Fix route, Poisson ratio and all of the effects that is not of single passes."""
+        after = len(self.sd) - self.extension.size
+        self.sd[: 3 * self.basis.size] = 0.0
+        self.sd[after - 1] = 0.0
+        for slot in self.extension.slots:
+            if slot.parameter.scope not in ("pass", "track"):
+                self.sd[after:][slot.where] = 0.0
 
     def route_rows(self, coefficients: Tensor) -> tuple[Rows, Rows]:
         """Rows of the prior on the route's shape, and of its anchors."""
@@ -128,25 +202,41 @@ class MapFit:
         return self.shape_matrix(coefficients) + torch.diag(self.sd[self.free] ** -2)
 
     def residual(self, state: State) -> Tensor:
-        """(measured - model) / noise, [sample, channel], 0 where not measured."""
-        model = self.path.strain_rate(Fiber.of(self.ends, state.coefficients), state.vehicles, state.poisson_ratio)
-        return torch.where(self.measured, self.data - model, 0.0) / self.problem.noise
+        """(measured - model) / noise, [sample, channel], 0 where not measured; not whitened."""
+        return torch.where(self.measured, self.data - self.model(state), 0.0) / self.problem.noise
 
-    def jacobian(self, local: Sensitivities) -> Tensor:
-        """Derivative of the model in noise units by every parameter, [sample, channel, parameter]."""
+    def whitened(self, state: State, weights: Weights) -> Tensor:
+        """Whitened residual [sample, channel], with weights."""
+        difference = torch.where(self.measured, self.data - self.model(state), 0.0)
+        return self.whiten(difference * weights.good) * weights.soft.sqrt()
+
+    def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
+        """Derivative of the model by every parameter, [sample, channel, parameter], 1/s per unit."""
         traffic = self.problem.traffic
         size, passes = self.basis.size, traffic.passes
         rows, channels = local.rate.shape
         route = torch.zeros(rows, channels, size, 3, dtype=torch.float64)
-        for f in fields(Fiber):
-            route += torch.einsum("rck,cj->rcjk", local.by[f.name], getattr(self.ends, f.name))
-        out = torch.zeros(len(traffic.samples), channels, len(self.mean), dtype=torch.float64)
+        for name, matrix in self.ends_at(values).matrices().items():
+            pattern = "rck,cj->rcjk" if matrix.ndim == 2 else "rcqk,cqj->rcjk"
+            route += torch.einsum(pattern, local.by[name], matrix)
+        first = 3 * size + len(PER_PASS) * passes
+        out = torch.zeros(len(traffic.samples), channels, first + 1, dtype=torch.float64)
         out[..., : 3 * size] = traffic.superpose(route.reshape(rows, channels, -1))
         for number, name in enumerate(PER_PASS):
             column = 3 * size + number * passes + traffic.pass_index
             out[traffic.sample_index, :, column] += local.by[name]
-        out[..., -1] = traffic.superpose(local.by["poisson_ratio"])
-        return out / self.problem.noise[:, None]
+        out[..., first] = traffic.superpose(local.by["poisson_ratio"])
+        if not self.extension.effects:
+            return out
+        alone = traffic.superpose(local.rate)
+        columns = observed_tangents(self.path, alone, out.permute(2, 0, 1), values).permute(1, 2, 0)
+        return torch.cat([columns, self.effect_columns(state, alone)], -1)
+
+    def effect_columns(self, state: State, alone: Tensor) -> Tensor:
+        """Derivative of the model by the effects' numbers, [sample, channel, number]."""
+        seen = Seen(self.path, lambda values: self.fiber(state, values), state.vehicles, state.poisson_ratio, alone)
+        columns = [derivative(seen, slot, state.numbers) for slot in self.extension.slots]
+        return torch.cat(columns, 0).permute(1, 2, 0)
 
     def track_variance(self, local: Sensitivities) -> Tensor:
         """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel]."""
@@ -156,13 +246,15 @@ class MapFit:
         x, y = (traffic.sigma**2).unbind(-1)
         along = local.by["along"] ** 2 * (cosine * x + sine * y)[:, None]
         across = local.by["across"] ** 2 * (sine * x + cosine * y)[:, None]
-        return traffic.superpose(along + across) / self.problem.noise**2
+        chosen = self.extension.chosen
+        total = traffic.superpose(along + across)
+        return (total if chosen is None else total[:, chosen]) / self.problem.noise**2
 
-    def cost(self, state: State, weight: Tensor) -> float:
+    def cost(self, state: State, weights: Weights) -> float:
         """Weighted misfit plus priors."""
         shift = (state.vector() - self.mean)[self.free] / self.sd[self.free]
         rows = sum(float((r.residual**2).sum()) for r in self.route_rows(state.coefficients))
-        return float((weight * self.residual(state) ** 2).sum() + (shift**2).sum()) + rows
+        return float((self.whitened(state, weights) ** 2).sum() + (shift**2).sum()) + rows
 
     def buried(self, state: State) -> bool:
         """Whether the whole route is under the ground, where the half-space is."""
@@ -170,16 +262,10 @@ class MapFit:
         depth = torch.from_numpy(self.basis.at(everywhere)) @ state.coefficients[:, 2]
         return bool(depth.min() > SHALLOWEST)
 
-    def normal(self, state: State) -> tuple[Tensor, Tensor, Tensor]:
-        """Normal matrix [free, free], right-hand side [free] and sample weights [sample, channel]."""
-        local = self.path.sensitivities(Fiber.of(self.ends, state.coefficients), state.vehicles, state.poisson_ratio)
-        model = self.path.traffic.superpose(local.rate)
-        residual = torch.where(self.measured, self.data - model, 0.0) / self.problem.noise
-        weight = self.measured / (1 + self.track_variance(local))
-        weight = weight * huber(residual * weight.sqrt(), self.measured)
-        jacobian = (self.jacobian(local) * weight.sqrt()[..., None]).reshape(-1, len(self.mean))
-        matrix = jacobian.T @ jacobian
-        right = jacobian.T @ (residual * weight.sqrt()).reshape(-1)
+    def normal(self, state: State) -> tuple[Tensor, Tensor, Weights]:
+        """Normal matrix [free, free], right-hand side [free] and weights of the samples."""
+        at = self.linearized(state)
+        matrix, right = at.jacobian.T @ at.jacobian, at.jacobian.T @ at.residual
         for rows in self.route_rows(state.coefficients):
             route = rows.jacobian.shape[1]
             matrix[:route, :route] += rows.jacobian.T @ rows.jacobian
@@ -187,13 +273,56 @@ class MapFit:
         free = self.free
         precision = self.sd[free] ** -2
         shift = (self.mean - state.vector())[free]
-        return matrix[free][:, free] + torch.diag(precision), right[free] + precision * shift, weight
+        return matrix[free][:, free] + torch.diag(precision), right[free] + precision * shift, at.weights
+
+    def linearized(self, state: State) -> "Linearized":
+        """The problem near a state: whitened, weighted residual and derivatives."""
+        values = self.values(state)
+        fiber = self.fiber(state, values)
+        local = self.path.sensitivities(fiber, state.vehicles, state.poisson_ratio, values)
+        model = self.path.observed(self.path.traffic.superpose(local.rate), values)
+        difference = torch.where(self.measured, self.data - model, 0.0)
+        tracks = self.track_variance(local)
+        good = self.measured * near_noise(difference / self.problem.noise / (1 + tracks).sqrt(), self.measured)
+        residual = self.whiten(difference * good)
+        soft = self.measured / (1 + tracks)
+        soft = soft * huber(residual * soft.sqrt(), self.measured)
+        jacobian = self.whiten(self.jacobian(state, local, values) * good[..., None]) * soft.sqrt()[..., None]
+        return Linearized(
+            jacobian.flatten(0, 1), (residual * soft.sqrt()).flatten(), Weights(good, soft), model, local.rate
+        )
+
+
+@dataclass(frozen=True)
+class Linearized:
+    """A problem near a state.
+
+    Parameters
+    ----------
+    jacobian : [sample * channel, parameter], whitened and weighted
+    residual : [sample * channel], likewise
+    weights : of the samples
+    model : [sample, channel], 1/s
+    rate : [row, computed channel], of each vehicle alone, 1/s
+    """
+
+    jacobian: Tensor
+    residual: Tensor
+    weights: Weights
+    model: Tensor
+    rate: Tensor
 
 
 def huber(residual: Tensor, measured: Tensor) -> Tensor:
     """Weights [...] that bound the pull of single bad samples (Huber 1964), on the scale of the residual itself."""
     scale = torch.clamp(1.4826 * residual[measured].abs().median(), min=1.0)
     return (HUBER * scale / residual.abs().clamp_min(1e-12)).clamp(max=1.0)
+
+
+def near_noise(residual: Tensor, measured: Tensor) -> Tensor:
+    """1 where a residual [...] may be noise, 0 for spikes: a filter must not smear them over their neighbors."""
+    scale = torch.clamp(1.4826 * residual[measured].abs().median(), min=1.0)
+    return (residual.abs() < SPIKE * scale).double()
 
 
 @dataclass(frozen=True)
@@ -215,7 +344,7 @@ def solve(fit: MapFit, state: State, iterations: int = 40, advance: Callable[[in
         advance(1)
         step = torch.zeros_like(fit.mean)
         step[free] = torch.linalg.solve(matrix + damping * torch.diag(matrix.diagonal()), right)
-        candidate = state.moved(state.vector() + step)
+        candidate = fit.bounded(state.moved(state.vector() + step))
         new_cost = np.inf
         if fit.buried(candidate):
             candidate = fit.settled(candidate, weight)

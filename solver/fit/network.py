@@ -173,7 +173,7 @@ def fit_network(
     return assemble(
         problem,
         fit,
-        State(coefficients, vehicles, start.poisson_ratio),
+        State(coefficients, vehicles, start.poisson_ratio, start.numbers),
         method="network",
         iterations=iterations,
         seconds=time.perf_counter() - begun,

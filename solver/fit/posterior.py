@@ -24,31 +24,34 @@ class Posterior:
     prior_part : [free, free], the part of `covariance` that priors decide; the rest is data and anchors
     shape_part : [free, free], the part of it that the prior on the route's shape decides
     weight : [sample, channel], of each sample
-    residual : [sample, channel], (measured - model) / noise
-    chi2_per_dof : weighted misfit over degrees of freedom
+    model : [sample, channel], 1/s
+    chi2 : weighted misfit of the whitened residual
+    chi2_per_dof : the same over degrees of freedom
     """
 
     covariance: Tensor
     prior_part: Tensor
     shape_part: Tensor
     weight: Tensor
-    residual: Tensor
+    model: Tensor
+    chi2: float
     chi2_per_dof: float
 
     @classmethod
     def at(cls, fit: MapFit, state: State) -> "Posterior":
         """Linearize the problem at `state`."""
-        matrix, _, weight = fit.normal(state)
+        matrix, _, weights = fit.normal(state)
         covariance = torch.linalg.inv(matrix)
         prior_part = covariance @ fit.prior_matrix(state.coefficients) @ covariance
         shape_part = covariance @ fit.shape_matrix(state.coefficients) @ covariance
-        residual = fit.residual(state)
-        freedom = float(weight.sum() - torch.trace((covariance - prior_part) @ matrix))
-        chi2 = float((weight * residual**2).sum()) / max(freedom, 1.0)
+        chi2 = float((fit.whitened(state, weights) ** 2).sum())
+        freedom = float((weights.good * weights.soft).sum() - torch.trace((covariance - prior_part) @ matrix))
+        per_dof = chi2 / max(freedom, 1.0)
         # Unmodeled physics is at least as wrong as the misfit it leaves in the data or at the anchors (Birge ratio).
         missed = fit.route_rows(state.coefficients)[1].residual
-        scale = max(1.0, chi2, float((missed**2).sum()) / max(len(missed), 1))
-        return cls(covariance * scale, prior_part * scale, shape_part * scale, weight, residual, chi2)
+        scale = max(1.0, per_dof, float((missed**2).sum()) / max(len(missed), 1))
+        weight = weights.good * weights.soft
+        return cls(covariance * scale, prior_part * scale, shape_part * scale, weight, fit.model(state), chi2, per_dof)
 
 
 def route_covariance(fit: MapFit, covariance: Tensor, distance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -73,6 +76,9 @@ def parameters(problem: Problem, state: State, fit: MapFit, covariance: Tensor) 
     sigma[fit.free] = covariance.diagonal().sqrt()
     names = [(f"{name}[{one.track_id}]", UNITS[name]) for name in PER_PASS for one in problem.passes]
     names.append(("poisson_ratio", "1"))
+    for slot in fit.extension.slots:
+        name, count = f"{slot.effect.name}.{slot.parameter.name}", slot.where.stop - slot.where.start
+        names += [(name if count == 1 else f"{name}[{i}]", slot.parameter.unit) for i in range(count)]
     values = state.vector()
     first = len(values) - len(names)
     return {
@@ -100,8 +106,7 @@ def assemble(
     prior = route_covariance(fit, posterior.prior_part, distance)
     shape = route_covariance(fit, posterior.shape_part, distance)
     share = 1 - np.diagonal(prior, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
-    residual = posterior.residual * problem.noise
-    model = torch.where(problem.measured, problem.strain_rate - residual, torch.nan)
+    model = torch.where(problem.measured, posterior.model, torch.nan)
     return FitResult(
         method=method,
         channel=channel,
@@ -117,6 +122,8 @@ def assemble(
         model=model.numpy(),
         noise=problem.noise.numpy(),
         weight=posterior.weight.numpy(),
+        law=problem.law,
+        chi2=posterior.chi2,
         chi2_per_dof=posterior.chi2_per_dof,
         ambiguous_side=False,
         iterations=iterations,

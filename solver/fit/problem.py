@@ -1,7 +1,8 @@
 """What both fits are given: measured strain rate and its noise, passes, anchors, and what was known before."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -10,9 +11,16 @@ from torch import Tensor
 
 from solver.anchors import Anchor
 from solver.cable import Basis, GaugeEnds
+from solver.effects.effect import Effect
+from solver.extension import Extension, Scopes
 from solver.fit.prior import Prior
 from solver.model import SignalPath, Traffic
+from solver.stages import Surroundings
 from solver.trajectory import Pass
+from solver.whitening import NoiseLaw, Whitener
+
+#: How far the model is computed beyond the fitted channels where an effect mixes neighbors, m.
+MARGIN = 12.0
 
 
 @dataclass(frozen=True)
@@ -30,6 +38,9 @@ class Problem:
     anchors : known points of the fiber
     start : [channel, 3], rough route to begin from, m
     prior : what was known before
+    sampling_rate : Hz
+    law : of the noise in time and across channels
+    effects : in the model, beyond the base
     """
 
     strain_rate: Tensor
@@ -43,6 +54,9 @@ class Problem:
     anchors: Sequence[Anchor]
     start: NDArray[np.float64]
     prior: Prior
+    sampling_rate: float
+    law: NoiseLaw = field(default_factory=NoiseLaw.white)
+    effects: Sequence[Effect] = ()
 
     def distance_of(self, channel: ArrayLike) -> NDArray[np.float64]:
         """Distance along the fiber, m, of channel numbers."""
@@ -73,8 +87,44 @@ class Problem:
 
     @property
     def path(self) -> SignalPath:
-        """The signal path of this survey's traffic."""
-        return SignalPath(self.traffic, self.gauge_length)
+        """The signal path of this survey's traffic, with its effects."""
+        return SignalPath(self.traffic, self.gauge_length, self.extension(self.effects))
+
+    def extension(self, effects: Sequence[Effect]) -> Extension:
+        """Effects, ready to be put into the signal path."""
+        if not effects:
+            return Extension()
+        time = torch.from_numpy(self.traffic.samples)[self.traffic.sample_index] / self.sampling_rate
+        plain = self._extension(effects, self.distance, None, time)
+        values = plain.local(plain.numbers())
+        if not plain.described(values, self.gauge_length).along_fiber:
+            return plain
+        # Neighbors matter: a gapless stretch of channels, and some beyond either end.
+        margin = int(np.ceil(MARGIN / self.channel_spacing))
+        every = np.arange(self.channel[0] - margin, self.channel[-1] + margin + 1)
+        chosen = torch.from_numpy(np.searchsorted(every, self.channel))
+        return self._extension(effects, self.distance_of(every), chosen, time)
+
+    def _extension(
+        self, effects: Sequence[Effect], distance: NDArray[np.float64], chosen: Tensor | None, time: Tensor
+    ) -> Extension:
+        inside = self.traffic.position.numpy()
+        around = Surroundings(
+            distance=torch.from_numpy(distance),
+            gauge_length=self.gauge_length,
+            channel_spacing=self.channel_spacing,
+            sampling_rate=self.sampling_rate,
+            passes=self.traffic.passes,
+            middle=torch.from_numpy((inside.min(0) + inside.max(0)) / 2),
+        )
+        bare = Extension(time=time)
+        scopes = Scopes.of(self.traffic, torch.from_numpy(distance), bare.clock(self.traffic)[1])
+        return Extension(effects, around, scopes, chosen, time)
+
+    @cached_property
+    def whitener(self) -> Whitener:
+        """Makes the noise of [sample, channel] white."""
+        return Whitener(self.noise, self.traffic.samples, self.channel, self.law)
 
     def ends(self, basis: Basis) -> GaugeEnds:
         """Gauge ends of the fitted channels."""

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.whitening import NoiseLaw
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -34,7 +36,9 @@ class FitResult:
     measured, model : [sample, fitted], 1/s; measured is NaN where there is none
     noise : [fitted], standard deviation of the noise, 1/s
     weight : [sample, fitted], 0 to 1, what the robust likelihood left of each sample
-    chi2_per_dof : misfit over degrees of freedom, weights applied
+    law : of the noise in time and across channels
+    chi2 : misfit of the whitened residual, weights applied
+    chi2_per_dof : the same over degrees of freedom
     ambiguous_side : True where the mirror route on the other side of the traffic fits as well
     iterations, seconds, converged : how it went
     """
@@ -53,6 +57,8 @@ class FitResult:
     model: NDArray[np.float64]
     noise: NDArray[np.float64]
     weight: NDArray[np.float64]
+    law: NoiseLaw
+    chi2: float
     chi2_per_dof: float
     ambiguous_side: bool
     iterations: int

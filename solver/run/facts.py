@@ -15,7 +15,7 @@ from solver.das import DASRecord
 from solver.das.files import checksum
 from solver.fit.least_squares import HUBER
 from solver.fit.result import FitResult
-from solver.noise import quiet
+from solver.noise import quiet, whitened_quiet
 from solver.site import Site
 from solver.trajectory import Pass
 
@@ -44,13 +44,12 @@ def strict(value: Any) -> Any:
 def noise_floor(result: FitResult, record: DASRecord, passes: Sequence[Pass]) -> float:
     """Return the chi2 per degree of freedom that noise alone would leave.
 
-    Mean square of the quiet samples (no vehicle near) in noise sigmas, with the fit's own Huber weights; NaN where
-    there are too few of them. Above 1 where the noise has heavy tails or is not stationary.
+    Mean square of the whitened quiet samples (no vehicle near), with the fit's own Huber weights; NaN where there are
+    too few of them. Above 1 where the noise has heavy tails or is not stationary.
     """
     at = np.searchsorted(result.channel, result.fitted_channel)
     still = quiet(len(record.strain_rate), result.route[at], passes)
-    rate = record.strain_rate[:, np.searchsorted(record.channel, result.fitted_channel)] / result.noise
-    size = np.abs(rate[still & np.isfinite(rate)])
+    size = np.abs(whitened_quiet(record, result.fitted_channel, result.noise, result.law, still))
     return float(np.mean(size * np.minimum(size, HUBER))) if len(size) >= ENOUGH_QUIET else float("nan")
 
 
@@ -111,6 +110,7 @@ def facts_of(
         "seconds": result.seconds,
         "effects": effects,
         "parameters": {name: asdict(parameter) for name, parameter in result.parameters.items()},
+        "chi2": result.chi2,
         "chi2_per_dof": result.chi2_per_dof,
         "noise_floor": noise_floor(result, record, passes),
         "held_out_chi2_per_dof": held_out,

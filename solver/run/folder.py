@@ -18,6 +18,7 @@ from solver.run.contents import Run
 from solver.run.facts import FORMAT, facts_of
 from solver.site import Site
 from solver.trajectory import Pass
+from solver.whitening import NoiseLaw
 from vision.contract import InputError, LocalFrame, writing
 
 # What of a FitResult are arrays, and so goes into data.npz; maps are stored in single precision, 1e-7 of their value.
@@ -68,7 +69,8 @@ def write_arrays(path: Path, run: Run) -> None:
     result = run.result
     arrays: dict[str, Any] = {name: getattr(result, name) for name in ARRAYS}
     maps = {name: getattr(result, name).astype(np.float32) for name in MAPS}
-    arrays |= maps | pass_arrays(run.passes)
+    law = {f"law_{f.name}": getattr(result.law, f.name) for f in fields(NoiseLaw)}
+    arrays |= maps | law | pass_arrays(run.passes)
     np.savez_compressed(path, time=run.time, **arrays)
 
 
@@ -192,7 +194,8 @@ def read_run(folder: Path) -> Run:
             for name, p in facts["parameters"].items()
         }
         scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
-        scalars["chi2_per_dof"] = number(facts["chi2_per_dof"])
+        scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof")}
+        scalars["law"] = NoiseLaw(**{f.name: arrays[f"law_{f.name}"] for f in fields(NoiseLaw)})
         result = FitResult(**{name: arrays[name] for name in ARRAYS}, **maps, **scalars, parameters=parameters)
         return Run(
             result=result,

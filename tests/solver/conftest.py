@@ -13,6 +13,7 @@ from solver.das import DASRecord
 from solver.fit.result import FitResult, Parameter
 from solver.site import Site, read_site
 from solver.trajectory import Pass
+from solver.whitening import NoiseLaw
 
 SITE = """
 name = "Elm <Street> & 2nd"
@@ -132,6 +133,8 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Survey:
         model=model[samples],
         noise=noise,
         weight=np.ones((len(samples), len(fitted))),
+        law=NoiseLaw.white(),
+        chi2=1234.5,
         chi2_per_dof=1.01,
         ambiguous_side=False,
         iterations=7,

@@ -9,14 +9,13 @@ import torch
 from solver.cable import SplineBasis
 from solver.fit.least_squares import MapFit, huber, solve
 from solver.fit.prior import Prior, anchor_rows, shape_rows
-from solver.model import Fiber
 
 
 def test_jacobian_by_finite_differences(case) -> None:
     fit = MapFit(case.problem)
     state = fit.start()
-    local = fit.path.sensitivities(Fiber.of(fit.ends, state.coefficients), state.vehicles, state.poisson_ratio)
-    jacobian = fit.jacobian(local)
+    local = fit.path.sensitivities(fit.fiber(state, {}), state.vehicles, state.poisson_ratio)
+    jacobian = fit.jacobian(state, local, {}) / case.problem.noise[:, None]
     vector = state.vector()
     rng = np.random.default_rng(0)
     columns = [*rng.choice(3 * fit.basis.size, 6, replace=False), *range(3 * fit.basis.size, len(vector), 3), -1]

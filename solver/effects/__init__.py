@@ -1,0 +1,1 @@
+"""Effects that the base model lacks: the catalogue, and users' own."""

@@ -1,0 +1,137 @@
+"""What an effect is: a differentiable change to one stage of the signal path, exactly absent at its null value."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from torch import Tensor
+
+from solver.stages import STAGES, Surroundings
+
+#: What a parameter may be: one number, one per pass, or smooth along the fiber, the road, or each pass.
+SCOPES = ("one", "pass", "fiber", "road", "track")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Parameters
+    ----------
+    name : as the effect's function looks it up
+    unit : "1" for a pure number
+    plausible : size that would surprise nobody; also the standard deviation of the prior once the effect is added
+    null : value at which the effect is absent
+    lower, upper : bounds
+    scope : "one", "pass" (one per pass), or smooth along the "fiber", the "road" (x of the vehicle) or each "track"
+    grid : for a parameter that means nothing at the null of the others (a relaxation time, a place): the values that
+        the search tries; () for all others
+    """
+
+    name: str
+    unit: str
+    plausible: float
+    null: float = 0.0
+    lower: float = -float("inf")
+    upper: float = float("inf")
+    scope: str = "one"
+    grid: tuple[float, ...] = ()
+
+    @property
+    def is_shape(self) -> bool:
+        """Whether it has no null of its own."""
+        return bool(self.grid)
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the null is a bound."""
+        return self.null in (self.lower, self.upper)
+
+
+Change = Callable[[Any, Mapping[str, Tensor], Surroundings], Any]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect of the catalogue, or a user's own.
+
+    Parameters
+    ----------
+    name : the field's term, as commands take it
+    stage : one of `solver.stages.STAGES`, the one that it changes
+    parameters : all of them
+    change : (stage, values by name, surroundings) -> stage; values are [] for "one", [row, 1] for "pass", "road" and
+        "track", [channel] for "fiber"
+    physics : one line
+    source : paper, book or standard
+    told_from : what it is confounded with, in words
+    generic : a stand-in for something unknown, no physical effect
+    """
+
+    name: str
+    stage: str
+    parameters: tuple[Parameter, ...]
+    change: Change
+    physics: str
+    source: str
+    told_from: str = ""
+    generic: bool = False
+
+    def parameter(self, name: str) -> Parameter:
+        """Look a parameter up."""
+        return next(p for p in self.parameters if p.name == name)
+
+    @property
+    def shapes(self) -> tuple[Parameter, ...]:
+        """Parameters without a null of their own."""
+        return tuple(p for p in self.parameters if p.is_shape)
+
+    @property
+    def amplitudes(self) -> tuple[Parameter, ...]:
+        """Parameters with a null."""
+        return tuple(p for p in self.parameters if not p.is_shape)
+
+
+def effect(
+    name: str,
+    stage: str,
+    parameters: Sequence[Parameter],
+    *,
+    physics: str,
+    source: str,
+    told_from: str = "",
+    generic: bool = False,
+) -> Callable[[Change], Effect]:
+    """Make an effect of a function.
+
+    Parameters
+    ----------
+    name, stage, parameters, physics, source, told_from, generic : see `Effect`
+
+    Raises
+    ------
+    ValueError
+        Where the declaration cannot hold: no such stage or scope, no parameter with a null, bounds that leave it out.
+
+    >>> @effect("axle_lift", "load", [Parameter("share", "1", 0.1)], physics="The rear axle carries less.", source="-")
+    ... def axle_lift(load, p, survey):
+    ...     return load.modulated(1 - p["share"], 0 * p["share"])
+    >>> axle_lift.name, axle_lift.stage
+    ('axle_lift', 'load')
+    """
+    if stage not in STAGES:
+        raise ValueError(f"effect {name}: stage {stage!r} is none of {', '.join(STAGES)}")
+    if not any(not p.is_shape for p in parameters):
+        raise ValueError(f"effect {name}: give at least one parameter with a null value (no grid)")
+    for p in parameters:
+        if p.scope not in SCOPES:
+            raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is none of {', '.join(SCOPES)}")
+        if p.scope in ("pass", "road", "track") and stage not in ("trajectory", "load"):
+            raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is for effects on trajectory or load")
+        if not p.is_shape and not p.lower <= p.null <= p.upper:
+            raise ValueError(f"effect {name}, {p.name}: the null {p.null:g} is outside {p.lower:g} to {p.upper:g}")
+
+    def make(change: Change) -> Effect:
+        return Effect(name, stage, tuple(parameters), change, physics, source, told_from, generic)
+
+    return make

@@ -1,0 +1,182 @@
+"""Effects in the model: their parameters as one vector, and the stages they change."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from solver.cable import SplineBasis
+from solver.effects.effect import Effect, Parameter
+from solver.observation import BASE, Description
+from solver.stages import STAGES, Cable, Interrogator, Surroundings
+
+if TYPE_CHECKING:
+    from solver.model import Traffic
+
+#: Effect -> parameter -> value, local to rows and channels.
+Values = Mapping[str, Mapping[str, Tensor]]
+
+#: Knot spacing of what is smooth along the fiber or the road, m, and along a pass, s.
+SMOOTH, SMOOTH_TRACK = 10.0, 2.0
+
+
+@dataclass(frozen=True)
+class Scopes:
+    """How the numbers of each scope spread over rows and channels.
+
+    Parameters
+    ----------
+    rows : scope -> [row, number]
+    fiber : [channel, number]
+    """
+
+    rows: Mapping[str, Tensor]
+    fiber: Tensor
+
+    @classmethod
+    def of(cls, traffic: "Traffic", distance: Tensor, since: Tensor) -> "Scopes":
+        """Scopes of a survey's traffic and computed channels."""
+        one_hot = torch.nn.functional.one_hot(traffic.pass_index, traffic.passes).double()
+        x = traffic.position[:, 0].numpy()
+        low, high = np.percentile(x, [5, 95])
+        road = SplineBasis(low, max(high, low + SMOOTH), SMOOTH)
+        tracks = []
+        for number in range(traffic.passes):
+            mine = traffic.pass_index == number
+            time = since[:, 0].numpy()
+            basis = SplineBasis(0.0, max(float(time[mine.numpy()].max(initial=0.0)), SMOOTH_TRACK), SMOOTH_TRACK)
+            tracks.append(torch.from_numpy(basis.at(time)) * mine[:, None])
+        s = distance.numpy()
+        along = SplineBasis(float(s.min()), max(float(s.max()), float(s.min()) + SMOOTH), SMOOTH)
+        rows = {
+            "pass": one_hot,
+            "road": torch.from_numpy(road.at(np.clip(x, low, high))),
+            "track": torch.cat(tracks, 1) if tracks else one_hot[:, :0],
+        }
+        return cls(rows, torch.from_numpy(along.at(s)))
+
+    def count(self, scope: str) -> int:
+        """How many numbers a parameter of that scope has."""
+        return 1 if scope == "one" else self.fiber.shape[1] if scope == "fiber" else self.rows[scope].shape[1]
+
+    def local(self, scope: str, numbers: Tensor) -> Tensor:
+        """Numbers of one parameter -> [] ("one"), [channel] ("fiber") or [row, 1]."""
+        if scope == "one":
+            return numbers.reshape(())
+        return self.fiber @ numbers if scope == "fiber" else (self.rows[scope] @ numbers)[:, None]
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Where a parameter's numbers are in the vector of all."""
+
+    effect: Effect
+    parameter: Parameter
+    where: slice
+
+
+@dataclass(frozen=True)
+class Extension:
+    """Effects beyond the base model in one survey.
+
+    Parameters
+    ----------
+    effects : in the model
+    surroundings : what they may ask; None where there is no effect
+    scopes : how their parameters spread
+    chosen : [channel], which of the computed channels were measured; all where None
+    time : [row], s since the record's start, of the traffic's rows
+    """
+
+    effects: Sequence[Effect] = ()
+    surroundings: Surroundings | None = None
+    scopes: Scopes | None = None
+    chosen: Tensor | None = None
+    time: Tensor | None = None
+    slots: tuple[Slot, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        slots, first = [], 0
+        for one in self.effects:
+            for parameter in one.parameters:
+                assert self.scopes is not None
+                count = self.scopes.count(parameter.scope)
+                slots.append(Slot(one, parameter, slice(first, first + count)))
+                first += count
+        object.__setattr__(self, "slots", tuple(slots))
+
+    @property
+    def size(self) -> int:
+        """How many numbers all parameters have."""
+        return self.slots[-1].where.stop if self.slots else 0
+
+    def numbers(self, value: Mapping[str, Mapping[str, float]] | None = None) -> Tensor:
+        """Vector [number] of all parameters: at their null (a shape in the middle of its grid), or at `value`."""
+        out = torch.zeros(self.size, dtype=torch.float64)
+        for slot in self.slots:
+            p = slot.parameter
+            null = p.grid[len(p.grid) // 2] if p.is_shape else p.null
+            out[slot.where] = (value or {}).get(slot.effect.name, {}).get(p.name, null)
+        return out
+
+    def bounded(self, numbers: Tensor) -> Tensor:
+        """The nearest numbers within their bounds; what is smooth is bounded number by number."""
+        out = numbers.clone()
+        for slot in self.slots:
+            out[slot.where] = numbers[slot.where].clamp(slot.parameter.lower, slot.parameter.upper)
+        return out
+
+    def local(self, numbers: Tensor) -> dict[str, dict[str, Tensor]]:
+        """Values by effect and parameter, local to rows and channels."""
+        values: dict[str, dict[str, Tensor]] = {one.name: {} for one in self.effects}
+        for slot in self.slots:
+            assert self.scopes is not None
+            values[slot.effect.name][slot.parameter.name] = self.scopes.local(slot.parameter.scope, numbers[slot.where])
+        return values
+
+    def changed(self, stage: str, value: Any, values: Values) -> Any:
+        """A stage as its effects change it.
+
+        Raises
+        ------
+        ValueError
+            Where an effect gives back something else than its stage.
+        """
+        for one in self.effects:
+            if one.stage == stage:
+                assert self.surroundings is not None
+                value = one.change(value, values[one.name], self.surroundings)
+                if type(value) is not STAGES[stage]:
+                    raise ValueError(
+                        f"effect {one.name}: its function must return the {stage} stage it was given, changed; "
+                        f"it returned {type(value).__name__}"
+                    )
+        return value
+
+    def clock(self, traffic: "Traffic") -> tuple[Tensor, Tensor]:
+        """Time since the record's start and since each pass's first row, [row, 1], s."""
+        time = self.time if self.time is not None else traffic.sample_index.double()
+        first = torch.full((traffic.passes,), torch.inf, dtype=torch.float64)
+        first = first.scatter_reduce(0, traffic.pass_index, time, "amin")
+        return time[:, None], (time - first[traffic.pass_index])[:, None]
+
+    def described(self, values: Values, gauge_length: float) -> Description:
+        """Ground, cable, interrogator and processing with the effects at `values`."""
+        if self.surroundings is None:
+            return replace(BASE, interrogator=Interrogator(gauge_length))
+        around = self.surroundings
+        return Description(
+            ground=self.changed("ground", BASE.ground, values),
+            cable=self.changed("cable", Cable(around.distance), values),
+            interrogator=self.changed("interrogator", Interrogator(gauge_length), values),
+            processing=self.changed("processing", BASE.processing, values),
+            sampling_rate=around.sampling_rate,
+            channel_spacing=around.channel_spacing,
+            chosen=self.chosen,
+        )
+
+
+NONE = Extension()

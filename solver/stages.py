@@ -1,0 +1,239 @@
+"""The six stages of the signal path as values: what an effect is given, and what it gives back changed.
+
+trajectory -> load -> ground -> cable -> interrogator -> processing. Each is a frozen record of tensors and functions
+whose defaults are the base model; `dataclasses.replace` (or one of the methods) makes a changed one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from solver.ground import Ratio, displacement, displacement_rate
+
+#: Complex transfer of a time filter at the complex frequency s = sigma + i omega, rad/s.
+TimeTransfer = Callable[[Tensor], Tensor]
+#: Real, even transfer of a filter along the fiber at the wavenumber k, rad/m.
+FiberTransfer = Callable[[Tensor], Tensor]
+#: Of a map [..., sample, channel].
+MapFunction = Callable[[Tensor], Tensor]
+#: Value [...] at points of the ground [..., 3], m.
+Field = Callable[[Tensor], Tensor]
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What an effect may ask about the survey, beside the stage that it changes.
+
+    Parameters
+    ----------
+    distance : [channel], along the fiber, m
+    gauge_length, channel_spacing : m
+    sampling_rate : Hz
+    passes : number of passes
+    middle : [2], middle of the stretch of road that was observed, m
+    """
+
+    distance: Tensor
+    gauge_length: float
+    channel_spacing: float
+    sampling_rate: float
+    passes: int
+    middle: Tensor
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Where the vehicles are; a row is one vehicle at one sample.
+
+    Parameters
+    ----------
+    time : [row, 1], s since the record's start
+    since : [row, 1], s since the vehicle's first row
+    position, velocity : [row, 1 or channel, 2], m and m/s
+    heading : [row, 1 or channel, 2], unit vector along travel
+    pass_index : [row], which pass
+    """
+
+    time: Tensor
+    since: Tensor
+    position: Tensor
+    velocity: Tensor
+    heading: Tensor
+    pass_index: Tensor
+
+    @property
+    def speed(self) -> Tensor:
+        """[row, 1], m/s."""
+        return self.velocity.norm(dim=-1)
+
+    @property
+    def right(self) -> Tensor:
+        """[row, 1 or channel, 2], unit vector to the driver's right."""
+        return torch.stack([-self.heading[..., 1], self.heading[..., 0]], -1)
+
+    def shifted(self, along: Tensor | float = 0.0, across: Tensor | float = 0.0) -> "Trajectory":
+        """Moved along travel and to the right, each [row, 1 or channel], m."""
+        forward, sideways = torch.as_tensor(along)[..., None], torch.as_tensor(across)[..., None]
+        return replace(self, position=self.position + forward * self.heading + sideways * self.right)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Forces on the road.
+
+    Parameters
+    ----------
+    position : [row, 1 or channel, wheel, 2], m
+    share : [row, 1 or channel, wheel], vertical force over the vehicle's static weight
+    trajectory : that of the vehicles
+    class_index : [row], which vehicle class, see `solver.load.CLASSES`
+    share_rate : like `share`, its time derivative, 1/s; None where constant
+    thrust : [row, 1 or channel, wheel, 2], horizontal force on the road over the static weight; None: no such force
+    """
+
+    position: Tensor
+    share: Tensor
+    trajectory: Trajectory
+    class_index: Tensor
+    share_rate: Tensor | None = None
+    thrust: Tensor | None = None
+
+    def modulated(self, factor: Tensor, rate: Tensor) -> "Load":
+        """Vertical force times `factor` [row, 1], which changes by `rate` [row, 1], 1/s."""
+        before = 0.0 if self.share_rate is None else self.share_rate * factor[..., None]
+        return replace(self, share=self.share * factor[..., None], share_rate=before + self.share * rate[..., None])
+
+    def pushing(self, along: Tensor | float = 0.0, across: Tensor | float = 0.0) -> "Load":
+        """With a horizontal force on the road, along travel and to the right, each [row, 1] over the weight."""
+        forward, right = self.trajectory.heading, self.trajectory.right
+        push = torch.as_tensor(along)[..., None] * forward + torch.as_tensor(across)[..., None] * right
+        thrust = self.share[..., None] * push[..., None, :]
+        return replace(self, thrust=thrust if self.thrust is None else self.thrust + thrust)
+
+    def joined(self, position: Tensor, share: Tensor) -> "Load":
+        """With more wheels: position [row, 1 or channel, wheel, 2], share [row, 1 or channel, wheel]."""
+        lead = torch.broadcast_shapes(self.share.shape[:-1], share.shape[:-1])
+
+        def both(one: Tensor, other: Tensor, tail: int) -> Tensor:
+            cut = one.shape[len(one.shape) - tail :], other.shape[len(other.shape) - tail :]
+            return torch.cat([one.expand(*lead, *cut[0]), other.expand(*lead, *cut[1])], len(lead))
+
+        rate = None if self.share_rate is None else both(self.share_rate, torch.zeros_like(share), 1)
+        thrust = None if self.thrust is None else both(self.thrust, torch.zeros_like(position), 2)
+        return replace(
+            self,
+            position=both(self.position, position, 2),
+            share=both(self.share, share, 1),
+            share_rate=rate,
+            thrust=thrust,
+        )
+
+
+Response = Callable[[Tensor, Tensor, Ratio], Tensor]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """How the ground answers a load.
+
+    Parameters
+    ----------
+    response : (offset [..., 3], velocity [..., 2], Poisson's ratio) -> displacement rate [..., 3] of a unit load
+    settlement : (offset, Poisson's ratio) -> displacement [..., 3] of a unit load
+    compliance : strain here over that of the base model
+    poisson_change : added to Poisson's ratio here
+    transfers : of time filters
+    """
+
+    response: Response = displacement_rate
+    settlement: Callable[[Tensor, Ratio], Tensor] = displacement
+    compliance: Field | None = None
+    poisson_change: Field | None = None
+    transfers: tuple[TimeTransfer, ...] = ()
+
+    def filtered(self, transfer: TimeTransfer) -> "Ground":
+        """Whose displacement is filtered in time."""
+        return replace(self, transfers=(*self.transfers, transfer))
+
+
+@dataclass(frozen=True)
+class Cable:
+    """Where the channels are on the fiber and how it follows the ground.
+
+    Parameters
+    ----------
+    distance : [channel], along the fiber, m
+    gain : [channel] or scalar, strain of the fiber over that of the ground
+    vertical : share of the ground's vertical motion that the fiber follows
+    path_integral : share of the strain that bends within a gauge add to the motion of its two ends
+    transfers : of filters along the fiber
+    mixing : [channel, channel] matrices applied along the fiber
+    """
+
+    distance: Tensor
+    gain: Tensor | float = 1.0
+    vertical: Tensor | float = 1.0
+    path_integral: Tensor | float = 0.0
+    transfers: tuple[FiberTransfer, ...] = ()
+    mixing: tuple[Tensor, ...] = ()
+
+    def filtered(self, transfer: FiberTransfer) -> "Cable":
+        """Whose strain is filtered along the fiber."""
+        return replace(self, transfers=(*self.transfers, transfer))
+
+    def mixed(self, matrix: Tensor) -> "Cable":
+        """Whose channels are sums [channel, channel] of the base model's."""
+        return replace(self, mixing=(*self.mixing, matrix))
+
+
+@dataclass(frozen=True)
+class Interrogator:
+    """How strain becomes numbers.
+
+    Parameters
+    ----------
+    gauge_length : m
+    fiber_transfers : of filters along the fiber
+    transfers : of time filters
+    pointwise : functions of each sample
+    """
+
+    gauge_length: Tensor | float
+    fiber_transfers: tuple[FiberTransfer, ...] = ()
+    transfers: tuple[TimeTransfer, ...] = ()
+    pointwise: tuple[MapFunction, ...] = ()
+
+    def filtered(self, transfer: TimeTransfer) -> "Interrogator":
+        """Whose output is filtered in time."""
+        return replace(self, transfers=(*self.transfers, transfer))
+
+    def blurred(self, transfer: FiberTransfer) -> "Interrogator":
+        """Whose output is filtered along the fiber."""
+        return replace(self, fiber_transfers=(*self.fiber_transfers, transfer))
+
+    def through(self, function: MapFunction) -> "Interrogator":
+        """Whose every sample goes through a function of a map [..., sample, channel]."""
+        return replace(self, pointwise=(*self.pointwise, function))
+
+
+@dataclass(frozen=True)
+class Processing:
+    """What is done to the map afterwards: functions of a gapless stretch of it, [..., sample, channel]."""
+
+    steps: tuple[MapFunction, ...] = ()
+
+    def then(self, step: MapFunction) -> "Processing":
+        """With one more step."""
+        return replace(self, steps=(*self.steps, step))
+
+
+STAGES: dict[str, type] = {
+    "trajectory": Trajectory,
+    "load": Load,
+    "ground": Ground,
+    "cable": Cable,
+    "interrogator": Interrogator,
+    "processing": Processing,
+}

@@ -1,0 +1,216 @@
+"""Noise that is correlated in time and across channels: its law, and the linear map that makes it white.
+
+The record's noise, in units of each channel's level, is taken for the sum of a part of each channel's own and of a
+common mode that all channels share (laser phase noise, trains, a vibrating instrument). Both are stationary in time;
+the own part may be correlated between neighboring channels too, as overlapping gauges make it.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+Array = NDArray[np.float64]
+
+#: Longest memory of the noise that is looked for, s, and samples.
+MEMORY, LONGEST = 8.0, 40
+#: Correlations between channels below this are within the scatter of their estimate.
+SPATIAL_FLOOR, SPATIAL_LAGS = 0.04, 12
+CHUNK = 64
+
+
+def levinson(covariance: Array) -> list[Array]:
+    """Predictors of every order up to the longest (Levinson 1947; Durbin 1960).
+
+    Parameters
+    ----------
+    covariance : [lag], autocovariance from lag 0 on
+
+    Returns
+    -------
+    whitening coefficients of order 0, 1, ... [order + 1]: their sum with the newest and the past samples has unit
+    variance
+
+    >>> [row.round(3).tolist() for row in levinson(np.array([1.0, 0.5, 0.25]))]
+    [[1.0], [1.155, -0.577], [1.155, -0.577, 0.0]]
+    """
+    error = covariance[0]
+    predictor = np.array([1.0])
+    rows = [predictor / np.sqrt(error)]
+    for lag in range(1, len(covariance)):
+        reflection = -float(predictor @ covariance[lag:0:-1]) / error
+        padded = np.append(predictor, 0.0)
+        predictor = padded + reflection * padded[::-1]
+        error *= 1 - reflection**2
+        rows.append(predictor / np.sqrt(error))
+    return rows
+
+
+def positive(covariance: Array) -> Array:
+    """The nearest autocovariance [lag] whose spectrum is nowhere below 2 % of its mean, its older half tapered to 0."""
+    age = np.clip(2 * np.arange(len(covariance)) / len(covariance) - 1, 0, None)
+    taper = 0.5 * (1 + np.cos(np.pi * age))
+    size = 8 * len(covariance)
+    spectrum = np.fft.rfft(np.concatenate([covariance * taper, np.zeros(size), (covariance * taper)[:0:-1]])).real
+    floor = np.maximum(spectrum, 0.02 * covariance[0])
+    return np.asarray(np.fft.irfft(floor, size + 2 * len(covariance) - 1)[: len(covariance)])
+
+
+@dataclass(frozen=True)
+class NoiseLaw:
+    """Noise of a record.
+
+    Parameters
+    ----------
+    own : [lag], autocovariance in time of each channel's own noise, in units of its level squared
+    common : [lag], that of the common mode
+    across : [lag], correlation of the own noise between channels, 1 at lag 0
+    """
+
+    own: Array
+    common: Array
+    across: Array
+
+    @classmethod
+    def white(cls) -> "NoiseLaw":
+        """Noise without memory, each channel for itself."""
+        return cls(np.array([1.0]), np.array([0.0]), np.array([1.0]))
+
+    @property
+    def common_share(self) -> float:
+        """Share of the variance that all channels have in common."""
+        return float(self.common[0] / (self.own[0] + self.common[0]))
+
+
+def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float) -> NoiseLaw:
+    """Estimate the noise from quiet samples.
+
+    Parameters
+    ----------
+    record : [sample, channel], measured strain rate in units of each channel's noise level; NaN = not measured
+    still : [sample, channel] bool, no vehicle near
+    sampling_rate : Hz
+
+    Notes
+    -----
+    Products of quiet samples are averaged over all pairs of channels at every lag: those of two channels hold the
+    common mode alone, those of one channel hold both parts. Samples beyond 5 sigma are left out.
+    """
+    use = still & np.isfinite(record) & (np.abs(np.nan_to_num(record)) < 5)
+    value = np.where(use, np.nan_to_num(record), 0.0)
+    count = use.astype(float)
+    lags = int(np.clip(round(MEMORY * sampling_rate), 4, LONGEST)) + 1
+    lags = min(lags, max(1, len(record) // 8))
+    total, number = value.sum(1), count.sum(1)
+    both, common = np.zeros(lags), np.zeros(lags)
+    for lag in range(lags):
+        ahead, behind = slice(lag, None), slice(None, len(value) - lag)
+        alone, pairs = (value[ahead] * value[behind]).sum(), (count[ahead] * count[behind]).sum()
+        crossed = (total[ahead] * total[behind]).sum() - alone
+        cross_pairs = (number[ahead] * number[behind]).sum() - pairs
+        both[lag] = alone / max(pairs, 1.0)
+        common[lag] = crossed / max(cross_pairs, 1.0)
+    if both[0] <= 0 or use.sum() < 50 * lags:
+        return NoiseLaw.white()
+    # What few quiet samples cannot tell from zero is zero.
+    moments = max(1.0, float((number > 1).sum()))
+    common = np.where(common[0] > 3 / np.sqrt(moments) * both[0] / max(number.mean(), 1.0), common, 0.0)
+    own = both - common
+    return NoiseLaw(positive(own), positive(common) if common[0] > 0 else common, across(value, count, common[0]))
+
+
+def across(value: Array, count: Array, common: float) -> Array:
+    """Correlation [lag] of the own noise between channels; 1 alone where neighbors are independent."""
+    variance = float((value**2).sum() / max(count.sum(), 1.0)) - common
+    result = np.ones(1)
+    for lag in range(1, min(SPATIAL_LAGS, value.shape[1] // 4) + 1):
+        pairs = (count[:, lag:] * count[:, :-lag]).sum()
+        mean = (value[:, lag:] * value[:, :-lag]).sum() / max(pairs, 1.0)
+        result = np.append(result, (mean - common) / variance)
+    return positive(result) if len(result) > 1 and np.abs(result[1:]).max() > SPATIAL_FLOOR else np.ones(1)
+
+
+def blocks_of(samples: NDArray[np.int64]) -> list[slice]:
+    """Runs of consecutive rows.
+
+    >>> blocks_of(np.array([3, 4, 5, 9, 10]))
+    [slice(0, 3, None), slice(3, 5, None)]
+    """
+    cuts = [0, *(np.flatnonzero(np.diff(samples) != 1) + 1).tolist(), len(samples)]
+    return [slice(a, b) for a, b in pairwise(cuts)]
+
+
+def filtered(rows: list[Array], values: Tensor, blocks: list[slice]) -> Tensor:
+    """Filter values [sample, ...] along time, each block from its own start, with predictors of growing order."""
+    order = len(rows) - 1
+    if order == 0:
+        return values * float(rows[0][0])
+    flat = values.reshape(len(values), -1)
+    out = torch.empty_like(flat)
+    for block in blocks:
+        for first in range(block.start, block.stop, CHUNK):
+            last = min(first + CHUNK, block.stop)
+            begin = max(block.start, first - order)
+            matrix = torch.zeros(last - first, last - begin, dtype=flat.dtype)
+            for row in range(last - first):
+                past = first + row - begin
+                weights = rows[min(order, first + row - block.start)]
+                matrix[row, past - len(weights) + 1 : past + 1] = torch.from_numpy(weights[::-1].copy())
+            out[first:last] = matrix @ flat[begin:last]
+    return out.reshape(values.shape)
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Linear map of [sample, channel, ...] to unit, uncorrelated noise.
+
+    Parameters
+    ----------
+    level : [channel], standard deviation of each channel's noise
+    samples : [sample], rows of the record, ascending
+    position : [channel], number of each channel: neighbors differ by 1
+    law : of the noise
+    """
+
+    level: Tensor
+    samples: NDArray[np.int64]
+    position: NDArray[np.int64]
+    law: NoiseLaw
+
+    def __post_init__(self) -> None:
+        spatial = torch.from_numpy(self._spatial())
+        ones = spatial @ torch.ones(len(self.level), dtype=torch.float64)
+        size = float(ones.norm())
+        # Along the common mode's direction there are both parts; everywhere else the own part only.
+        object.__setattr__(self, "_blocks", blocks_of(self.samples))
+        object.__setattr__(self, "_across", spatial)
+        object.__setattr__(self, "_direction", ones / size)
+        object.__setattr__(self, "_own", levinson(self.law.own))
+        object.__setattr__(self, "_both", levinson(self.law.own + size**2 * self.law.common))
+
+    def _spatial(self) -> Array:
+        """Inverse square root [channel, channel] of the correlation between channels."""
+        lag = np.abs(self.position[:, None] - self.position[None, :])
+        known = np.append(self.law.across, 0.0)
+        matrix = known[np.minimum(lag, len(known) - 1)]
+        if len(self.law.across) == 1:
+            return np.eye(len(matrix))
+        values, vectors = np.linalg.eigh(matrix)
+        return np.asarray(vectors / np.sqrt(np.maximum(values, 0.02)) @ vectors.T)
+
+    def __call__(self, values: Tensor) -> Tensor:
+        """Whiten [sample, channel] or [sample, channel, column], in the record's unit; 0 where not measured."""
+        scaled = values / self.level.reshape(-1, *[1] * (values.ndim - 2))
+        if len(self.law.across) > 1:
+            scaled = torch.einsum("cd,td...->tc...", self._across, scaled)  # type: ignore[attr-defined]
+        own = filtered(self._own, scaled, self._blocks)  # type: ignore[attr-defined]
+        if not self.law.common[0] > 0:
+            return own
+        direction: Tensor = self._direction  # type: ignore[attr-defined]
+        shared = torch.einsum("c,tc...->t...", direction, scaled)
+        blocks = self._blocks  # type: ignore[attr-defined]
+        more = filtered(self._both, shared, blocks) - filtered(self._own, shared, blocks)  # type: ignore[attr-defined]
+        return own + torch.einsum("c,t...->tc...", direction, more)
