@@ -29,6 +29,10 @@ def test_every_point_is_there_once():
     # The point that both axes share is located once.
     assert len(settings) == 3 * 2 * (len(AXES["snr"].values) + len(AXES["anchors"].values) - 1)
     assert len({setting.key for setting in settings}) == len(settings)
+    # Equal settings have equal keys, so each value has the type of its field.
+    assert {Setting(**json.loads(setting.key)).key for setting in settings} == {setting.key for setting in settings}
+    for name, axis in AXES.items():
+        assert {type(value) for value in axis.values} == {type(getattr(Setting(), axis.field))}, name
     assert {setting.seed for setting in settings[: len(settings) // 3]} == {0}
 
 
