@@ -72,6 +72,8 @@ def panels(count: int, width: int, height: int, columns: int = 2) -> tuple[Figur
     axes: list[Axes] = list(grid.ravel())
     for spare in axes[count:]:
         spare.set_visible(False)
+    for lowest in axes[max(count - across, 0) : count]:
+        lowest.tick_params(labelbottom=True)
     return figure, axes[:count]
 
 

@@ -3,18 +3,20 @@
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vision.jitter import LIMIT
-from vision.quality.drawing import BLUE, MUTED, ORANGE, RED, class_color, panels, styled
+from vision.quality.drawing import BLUE, DPI, MUTED, ORANGE, RED, class_color, panels, styled
 from vision.quality.measures import Measures
 from vision.quality.setting import Setting
 
 WIDE, NARROW = 1060, 350  # px
 HIGH = 200  # px, of a panel
+PER_ENTRY = 150  # px, that an entry of a legend takes
 DETAIL = 12  # points of a line between two changes of class; more would not be seen
 
 
@@ -42,7 +44,7 @@ def jitter_figure(found: Sequence[Measures], width: int = WIDE) -> Figure:
     tallest = max(float(np.nanmax([*(m.after["mean"] + m.after["sd"]), *m.before["mean"], 0.0])) for m in found)
     axes[0].set_ylim(0, max(1.15 * tallest, 1.3 * LIMIT if unit == "m" else 0.0) or 1.0)
     label_axes(figure, axes, f"x, {unit}", f"jitter, {unit}")
-    axes[0].legend(ncols=3, loc="upper left")
+    legend(figure, axes[0])
     return figure
 
 
@@ -67,15 +69,15 @@ def route_figure(found: Sequence[Measures], width: int = WIDE) -> Figure:
             ax.plot(middle, known[f"route_{axis}"], color=color, lw=1, ls=":", label=f"{way}, noise alone")
         for _, row in known.iterrows():
             ax.annotate(
-                f"{row['passes']:.0f}", ((row["low"] + row["high"]) / 2, 0), (0, 2), textcoords="offset points",
-                ha="center", fontsize=7.5, color=MUTED,
+                f"{row['passes']:.0f}", ((row["low"] + row["high"]) / 2, 1), (0, -2), ha="center", va="top",
+                xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=7.5, color=MUTED,
             )  # fmt: skip
         ax.set_title(one.setting.name)
         if edges:
             ax.set_xlim(min(edges), max(edges))
-    axes[0].set_ylim(0, None)
+    axes[0].set_ylim(0, 1.2 * axes[0].get_ylim()[1])
     label_axes(figure, axes, "x, m (small figures: vehicles that passed)", "1 sigma of the route, m")
-    axes[0].legend(ncols=2, loc="upper right")
+    legend(figure, axes[0])
     return figure
 
 
@@ -94,8 +96,15 @@ def class_figure(settings: Sequence[Setting], width: int = WIDE) -> Figure:
     label_axes(figure, axes, f"x, {settings[0].unit}", "time, s")
     handles = [ax_line(axes[0], class_color(name), name) for name in names]
     if names:
-        figure.legend(handles=handles, loc="outside upper left", ncols=min(len(names), 3 if width < WIDE else 7))
+        legend(figure, axes[0], handles)
     return figure
+
+
+def legend(figure: Figure, ax: Axes, handles: Sequence[Artist] | None = None) -> None:
+    """Explain the lines of `ax` above the panels, in as many columns as there is room for."""
+    shown = ax.get_legend_handles_labels()[0] if handles is None else handles
+    room = round(figure.get_figwidth() * DPI / PER_ENTRY)
+    figure.legend(handles=shown, loc="outside upper left", ncols=min(len(shown), max(room, 1)))
 
 
 def ax_line(ax: Axes, color: str, label: str) -> LineCollection:
