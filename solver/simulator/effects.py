@@ -93,6 +93,22 @@ EFFECTS: dict[str, Hidden] = {
             "width": Setting(2, 2, "m; of the tanh"),
         },
     ),
+    "layered_ground": Hidden(
+        "ground",
+        "ln of the ratio of shear moduli below and above a depth",
+        (0.7, 2.3),
+        {"depth": Setting(1.5, 5.0, "m")},
+    ),
+    "pavement": Hidden(
+        "ground",
+        "m; thickness of a stiff plate on the ground",
+        (0.15, 0.3),
+        {"ratio": Setting(10, 40, "its stiffness")},
+    ),
+    "gibson_soil": Hidden("ground", "1/m; the shear modulus is G (1 + value * depth)", (0.3, 3)),
+    "moving_load": Hidden(
+        "ground", "speed of 15 m/s relative to that of shear waves; the ground's inertia counts", (0.1, 0.3)
+    ),
     "viscoelastic_lag": Hidden(
         "ground",
         "delayed strain relative to the immediate one (standard linear solid); other models: see model",

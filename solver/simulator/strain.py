@@ -6,7 +6,9 @@ from numpy.typing import NDArray
 from solver.simulator.cable import arc_of, sense
 from solver.simulator.elastic import extension, gauge_nodes, gauge_weights, tangential_extension
 from solver.simulator.interrogator import IN_TIME, clipped, creep, filtered, rate_of
+from solver.simulator.layered import Table, layers_of
 from solver.simulator.load import contact
+from solver.simulator.moving import Inertia
 from solver.simulator.recording import low_pass_decimate
 from solver.simulator.route import Route
 from solver.simulator.scenario import Scenario
@@ -107,6 +109,9 @@ class Fiber:
         self.points = route.position(arc).T.copy()
         self.tangents = route.tangent(arc).T.copy()
         self.poisson_ratio = _poisson_ratio(scenario, self.points[0])
+        layers = layers_of(scenario)
+        self.layered = Table(layers, self.points[2], self.tangents) if layers else None
+        self.inertia = Inertia(scenario, self.points, self.tangents) if scenario.effect("moving_load") else None
         softness = _softness(scenario, self.points[0]) / (4 * np.pi * scenario.shear_modulus)
         self.average = (average * softness).T.copy()
 
@@ -127,11 +132,15 @@ class Fiber:
         total = np.zeros((len(time), len(x)))
         for wheel in range(place.shape[1]):
             offset = (x - place[:, wheel, :1], y - place[:, wheel, 1:], z)
-            total += force[:, wheel, 2:] * extension(offset, self.tangents, self.poisson_ratio)
+            under = self.layered.extension(*offset[:2]) if self.layered else self._uniform(offset)
+            total += force[:, wheel, 2:] * under
             sideways = (force[:, wheel, :1], force[:, wheel, 1:2])
             if any(part.any() for part in sideways):
                 total += tangential_extension(offset, self.tangents, sideways, self.poisson_ratio)
-        return total
+        return total + self.inertia.extension(vehicle, time) if self.inertia else total
+
+    def _uniform(self, offset: tuple[Array, Array, Array]) -> Array:
+        return extension(offset, self.tangents, self.poisson_ratio)
 
 
 def _average(scenario: Scenario, distance: Array, gauge: float, span: tuple[float, float, float]) -> Array:
