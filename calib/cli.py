@@ -1,4 +1,4 @@
-"""`roadfiber calibrate ...`: the camera calibration tool; `ground`."""
+"""`roadfiber calibrate ...`: the camera calibration tool."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +11,12 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="Calibrate the camera: pixels to meters on the road.")
 
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+Frame = Annotated[Path | None, typer.Option(help="TOML file with [frame] origin, x_azimuth: site.toml.")]
+Origin = Annotated[str | None, typer.Option(metavar="LAT,LON", help="In place of --frame.")]
+Azimuth = Annotated[float | None, typer.Option(help="Direction of +x, degrees from north; with --origin.")]
+Crs = Annotated[str | None, typer.Option(metavar="EPSG:CODE", help="Of easting, northing where there is no zone.")]
+
 
 @app.callback()
 def calibrate() -> None:
@@ -19,55 +25,82 @@ def calibrate() -> None:
 
 @app.command()
 def ground(
-    points: Annotated[Path, typer.Argument(metavar="POINTS.csv", help="name,px,py,x,y[,sigma] or latitude,longitude.")],
-    video: Annotated[Path | None, typer.Option(help="Take the image size from it; draw the fit over a frame.")] = None,
+    points: Annotated[
+        Path,
+        typer.Argument(
+            metavar="POINTS",
+            help=".csv or .json: name,px,py and x,y, or latitude,longitude, or easting,northing,zone; .otrfpts.",
+        ),
+    ],
+    video: Annotated[
+        Path | None, typer.Option(help="Video or picture: take the image size from it; draw the fit over a frame.")
+    ] = None,
     image_size: Annotated[str | None, typer.Option(metavar="WxH", help="In place of --video, as 1280x720.")] = None,
     out: Annotated[Path, typer.Option(help="Calibration file to write.")] = Path("calibration.json"),
+    model: Annotated[
+        str, typer.Option(help="auto (by leave-one-out error), homography, or camera: focal length, distortion, pose.")
+    ] = "auto",
+    intrinsics: Annotated[Path | None, typer.Option(help="What `calibrate board` wrote: the lens is known.")] = None,
+    height: Annotated[
+        str | None, typer.Option(metavar="M,SIGMA", help="Height of the camera above the road, if measured.")
+    ] = None,
     picture: Annotated[
         Path | None, typer.Option(help="Picture to write.  [default: beside --out, with --video]")
     ] = None,
-    frame: Annotated[Path | None, typer.Option(help="TOML file with [frame] origin, x_azimuth: site.toml.")] = None,
-    origin: Annotated[str | None, typer.Option(metavar="LAT,LON", help="In place of --frame.")] = None,
-    x_azimuth: Annotated[float | None, typer.Option(help="Direction of +x, degrees from north; with --origin.")] = None,
+    maps: Annotated[
+        Path | None, typer.Option(help="Maps of meters per pixel and of sigma to write.  [default: beside --out]")
+    ] = None,
+    frame: Frame = None,
+    origin: Origin = None,
+    x_azimuth: Azimuth = None,
+    crs: Crs = None,
     threshold: Annotated[float, typer.Option(help="Points further off than this, px, are left out.")] = 5.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+    as_json: Json = False,
 ) -> None:
-    """Fit the homography of the road plane to control points: at least 4, better 8 or more on both sides of the road.
+    """Fit the view of the road plane to control points: at least 4, better 8 or more on both sides of the road.
 
-    Prints how far each point is from its fitted place (px, m), and from where the other points alone put it
-    (leave one out, m): the error to expect between the points.
+    Prints how far each point is from its fitted place, and from where the other points alone put it (leave one out):
+    the error to expect between the points. The calibration carries its own uncertainty.
 
     Example: `roadfiber calibrate ground points.csv --video street.mp4 --frame site.toml`
     """
     from calib.control_points import read_control_points
-    from calib.ground import fit_ground
-    from calib.options import local_frame, picture_size
+    from calib.ground import MODELS, fit_ground
+    from calib.lens_prior import read_intrinsics
+    from calib.options import local_frame, measured, one_of, picture_size
     from vision.contract import InputError
 
     if threshold <= 0:
         raise InputError("--threshold: must be above 0 px")
+    kind = one_of(model, MODELS, "--model")
     where = local_frame(frame, origin, x_azimuth)
-    marks = read_control_points(points, where)
+    tall = measured(height, "--height", "m")
+    marks = read_control_points(points, where, crs)
     size, image = picture_size(video, image_size)
     if picture and image is None:
         raise InputError("--picture: needs --video, to draw on one of its frames")
-    fit = fit_ground(marks, size, threshold=threshold, frame=where)
+    lens = read_intrinsics(intrinsics).prior(size, intrinsics) if intrinsics else None
+    fit = fit_ground(marks, size, model=kind, threshold=threshold, frame=where, lens=lens, height=tall)
+    maps = maps or out.with_name(f"{out.stem}_maps.png")
     if image is not None:
         from calib.picture import draw_fit, write_picture
 
         picture = picture or out.with_suffix(".png")
         write_picture(draw_fit(image, marks, fit), picture)
+    from calib.maps import write_maps
+
+    write_maps(fit.calibration, maps, image)
     fit.calibration.write(out)
-    _report(marks, fit, out, picture, as_json)
+    _report(marks, fit, [out, maps, *([picture] if picture else [])], as_json)
 
 
-def _report(points: "ControlPoints", fit: "GroundFit", out: Path, picture: Path | None, as_json: bool) -> None:
+def _report(points: "ControlPoints", fit: "GroundFit", written: list[Path], as_json: bool) -> None:
     import json
 
     from calib.report import summary, table
 
     if as_json:
-        print(json.dumps(summary(points, fit) | {"calibration": str(out), "picture": picture and str(picture)}))
+        print(json.dumps(summary(points, fit) | {"written": [str(path) for path in written]}))
         return
     print(table(points, fit))
-    print(f"wrote {out}" + (f" and {picture}" if picture else ""))
+    print(f"wrote {', '.join(map(str, written))}")

@@ -1,21 +1,49 @@
-"""Fit the homography between the image and the road plane to control points, and say how good it is."""
+"""Fit the view of the road plane to control points: homography or camera, whichever predicts better."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.cautions import cautions
 from calib.control_points import ControlPoints
-from calib.homography import Scaling, apply, inverse, refine, reprojection, weighted_residual
-from calib.layout import MIRRORED, flaw_of, require_below_horizon, require_layout, require_spread
+from calib.estimate import Estimate, leave_one_out, slope_of
+from calib.homography import inverse
+from calib.layout import require_below_horizon, require_layout, require_on_road, require_spread
+from calib.lens_prior import LensPrior, weak_prior
+from calib.models import with_sigmas
+from calib.starts import ROBUST_FROM, start_camera, start_homography
 from vision.camera import Calibration, ControlPoint
 from vision.contract import InputError, LocalFrame
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 THRESHOLD = 5.0  # px; a mark further off than this is left out
-ROBUST_FROM = 6  # points; with fewer, no majority can outvote an outlier
-WEAK = 5.0  # uncertainty of a projected pixel over that of a control point that deserves a warning
-BRITTLE, LARGE = 4.0, 0.5  # leave-one-out error over fit error, and m, that together deserve a warning
+MARGIN = 1.1  # a homography must predict this much better than a camera: its sigmas know nothing of the lens
+Model = Literal["auto", "homography", "camera"]
+MODELS: tuple[Model, ...] = ("auto", "homography", "camera")
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One model fitted to the control points.
+
+    Attributes
+    ----------
+    fit : to the points used
+    used : [point]; False where the point was left out as an outlier
+    calibration : of the fit, complete
+    errors_px : [point], of all points
+    held_out_px : [point], error of each point as the others predict it (for points left out, as all used do);
+        None where the points cannot be checked so
+    """
+
+    fit: Estimate
+    used: Mask
+    calibration: Calibration
+    errors_px: Array
+    held_out_px: Array | None
 
 
 @dataclass(frozen=True)
@@ -24,19 +52,23 @@ class GroundFit:
 
     Attributes
     ----------
-    calibration : homography, the control points it was fitted to, their residuals
+    calibration : homography or camera, the control points it was fitted to, their residuals
     used : [point] of all control points given; False where the point was left out as an outlier
     residuals_px, residuals_m : [point], of all control points given
-    worst_sigma : m; largest standard deviation of the ground position of a pixel known to one sigma of the control
-        points, over the corners of the surveyed area
+    held_out_px : [point], error of each point as the others predict it, or None
+    worst_sigma : m; largest standard deviation of the ground position of a pixel known exactly, over the corners of
+        the surveyed area
+    scores : root mean square of the held-out errors, px, of every model tried; or why there is none
     warnings : one line each
     """
 
     calibration: Calibration
-    used: NDArray[np.bool_]
+    used: Mask
     residuals_px: Array
     residuals_m: Array
+    held_out_px: Array | None
     worst_sigma: float
+    scores: dict[str, float | str]
     warnings: tuple[str, ...]
 
 
@@ -44,14 +76,20 @@ def fit_ground(
     points: ControlPoints,
     image_size: tuple[int, int],
     *,
+    model: Model = "auto",
     threshold: float = THRESHOLD,
     frame: LocalFrame | None = None,
+    lens: LensPrior | None = None,
+    height: tuple[float, float] | None = None,
 ) -> GroundFit:
-    """Fit a homography to control points.
+    """Fit a homography or a camera to control points.
 
-    From six points on, MAGSAC++ (Barath et al. 2020) leaves out those further than `threshold` from where the others
-    put them. Then the sum over points of ((pixel - projected pixel) / sigma)^2, which is the maximum likelihood
-    criterion for pixels read with a Gaussian error (Hartley & Zisserman 2004, section 4.3), is minimized.
+    From six points on, those further than `threshold` from where the others put them are left out (MAGSAC++, Barath
+    et al. 2020, for the homography; a Cauchy loss for the camera). Then the pixel errors over their sigma, squared,
+    are minimized: the maximum likelihood for pixels read with a Gaussian error (Hartley & Zisserman 2004, section
+    4.3), for the camera with priors. `auto` takes the model whose leave-one-out errors, px, are smaller (the
+    homography's by a tenth), over all points that either uses: errors of the fit itself always favor the model with
+    more freedom.
 
     Parameters
     ----------
@@ -59,153 +97,180 @@ def fit_ground(
     image_size : width, height, px
     threshold : px
     frame : origin and azimuth to note in the file
+    lens : what is known of the lens; by default only that it is an ordinary one
+    height : of the camera above the road and its standard deviation, m
 
     Raises
     ------
     InputError
         Too few points, collinear ones, some above the horizon of the others, a mirrored frame, pixels outside the
-        image, or no homography that most of them agree with.
+        image, or no model that most of them agree with.
 
     Examples
     --------
     >>> import numpy as np
+    >>> from calib.control_points import control_points
     >>> pixels = np.array([[100.0, 400], [500, 400], [250, 250], [350, 250], [300, 300]])
     >>> straight_down = pixels[:, ::-1] * [-0.1, 0.1]
-    >>> points = ControlPoints(tuple("abcde"), pixels, straight_down, np.ones(5))
-    >>> fit_ground(points, (640, 480)).calibration.to_ground([[50, 100]]).round(6).tolist()
+    >>> points = control_points(tuple("abcde"), pixels, straight_down)
+    >>> fit_ground(points, (640, 480), model="homography").calibration.to_ground([[50, 100]]).round(6).tolist()
     [[-10.0, 5.0]]
     """
     require_layout(points, image_size)
-    to_image = _first_guess(points, threshold)
-    used = np.ones(len(points), bool)
-    if len(points) >= ROBUST_FROM:
-        used = reprojection(to_image, points) <= threshold
+    tried: dict[str, Candidate | InputError] = {}
+    for name in ("homography", "camera") if model == "auto" else (model,):
+        try:
+            tried[name] = _candidate(name, points, image_size, threshold, frame, lens, height)
+        except InputError as error:
+            tried[name] = error
+    fitted = {name: found for name, found in tried.items() if isinstance(found, Candidate)}
+    errors = [found for found in tried.values() if isinstance(found, InputError)]
+    # So few points bend a camera to anything: what no homography can be is a mistake then, not a lens.
+    if errors and (not fitted or len(points) < ROBUST_FROM):
+        raise errors[0]
+    scores = _scores(fitted)
+    best = fitted[_choice(scores, lens is not None)]
+    residuals_m = np.linalg.norm(best.calibration.to_ground(points.pixels) - points.ground, axis=1)
+    worst, dilution = _uncertainty(best)
+    messages = cautions(points, best.used, best.errors_px, residuals_m, best.calibration, best.fit.excess, dilution)
+    return GroundFit(
+        calibration=best.calibration,
+        used=best.used,
+        residuals_px=best.errors_px,
+        residuals_m=residuals_m,
+        held_out_px=best.held_out_px,
+        worst_sigma=worst,
+        scores=scores | {name: str(found) for name, found in tried.items() if isinstance(found, InputError)},
+        warnings=(*messages, *_bent(fitted, best)),
+    )
+
+
+def _candidate(
+    name: str,
+    points: ControlPoints,
+    image_size: tuple[int, int],
+    threshold: float,
+    frame: LocalFrame | None,
+    lens: LensPrior | None,
+    height: tuple[float, float] | None,
+) -> Candidate:
+    if name == "homography":
+        fit, used = start_homography(points, threshold, lens)
+    else:
+        fit, used = start_camera(points, threshold, lens or weak_prior(image_size), height)
     kept = points.select(used)
     require_spread(kept)
-    to_image = refine(kept, to_image)
-    require_below_horizon(points, to_image)
-    left_out = leave_one_out(kept, to_image)
-    calibration = _calibration(kept, image_size, to_image, left_out, frame)
-    residuals_m = np.linalg.norm(calibration.to_ground(points.pixels) - points.ground, axis=1)
-    worst, dilution = _uncertainty(kept, to_image, calibration)
-    return GroundFit(
-        calibration,
-        used,
-        reprojection(to_image, points),
-        residuals_m,
-        worst,
-        tuple(_warnings(points, used, residuals_m, left_out, dilution)),
-    )
+    ideal = kept.pixels if fit.view.lens is None else fit.view.lens.undistort(kept.pixels)
+    require_below_horizon(kept, inverse(fit.view.to_image), ideal)
+    calibration = _calibration(fit, kept, image_size, frame)
+    if name == "homography":
+        require_on_road(points, calibration)
+    held_out_px = None
+    in_pixels, in_meters = leave_one_out(fit, kept, calibration)
+    if np.isfinite(in_pixels).any():
+        held_out_px = fit.errors(points)
+        held_out_px[used] = in_pixels
+        beyond = tuple(float(value) if np.isfinite(value) else None for value in in_meters)
+        calibration = calibration.model_copy(update={"leave_one_out_m": beyond})
+    return Candidate(fit, used, calibration, fit.errors(points), held_out_px)
 
 
-def leave_one_out(points: ControlPoints, to_image: Array) -> Array | None:
-    """Distance [point], m, of each point from where the others put it; None where the others cannot."""
-    errors = []
-    for index in range(len(points)):
-        others = points.select(np.arange(len(points)) != index)
-        if len(others) < 4 or flaw_of(others) is not None:
-            return None
-        from_others = inverse(refine(others, to_image))
-        errors.append(np.linalg.norm(apply(from_others, points.pixels[[index]]) - points.ground[index]))
-    return np.array(errors)
+def _scores(fitted: dict[str, Candidate]) -> dict[str, float | str]:
+    """Root mean square of the held-out errors, px, over the points that any model uses."""
+    judged = np.any([found.used for found in fitted.values()], axis=0)
+    return {
+        name: "too few points to leave one out"
+        if found.held_out_px is None or not np.isfinite(found.held_out_px[judged]).all()
+        else float(np.sqrt(np.mean(found.held_out_px[judged] ** 2)))
+        for name, found in fitted.items()
+    }
 
 
-def _first_guess(points: ControlPoints, threshold: float) -> Array:
-    """Homography [3, 3], ground -> pixels: robust where there are points enough, else by least squares."""
-    import cv2
-
-    cv2.setRNGSeed(0)
-    if len(points) < ROBUST_FROM:
-        return np.asarray(cv2.findHomography(points.ground, points.pixels, 0)[0], float)
-
-    def robust(ground: Array) -> Array | None:
-        found, inside = cv2.findHomography(
-            ground, points.pixels, cv2.USAC_MAGSAC, threshold, maxIters=10_000, confidence=0.9999
-        )
-        return None if found is None or inside.sum() < max(5, len(points) // 2 + 1) else np.asarray(found, float)
-
-    if (found := robust(points.ground)) is not None:
-        return found
-    # MAGSAC++ draws only samples seen from above, so that a mirrored frame has none that fits.
-    if robust(points.ground * [1, -1]) is not None:
-        raise InputError(MIRRORED)
-    raise InputError(
-        f"control points: no homography puts most of them within {threshold:g} px; "
-        "check that px, py and x, y belong together"
-    )
+def _choice(scores: dict[str, float | str], lens_known: bool) -> str:
+    numbers = {name: score for name, score in scores.items() if isinstance(score, float)}
+    if numbers:
+        return min(numbers, key=lambda name: numbers[name] * (1.0 if name == "camera" else MARGIN))
+    # Nothing checks them: what was measured of the lens decides, else the model that assumes nothing of it.
+    return "camera" if lens_known and "camera" in scores else next(iter(scores))
 
 
 def _calibration(
-    points: ControlPoints,
-    image_size: tuple[int, int],
-    to_image: Array,
-    left_out: Array | None,
-    frame: LocalFrame | None,
+    fit: Estimate, points: ControlPoints, image_size: tuple[int, int], frame: LocalFrame | None
 ) -> Calibration:
     marks = tuple(
-        ControlPoint(u=u, v=v, x=x, y=y, name=name)
-        for name, (u, v), (x, y) in zip(points.names, points.pixels.tolist(), points.ground.tolist(), strict=True)
+        ControlPoint(u=u, v=v, x=x, y=y, name=name, sigma=sigma, sigma_xy=sigma_xy)
+        for name, (u, v), (x, y), sigma, sigma_xy in zip(
+            points.names,
+            points.pixels.tolist(),
+            points.ground.tolist(),
+            points.sigma.tolist(),
+            points.sigma_xy.tolist(),
+            strict=True,
+        )
     )
-    calibration = Calibration(image_size=image_size, homography=inverse(to_image), control_points=marks)
-    in_meters = np.linalg.norm(calibration.to_ground(points.pixels) - points.ground, axis=1)
-    return calibration.model_copy(
+
+    def vector(theta: Array) -> Array:
+        view = fit.model.view(theta)
+        return np.append(np.linalg.inv(view.to_image).ravel(), [] if view.lens is None else view.lens.vector)
+
+    def numbers(theta: Array) -> Array:
+        return np.array([value for value, _ in fit.model.describe(theta).values()])
+
+    slope = slope_of(vector, fit.theta, fit.covariance)
+    described = fit.model.describe(fit.theta)
+    by_theta = slope_of(numbers, fit.theta, fit.covariance)
+    sigmas = np.sqrt(np.einsum("ip,pq,iq->i", by_theta, fit.covariance, by_theta)) if described else np.zeros(0)
+    bare = Calibration(
+        image_size=image_size,
+        homography=inverse(fit.view.to_image),
+        lens=fit.view.lens,
+        model=fit.model.name,
+        covariance=_symmetric(slope @ fit.covariance @ slope.T),
+        parameters=with_sigmas(described, sigmas),
+        control_points=marks,
+    )
+    in_meters = np.linalg.norm(bare.to_ground(points.pixels) - points.ground, axis=1)
+    return bare.model_copy(
         update={
-            "residuals_px": tuple(reprojection(to_image, points).tolist()),
+            "residuals_px": tuple(fit.errors(points).tolist()),
             "residuals_m": tuple(in_meters.tolist()),
-            "leave_one_out_m": None if left_out is None else tuple(left_out.tolist()),
             "origin": frame and frame.origin,
             "x_azimuth": frame and frame.x_azimuth,
         }
     )
 
 
-def _uncertainty(points: ControlPoints, to_image: Array, calibration: Calibration) -> tuple[float, float]:
-    """Largest standard deviation over the corners of the surveyed area: m on the ground, and px over sigma.
+def _symmetric(matrix: Array) -> Array:
+    return np.asarray((matrix + matrix.T) / 2)
 
-    The covariance of the eight parameters, (J'J)^-1 with J the derivative of the weighted residuals, carried to the
-    pixel and on to the ground to first order. Errors larger than sigma enlarge it.
-    """
-    low, high = points.ground.min(axis=0), points.ground.max(axis=0)
+
+def _uncertainty(best: Candidate) -> tuple[float, float]:
+    """Largest standard deviation over the corners of the surveyed area: m on the ground, and px over sigma."""
+    ground = np.array([(point.x, point.y) for point in best.calibration.control_points])
+    low, high = ground.min(axis=0), ground.max(axis=0)
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])])
-    pixels = calibration.to_image(corners)
-    seen = np.isfinite(pixels).all(axis=1)
-    scaling = Scaling.of(points)
-    h = scaling.parameters(to_image)
-    information = (scaling.jacobian(h, points.ground) / points.sigma[:, None, None]).reshape(-1, 8)
-    residual = weighted_residual(to_image, points)
-    excess = max(1.0, float(residual @ residual) / (residual.size - 8)) if residual.size > 8 else 1.0
-    covariance = inverse(information.T @ information) * excess
-    in_pixels = scaling.jacobian(h, corners[seen])
-    in_meters = calibration.jacobian(pixels[seen]) @ in_pixels
-    dilution = _largest(in_pixels, covariance) / float(np.sqrt(excess) * np.median(points.sigma))
-    return _largest(in_meters, covariance), dilution
+    pixels = best.fit.view.project(corners)
+    corners, pixels = corners[np.isfinite(pixels).all(axis=1)], pixels[np.isfinite(pixels).all(axis=1)]
+    by_theta = slope_of(lambda theta: best.fit.model.view(theta).project(corners), best.fit.theta, best.fit.covariance)
+    in_pixels = by_theta @ (best.fit.covariance / best.fit.excess) @ by_theta.transpose(0, 2, 1)
+    typical = float(np.median([point.sigma for point in best.calibration.control_points]))
+    on_ground = best.calibration.position_covariance(pixels)
+    return _largest(on_ground), _largest(in_pixels) / typical
 
 
-def _largest(jacobian: Array, covariance: Array) -> float:
-    """Largest principal standard deviation among points, jacobian [point, 2, 8]."""
-    return float(np.sqrt(np.linalg.eigvalsh(jacobian @ covariance @ jacobian.transpose(0, 2, 1)).max()))
+def _largest(covariance: Array) -> float:
+    """Largest principal standard deviation among covariances [n, 2, 2]."""
+    covariance = covariance[np.isfinite(covariance).all(axis=(1, 2))]
+    return float(np.sqrt(np.linalg.eigvalsh(covariance)[:, 1].max())) if len(covariance) else np.inf
 
 
-def _warnings(
-    points: ControlPoints, used: NDArray[np.bool_], residuals_m: Array, left_out: Array | None, dilution: float
-) -> list[str]:
-    messages = []
-    if not used.all():
-        names = ", ".join(name for name, good in zip(points.names, used, strict=True) if not good)
-        messages.append(f"left out as outliers: {names}; check their pixels and places")
-    if used.sum() == 4:
-        messages.append("four points fit any homography exactly: nothing checks them; add more")
-    elif left_out is None:
-        messages.append("without one of the points the others no longer determine the homography; add more")
-    elif (brittle := float(np.sqrt(np.mean(left_out**2)))) > max(
-        BRITTLE * float(np.sqrt(np.mean(residuals_m[used] ** 2))), LARGE
-    ):
-        messages.append(
-            f"leave-one-out errors of {brittle:.2f} m: every point bears much; add points between and beyond"
-        )
-    if dilution > WEAK:
-        messages.append(
-            f"the layout is weak: at the edge of the surveyed area pixels are {dilution:.0f} times as uncertain as a "
-            "control point; spread the points over the road, near and far, left and right"
-        )
-    return messages
+def _bent(fitted: dict[str, Candidate], best: Candidate) -> list[str]:
+    """Warn of a lens that bends the picture more than a homography can bear."""
+    camera = fitted.get("camera")
+    if camera is None or camera.calibration.lens is None:
+        return []
+    pixels = np.array([(point.u, point.v) for point in camera.calibration.control_points])
+    bend = float(np.max(np.linalg.norm(camera.calibration.lens.undistort(pixels) - pixels, axis=1)))
+    if best is camera and bend > 5.0:
+        return [f"the lens bends the picture by up to {bend:.0f} px at the points; measure it with calibrate board"]
+    return []

@@ -1,11 +1,9 @@
-"""Homographies between the road and the image: eight comparable parameters, and the best ones for given points."""
+"""Homographies between the road and the image: eight comparable parameters."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from calib.control_points import ControlPoints
 
 Array = NDArray[np.float64]
 
@@ -36,31 +34,6 @@ def _normalization(values: Array) -> Array:
     return np.array([[scale, 0, -scale * center[0]], [0, scale, -scale * center[1]], [0, 0, 1]])
 
 
-def reprojection(to_image: Array, points: ControlPoints) -> Array:
-    """Distance [point], px, of the points from where `to_image`, ground -> pixels, puts them."""
-    return np.asarray(np.linalg.norm(apply(to_image, points.ground) - points.pixels, axis=1))
-
-
-def weighted_residual(to_image: Array, points: ControlPoints) -> Array:
-    """Pixel errors over their sigma, [2 * point]."""
-    return np.asarray(((apply(to_image, points.ground) - points.pixels) / points.sigma[:, None]).ravel())
-
-
-def refine(points: ControlPoints, to_image: Array) -> Array:
-    """Minimize the reprojection error from `to_image` [3, 3], ground -> pixels, by Levenberg-Marquardt."""
-    from scipy.optimize import least_squares
-
-    scaling = Scaling.of(points)
-
-    def error(h: Array) -> Array:
-        return weighted_residual(scaling.homography(h), points)
-
-    def jacobian(h: Array) -> Array:
-        return (scaling.jacobian(h, points.ground) / points.sigma[:, None, None]).reshape(-1, 8)
-
-    return scaling.homography(least_squares(error, scaling.parameters(to_image), jacobian, method="lm").x)
-
-
 @dataclass(frozen=True)
 class Scaling:
     """Eight comparable parameters of a homography: its entries between centered, scaled coordinates (Hartley 1997).
@@ -74,9 +47,9 @@ class Scaling:
     to_pixels: Array
 
     @classmethod
-    def of(cls, points: ControlPoints) -> "Scaling":
-        """Center and scale to the points."""
-        return cls(_normalization(points.ground), inverse(_normalization(points.pixels)))
+    def of(cls, ground: Array, pixels: Array) -> "Scaling":
+        """Center and scale to points [n, 2], m and px."""
+        return cls(_normalization(ground), inverse(_normalization(pixels)))
 
     def parameters(self, to_image: Array) -> Array:
         """Homography [3, 3], ground -> pixels -> parameters [8]."""
@@ -86,13 +59,3 @@ class Scaling:
     def homography(self, h: Array) -> Array:
         """Parameters [8] -> homography [3, 3], ground -> pixels."""
         return np.asarray(self.to_pixels @ np.append(h, 1.0).reshape(3, 3) @ self.from_ground)
-
-    def jacobian(self, h: Array, ground: Array) -> Array:
-        """Derivative [point, 2, 8] of the pixels of `ground` [point, 2], m, by the parameters."""
-        q = homogeneous(ground) @ self.from_ground.T
-        image = q @ np.append(h, 1.0).reshape(3, 3).T
-        q, place = q / image[:, 2:], image[:, :2] / image[:, 2:]
-        zero = np.zeros_like(q)
-        first = np.concatenate([q, zero, -place[:, :1] * q[:, :2]], axis=1)
-        second = np.concatenate([zero, q, -place[:, 1:] * q[:, :2]], axis=1)
-        return self.to_pixels[0, 0] * np.stack([first, second], axis=1)

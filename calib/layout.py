@@ -1,4 +1,4 @@
-"""Whether control points can determine a homography, and lie where one can see them."""
+"""Whether control points can determine a view, and lie where one can see them."""
 
 from typing import Any
 
@@ -6,19 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.control_points import ControlPoints
-from calib.homography import homogeneous, inverse
+from vision.camera import Calibration
 from vision.contract import InputError
 
 Array = NDArray[np.float64]
 THIN = 0.01  # width over length of a set of points that is one line
+FEWEST = 4
 MIRRORED = "control points: mirrored; y must be to the right of +x seen from above (exchange its sign)"
 
 
 def require_layout(points: ControlPoints, image_size: tuple[int, int]) -> None:
     """Raise InputError for too few points, points outside the image, or (all but one) collinear ones."""
-    if len(points) < 4:
+    if len(points) < FEWEST:
         raise InputError(
-            f"control points: {len(points)} given; a homography needs at least 4 (6 or more to find a mistake)"
+            f"control points: {len(points)} given; a homography or camera needs at least 4 (6 to find a mistake)"
         )
     outside = ~((points.pixels >= 0) & (points.pixels <= np.array(image_size))).all(axis=1)
     if outside.any():
@@ -45,15 +46,25 @@ def flaw_of(points: ControlPoints) -> str | None:
     return None
 
 
+def on_a_line(points: ControlPoints) -> bool:
+    """Whether all points are collinear."""
+    return _thin(points.pixels) or _thin(points.ground)
+
+
 def _thin(values: Array) -> bool:
     singular = np.linalg.svd(values - values.mean(axis=0), compute_uv=False)
     return bool(singular[1] <= THIN * singular[0])
 
 
-def require_below_horizon(points: ControlPoints, to_image: Array) -> None:
-    """Refuse points that the homography puts behind the camera or beyond the horizon, and a mirrored frame."""
-    from_image = inverse(to_image)
-    depth = (homogeneous(points.pixels) @ from_image.T)[:, 2]
+def require_below_horizon(points: ControlPoints, homography: Array, ideal: Array) -> None:
+    """Refuse points that a homography puts behind the camera or beyond the horizon, and a mirrored frame.
+
+    Parameters
+    ----------
+    homography : [3, 3], ideal pixels -> ground
+    ideal : [point, 2], ideal pixels of the points
+    """
+    depth = np.column_stack([ideal, np.ones(len(ideal))]) @ homography[2]
     side = np.sign(np.median(depth))
     beyond = np.asarray(depth * side <= 0)
     if beyond.any():
@@ -61,8 +72,18 @@ def require_below_horizon(points: ControlPoints, to_image: Array) -> None:
             f"control point {_names(points, beyond)}: above the horizon that the other points imply; "
             "only marks on the road plane can be used"
         )
-    if np.linalg.det(from_image) * side < 0:
+    if np.linalg.det(homography) * side < 0:
         raise InputError(MIRRORED)
+
+
+def require_on_road(points: ControlPoints, calibration: Calibration) -> None:
+    """Refuse points whose pixels the calibration finds above the horizon."""
+    lost = np.isnan(calibration.to_ground(points.pixels)).any(axis=1)
+    if lost.any():
+        raise InputError(
+            f"control point {_names(points, lost)}: above the horizon that the other points imply; "
+            "only marks on the road plane can be used"
+        )
 
 
 def _names(points: ControlPoints, which: Any) -> str:

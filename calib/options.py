@@ -1,13 +1,18 @@
-"""What the command's options mean: the local frame, and the size of the image."""
+"""What the commands' options mean: the local frame, the picture, measured values."""
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.contract import InputError, LocalFrame
+
+Image = NDArray[np.uint8]
+Choice = TypeVar("Choice", bound=str)
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
 def local_frame(path: Path | None, origin: str | None, x_azimuth: float | None) -> LocalFrame | None:
@@ -37,15 +42,20 @@ def local_frame(path: Path | None, origin: str | None, x_azimuth: float | None) 
 
 
 def _frame_table(path: Path) -> dict[str, Any]:
+    table = read_toml(path).get("frame")
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: no [frame]; write [frame] with origin = [LAT, LON] and x_azimuth = DEGREES")
+    return table
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; InputError, one line, where it is none."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8")).get("frame")
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; give a TOML file with [frame] origin, x_azimuth") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not TOML: {error}") from error
-    if not isinstance(table, dict):
-        raise InputError(f"{path}: no [frame]; write [frame] with origin = [LAT, LON] and x_azimuth = DEGREES")
-    return table
 
 
 def _checked(origin: Any, x_azimuth: Any, where: str) -> LocalFrame:
@@ -61,8 +71,25 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
-def picture_size(video: Path | None, image_size: str | None) -> tuple[tuple[int, int], NDArray[np.uint8] | None]:
-    """Width and height, px, from "WxH" or from a video, and then also its middle frame [height, width, 3].
+def measured(text: str | None, option: str, unit: str) -> tuple[float, float] | None:
+    """Read "VALUE,SIGMA", both positive; None for None.
+
+    >>> measured("7.5,0.2", "--height", "m")
+    (7.5, 0.2)
+    """
+    if text is None:
+        return None
+    try:
+        value, sigma = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise InputError(f"{option}: give VALUE,SIGMA in {unit}, as 7.5,0.2, not {text}") from error
+    if not (np.isfinite([value, sigma]).all() and value > 0 and sigma > 0):
+        raise InputError(f"{option}: value and sigma must be above 0 {unit}, not {text}")
+    return value, sigma
+
+
+def picture_size(video: Path | None, image_size: str | None) -> tuple[tuple[int, int], Image | None]:
+    """Width and height, px, from "WxH" or from a video or picture, and then also its frame [height, width, 3].
 
     Raises
     ------
@@ -77,14 +104,45 @@ def picture_size(video: Path | None, image_size: str | None) -> tuple[tuple[int,
         if given is None:
             raise InputError("the size of the image is not known: give --video VIDEO or --image-size WxH")
         return given, None
-    from vision.video import open_video
-
-    content = open_video(video)
-    size = (content.width, content.height)
+    image = read_frame(video)
+    size = (image.shape[1], image.shape[0])
     if given is not None and given != size:
         raise InputError(f"--image-size {image_size}: the video is {size[0]}x{size[1]}; leave one of them out")
-    frames = content.sample(3)
-    return size, frames[len(frames) // 2].image
+    return size, image
+
+
+def read_frame(source: Path, time: float | None = None) -> Image:
+    """Read a picture, or the frame of a video nearest to `time`, s since its start (by default its middle one).
+
+    Raises
+    ------
+    InputError
+        The file is missing or is neither, or the video is shorter.
+    """
+    if source.suffix.lower() in PICTURES:
+        return read_picture(source)
+    from vision.video import open_video
+
+    video = open_video(source)
+    if time is None:
+        frames = video.sample(3)
+        return frames[len(frames) // 2].image
+    if not video.time[0] - video.frame_interval <= time <= video.time[-1] + video.frame_interval:
+        raise InputError(f"--time {time:g}: the video runs from {video.time[0]:.1f} to {video.time[-1]:.1f} s")
+    place = int(np.abs(video.time - time).argmin())
+    return next(video.frames_at(np.array([place]))).image
+
+
+def read_picture(path: Path) -> Image:
+    """Read a picture [height, width, 3], BGR; InputError where it is none."""
+    import cv2
+
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; give a picture or a video")
+    image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"{path}: not a picture that can be read; give .png or .jpg")
+    return np.asarray(image, np.uint8)
 
 
 def _parse_size(text: str) -> tuple[int, int]:
@@ -92,3 +150,15 @@ def _parse_size(text: str) -> tuple[int, int]:
     if not (cross and width.isdigit() and height.isdigit() and int(width) > 0 and int(height) > 0):
         raise InputError(f"--image-size: give WIDTHxHEIGHT in pixels, as 1280x720, not {text}")
     return int(width), int(height)
+
+
+def one_of(text: str, choices: Sequence[Choice], option: str) -> Choice:
+    """Return `text` if it is one of the choices, else raise InputError.
+
+    >>> one_of("camera", ("auto", "camera"), "--model")
+    'camera'
+    """
+    for choice in choices:
+        if text == choice:
+            return choice
+    raise InputError(f"{option} {text}: give one of {', '.join(choices)}")

@@ -13,47 +13,81 @@ Array = NDArray[np.float64]
 
 def summary(points: ControlPoints, fit: GroundFit) -> dict[str, Any]:
     """Everything the command found, JSON-ready; lengths in px or m as the keys say."""
-    held_out = iter(fit.calibration.leave_one_out_m or ())
+    calibration = fit.calibration
+    held_out_m = np.full(len(points), np.nan)
+    if calibration.leave_one_out_m is not None:
+        held_out_m[fit.used] = [np.nan if value is None else value for value in calibration.leave_one_out_m]
+    held_out_px = np.full(len(points), np.nan) if fit.held_out_px is None else fit.held_out_px
     return {
-        "homography": fit.calibration.homography.tolist(),
-        "image_size": list(fit.calibration.image_size),
+        "model": calibration.model,
+        "leave_one_out_rms_px_by_model": fit.scores,
+        "homography": calibration.homography.tolist(),
+        "lens": calibration.lens and calibration.lens.model_dump(),
+        "parameters": {name: value.model_dump() for name, value in calibration.parameters.items()},
+        "image_size": list(calibration.image_size),
         "rms_px": _rms(fit.residuals_px[fit.used]),
         "rms_m": _rms(fit.residuals_m[fit.used]),
-        "leave_one_out_rms_m": _rms(np.array(fit.calibration.leave_one_out_m))
-        if fit.calibration.leave_one_out_m
-        else None,
+        "leave_one_out_rms_px": _number(_rms(held_out_px[fit.used])),
+        "leave_one_out_rms_m": _number(_rms(held_out_m[fit.used])),
         "worst_sigma_m": fit.worst_sigma,
         "warnings": list(fit.warnings),
         "points": [
             {
                 "name": name,
                 "used": bool(used),
-                "residual_px": float(px),
-                "residual_m": float(m) if np.isfinite(m) else None,
-                "leave_one_out_m": next(held_out, None) if used else None,
+                "residual_px": _number(px),
+                "residual_m": _number(m),
+                "leave_one_out_px": _number(out_px),
+                "leave_one_out_m": _number(out_m),
             }
-            for name, used, px, m in zip(points.names, fit.used, fit.residuals_px, fit.residuals_m, strict=True)
+            for name, used, px, m, out_px, out_m in zip(
+                points.names, fit.used, fit.residuals_px, fit.residuals_m, held_out_px, held_out_m, strict=True
+            )
         ],
     }
 
 
+COLUMNS = {
+    "residual_px": ("residual px", 2),
+    "residual_m": ("residual m", 3),
+    "leave_one_out_px": ("leave-one-out px", 2),
+    "leave_one_out_m": ("leave-one-out m", 3),
+}
+
+
 def table(points: ControlPoints, fit: GroundFit) -> str:
-    """Lines of text: one per point, the totals, the warnings."""
+    """Lines of text: one per point, the totals, the camera, the warnings."""
     facts = summary(points, fit)
     width = max(5, *(len(name) for name in points.names))
-    lines = [f"{'point':<{width}}  residual px   residual m  leave-one-out m"]
+    lines = [f"{'point':<{width}}  " + "  ".join(title for title, _ in COLUMNS.values())]
     for row in facts["points"]:
-        numbers = f"{row['residual_px']:11.2f}  {_meters(row['residual_m']):>11}  {_meters(row['leave_one_out_m']):>15}"
-        lines.append(f"{row['name']:<{width}}  {numbers}" + ("" if row["used"] else "  left out"))
-    total = f"{facts['rms_px']:11.2f}  {facts['rms_m']:11.3f}  {_meters(facts['leave_one_out_rms_m']):>15}"
-    lines.append(f"{'rms':<{width}}  {total}")
+        lines.append(f"{row['name']:<{width}}  {_cells(row)}" + ("" if row["used"] else "  left out"))
+    totals = {key: facts[key.replace("residual", "rms").replace("out_", "out_rms_")] for key in COLUMNS}
+    lines.append(f"{'rms':<{width}}  {_cells(totals)}")
+    lines.append(f"model: {facts['model']}; leave-one-out rms {_scores(fit.scores)}")
+    for name, value in facts["parameters"].items():
+        lines.append(f"  {name:<9} {value['value']:10.4g} ± {value['sigma']:.2g} {value['unit']}")
     lines.append(f"uncertainty within the surveyed area: {facts['worst_sigma_m']:.3f} m at most (one sigma)")
     return "\n".join(lines + [f"warning: {message}" for message in fit.warnings])
+
+
+def _cells(row: dict[str, Any]) -> str:
+    return "  ".join(
+        f"{'-' if row[key] is None else format(row[key], f'.{digits}f'):>{len(title)}}"
+        for key, (title, digits) in COLUMNS.items()
+    )
+
+
+def _scores(scores: dict[str, float | str]) -> str:
+    parts = [
+        f"{name} {score:.2f} px" if isinstance(score, float) else f"{name}: {score}" for name, score in scores.items()
+    ]
+    return ", ".join(parts)
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _meters(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

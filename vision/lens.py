@@ -70,6 +70,8 @@ class Lens(BaseModel):
     def reach(self) -> float:
         """Radius r up to which what is further out is also seen further out; beyond it the polynomial folds back."""
         k1, k2, _, _, k3 = self.distortion
+        if min(k1, k2, k3) >= 0:
+            return np.inf
         roots = np.roots(np.trim_zeros(np.array([7 * k3, 5 * k2, 3 * k1, 1.0]), "f"))
         folds = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
         return float(np.sqrt(folds.min())) if len(folds) else np.inf

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calib.control_points import ControlPoints
+from calib.control_points import control_points
 from vision.scene.camera import Camera
 
 SIZE = (1280, 720)
@@ -16,6 +16,4 @@ GROUND = np.array(
 def marks(ground=GROUND, noise=0.0, seed=0, sigma=1.0):
     pixels = CAMERA.project(np.column_stack([ground, np.zeros(len(ground))]))
     pixels = pixels + noise * np.random.default_rng(seed).normal(size=pixels.shape)
-    return ControlPoints(
-        tuple(f"p{k}" for k in range(len(ground))), pixels, np.array(ground), np.full(len(ground), sigma)
-    )
+    return control_points(tuple(f"p{k}" for k in range(len(ground))), pixels, np.array(ground, float), sigma)

@@ -47,7 +47,7 @@ def test_it_writes_the_calibration_and_prints_the_errors(tmp_path, points_file):
     calibration = Calibration.read(out)
     assert calibration.image_size == SIZE and len(calibration.control_points) == len(GROUND)
     assert max(calibration.residuals_px) < 1.5 and len(calibration.leave_one_out_m) == len(GROUND)
-    assert not list(tmp_path.glob("*.png"))
+    assert [path.name for path in tmp_path.glob("*.png")] == ["calibration_maps.png"]
 
 
 def test_json_with_a_video_and_a_frame(tmp_path, points_file):
@@ -77,6 +77,11 @@ def test_json_with_a_video_and_a_frame(tmp_path, points_file):
         (["--image-size", "1280x720", "--threshold", "0"], "--threshold: must be above 0"),
         (["--image-size", "640x360"], "outside the 640x360 image"),
         (["--video", "absent.mp4"], "absent.mp4: no such file"),
+        (["--image-size", "1280x720", "--model", "fisheye"], "--model fisheye: give one of auto, homography, camera"),
+        (["--image-size", "1280x720", "--height", "7"], "--height: give VALUE,SIGMA"),
+        (["--image-size", "1280x720", "--height", "7,0"], "--height: value and sigma must be above 0"),
+        (["--image-size", "1280x720", "--intrinsics", "absent.json"], "absent.json: No such file"),
+        (["--image-size", "1280x720", "--maps", "maps.txt"], "maps.txt: maps are written as"),
     ],
 )
 def test_bad_input_writes_nothing(tmp_path, points_file, arguments, message):

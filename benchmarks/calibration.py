@@ -1,0 +1,127 @@
+"""How often calibrations of random cameras with distortion are within their own stated sigma.
+
+Run `python benchmarks/calibration.py [CAMERAS]`: prints the rates beside those that Gaussian errors would have.
+"""
+
+import sys
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calib.control_points import ControlPoints, control_points
+from calib.ground import GroundFit, fit_ground
+from vision.contract import InputError, progress
+from vision.lens import Lens
+from vision.scene.camera import Camera
+
+SIZE = (1280, 720)
+CLICK = 1.0  # px
+ELLIPSE_95 = 5.991  # chi^2 of two degrees of freedom
+
+
+@dataclass
+class Rates:
+    """Counts over all cameras."""
+
+    cameras: int = 0
+    chosen: int = 0
+    refused: int = 0
+    distances: list[float] = field(default_factory=list)
+    deviations: dict[str, list[float]] = field(default_factory=dict)
+
+    @property
+    def positions(self) -> int:
+        return len(self.distances)
+
+    @property
+    def one_sigma(self) -> float:
+        return float(np.mean(np.array(self.distances) < 1))
+
+    @property
+    def ninety_five(self) -> float:
+        return float(np.mean(np.array(self.distances) < ELLIPSE_95))
+
+
+def random_camera(rng: np.random.Generator) -> tuple[Camera, Lens]:
+    """A street camera on a pole or house: 4 to 15 m high, 40 to 95 degrees wide, with barrel or pincushion."""
+    focal = SIZE[0] / 2 / np.tan(np.deg2rad(rng.uniform(40, 95)) / 2)
+    k1 = rng.uniform(-0.3, 0.1)
+    lens = Lens(
+        focal=(focal, focal),
+        center=(SIZE[0] / 2 + rng.normal(0, 8), SIZE[1] / 2 + rng.normal(0, 8)),
+        distortion=(k1, -0.3 * k1 + rng.normal(0, 0.02), 0, 0, 0),
+    )
+    side = rng.choice([-1, 1])
+    position = (float(rng.uniform(-10, 0)), float(side * rng.uniform(4, 15)), -float(rng.uniform(4, 15)))
+    yaw, pitch = -side * rng.uniform(10, 60), rng.uniform(12, 35)
+    return Camera(position, float(yaw), float(pitch), float(focal), SIZE, roll=float(rng.normal(0, 2))), lens
+
+
+def see(camera: Camera, lens: Lens, ground: np.ndarray) -> np.ndarray:
+    """Pixels [n, 2] of the ground [n, 2]; NaN outside the picture."""
+    seen = camera.in_camera(np.column_stack([ground, np.zeros(len(ground))]))
+    ideal = seen[:, :2] / np.where(seen[:, 2:] > 1, seen[:, 2:], np.nan) * lens.focal + lens.center
+    pixels = lens.distort(ideal)
+    inside = ((pixels > 0) & (pixels < SIZE)).all(axis=1)
+    return np.where(inside[:, None], pixels, np.nan)
+
+
+def survey(rng: np.random.Generator) -> tuple[Camera, Lens, ControlPoints, np.ndarray]:
+    """A camera, 8 to 20 marks on its road, and 10 other places between them."""
+    while True:
+        camera, lens = random_camera(rng)
+        ground = rng.uniform([-5, -10], [70, 10], (400, 2))
+        ground = ground[np.isfinite(see(camera, lens, ground)).all(axis=1)]
+        if len(ground) < 60 or np.ptp(ground[:30, 0]) < 15 or np.ptp(ground[:30, 1]) < 6:
+            continue
+        count = int(rng.integers(8, 21))
+        pixels = see(camera, lens, ground[:count]) + CLICK * rng.normal(size=(count, 2))
+        if ((pixels > 0) & (pixels < SIZE)).all():
+            marks = control_points(tuple(f"p{k}" for k in range(count)), pixels, ground[:count], CLICK)
+            return camera, lens, marks, ground[-10:]
+
+
+def judge(rates: Rates, camera: Camera, lens: Lens, fit: GroundFit, ground: np.ndarray) -> None:
+    """Count how far positions and parameters are from the truth, in their own sigmas."""
+    pixels = see(camera, lens, ground)
+    off = fit.calibration.to_ground(pixels) - ground
+    covariance = fit.calibration.position_covariance(pixels)
+    rates.distances += np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance), off).tolist()
+    x, y, z = camera.position
+    truth = {"focal": lens.focal[0], "k1": lens.distortion[0], "x": x, "y": y, "height": -z, "tilt": camera.pitch}
+    for name, value in truth.items():
+        found = fit.calibration.parameters.get(name)
+        if found is not None:
+            rates.deviations.setdefault(name, []).append((found.value - value) / found.sigma)
+
+
+def trial_rates(cameras: int, seed: int = 0) -> Rates:
+    """Calibrate random cameras from marks read to 1 px."""
+    rng, rates = np.random.default_rng(seed), Rates()
+    with progress("calibrating random cameras", cameras) as advance:
+        for _ in range(cameras):
+            camera, lens, marks, ground = survey(rng)
+            rates.cameras += 1
+            advance(1)
+            try:
+                fit = fit_ground(marks, SIZE)
+            except InputError:
+                rates.refused += 1
+                continue
+            rates.chosen += fit.calibration.model == "camera"
+            judge(rates, camera, lens, fit, ground)
+    return rates
+
+
+def main() -> None:
+    rates = trial_rates(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
+    print(f"{rates.cameras} cameras: {rates.chosen} fitted as camera, {rates.refused} refused, the rest as homography")
+    print(f"positions: {rates.one_sigma:.1%} inside one sigma's ellipse (Gaussian 39.3 %)")
+    print(f"           {rates.ninety_five:.1%} inside the 95 % ellipse")
+    for name, deviations in rates.deviations.items():
+        within = np.abs(deviations)
+        print(f"{name:8} {np.mean(within < 1):.1%} within one sigma (68.3 %), {np.mean(within < 1.96):.1%} (95 %)")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""Models of a view of the road: a homography or a camera, each with its free parameters and what is known of them."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.control_points import ControlPoints
+from calib.homography import Scaling, apply
+from calib.layout import FEWEST, flaw_of, on_a_line
+from calib.lens_prior import LensPrior
+from vision.camera import Parameter
+from vision.lens import Lens
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class View:
+    """How the road is seen.
+
+    Attributes
+    ----------
+    to_image : [3, 3], ground (x, y, 1), m -> ideal pixels (u, v, 1), third one > 0 in front of the camera
+    lens : what then bends them, or None
+    """
+
+    to_image: Array
+    lens: Lens | None
+
+    def project(self, ground: Array) -> Array:
+        """Ground [n, 2], m -> pixels [n, 2]; NaN behind the camera and beyond the lens's reach."""
+        depth = ground @ self.to_image[2, :2] + self.to_image[2, 2]
+        ideal = np.where(depth[:, None] > 0, apply(self.to_image, ground), np.nan)
+        return ideal if self.lens is None else self.lens.distort(ideal)
+
+
+class GroundModel(ABC):
+    """A family of views with parameters theta [p]."""
+
+    name: str
+
+    @abstractmethod
+    def view(self, theta: Array) -> View:
+        """Return the view at theta."""
+
+    @abstractmethod
+    def penalty(self, theta: Array) -> Array:
+        """Deviations from what is known beforehand, in standard deviations."""
+
+    @abstractmethod
+    def determined_by(self, points: ControlPoints) -> bool:
+        """Whether points, with what is known beforehand, leave no direction of theta open."""
+
+    @abstractmethod
+    def describe(self, theta: Array) -> dict[str, tuple[float, str]]:
+        """Numbers for people: value and unit."""
+
+
+@dataclass(frozen=True)
+class HomographyModel(GroundModel):
+    """Any homography: theta is eight parameters of `scaling`, and z of a lens that was measured, if there is one."""
+
+    scaling: Scaling
+    prior: LensPrior | None
+    name: str = "homography"
+
+    def view(self, theta: Array) -> View:
+        """Return the view at theta."""
+        lens = None if self.prior is None else self.prior.lens(theta[8:])
+        return View(self.scaling.homography(theta[:8]), lens)
+
+    def penalty(self, theta: Array) -> Array:
+        """Z."""
+        return theta[8:]
+
+    def start(self, to_image: Array) -> Array:
+        """Theta of a homography [3, 3], ground -> ideal pixels."""
+        return np.append(self.scaling.parameters(to_image), np.zeros(self.prior.size if self.prior else 0))
+
+    def determined_by(self, points: ControlPoints) -> bool:
+        """Whether there are four of which no three are on a line."""
+        return len(points) >= FEWEST and flaw_of(points) is None
+
+    def describe(self, theta: Array) -> dict[str, tuple[float, str]]:
+        """Nothing: a homography's entries say nothing to people."""
+        return {}
+
+
+@dataclass(frozen=True)
+class CameraModel(GroundModel):
+    """A camera: theta is z of the lens, a turn [3], rad, from `base`, and the position [3], m.
+
+    Attributes
+    ----------
+    prior : of the lens
+    base : [3, 3], rotation from the local frame to the camera's (right, down, forward)
+    height : of the camera above the road and its standard deviation, m, where it was measured
+    """
+
+    prior: LensPrior
+    base: Array
+    height: tuple[float, float] | None = None
+    name: str = "camera"
+
+    def rotation(self, theta: Array) -> Array:
+        """Rotation [3, 3] from the local frame to the camera's."""
+        turn = theta[self.prior.size : self.prior.size + 3]
+        return np.asarray(rotation_by(turn) @ self.base)
+
+    def view(self, theta: Array) -> View:
+        """Return the view at theta."""
+        rotation, lens = self.rotation(theta), self.prior.lens(theta[: self.prior.size])
+        columns = np.column_stack([rotation[:, 0], rotation[:, 1], -rotation @ theta[-3:]])
+        return View(lens.matrix @ columns, lens)
+
+    def penalty(self, theta: Array) -> Array:
+        """z, and the height's deviation."""
+        if self.height is None:
+            return theta[: self.prior.size]
+        return np.append(theta[: self.prior.size], (-theta[-1] - self.height[0]) / self.height[1])
+
+    def start(self, lens: Lens, position: Array) -> Array:
+        """Theta of a camera turned like `base`."""
+        z = np.linalg.lstsq(self.prior.factor, lens.vector - self.prior.mean, rcond=None)[0]
+        return np.concatenate([z, np.zeros(3), position])
+
+    def determined_by(self, points: ControlPoints) -> bool:
+        """Whether there are four that are not all on a line: the lens's prior bears the rest."""
+        return len(points) >= FEWEST and not on_a_line(points)
+
+    def describe(self, theta: Array) -> dict[str, tuple[float, str]]:
+        """Lens, position and direction."""
+        lens = self.prior.lens(theta[: self.prior.size])
+        right, _, forward = self.rotation(theta)
+        level = np.array([-forward[1], forward[0], 0.0])
+        roll = np.arctan2(np.cross(forward, level) @ right, level @ right)
+        names = ("k1", "k2", "p1", "p2", "k3")
+        return {
+            "focal": (lens.focal[0], "px"),
+            "center_x": (lens.center[0], "px"),
+            "center_y": (lens.center[1], "px"),
+            **{name: (value, "") for name, value in zip(names, lens.distortion, strict=True)},
+            "x": (float(theta[-3]), "m"),
+            "y": (float(theta[-2]), "m"),
+            "height": (-float(theta[-1]), "m"),
+            "direction": (float(np.rad2deg(np.arctan2(forward[1], forward[0]))), "deg from +x toward +y"),
+            "tilt": (float(np.rad2deg(np.arcsin(forward[2]))), "deg below the horizon"),
+            "roll": (float(np.rad2deg(roll)), "deg"),
+        }
+
+
+def rotation_by(turn: Array) -> Array:
+    """Rotation [3, 3] by a vector [3], rad, along its axis (Rodrigues).
+
+    >>> rotation_by(np.array([0, 0, np.pi / 2])).round(6).tolist()
+    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    x, y, z = turn
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = float(np.linalg.norm(turn))
+    return np.asarray(
+        np.eye(3) + np.sinc(angle / np.pi) * cross + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * cross @ cross
+    )
+
+
+def with_sigmas(values: dict[str, tuple[float, str]], sigmas: Array) -> dict[str, Parameter]:
+    """Join values and standard deviations [n], leaving out what is fixed at zero."""
+    return {
+        name: Parameter(value=value, sigma=float(sigma), unit=unit)
+        for (name, (value, unit)), sigma in zip(values.items(), sigmas, strict=True)
+        if value != 0.0 or sigma > 0
+    }

@@ -1,0 +1,174 @@
+"""Control point files (csv, json, OTVision's .otrfpts) as tables, and their places as meters of the local frame."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.contract import InputError, LocalFrame
+from vision.contract.columns import finite, first_row, to_frame
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+COLUMNS = ("name", "px", "py", "x", "y")
+PLACES = (("x", "y"), ("latitude", "longitude"), ("easting", "northing"))
+UTM_EASTING = (100e3, 900e3)  # m, inside a zone and a little beyond
+OTVISION = ("x_px", "y_px", "hemisphere", "zone_utm", "lon_utm", "lat_utm")
+
+
+def read_table(path: Path) -> "pd.DataFrame":
+    """Read a control point file as a table [point] with the columns of the csv.
+
+    A `.json` is a list of objects with the keys of the csv's columns, or a calibration, whose control points are
+    taken. An `.otrfpts` is what OTVision writes: {"1": {"x_px", "y_px", "hemisphere", "zone_utm", "lon_utm" (easting),
+    "lat_utm" (northing)}, ...}.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, not of its format, or has no points.
+    """
+    readers = {".json": _read_json, ".otrfpts": _read_otvision}
+    table = readers.get(path.suffix.lower(), _read_csv)(path)
+    if table.empty:
+        raise InputError(f"{path}: no control points; write one row per mark: {','.join(COLUMNS)}")
+    return table
+
+
+def _read_csv(path: Path) -> "pd.DataFrame":
+    import pandas as pd
+
+    try:
+        return pd.read_csv(path, dtype={"name": str, "zone": str}, skipinitialspace=True, comment="#")
+    except OSError as error:
+        reason = error.strerror or "cannot be read"
+        raise InputError(f"{path}: {reason}; give a csv of control points ({', '.join(COLUMNS)})") from error
+    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{path}: no readable csv ({reason}); write {','.join(COLUMNS)}") from error
+
+
+def _load(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; give a file of control points") from error
+    except ValueError as error:
+        raise InputError(f"{path}: not JSON ({str(error).splitlines()[0]})") from error
+
+
+def _read_json(path: Path) -> "pd.DataFrame":
+    import pandas as pd
+
+    content = _load(path)
+    rows = content.get("control_points") if isinstance(content, dict) else content
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise InputError(
+            f"{path}: no list of control points; write [{{name, px, py, x, y}}, ...] or give a calibration"
+        )
+    return pd.DataFrame(rows).rename(columns={"u": "px", "v": "py"})
+
+
+def _read_otvision(path: Path) -> "pd.DataFrame":
+    import pandas as pd
+
+    content = _load(path)
+    if not isinstance(content, dict) or not all(isinstance(row, dict) for row in content.values()):
+        raise InputError(f'{path}: not OTVision\'s reference points; they are {{"1": {{{", ".join(OTVISION)}}}, ...}}')
+    for name, row in content.items():
+        if missing := [key for key in OTVISION if key not in row]:
+            raise InputError(f"{path}: point {name} has no {', '.join(missing)}; mark it in OTVision again")
+    table = pd.DataFrame.from_dict(content, orient="index")
+    if table.empty:
+        return table
+    return pd.DataFrame(
+        {
+            "name": table.index.astype(str),
+            "px": table["x_px"].to_numpy(),
+            "py": table["y_px"].to_numpy(),
+            "easting": table["lon_utm"].to_numpy(),
+            "northing": table["lat_utm"].to_numpy(),
+            "zone": (table["zone_utm"].astype(str) + table["hemisphere"].astype(str)).to_numpy(),
+        }
+    )
+
+
+def with_meters(table: "pd.DataFrame", frame: LocalFrame | None, crs: str | None, path: Path) -> "pd.DataFrame":
+    """Add x, y (m, local frame) to a table [point] that has latitude, longitude or easting, northing instead.
+
+    Parameters
+    ----------
+    table : with (x, y), or (latitude, longitude), WGS 84, or (easting, northing) and, for UTM, `zone` as 32N
+    frame : local frame; needed for all but x, y
+    crs : coordinate reference system of easting and northing where there is no zone, as EPSG:25832
+    path : for messages
+
+    Raises
+    ------
+    InputError
+        If no pair of columns is whole, a value is no number or out of range (swapped columns look so), or the frame
+        or the coordinate reference system is missing.
+    """
+    names = next((pair for pair in PLACES if set(pair) <= set(table.columns)), None)
+    if names is None:
+        absent = [name for name in COLUMNS[3:] if name not in table]
+        raise InputError(
+            f"{path}: no column {', '.join(absent)}; control points have {', '.join(COLUMNS)} "
+            "(or latitude, longitude, or easting, northing, for x, y)"
+        )
+    table = finite(table, names, path)
+    if names == ("x", "y"):
+        return table
+    if frame is None:
+        raise InputError(
+            f"{path}: {names[0]} and {names[1]} need a local frame; give --frame site.toml or --origin and --x-azimuth"
+        )
+    first, second = table[names[0]].to_numpy(float), table[names[1]].to_numpy(float)
+    if names == ("easting", "northing"):
+        first, second = _geographic(first, second, _system(table, crs, path), path)
+    x, y = to_frame(first, second, frame, path)
+    return table.assign(x=x, y=y)
+
+
+def _system(table: "pd.DataFrame", crs: str | None, path: Path) -> str:
+    """Name of the coordinate reference system of easting and northing."""
+    if "zone" not in table:
+        if crs is None:
+            raise InputError(f"{path}: easting and northing need a column zone (32N) or --crs EPSG:CODE")
+        return crs
+    zones = table["zone"].astype(str).str.strip().str.upper()
+    bad = ~zones.str.fullmatch(r"0?([1-9]|[1-5]\d|60)[NS]")
+    if bad.any():
+        row = first_row(bad)
+        raise InputError(f"{path}: row {row}: zone is {table['zone'].iloc[row - 1]!r}; give a UTM zone as 32N or 19S")
+    if zones.nunique() > 1:
+        raise InputError(f"{path}: UTM zones {' and '.join(sorted(set(zones)))}; give all points in one zone")
+    zone = zones.iloc[0]
+    east = table["easting"].to_numpy(float)
+    outside = (east < UTM_EASTING[0]) | (east > UTM_EASTING[1])
+    if outside.any():
+        row = int(outside.argmax())
+        swapped = UTM_EASTING[0] <= table["northing"].iloc[row] <= UTM_EASTING[1]
+        mend = "easting and northing look swapped; exchange them" if swapped else "a UTM easting is 100000 to 900000 m"
+        raise InputError(f"{path}: row {row + 1}: easting is {east[row]:.0f}: {mend}")
+    return f"EPSG:{(32600 if zone[-1] == 'N' else 32700) + int(zone[:-1])}"
+
+
+def _geographic(easting: Array, northing: Array, system: str, path: Path) -> tuple[Array, Array]:
+    """Easting, northing [point], m -> latitude, longitude [point], degrees."""
+    from pyproj import CRS, Transformer
+    from pyproj.exceptions import CRSError
+
+    try:
+        transformer = Transformer.from_crs(CRS.from_user_input(system), CRS.from_epsg(4326), always_xy=True)
+    except CRSError as error:
+        raise InputError(f"--crs {system}: no coordinate reference system; give one as EPSG:25832") from error
+    longitude, latitude = transformer.transform(easting, northing)
+    latitude, longitude = np.asarray(latitude, float), np.asarray(longitude, float)
+    if not (np.isfinite(latitude).all() and np.isfinite(longitude).all()):
+        raise InputError(f"{path}: easting and northing are outside {system}; check the zone or --crs")
+    return latitude, longitude
