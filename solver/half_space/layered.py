@@ -36,7 +36,7 @@ def layered_displacement(offset: Tensor, poisson_ratio: Ratio, log_ratio: Ratio,
     >>> layered_displacement(point, 0.25, 0.7, 2.0)
     tensor([-0.0520, -0.0173,  0.9450], dtype=torch.float64)
     """
-    return corrected_displacement(_build(torch.expm1(-_scalar(log_ratio))), offset, poisson_ratio, thickness)
+    return corrected_displacement(_build(torch.expm1(-scalar(log_ratio))), offset, poisson_ratio, thickness)
 
 
 def layered_displacement_rate(
@@ -57,7 +57,7 @@ def layered_displacement_rate(
     >>> layered_displacement_rate(point, velocity, 0.25, 0.0, 2.0)  # Boussinesq
     tensor([0.2027, 0.0309, 1.4559])
     """
-    build = _build(torch.expm1(-_scalar(log_ratio)))
+    build = _build(torch.expm1(-scalar(log_ratio)))
     return corrected_rate(build, offset, velocity, poisson_ratio, thickness)
 
 
@@ -84,7 +84,7 @@ def pavement_displacement_rate(
     >>> pavement_displacement_rate(point, velocity, 0.25, 3.8)  # 0.2 m, twenty times as stiff
     tensor([0.2883, 0.1261, 1.3303], dtype=torch.float64)
     """
-    excess = _scalar(stiffness) / thickness
+    excess = scalar(stiffness) / thickness
     rate = corrected_rate(_build(-excess / (1 + excess)), offset, velocity, poisson_ratio, thickness)
     return rate / (1 + excess).to(offset.dtype)
 
@@ -133,12 +133,17 @@ def boussinesq_traction(s: Tensor) -> Tensor:
     return torch.stack([1 + s, s], -1) * torch.exp(-s)[..., None]
 
 
+def scalar(parameter: Ratio) -> Tensor:
+    """A parameter that is one for all points, in double precision.
+
+    >>> scalar(1)
+    tensor(1., dtype=torch.float64)
+    """
+    return torch.as_tensor(parameter, dtype=torch.float64).reshape(())
+
+
 def _build(contrast: Tensor) -> Build:
     return lambda poisson_ratio: layered_table(poisson_ratio, contrast)
-
-
-def _scalar(parameter: Ratio) -> Tensor:
-    return torch.as_tensor(parameter, dtype=torch.float64).reshape(())
 
 
 def _continued(moved: Tensor, k: Tensor, nu: Tensor) -> tuple[Tensor, Tensor]:

@@ -2,8 +2,8 @@
 
 A vertical load makes u_z = F / (4 pi G) int W(k, z) J0(k r) dk and u_r = F / (4 pi G) int V(k, z) J1(k r) dk. On a
 horizontal plane the traction is (S, T) = (sigma_zz, sigma_rz) likewise; forces here are in units of 2 k G, G the
-modulus that contrasts refer to. Stiffness matrices (Kausel & Roesset 1981, here in their static limit) stay bounded for any
-k times thickness, unlike propagators of the layer state.
+modulus that contrasts refer to. Stiffness matrices (Kausel & Roesset 1981, here in their static limit) stay bounded
+for any k times thickness, unlike propagators of the layer state.
 """
 
 from dataclasses import dataclass
