@@ -92,13 +92,13 @@ def fk_filter(
 
     Parameters
     ----------
-    strain_rate : [time, channel], finite, on a regular grid without gaps
+    strain_rate : [..., time, channel], finite, on a regular grid without gaps
     dt, dx : sampling interval, s, and channel spacing, m
     speeds, highest, taper : see `fk_mask`
 
     Returns
     -------
-    [time, channel]
+    [..., time, channel]
 
     Examples
     --------
@@ -106,10 +106,10 @@ def fk_filter(
     >>> torch.autograd.grad(fk_filter(wave, 0.2, 1.0)[30, 20], wave)[0].shape
     torch.Size([64, 40])
     """
-    rows, channels = strain_rate.shape
+    rows, channels = strain_rate.shape[-2:]
     size = (2 * rows, 2 * channels)
     mask = fk_mask(size, dt, dx, speeds=speeds, highest=highest, taper=taper).to(strain_rate.device)
-    return torch.fft.irfft2(torch.fft.rfft2(strain_rate, size) * mask, size)[:rows, :channels]
+    return torch.fft.irfft2(torch.fft.rfft2(strain_rate, size) * mask, size)[..., :rows, :channels]
 
 
 def fk_filtered(

@@ -41,8 +41,9 @@ def panel(
     limit: float | None = None,
 ) -> None:
     """Draw one map [depth, offset] with contours."""
-    low = None if limit is None else -limit
-    mesh = axis.pcolormesh(maps.offset, maps.depth, values, cmap=colors, shading="nearest", vmin=low, vmax=limit)
+    # A few cells right under the wheels must not take all colors.
+    low, high = np.quantile(values, [0.02, 0.98]) if limit is None else (-limit, limit)
+    mesh = axis.pcolormesh(maps.offset, maps.depth, values, cmap=colors, shading="nearest", vmin=low, vmax=high)
     if min(values.shape) > 1 and np.ptp(values) > 0:
         axis.contour(maps.offset, maps.depth, values, colors="white", linewidths=0.5)
     axis.figure.colorbar(mesh, ax=axis)

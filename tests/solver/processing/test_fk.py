@@ -95,6 +95,8 @@ def test_the_filter_is_linear_and_its_gradient_is_its_transpose():
     torch.testing.assert_close(
         fk_filter(2 * one - other, DT, DX), 2 * fk_filter(one, DT, DX) - fk_filter(other, DT, DX)
     )
+    both = fk_filter(torch.stack([one, other]), DT, DX)
+    torch.testing.assert_close(both, torch.stack([fk_filter(one, DT, DX), fk_filter(other, DT, DX)]))
     one.requires_grad_()
     (gradient,) = torch.autograd.grad((fk_filter(one, DT, DX) * other).sum(), one)
     # A real and even mask makes a symmetric operator.
