@@ -94,6 +94,41 @@ def ground(
     _report(marks, fit, [out, maps, *([picture] if picture else [])], as_json)
 
 
+@app.command()
+def check(
+    calibration: Annotated[Path, typer.Argument(help="Calibration file, of any origin.")],
+    video: Annotated[Path, typer.Argument(help="Video or picture to draw on.")],
+    lengths: Annotated[
+        Path | None, typer.Option(help="csv of known lengths: name,px1,py1,px2,py2,length[,sigma] (px, m).")
+    ] = None,
+    time: Annotated[
+        float | None, typer.Option(help="Frame of the video, s from its start.  [default: the middle]")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Picture to write.")] = Path("check.png"),
+    as_json: Json = False,
+) -> None:
+    """Check a calibration on a frame: ground grid, horizon, known lengths (as lane dashes) predicted against measured.
+
+    Example: `roadfiber calibrate check calibration.json street.mp4 --lengths dashes.csv`
+    """
+    import json
+
+    from calib.check import draw_check, facts, words
+    from calib.lengths import predict_lengths, read_lengths
+    from calib.options import read_frame
+    from calib.picture import write_picture
+    from vision.camera import Calibration
+
+    view = Calibration.read(calibration)
+    known = read_lengths(lengths) if lengths else None
+    image = read_frame(video, time)
+    view.require_size(image.shape[1], image.shape[0], video)
+    found = predict_lengths(view, known) if known else None
+    write_picture(draw_check(image, view, known, found), out)
+    result = facts(view, known, found)
+    print(json.dumps(result | {"written": [str(out)]}) if as_json else f"{words(result)}\nwrote {out}")
+
+
 def _report(points: "ControlPoints", fit: "GroundFit", written: list[Path], as_json: bool) -> None:
     import json
 

@@ -74,7 +74,7 @@ def write_maps(calibration: Calibration, path: Path, image: Image | None = None)
 
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: maps are written as {', '.join(SUFFIXES)}; give one of these suffixes")
-    figure = Figure(figsize=(12, 9), layout="constrained")
+    figure = Figure(figsize=(12, 7), layout="constrained")
     FigureCanvasAgg(figure)
     left, right, below = figure.subplot_mosaic("ab;cc", height_ratios=[1.0, 0.8]).values()
     _over_picture(left, calibration, scale_image(calibration), image, "meters per pixel (the longer way)")

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
 GREEN, RED, BLUE, YELLOW = (80, 220, 80), (60, 60, 255), (255, 200, 110), (0, 230, 255)  # blue, green, red
-WHITE, MAGENTA = (255, 255, 255), (255, 90, 255)
+WHITE, BLACK, MAGENTA = (255, 255, 255), (0, 0, 0), (255, 90, 255)
 MAGNIFY = 20.0  # residuals are drawn this many times as long
 NARROW = 1000  # px
 GRID_X, GRID_Y = 10.0, 2.0  # m between grid lines
@@ -94,8 +94,8 @@ def write_at(canvas: Image, text: str, pixel: Array, color: Color, size: float) 
     """Write a few words at a pixel."""
     import cv2
 
-    cv2.putText(canvas, text, _integers(pixel), cv2.FONT_HERSHEY_SIMPLEX, size, (0, 0, 0), 2, cv2.LINE_AA)
-    cv2.putText(canvas, text, _integers(pixel), cv2.FONT_HERSHEY_SIMPLEX, size, color, 1, cv2.LINE_AA)
+    for place, ink in ((pixel + 1, BLACK), (pixel, color)):
+        cv2.putText(canvas, text, _integers(place), cv2.FONT_HERSHEY_SIMPLEX, size, ink, 1, cv2.LINE_AA)
 
 
 def write_note(canvas: Image, text: str) -> None:

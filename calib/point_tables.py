@@ -33,23 +33,24 @@ def read_table(path: Path) -> "pd.DataFrame":
         If the file is missing, not of its format, or has no points.
     """
     readers = {".json": _read_json, ".otrfpts": _read_otvision}
-    table = readers.get(path.suffix.lower(), _read_csv)(path)
+    table = readers.get(path.suffix.lower(), read_csv)(path)
     if table.empty:
         raise InputError(f"{path}: no control points; write one row per mark: {','.join(COLUMNS)}")
     return table
 
 
-def _read_csv(path: Path) -> "pd.DataFrame":
+def read_csv(path: Path, columns: tuple[str, ...] = COLUMNS) -> "pd.DataFrame":
+    """Read a csv file as a table; `columns` are for the message where it is none."""
     import pandas as pd
 
     try:
         return pd.read_csv(path, dtype={"name": str, "zone": str}, skipinitialspace=True, comment="#")
     except OSError as error:
         reason = error.strerror or "cannot be read"
-        raise InputError(f"{path}: {reason}; give a csv of control points ({', '.join(COLUMNS)})") from error
+        raise InputError(f"{path}: {reason}; give a csv with columns {', '.join(columns)}") from error
     except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"{path}: no readable csv ({reason}); write {','.join(COLUMNS)}") from error
+        raise InputError(f"{path}: no readable csv ({reason}); write {','.join(columns)}") from error
 
 
 def _load(path: Path) -> Any:

@@ -201,9 +201,13 @@ class Calibration(BaseModel):
         To first order, d(x, y)/d parameters times their covariance. Zero where the file has no covariance; NaN on and
         above the horizon. The error of the pixel itself adds J S J' with `jacobian` J and its covariance S.
         """
+        slope = self.sensitivity(pixels)
+        covariance = np.zeros((slope.shape[2],) * 2) if self.covariance is None else self.covariance
+        return np.asarray(slope @ covariance @ slope.transpose(0, 2, 1))
+
+    def sensitivity(self, pixels: ArrayLike) -> Array:
+        """Pixels [n, 2] -> derivative [n, 2, 9 or 18] of `to_ground` by the parameters `covariance` is of."""
         ideal = self._ideal(pixels)
-        if self.covariance is None:
-            return np.where(np.isfinite(self._ideal_jacobian(ideal)), 0.0, np.nan)
         image = self._homogeneous(ideal)
         w = np.where(image[:, 2:] > 0, image[:, 2:], np.nan)
         ground, ray = image[:, :2] / w, np.column_stack([ideal, np.ones(len(ideal))]) / w
@@ -214,7 +218,7 @@ class Calibration(BaseModel):
         if self.lens is not None:
             by_lens = self._ideal_jacobian(ideal) @ self.lens.sensitivity(pixels)
             slope = np.concatenate([slope, by_lens], axis=2)
-        return np.asarray(slope @ self.covariance @ slope.transpose(0, 2, 1))
+        return np.asarray(slope)
 
     def to_image(self, ground: ArrayLike) -> Array:
         """Ground points [n, 2] (x, y), m -> pixels [n, 2]; NaN behind the camera and beyond the lens's reach."""

@@ -1,9 +1,12 @@
 """The control point file: what it may hold, and what is refused."""
 
+import json
+
 import numpy as np
 import pytest
+from pyproj import Transformer
 
-from calib.control_points import read_control_points
+from calib.control_points import read_control_points, write_control_points
 from vision.contract import InputError, LocalFrame
 
 FRAME = LocalFrame((32.113, 34.804), 78.0)
@@ -38,6 +41,8 @@ def test_latitudes_go_through_the_frame(tmp_path):
         ("", "no readable csv"),
         ("name,px,py,x,y\n", "no control points"),
         ("name,px,py,x\na,1,2,3\n", "no column y"),
+        ("name,px,x,y\na,1,2,3\n", "no column py"),
+        ("name,px,py,x,y,sigma_xy\na,1,2,3,4,-1\n", "row 1: sigma_xy is -1"),
         ("name,px,py,x,y\na,1,2,3,north\n", "row 1: y is 'north'"),
         ("name,px,py,x,y,sigma\na,1,2,3,4,0\n", "above 0 px"),
         ("name,px,py,x,y\na,1,2,3,4\na,5,6,7,8\n", "row 2: its name is there twice"),
@@ -54,3 +59,86 @@ def test_a_bad_file_is_one_clear_line(tmp_path, text, message):
 def test_a_missing_file(tmp_path):
     with pytest.raises(InputError, match=r"No such file.*give a csv"):
         read_control_points(tmp_path / "absent.csv")
+
+
+PLACES = np.array([[10.0, -3.0], [60.0, 4.0], [35.0, 0.5]])
+
+
+def utm(code="EPSG:32636"):
+    latitude, longitude = FRAME.to_geographic(*PLACES.T)
+    east, north = Transformer.from_crs("EPSG:4326", code, always_xy=True).transform(longitude, latitude)
+    return east, north
+
+
+def projected(tmp_path, zone=",36N", swap=False):
+    east, north = utm()[::-1] if swap else utm()
+    rows = "\n".join(f"m{k},{k},9,{east[k]:.4f},{north[k]:.4f}{zone}" for k in range(3))
+    return write(tmp_path, f"name,px,py,easting,northing{',zone' if zone else ''}\n{rows}\n")
+
+
+def test_utm_goes_through_the_frame(tmp_path):
+    np.testing.assert_allclose(read_control_points(projected(tmp_path), FRAME).ground, PLACES, atol=2e-3)
+    plain = projected(tmp_path, zone="")
+    np.testing.assert_allclose(read_control_points(plain, FRAME, "EPSG:32636").ground, PLACES, atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("zone", "crs", "message"),
+    [
+        ("", None, "need a column zone"),
+        ("", "EPSG:nowhere", "--crs EPSG:nowhere: no coordinate reference system"),
+        (",67N", None, "row 1: zone is '67N'"),
+        (",12N", None, "km from the frame's origin"),
+    ],
+)
+def test_a_wrong_zone_is_one_line(tmp_path, zone, crs, message):
+    with pytest.raises(InputError, match=message):
+        read_control_points(projected(tmp_path, zone), FRAME, crs)
+
+
+def test_swapped_coordinates_are_noticed(tmp_path):
+    with pytest.raises(InputError, match="easting and northing look swapped"):
+        read_control_points(projected(tmp_path, swap=True), FRAME)
+    path = write(tmp_path, "name,px,py,latitude,longitude\na,1,2,34.8041,32.1131\nb,3,4,34.8043,32.1132\n")
+    with pytest.raises(InputError, match="latitude and longitude look swapped"):
+        read_control_points(path, FRAME)
+
+
+def test_reference_points_of_otvision(tmp_path):
+    east, north = utm()
+    content = {
+        str(k + 1): {
+            "x_px": 10 * k, "y_px": 5, "hemisphere": "N", "zone_utm": 36, "lon_utm": east[k], "lat_utm": north[k]
+        }
+        for k in range(3)
+    }  # fmt: skip
+    path = tmp_path / "street.otrfpts"
+    path.write_text(json.dumps(content))
+    points = read_control_points(path, FRAME)
+    assert points.names == ("1", "2", "3") and points.pixels[2].tolist() == [20, 5]
+    np.testing.assert_allclose(points.ground, PLACES, atol=1e-3)
+    path.write_text(json.dumps({"1": {"x": 292, "y": 272}}))
+    with pytest.raises(InputError, match="point 1 has no x_px, y_px"):
+        read_control_points(path, FRAME)
+
+
+def test_json_and_a_calibrations_points(tmp_path):
+    path = tmp_path / "points.json"
+    path.write_text(json.dumps([{"name": "a", "px": 1, "py": 2, "x": 3, "y": 4, "sigma": 0.5}]))
+    assert read_control_points(path).sigma.tolist() == [0.5]
+    path.write_text(json.dumps({"control_points": [{"name": "a", "u": 1, "v": 2, "x": 3, "y": 4}]}))
+    assert read_control_points(path).pixels.tolist() == [[1, 2]]
+    for text, message in (("{", "not JSON"), ("3", "no list of control points"), ("[]", "no control points")):
+        path.write_text(text)
+        with pytest.raises(InputError, match=message):
+            read_control_points(path)
+
+
+def test_what_is_written_is_read_back(tmp_path):
+    rows = "a,1.25,2,3,4,0.5,0.1\nb,5,6,7,-8,2,0\n"
+    points = read_control_points(write(tmp_path, f"name,px,py,x,y,sigma,sigma_xy\n{rows}"))
+    write_control_points(points, tmp_path / "again.csv")
+    again = read_control_points(tmp_path / "again.csv")
+    assert again.names == points.names
+    for name in ("pixels", "ground", "sigma", "sigma_xy"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(points, name))
