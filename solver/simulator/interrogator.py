@@ -10,7 +10,16 @@ from solver.simulator.effects import effect_rng
 from solver.simulator.scenario import Scenario
 
 Array = NDArray[np.float64]
-IN_TIME = ("viscoelastic_lag", "time_averaging", "lowpass", "highpass")
+IN_TIME = (
+    "viscoelastic_lag",
+    "time_averaging",
+    "lowpass",
+    "highpass",
+    "unknown_softening",
+    "unknown_hysteresis",
+    "unknown_exhaustion",
+    "unknown_channel_delay",
+)
 
 
 def creep(scenario: Scenario, strain: Array, step: float) -> Array:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.simulator.effects import effect_rng
+from solver.simulator.outside import load_factor, wake
 from solver.simulator.scenario import Scenario
 from solver.simulator.vehicle import GRAVITY, Vehicle
 
@@ -17,15 +18,18 @@ def contact(scenario: Scenario, vehicle: Vehicle, time: Array) -> tuple[Array, A
     else:
         place, shares = vehicle.wheels(time)
         ahead = vehicle.wheels_ahead
+    trail, pull = wake(scenario, vehicle, time)
     deceleration = vehicle.deceleration(time)[:, None] / GRAVITY
     down = shares + deceleration * _dip(shares, ahead, scenario.effect("braking_height"))
-    down = down * (1.0 + _bounce(scenario, vehicle, time) + _after_bump(scenario, vehicle, time))[:, None]
+    swing = _bounce(scenario, vehicle, time) + _after_bump(scenario, vehicle, time)
+    down = down * (load_factor(scenario, vehicle, time) + swing)[:, None]
     forward = deceleration - scenario.effect("grade_drag")
     heading, right = vehicle.axes(time)
     sideways = scenario.effect("camber")
     horizontal = forward[..., None] * heading[:, None, :] + sideways * right[:, None, :]
     force = np.concatenate([down[..., None] * horizontal, down[..., None]], axis=2)
-    return place, vehicle.mass * GRAVITY * force
+    sucked = np.broadcast_to(pull[:, None] * np.array([0.0, 0.0, 1.0]), (len(time), len(pull), 3))
+    return np.concatenate([place, trail], axis=1), vehicle.mass * GRAVITY * np.concatenate([force, sucked], axis=1)
 
 
 def _dip(shares: Array, ahead: Array, height: float) -> Array:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.simulator.effects import effect_rng
+from solver.simulator.outside import handled
 from solver.simulator.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ def processed(scenario: Scenario, record: Array, noise_sd: float) -> Array:
 
         window = (scenario.effect("median_filter_samples"), scenario.effect("median_filter_channels"))
         record = median_filter(record, size=tuple(map(round, window)), mode="nearest")
-    return record
+    return handled(scenario, record)
 
 
 def fan(record: Array, sampling_rate: float, spacing: float, speeds: tuple[float, float], highest: float) -> Array:

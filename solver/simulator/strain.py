@@ -9,6 +9,7 @@ from solver.simulator.interrogator import IN_TIME, clipped, creep, filtered, rat
 from solver.simulator.layered import Table, layers_of
 from solver.simulator.load import contact
 from solver.simulator.moving import Inertia
+from solver.simulator.outside import amplified, exhausted, packet, read, strained, tails
 from solver.simulator.recording import low_pass_decimate
 from solver.simulator.route import Route
 from solver.simulator.scenario import Scenario
@@ -46,10 +47,11 @@ def listen(
         every = max(1, round(FINE_RATE / scenario.sampling_rate))
         rate = _stepwise(fiber, vehicles, time, every)
         filters = scenario.sampling == "filtered"
-        rate = low_pass_decimate(rate, every) if filters else rate[::every]
-    if scenario.effect("rayleigh_wave"):
-        rate = rate + surface_wave(scenario, route, arc_of(scenario, distance, distance), vehicles, time, rate)
-    return clipped(scenario, rate)
+        rate = low_pass_decimate(rate, every) if filters else read(scenario, rate, every, scenario.sampling_rate)
+    for name, wave in (("rayleigh_wave", surface_wave), ("unknown_wave_packet", packet)):
+        if scenario.effect(name):
+            rate = rate + wave(scenario, route, arc_of(scenario, distance, distance), vehicles, time, rate)
+    return clipped(scenario, amplified(scenario, rate, time))
 
 
 def _instant(fiber: "Fiber", vehicles: tuple[Vehicle, ...], time: Array) -> Array:
@@ -72,8 +74,9 @@ def _stepwise(fiber: "Fiber", vehicles: tuple[Vehicle, ...], time: Array, every:
     for vehicle in vehicles:
         rows = _present(fiber, vehicle, edges)
         strain[rows] += fiber.strain(vehicle, edges[rows])
-    strain = creep(fiber.scenario, strain, step)
-    return filtered(fiber.scenario, rate_of(fiber.scenario, strain, step), step)
+    strain = creep(fiber.scenario, strained(fiber.scenario, strain), step)
+    rate = exhausted(fiber.scenario, rate_of(fiber.scenario, strain, step), step)
+    return filtered(fiber.scenario, rate, step)
 
 
 def _present(fiber: "Fiber", vehicle: Vehicle, time: Array) -> slice:
@@ -96,7 +99,8 @@ class Fiber:
 
     def __init__(self, scenario: Scenario, route: Route, distance: Array, seen: Array | None = None):
         gauge = scenario.gauge_length * (1.0 + scenario.effect("gauge_length"))
-        spare = 5.0 * (scenario.effect("pulse_width") + scenario.effect("shear_lag"))
+        tail = scenario.effect("unknown_skewed_kernel_tail") * bool(scenario.effect("unknown_skewed_kernel"))
+        spare = 5.0 * (scenario.effect("pulse_width") + scenario.effect("shear_lag")) + 25.0 * tail
         span = (float(distance[0] - gauge / 2 - spare), float(distance[-1] + gauge / 2 + spare), PANEL)
         light = gauge_nodes(*span)
         _, quadrature = np.polynomial.legendre.leggauss(4)
@@ -108,6 +112,8 @@ class Fiber:
         self.channels = len(distance)
         self.points = route.position(arc).T.copy()
         self.tangents = route.tangent(arc).T.copy()
+        away = np.sign(self.points[1] - np.mean(scenario.lanes)) * np.array([[0.0], [1.0], [0.0]])
+        self.twin = self.points + scenario.effect("unknown_twin_path_aside") * away
         self.poisson_ratio = _poisson_ratio(scenario, self.points[0])
         layers = layers_of(scenario)
         self.layered = Table(layers, self.points[2], self.tangents) if layers else None
@@ -121,17 +127,20 @@ class Fiber:
         block = max(1, BLOCK // self.points.shape[1])
         for start in range(0, len(time), block):
             rows = slice(start, start + block)
-            field[rows] = self._under(vehicle, time[rows])
+            field[rows] = self._under(vehicle, time[rows], self.points)
+            if share := self.scenario.effect("unknown_twin_path"):
+                field[rows] += share * (self._under(vehicle, time[rows], self.twin) - field[rows])
         # One product for all blocks: many small ones spend their time on waking threads.
         return np.asarray(field @ self.average)
 
-    def _under(self, vehicle: Vehicle, time: Array) -> Array:
-        """Extension [time, node] times 4 pi G, N/m^2."""
+    def _under(self, vehicle: Vehicle, time: Array, points: Array) -> Array:
+        """Extension [time, node] times 4 pi G, N/m^2, at `points` [3, node]."""
         place, force = contact(self.scenario, vehicle, time)
-        x, y, z = self.points
+        x, y, z = points
+        stretch = 1.0 + self.scenario.effect("unknown_anisotropy")
         total = np.zeros((len(time), len(x)))
         for wheel in range(place.shape[1]):
-            offset = (x - place[:, wheel, :1], y - place[:, wheel, 1:], z)
+            offset = (x - place[:, wheel, :1], stretch * (y - place[:, wheel, 1:]), z)
             under = self.layered.extension(*offset[:2]) if self.layered else self._uniform(offset)
             total += force[:, wheel, 2:] * under
             sideways = (force[:, wheel, :1], force[:, wheel, 1:2])
@@ -145,20 +154,24 @@ class Fiber:
 
 def _average(scenario: Scenario, distance: Array, gauge: float, span: tuple[float, float, float]) -> Array:
     """Weights [channel, node] of the interrogator's average: its gauge, smeared by its pulse."""
+    shifts, weights = _pulse(scenario)
+    later, shares = tails(scenario)
+    every = zip(np.add.outer(shifts, later).ravel(), np.outer(weights, shares).ravel(), strict=True)
+    return sum((w * gauge_weights(distance + s, gauge, *span) for s, w in every), start=np.zeros(1))
+
+
+def _pulse(scenario: Scenario) -> tuple[Array, Array]:
+    """Shifts [k] along the fiber, m, and weights [k] of the average that the pulse takes."""
     width = scenario.effect("pulse_width")
     if not width:
-        return gauge_weights(distance, gauge, *span)
+        return np.zeros(1), np.ones(1)
     if scenario.effect("pulse_width_gaussian"):
         shift, weight = np.polynomial.hermite_e.hermegauss(9)
         shift = shift * width / np.sqrt(12)
     else:
         shift, weight = np.polynomial.legendre.leggauss(9)
         shift = shift * width / 2
-    weight = weight / weight.sum()
-    return sum(
-        (w * gauge_weights(distance + s, gauge, *span) for s, w in zip(shift, weight, strict=True)),
-        start=np.zeros(1),
-    )
+    return shift, weight / weight.sum()
 
 
 def _step(scenario: Scenario, name: str, x: Array) -> Array:

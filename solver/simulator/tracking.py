@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.simulator.effects import effect_rng
+from solver.simulator.outside import misplaced
 from solver.simulator.scenario import Scenario
 from solver.simulator.vehicle import Vehicle
 
@@ -33,7 +34,7 @@ def _mistaken(scenario: Scenario, vehicle: Vehicle, time: Array) -> Array:
     y = across - np.sin(angle) * dx + np.cos(angle) * dy
     x = x - scenario.effect("track_offset_along") * bool(scenario.effect("track_offset"))
     x = x - vehicle.direction * scenario.effect("track_bias")
-    return np.stack([x, y - scenario.effect("track_offset")], axis=1)
+    return np.stack([x, y - scenario.effect("track_offset") - misplaced(scenario, vehicle)], axis=1)
 
 
 def stamps(scenario: Scenario, time: Array) -> Array:

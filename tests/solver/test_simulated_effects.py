@@ -8,11 +8,14 @@ from solver.simulator.cable import arc_of, shear_lag, slip
 from solver.simulator.effects import amount_of
 from solver.simulator.elastic import tangential_extension
 from solver.simulator.interrogator import clipped, creep, rate_of
+from solver.simulator.known import KNOWN
 from solver.simulator.load import contact
 from solver.simulator.noise import color, damage
+from solver.simulator.outside import amplified, handled, load_factor
 from solver.simulator.route import Route
 from solver.simulator.strain import Fiber
 from solver.simulator.tracking import reported, stamps, wander
+from solver.simulator.unknown import UNKNOWN
 from solver.simulator.vehicle import GRAVITY
 
 STILL = ((0.0, 1.0, 0.0),)
@@ -30,7 +33,10 @@ def car(direction=1, **changes):
     return Vehicle(**(facts | changes))
 
 
-SMALL = {"seed": 6, "passes": 2, "channels": 130, "view": (0.0, 40.0), "speeds": (50.0, 70.0), "headway": (6.0, 8.0)}
+SMALL = {
+    "seed": 6, "passes": 2, "channels": 130, "view": (0.0, 40.0), "speeds": (50.0, 70.0), "headway": (6.0, 8.0),
+    "classes": {"truck": 1.0},
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +44,14 @@ def base():
     return simulate(Scenario(**SMALL))
 
 
-@pytest.mark.parametrize("name", EFFECTS)
-def test_an_effect_changes_its_stage_and_null_changes_nothing(base, name):
-    null = simulate(Scenario(**SMALL, effects={name: 0.0}))
+def test_effects_of_no_amount_change_nothing(base):
+    null = simulate(Scenario(**SMALL, effects=dict.fromkeys(EFFECTS, 0.0)))
     np.testing.assert_array_equal(null.strain_rate, base.strain_rate)
     assert null.trajectories.equals(base.trajectories)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_an_effect_changes_its_stage_and_no_other(base, name):
     real = simulate(Scenario(**SMALL, effects={name: float(np.mean(EFFECTS[name].plausible))}))
     first, last = base.active
     rows = min(len(base.time), len(real.time))
@@ -53,7 +62,7 @@ def test_an_effect_changes_its_stage_and_null_changes_nothing(base, name):
     assert (relative > 0.01) == (name not in IN_TRACKS | IN_RECORD)
     tracks = ["time", "x", "y", "class"]
     assert real.trajectories[tracks].equals(base.trajectories[tracks]) == (
-        name not in IN_TRACKS | {"point_load", "braking", "long_vehicle"}
+        name not in IN_TRACKS | {"point_load", "braking"}
     )
     assert np.array_equal(real.route, base.route) == (name not in ON_ROUTE)
     recorded = (real.strain_rate - real.signal) / real.noise_sd
@@ -164,7 +173,7 @@ def test_a_long_vehicle_stands_on_its_axles():
     place, shares = long.wheels([long.time_at])
     assert shares.sum() == pytest.approx(1.0) and place.shape == (1, 10, 2)
     assert np.ptp(place[0, :, 0]) == pytest.approx(12.0, abs=0.2)
-    assert long.vehicle_class == "truck" and survey.vehicles[1].axles == ()
+    assert long.axles and survey.vehicles[1].axles == ()
 
 
 def test_creep_is_what_the_models_say_of_a_load_that_comes_and_stays():
@@ -260,6 +269,60 @@ def test_adding_the_amount_mends_the_track(name, amount, mend):
     time = np.linspace(7.5, 12.5, 20)
     told = reported(scenario, car(direction=-1), time, np.random.default_rng(0))
     np.testing.assert_allclose(mend(told), car(direction=-1).position(time), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", UNKNOWN)
+def test_a_survey_with_an_unknown_effect_has_no_known_one(name):
+    assert name.startswith("unknown_") and name not in KNOWN
+    assert UNKNOWN[name].stage in {"load", "ground", "cable", "interrogator", "processing", "trajectory"}
+
+
+def test_an_echo_is_of_the_channel_farther_on_and_an_equalized_record_is_flatter():
+    rate = np.zeros((3, 50))
+    rate[:, 30] = 2.0
+    echoed = amplified(Scenario(effects={"unknown_echo": 0.1}), rate, np.arange(3.0))
+    assert echoed[0, 10] == pytest.approx(0.2) and echoed[0, 30] == 2.0
+    record = np.random.default_rng(0).normal(size=(200, 50)) * np.linspace(1, 10, 200)[:, None]
+    flat = handled(Scenario(effects={"unknown_equalized": 1.0}), record)
+    rms = np.sqrt((flat**2).mean(1))
+    assert rms.std() < 1e-9
+
+
+def test_a_skewed_kernel_looks_ahead_only():
+    route = Route.through(np.array([[0.0, 3, 1], [120, 3, 1]]))
+    distance, time = np.arange(30.0, 70.0, 0.5), np.array([9.8])
+    scenario = Scenario(effects={"unknown_skewed_kernel": 0.4, "unknown_skewed_kernel_tail": 5.0})
+    skewed = Fiber(scenario, route, distance).strain(car(), time)[0]
+    fine = np.arange(30.0, 119.0, 0.1)
+    plain = Fiber(Scenario(), route, fine).strain(car(), time)[0]
+    ahead = np.arange(0, 40, 0.1)
+    bell = np.exp(-ahead / 5.0)
+    expected = [
+        0.6 * np.interp(d, fine, plain) + 0.4 * (bell * np.interp(d + ahead, fine, plain)).sum() / bell.sum()
+        for d in distance
+    ]
+    np.testing.assert_allclose(skewed, expected, atol=0.03 * np.abs(plain).max())
+
+
+def test_the_wake_pulls_behind_large_vehicles_only():
+    scenario = Scenario(effects={"unknown_wake": 0.3, "unknown_wake_length": 12.0})
+    bus = car(length=12.0)
+    place, force = contact(scenario, bus, np.array([10.0]))
+    assert force[0, 4:, 2].sum() == pytest.approx(-0.3 * 1400 * GRAVITY)
+    assert place[0, 4:, 0].max() < 50 - 6 and place[0, 4:, 0].min() > 50 - 18
+    assert contact(scenario, car(), np.array([10.0]))[1].shape == (1, 4, 3)
+
+
+def test_the_road_profile_is_the_same_for_both_directions():
+    scenario = Scenario(effects={"unknown_road_profile": 0.2})
+    there, back = car(), car(direction=-1)
+    x = np.linspace(10, 90, 50)
+    load = [
+        load_factor(scenario, vehicle, np.array([vehicle.time_when_at(place) for place in x]))
+        for vehicle in (there, back)
+    ]
+    np.testing.assert_allclose(load[0], load[1], atol=1e-3)
+    assert 0.1 < load[0].std() < 0.4
 
 
 def test_slow_track_errors_have_their_sd_and_correlation():
