@@ -30,11 +30,9 @@ def surface_by_finite_elements(k: float, gradient: float, nu: float) -> NDArray[
         modulus = 1 + gradient * (z[:-1] + place * size)
         zero, share, slope = np.zeros_like(size), (1 - place, place), (-1 / size, 1 / size)
         # Strains kV, W', V' - kW by W and V of the upper and the lower node: [4, 3, element].
-        strain = [
-            row
-            for a, da in zip(share, slope, strict=True)
-            for row in ([zero, da, zero - k * a], [zero + k * a, zero, da])
-        ]
+        strain = []
+        for a, da in zip(share, slope, strict=True):
+            strain += [[zero, da, zero - k * a], [zero + k * a, zero, da]]
         bulk = 2 * nu / (1 - 2 * nu)
         law = np.array([[2 + bulk, bulk, 0], [bulk, 2 + bulk, 0], [0, 0, 1]])
         stiffness = np.einsum("aie,ij,bje->abe", strain, law, strain) * modulus * size / 2

@@ -1,0 +1,149 @@
+"""A vertical point load that moves steadily, slower than any wave, over a homogeneous half-space with inertia."""
+
+from functools import cache
+
+import torch
+from numpy.polynomial import Polynomial
+from torch import Tensor
+
+from solver.ground import Ratio, displacement_rate
+from solver.half_space.table import BLOCK
+
+
+def moving_displacement_rate(
+    offset: Tensor, velocity: Tensor, poisson_ratio: Ratio, shear_speed_inverse_squared: Ratio
+) -> Tensor:
+    """Displacement rate under a load in steady motion, to second order in (v / c_s)^2.
+
+    Parameters
+    ----------
+    offset : [..., 3], ground point minus load point (x, y, z down), m
+    velocity : [..., 2], horizontal velocity of the load, m/s
+    poisson_ratio : scalar or [...]
+    shear_speed_inverse_squared : scalar or [...], 1 / c_s^2, s^2/m^2; 0 is Boussinesq
+
+    Returns
+    -------
+    [..., 3], 1/(m s), per F / (4 pi G)
+
+    Notes
+    -----
+    Waves of direction k see the load at the speed v . k: exp(-k z) becomes exp(-k gamma z) with gamma_i^2 =
+    1 - (v . k)^2 / c_i^2. Powers of (v . k)^2 / c_s^2 have polynomials in k z as kernels, and these closed forms, with
+    R = |offset|, c = z / R, p = (x + i y) / (R + z):
+    int k^n e^(-k z) J_j(k r) dk e^(i j phi) = p^j R^-(n+1) Q_jn(c),
+    Q_j0 = 1, Q_j(n+1) = (j + (n + 1) c) Q_jn - (1 - c^2) Q_jn'.
+    Against the whole integral the peak is right to 0.03 % at v = 0.2 c_s and 0.3 % at 0.3 c_s.
+
+    References
+    ----------
+    Eason 1965, Int. J. Engng Sci. 2; Lansing 1966, NASA TR R-238.
+
+    >>> point = torch.tensor([3.0, 1.0, 0.9], dtype=torch.float64)
+    >>> velocity = torch.tensor([20.0, 0.0], dtype=torch.float64)
+    >>> moving_displacement_rate(point, velocity, 0.25, 1 / 100**2) / displacement_rate(point, velocity, 0.25)
+    tensor([0.9935, 0.8546, 1.0110], dtype=torch.float64)
+    """
+    nu, slowness = torch.as_tensor(poisson_ratio), torch.as_tensor(shear_speed_inverse_squared)
+    shape = torch.broadcast_shapes(offset.shape[:-1], velocity.shape[:-1], nu.shape, slowness.shape)
+    columns = [part.expand(shape).reshape(-1).split(BLOCK) for part in (*offset.unbind(-1), *velocity.unbind(-1))]
+    # Scalars stay scalars, whatever the number of blocks.
+    extras = [
+        part.expand(shape).reshape(-1).split(BLOCK) if part.ndim else (part,) * len(columns[0])
+        for part in (nu, slowness)
+    ]
+    parts = [_block(*block) for block in zip(*columns, *extras, strict=True)]
+    return displacement_rate(offset, velocity, poisson_ratio) + torch.cat(parts).reshape(*shape, 3)
+
+
+def _block(x: Tensor, y: Tensor, z: Tensor, vx: Tensor, vy: Tensor, nu: Tensor, slowness: Tensor) -> Tensor:
+    """What inertia adds, [point, 3]."""
+    inverse = (x * x + y * y + z * z).rsqrt()
+    c, reach = z * inverse, 1 / (1 / inverse + z)
+    p = torch.complex(x * reach, y * reach)
+    # The direction of the point seen from the load's own.
+    q = torch.complex((x * vx + y * vy) * reach, (y * vx - x * vy) * reach)
+    q2, speed2 = q * q, vx * vx + vy * vy
+    q3 = q2 * q
+    beta = slowness * speed2
+    (w1, v1), (w2, v2) = _first_order(nu), _second_order(nu)
+
+    def both(order: int, first: float, second: float, one: list[Tensor], two: list[Tensor]) -> Tensor:
+        return first * _angular(order, one, c) + second * beta * _angular(order, two, c)
+
+    vertical = (
+        speed2 * q.real * both(1, 3 / 4, 10 / 16, w1, w2)
+        - q3.real * both(3, 1 / 4, 5 / 16, w1, w2)
+        + slowness / 16 * (q3 * q2).real * _angular(5, w2, c)
+    )
+    back = q2.conj()
+    with_load = (
+        speed2 * both(0, 3 / 8, 10 / 32, v1, v2)
+        - back * both(2, 1 / 8, 5 / 32, v1, v2)
+        + slowness / 32 * back * back * _angular(4, v2, c)
+    )
+    outward = (
+        -speed2 * q * both(2, 3 / 8, 10 / 32, v1, v2)
+        + q3 * both(4, 1 / 8, 5 / 32, v1, v2)
+        - slowness / 32 * q3 * q2 * _angular(6, v2, c)
+    )
+    horizontal = -(torch.complex(vx, vy) * with_load + p * outward)
+    scale = slowness * inverse * inverse
+    return scale[..., None] * torch.stack([horizontal.real, horizontal.imag, vertical], -1)
+
+
+def _first_order(nu: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+    """Coefficients of powers of k z in the kernels W and V that go with (v . k)^2 / c_s^2; e^(-k z) is left out."""
+    k, g = _ratios(nu)
+    top = (k + 1) / 4
+    return (
+        [(3 * k**2 - 4 * k + 3) * g**2 / 4, (k**2 - k + 2) * g / 2, top],
+        [-(k**2 + 1) * g**2 / 4, torch.full_like(k, 0.5), top],
+    )
+
+
+def _second_order(nu: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+    """The same for ((v . k)^2 / c_s^2)^2."""
+    k, g = _ratios(nu)
+    top = (k**2 + k + 1) / 24
+    return (
+        [
+            -(k**4 + 2 * k**3 - 18 * k**2 + 22 * k - 11) * g**3 / 16,
+            -(k**4 - 2 * k**3 - 6 * k**2 + 11 * k - 8) * g**2 / 8,
+            (k**3 + k**2 - k + 5) * g / 16,
+            top,
+        ],
+        [
+            (k**4 - 2 * k**3 - 4 * k**2 + 6 * k - 5) * g**3 / 16,
+            -(2 * k - 3) * g / 8,
+            -(k**3 - k**2 + k - 3) * g / 16,
+            top,
+        ],
+    )
+
+
+def _ratios(nu: Tensor) -> tuple[Tensor, Tensor]:
+    """(c_s / c_p)^2 and 1 / (1 - (c_s / c_p)^2)."""
+    return (1 - 2 * nu) / (2 * (1 - nu)), 2 * (1 - nu)
+
+
+def _angular(order: int, kernel: list[Tensor], c: Tensor) -> Tensor:
+    """Sum of kernel_l c^l Q_j(l+1)(c) by Horner's rule."""
+    size = 2 * len(kernel)
+    powers = [torch.zeros_like(kernel[0]) for _ in range(size)]
+    for i, share in enumerate(kernel):
+        for degree, factor in enumerate(_legendre(order, i + 1)):
+            powers[i + degree] = powers[i + degree] + factor * share
+    total = powers[-1]
+    for power in reversed(powers[:-1]):
+        total = total * c + power
+    return total
+
+
+@cache
+def _legendre(order: int, power: int) -> tuple[float, ...]:
+    """Coefficients of Q_jn."""
+    polynomial = Polynomial([1.0])
+    for n in range(power):
+        polynomial = Polynomial([order, n + 1]) * polynomial - Polynomial([1, 0, -1]) * polynomial.deriv()
+    return tuple(polynomial.coef)
