@@ -1,0 +1,130 @@
+"""Blind trials: surveys with nothing, one, two, unknown or unfindable effects hidden, by a generator of their own.
+
+    python benchmarks/blind.py --trials 40                    # locate each; errors and chi2 by kind
+    python benchmarks/blind.py --trials 40 --write blind      # write the surveys with truth.json, and no more
+
+Trial n is the same survey everywhere. The generator shares no code with the signal path or the catalogue.
+"""
+
+import argparse
+import tempfile
+import time
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from solver.locate import Located, locate
+from solver.simulator import EFFECTS, Scenario, Survey, read_scenario, simulate, write_survey
+from solver.simulator.effects import hidden
+from solver.site import read_site
+
+KINDS = {"null": 0.25, "one": 0.4, "two": 0.1, "unknown": 0.15, "geometry": 0.1}
+#: Effects that a survey of eight to ten passes can show at a plausible size.
+FAIR = (
+    "wheel_layout", "long_vehicle", "dynamic_load", "road_bump", "braking", "grade_drag", "unseen_vehicle",
+    "poisson_gradient", "stiffness_contrast", "layered_ground", "gibson_soil", "viscoelastic_lag", "channel_coupling",
+    "shear_lag", "conduit_slip", "slack_spool", "curved_gauge", "channel_wander", "gauge_length", "pulse_width",
+    "time_averaging", "highpass", "lowpass", "saturation", "cycle_skips", "common_mode", "fk_filter", "median_filter",
+    "clock_offset", "track_bias", "track_bend", "track_jitter",
+)  # fmt: skip
+#: Effects that no fit can tell from the route, the depth or the loads' size.
+GEOMETRY = (
+    "camber", "poisson_ratio", "unknown_anisotropy", "track_offset", "track_rotation", "track_scale", "channel_stretch",
+)  # fmt: skip
+#: Amounts of either sign are as plausible.
+SIGNED = {
+    "poisson_gradient", "stiffness_contrast", "gauge_length", "clock_offset", "track_bias", "track_bend",
+    "track_offset", "track_rotation", "track_scale", "channel_stretch", "poisson_ratio",
+}  # fmt: skip
+#: Outside the catalogue, and not absorbed by what is free in every fit (the load of a pass).
+UNKNOWN = tuple(
+    name for name in EFFECTS if name.startswith("unknown_") and name not in {*GEOMETRY, "unknown_speed_load"}
+)
+
+
+def draw_trial(seed: int, kind: str | None = None) -> Scenario:
+    """Draw a survey, `street-blind`, with effects hidden as chance, or `kind` (out of `KINDS`), has it."""
+    rng = np.random.default_rng([seed, zlib.crc32(b"blind trial")])
+    drawn = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    kind = kind or drawn
+    pool = {"null": (), "unknown": UNKNOWN, "geometry": GEOMETRY}.get(kind, FAIR)
+    names = [str(name) for name in rng.choice(pool, size=1 + (kind == "two"), replace=False)] if pool else []
+    while kind == "two" and EFFECTS[names[0]].stage == EFFECTS[names[1]].stage:
+        names[1] = str(rng.choice(pool))
+    effects = {name: amount(name, rng) for name in names}
+    return read_scenario("street-blind", seed=seed, name=f"{kind}-{seed}", effects=effects)
+
+
+def amount(name: str, rng: np.random.Generator) -> float:
+    """A plausible amount, of either sign where both are."""
+    size = float(rng.uniform(*EFFECTS[name].plausible))
+    return size * float(rng.choice([-1, 1])) if name in SIGNED else size
+
+
+def kind_of(scenario: Scenario) -> str:
+    """Kind of a drawn trial."""
+    return scenario.name.split("-")[0]
+
+
+def scored(survey: Survey, located: Located, seconds: float) -> dict[str, object]:
+    """What a trial's fit came to, before any diagnosis."""
+    result = located.result
+    view = np.arange(survey.active[0], survey.active[1] + 1)
+    here = np.isin(result.channel, view)
+    error = np.linalg.norm(result.route[here] - survey.route[result.channel[here]], axis=1)
+    scenario = survey.scenario
+    switches = hidden(scenario.effects, scenario.seed)
+    return {
+        "seed": scenario.seed,
+        "kind": kind_of(scenario),
+        "hidden": " ".join(f"{name}={value:.3g}" for name, value in switches.items() if name in EFFECTS) or "none",
+        "snr_db": scenario.snr_db,
+        "passes": scenario.passes,
+        "located share": here.sum() / len(view),
+        "largest error": error.max(),
+        "chi2_per_dof": result.chi2_per_dof,
+        "seconds": seconds,
+    }
+
+
+def tried(seed: int, kind: str | None) -> dict[str, object]:
+    """Simulate, write, read and locate one trial."""
+    survey = simulate(draw_trial(seed, kind))
+    with tempfile.TemporaryDirectory() as folder:
+        site = read_site(write_survey(survey, Path(folder) / "survey"))
+        begun = time.perf_counter()
+        located = locate(site)
+    return scored(survey, located, time.perf_counter() - begun)
+
+
+def main() -> None:
+    """Run trials, or write them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trials", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0, help="seed of the first trial")
+    parser.add_argument("--kind", choices=list(KINDS), help="all trials of one kind")
+    parser.add_argument("--write", type=Path, metavar="DIR", help="write the surveys there, numbered, and no more")
+    options = parser.parse_args()
+    seeds = range(options.first, options.first + options.trials)
+    if options.write:
+        options.write.mkdir(parents=True, exist_ok=True)
+        for seed in seeds:
+            print(
+                write_survey(simulate(draw_trial(seed, options.kind)), options.write / f"trial-{seed:04}"), flush=True
+            )
+        return
+    rows = []
+    for seed in seeds:
+        rows.append(tried(seed, options.kind))
+        print(
+            {key: round(value, 3) if isinstance(value, float) else value for key, value in rows[-1].items()}, flush=True
+        )
+    table = pd.DataFrame(rows)
+    figures = table.groupby("kind")[["largest error", "chi2_per_dof", "seconds"]]
+    print(figures.agg(["mean", "median", "max"]).round(3).to_string())
+
+
+if __name__ == "__main__":
+    main()
