@@ -97,7 +97,7 @@ AXES = {
     "snr": Axis("snr_db", "SNR, dB", (-3.0, 0.0, 3.0, 7.0, 10.0, 15.0, 20.0, 30.0), 7.0, "the paper fails below 7 dB"),
     "noise": Axis("track_noise", "noise of the fixes, m", (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0), 0.35, FAILS),
     "offset": Axis("track_offset", "error of a whole track, m", (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0), 0.35, FAILS),
-    "anchors": Axis("anchors", "anchors per 100 m", (0, 1, 2, 5), 2.0, "the paper needs 2 per 100 m"),
+    "anchors": Axis("anchors", "anchors per 100 m", (0, 1, 2, 3, 4, 5), 2.0, "the paper needs 2 per 100 m"),
     "poisson": Axis(
         "poisson_error",
         "error of the Poisson ratio",
@@ -200,7 +200,10 @@ def run(setting: Setting) -> dict[str, float | str]:
     if setting.method == "geometric":
         rough = initialize(found.record, found.passes)
         here = np.isin(rough.channel, view)
-        channel, route = rough.channel[here], geometric_route(found.record, found.passes, rough)[here]
+        channel, route = (
+            rough.channel[here],
+            geometric_route(found.record, found.passes, rough, anchors=found.anchors)[here],
+        )
     error = np.linalg.norm(route - true[channel], axis=1)
     mean, largest = expected_errors(problem_at(found, true), true, channel)
     row: dict[str, float | str] = {

@@ -8,13 +8,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from solver.anchors import Anchor
 from solver.cable import Basis, axial, unit
 from solver.curves import PolynomialBasis
 from solver.das import DASRecord
 from solver.fit.network import Polyline
 from solver.geometric.circles import Circles, circles_of
 from solver.matched_filter import Initialization
-from solver.regularizers import Regularization
+from solver.regularizers import Regularization, anchor_loss
 from solver.response import coupling_curve
 from solver.trajectory import Pass
 from vision.contract import InputError
@@ -22,6 +23,7 @@ from vision.contract import InputError
 Array = NDArray[np.float64]
 
 REACH = 25.0  # m that a node may move from its start
+BELIEVED_DEPTH = 0.9  # m
 SOFT = 2.0  # standard deviations beyond which a circle pulls no harder
 BESIDE = 1.0  # m; standard deviation along the fiber of the channel that a vehicle is beside
 ITERATIONS = 500
@@ -59,11 +61,13 @@ def fit_circles(
     *,
     gauge_length: float,
     regularization: Regularization | None = None,
+    anchors: Sequence[Anchor] = (),
+    anchor_distance: Array | None = None,
 ) -> CircleFit:
     """Fit a smooth route to circles with L-BFGS-B (Byrd, Lu, Nocedal and Zhu 1995); gradients by autodiff.
 
     minimize  sum over circles c of rho((|r(s_c) - v_c| - R_c) / sd_c) + rho((r(s_c) - v_c) . t(s_c) / 1 m)
-              + angle, length and curvature of r at the nodes (`solver.regularizers`),
+              + angle, length and curvature of r at the nodes, and anchors (`solver.regularizers`),
     rho(u) = 2 k^2 (sqrt(1 + u^2 / k^2) - 1), k = 2: a square for good circles, |u| for mistaken ones. The second
     term, with t the direction of the route, lets it touch its circles and not slide along them.
 
@@ -76,6 +80,7 @@ def fit_circles(
     nodes : distance of the points where shape is judged [node], m, evenly spaced
     gauge_length : m
     regularization : weights of the shape terms; the defaults if not given
+    anchors, anchor_distance : known points, and where along the fiber they are [anchor], m
 
     Raises
     ------
@@ -102,6 +107,10 @@ def fit_circles(
     slope = torch.from_numpy(basis.at(distance, 1))
     center, radius, sigma = (torch.from_numpy(values) for values in (circles.center, circles.radius, circles.sigma))
 
+    pins = torch.from_numpy(basis.at(np.zeros(0) if anchor_distance is None else anchor_distance))
+    known = torch.tensor([[a.x, a.y] for a in anchors], dtype=torch.float64).reshape(-1, 2)
+    known_sigma = torch.tensor([[a.sigma_xy] for a in anchors], dtype=torch.float64).reshape(-1, 1)
+
     def off(coefficients: Tensor) -> Tensor:
         return ((at_circles @ coefficients - center).norm(dim=1) - radius) / sigma
 
@@ -111,7 +120,8 @@ def fit_circles(
     def cost(flat: Array) -> tuple[float, Array]:
         coefficients = torch.from_numpy(flat.reshape(start.shape)).requires_grad_()
         pull = soft(off(coefficients)).sum() + soft(ahead(coefficients)).sum()
-        total = pull + weights.loss(at_nodes @ coefficients, spacing, gauge_length)
+        held = anchor_loss(pins @ coefficients, known, known_sigma)
+        total = pull + held + weights.loss(at_nodes @ coefficients, spacing, gauge_length)
         (gradient,) = torch.autograd.grad(total, coefficients)
         return total.item(), gradient.numpy().ravel()
 
@@ -138,7 +148,8 @@ def geometric_route(
     passes: Sequence[Pass],
     found: Initialization,
     *,
-    depth: float = 0.9,
+    anchors: Sequence[Anchor] = (),
+    depth: float | None = None,
     poisson_ratio: float = 0.25,
     degree: int | None = None,
     regularization: Regularization | None = None,
@@ -149,7 +160,9 @@ def geometric_route(
     ----------
     record, passes : the survey
     found : what the matched filter saw of it, `solver.matched_filter.initialize(record, passes)`
-    depth : believed, m; circles hold for one depth, and the route lies at it
+    anchors : known points of the fiber; without any of them a single lane leaves both sides open
+    depth : believed, m, for which the circles hold and at which the route lies; if not given, the anchors' mean, or
+        0.9 without anchors
     poisson_ratio : believed, of the ground
     degree : of a polynomial route; points half a gauge length apart if not given
     regularization : weights of the shape terms; the defaults if not given
@@ -163,6 +176,8 @@ def geometric_route(
     InputError
         If no vehicle was seen in the active channels.
     """
+    if depth is None:
+        depth = float(np.mean([a.z for a in anchors])) if anchors else BELIEVED_DEPTH
     ground = {"depth": depth, "gauge_length": record.gauge_length, "poisson_ratio": poisson_ratio}
     curves = [coupling_curve(one.vehicle_class, **ground) for one in passes]
     circles = circles_of(found.detections, curves, record.channel_spacing, found.clock_ahead)
@@ -186,6 +201,8 @@ def geometric_route(
                 nodes,
                 gauge_length=record.gauge_length,
                 regularization=regularization,
+                anchors=anchors,
+                anchor_distance=record.channel_spacing * np.array([a.channel for a in anchors], np.float64),
             )
         )
     best = min(fits, key=lambda fit: fit.cost)

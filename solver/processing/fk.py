@@ -15,6 +15,8 @@ SPEEDS = (9 / 3.6, 90 / 3.6)
 HIGHEST = 1.0
 #: Share of each limit over which the mask falls from 1 to 0, so that the edge of the pass band does not ring.
 TAPER = 0.1
+#: Zeros added at most, s and m: beyond, the filter's response has fallen below a thousandth of its peak.
+PAD = (60.0, 500.0)
 
 
 def fk_mask(
@@ -87,8 +89,8 @@ def fk_filter(
 ) -> Tensor:
     """Filter a whole map in frequency and wavenumber; linear and differentiable, so that a model is filtered alike.
 
-    d -> F^-1[ mask(f, k) F[d] ], with the map continued by zeros to twice its size, so that what leaves at one end
-    does not come in at the other.
+    d -> F^-1[ mask(f, k) F[d] ], with the map continued by zeros (to twice its size, at most by `PAD`), so that what
+    leaves at one end does not come in at the other.
 
     Parameters
     ----------
@@ -106,8 +108,13 @@ def fk_filter(
     >>> torch.autograd.grad(fk_filter(wave, 0.2, 1.0)[30, 20], wave)[0].shape
     torch.Size([64, 40])
     """
+    from scipy.fft import next_fast_len
+
     rows, channels = strain_rate.shape[-2:]
-    size = (2 * rows, 2 * channels)
+    size = (
+        next_fast_len(rows + min(rows, round(PAD[0] / dt)), real=True),
+        next_fast_len(channels + min(channels, round(PAD[1] / dx)), real=True),
+    )
     mask = fk_mask(size, dt, dx, speeds=speeds, highest=highest, taper=taper).to(strain_rate.device)
     return torch.fft.irfft2(torch.fft.rfft2(strain_rate, size) * mask, size)[..., :rows, :channels]
 

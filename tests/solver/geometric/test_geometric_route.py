@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from simulated import record_of
 
+from solver.anchors import Anchor
 from solver.cable import SplineBasis
 from solver.curves import PolynomialBasis, hausdorff
 from solver.das import DASRecord
@@ -68,6 +69,19 @@ def test_one_lane_cannot_tell_the_side_and_two_can():
     assert left.cost == pytest.approx(right.cost, rel=1e-4)
 
 
+def test_an_anchor_decides_the_side_and_holds_the_route():
+    both = loci(np.random.default_rng(2))
+    half = slice(0, len(S))
+    one = Circles(both.channel[half], both.center[half], both.radius[half], both.sigma[half])
+    place = truth(np.array([50.0]))[0] * [1, -1]
+    anchor = Anchor("manhole", 50.0, *place, 0.9, 0.01, 0.05)
+    basis, start = BASES["points"], np.column_stack([NODES, np.full(21, -2.0)])
+    settings = {"gauge_length": 10.0, "anchors": [anchor], "anchor_distance": np.array([50.0])}
+    fit = fit_circles(one, one.channel, basis, start, NODES, **settings)
+    assert np.linalg.norm(fit.at(np.array([50.0]))[0] - place) < 0.03
+    assert np.abs(fit.at(S) - truth(S) * [1, -1])[:, 1].max() < 0.2
+
+
 def test_stiffer_routes_are_straighter():
     circles = loci(np.random.default_rng(3), noise=0.4)
     bends = []
@@ -102,6 +116,16 @@ def test_where_the_depth_is_known_the_first_route_is_within_a_meter(survey: Surv
     assert first.shape == true.shape
     inner = slice(10, -10)
     assert hausdorff(first[inner, :2], true[inner, :2]) < 0.6
+
+
+def test_the_depth_comes_from_the_anchors(survey: Survey):
+    record, passes, found, route = survey
+    at = found.channel[[10, -10]]
+    anchors = [Anchor(str(number), float(number), *route[number], 0.05, 0.05) for number in at]
+    first = geometric_route(record, passes, found, anchors=anchors)
+    np.testing.assert_allclose(first[:, 2], route[at, 2].mean())
+    assert hausdorff(first[10:-10, :2], route[found.channel][10:-10, :2]) < 0.5
+    assert geometric_route(record, passes, found)[0, 2] == 0.9
 
 
 def test_polynomials_of_a_route():
