@@ -95,6 +95,51 @@ def ground(
 
 
 @app.command()
+def board(
+    sources: Annotated[
+        list[Path] | None, typer.Argument(metavar="PICTURES|FOLDER|VIDEO...", help="That show the board.")
+    ] = None,
+    squares: Annotated[str, typer.Option(metavar="CxR", help="Columns and rows of squares.")] = "9x6",
+    kind: Annotated[str, typer.Option(help="charuco or checkerboard.")] = "charuco",
+    markers: Annotated[str, typer.Option(help="ArUco dictionary of a ChArUco board.")] = "4X4_50",
+    marker_share: Annotated[float, typer.Option(min=0.1, max=0.95, help="Side of a marker over a square's.")] = 0.75,
+    legacy: Annotated[bool, typer.Option("--legacy", help="Board drawn by OpenCV before 4.6, even rows.")] = False,
+    out: Annotated[Path, typer.Option(help="File to write; for `calibrate ground --intrinsics`.")] = Path(
+        "intrinsics.json"
+    ),
+    picture: Annotated[Path | None, typer.Option(help="Figure to write.  [default: beside --out]")] = None,
+    draw: Annotated[Path | None, typer.Option(help="Only draw the board, to print it on something flat.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Measure a lens: focal length, principal point, distortion, from a ChArUco board or checkerboard held before it.
+
+    Film the board near and far, tilted, out to the picture's corners, with the size and zoom that film the road.
+
+    Example: `roadfiber calibrate board --draw board.png`, print it, film it, then
+    `roadfiber calibrate board board.mp4`
+    """
+    import json
+
+    from calib.board import Board, draw_board, fit_board, read_views
+    from calib.board_report import facts, words, write_board_picture
+    from calib.options import one_of, two_counts
+    from calib.picture import write_picture
+
+    columns, rows = two_counts(squares, "--squares", "9x6")
+    plain = one_of(kind, ("charuco", "checkerboard"), "--kind") == "checkerboard"
+    target = Board(columns, rows, None if plain else markers, marker_share, legacy)
+    if draw:
+        write_picture(draw_board(target), draw)
+        print(f"wrote {draw}")
+        return
+    fit = fit_board(*read_views(sources or [], target))
+    picture = picture or out.with_suffix(".png")
+    write_board_picture(fit, picture)
+    fit.intrinsics.write(out)
+    print(json.dumps(facts(fit)) if as_json else f"{words(fit)}\nwrote {out}, {picture}")
+
+
+@app.command()
 def check(
     calibration: Annotated[Path, typer.Argument(help="Calibration file, of any origin.")],
     video: Annotated[Path, typer.Argument(help="Video or picture to draw on.")],

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from vision.camera import Covariance
-from vision.contract import InputError
+from vision.contract import InputError, writing
 from vision.lens import NAMES, Lens
 
 Array = NDArray[np.float64]
@@ -78,6 +78,11 @@ class Intrinsics(BaseModel):
     covariance: Covariance
     rms_px: float
     views: tuple[tuple[str, int, float], ...] = ()
+
+    def write(self, path: str | Path) -> None:
+        """Write as JSON, whole or not at all."""
+        with writing(path) as temporary:
+            temporary.write_text(self.model_dump_json(indent=2) + "\n", encoding="utf-8")
 
     def prior(self, image_size: tuple[int, int], path: str | Path) -> LensPrior:
         """Prior for pictures of a size; InputError unless it is that of the board's pictures."""

@@ -67,13 +67,18 @@ def scale_image(calibration: Calibration) -> Array:
     return np.where(scale < COARSEST, scale, np.nan).reshape(shape)
 
 
+def check_suffix(path: Path) -> None:
+    """Raise InputError unless figures are written as files of this suffix."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{path}: maps are written as {', '.join(SUFFIXES)}; give one of these suffixes")
+
+
 def write_maps(calibration: Calibration, path: Path, image: Image | None = None) -> None:
     """Draw meters per pixel and the sigma of a position over the picture, and the sigma from above, into one file."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path}: maps are written as {', '.join(SUFFIXES)}; give one of these suffixes")
+    check_suffix(path)
     figure = Figure(figsize=(12, 7), layout="constrained")
     FigureCanvasAgg(figure)
     left, right, below = figure.subplot_mosaic("ab;cc", height_ratios=[1.0, 0.8]).values()

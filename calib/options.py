@@ -99,7 +99,7 @@ def picture_size(video: Path | None, image_size: str | None) -> tuple[tuple[int,
     >>> picture_size(None, "1280x720")
     ((1280, 720), None)
     """
-    given = _parse_size(image_size) if image_size is not None else None
+    given = two_counts(image_size, "--image-size", "1280x720") if image_size is not None else None
     if video is None:
         if given is None:
             raise InputError("the size of the image is not known: give --video VIDEO or --image-size WxH")
@@ -145,11 +145,16 @@ def read_picture(path: Path) -> Image:
     return np.asarray(image, np.uint8)
 
 
-def _parse_size(text: str) -> tuple[int, int]:
-    width, cross, height = text.lower().partition("x")
-    if not (cross and width.isdigit() and height.isdigit() and int(width) > 0 and int(height) > 0):
-        raise InputError(f"--image-size: give WIDTHxHEIGHT in pixels, as 1280x720, not {text}")
-    return int(width), int(height)
+def two_counts(text: str, option: str, example: str) -> tuple[int, int]:
+    """Read "AxB", both above zero.
+
+    >>> two_counts("9x6", "--squares", "9x6")
+    (9, 6)
+    """
+    first, cross, second = text.lower().partition("x")
+    if not (cross and first.isdigit() and second.isdigit() and int(first) > 0 and int(second) > 0):
+        raise InputError(f"{option}: give WIDTHxHEIGHT, as {example}, not {text}")
+    return int(first), int(second)
 
 
 def one_of(text: str, choices: Sequence[Choice], option: str) -> Choice:
