@@ -213,6 +213,7 @@ def run(setting: Setting) -> dict[str, float | str]:
         "located_share": len(channel) / len(view),
         "expected_mean": mean,
         "expected_largest": largest,
+        "ambiguous": float(result.ambiguous_side),
         "seconds": seconds,
     }
     if setting.method != "geometric":
@@ -257,10 +258,14 @@ def finished(settings: Sequence[Setting], jobs: int) -> Iterator[tuple[Setting, 
 
 
 def table_of(axis: Axis, settings: Sequence[Setting], results: dict[str, dict[str, float | str]]) -> pd.DataFrame:
-    """One row per value and method of an axis: surveys, failures, errors with their spread, expectation, seconds."""
+    """One row per value and method of an axis.
+
+    Surveys, failures, mean error and its spread over surveys, expectation, largest error, share of coordinates within
+    1.96 sigma, share of surveys that say that the fiber may be on the other side, seconds.
+    """
     rows = [{**asdict(setting), **results[setting.key]} for setting in settings if setting.key in results]
     frame = pd.DataFrame(rows)
-    for name in ("mean", "largest", "hausdorff", "expected_mean", "expected_largest", "covered", "seconds", "failed"):
+    for name in ("mean", "largest", "hausdorff", "expected_mean", "covered", "ambiguous", "seconds", "failed"):
         if name not in frame:
             frame[name] = np.nan
     groups = frame.groupby([axis.field, "method"])
@@ -276,6 +281,7 @@ def table_of(axis: Axis, settings: Sequence[Setting], results: dict[str, dict[st
             "95 %": groups["largest"].quantile(0.95),
             "hausdorff": groups["hausdorff"].mean(),
             "covered": groups["covered"].mean(),
+            "two sides": groups["ambiguous"].mean(),
             "seconds": groups["seconds"].mean(),
         }
     )
@@ -312,8 +318,7 @@ def draw(axis: Axis, table: pd.DataFrame) -> Figure:
     return figure
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run what is missing, print a table and draw a figure per axis."""
+def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--axes", nargs="+", choices=AXES, default=list(AXES))
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
@@ -323,11 +328,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--loads", choices=("point", "wheels"), default="point", help="point loads are the paper's")
     parser.add_argument("--jobs", type=int, default=1, help="surveys at once")
     parser.add_argument("--out", type=Path, default=Path("runs/paper"))
-    options = parser.parse_args(arguments)
+    return parser.parse_args(arguments)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run what is missing, print a table and draw a figure per axis."""
+    options = read_options(arguments)
     base = Setting(passes=options.passes, snr_db=options.snr, loads=options.loads)
     options.out.mkdir(parents=True, exist_ok=True)
-    kept = options.out / "results.json"
-    results = study(settings_of(options.axes, options.methods, options.surveys, base), kept, options.jobs)
+    settings = settings_of(options.axes, options.methods, options.surveys, base)
+    results = study(settings, options.out / "results.json", options.jobs)
     for name in options.axes:
         axis = AXES[name]
         table = table_of(axis, settings_of([name], options.methods, options.surveys, base), results)

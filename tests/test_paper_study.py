@@ -133,3 +133,13 @@ def test_every_axis_can_be_drawn(axis: Axis):
     settings = [Setting(**{axis.field: value}) for value in axis.values]
     table = table_of(axis, settings, {setting.key: made(setting) for setting in settings})
     assert len(draw(axis, table).axes) == 3
+
+
+def test_the_command_prints_a_table_and_draws_a_figure_per_axis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr(paper, "run", made)
+    paper.main(["--axes", "anchors", "noise", "--methods", "spline", "--surveys", "2", "--out", str(tmp_path)])
+    assert {path.name for path in tmp_path.iterdir()} == {"results.json", "anchors.png", "noise.png"}
+    printed = capsys.readouterr().out
+    assert "the paper needs 2 per 100 m" in printed and "expected" in printed

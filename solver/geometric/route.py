@@ -1,7 +1,9 @@
 """The smooth curve that touches the circles: L-BFGS-B with angle, length and curvature terms."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from operator import attrgetter
 
 import numpy as np
 import torch
@@ -52,18 +54,61 @@ class CircleFit:
         return self.basis.at(distance) @ self.coefficients
 
 
-def fit_circles(
-    circles: Circles,
-    distance: Array,
-    basis: Basis,
-    start: Array,
-    nodes: Array,
-    *,
-    gauge_length: float,
-    regularization: Regularization | None = None,
-    anchors: Sequence[Anchor] = (),
-    anchor_distance: Array | None = None,
-) -> CircleFit:
+@dataclass(frozen=True)
+class CircleProblem:
+    """Circles to be touched by a smooth route.
+
+    Parameters
+    ----------
+    circles : loci
+    distance : of each circle's channel along the fiber [circle], m
+    basis : `Polyline` for a route of points, `PolynomialBasis` or `SplineBasis`
+    nodes : distance of the points where shape is judged [node], m, evenly spaced
+    gauge_length : m
+    regularization : weights of the shape terms
+    anchors : known points
+    anchor_distance : where along the fiber they are [anchor], m
+    """
+
+    circles: Circles
+    distance: Array
+    basis: Basis
+    nodes: Array
+    gauge_length: float
+    regularization: Regularization = field(default_factory=Regularization)
+    anchors: Sequence[Anchor] = ()
+    anchor_distance: Array = field(default_factory=lambda: np.zeros(0))
+
+    @cached_property
+    def matrices(self) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Basis at the circles, its slope there, at the nodes and at the anchors."""
+        basis, s = self.basis, self.distance
+        values = basis.at(s), basis.at(s, 1), basis.at(self.nodes), basis.at(self.anchor_distance)
+        at_circles, slope, at_nodes, at_anchors = (torch.from_numpy(value) for value in values)
+        return at_circles, slope, at_nodes, at_anchors
+
+    def off(self, coefficients: Tensor) -> Tensor:
+        """(|r - v| - R) / sd [circle]."""
+        center, radius, sigma = (torch.from_numpy(getattr(self.circles, n)) for n in ("center", "radius", "sigma"))
+        return ((self.matrices[0] @ coefficients - center).norm(dim=1) - radius) / sigma
+
+    def ahead(self, coefficients: Tensor) -> Tensor:
+        """How far the route at a circle's channel is ahead of its vehicle, in standard deviations [circle]."""
+        at_circles, slope = self.matrices[:2]
+        away = at_circles @ coefficients - torch.from_numpy(self.circles.center)
+        return axial(away, unit(slope @ coefficients)) / BESIDE
+
+    def cost(self, coefficients: Tensor) -> Tensor:
+        """What is minimized, see `fit_circles`."""
+        known = torch.tensor([[a.x, a.y] for a in self.anchors], dtype=torch.float64).reshape(-1, 2)
+        sigma = torch.tensor([[a.sigma_xy] for a in self.anchors], dtype=torch.float64).reshape(-1, 1)
+        held = anchor_loss(self.matrices[3] @ coefficients, known, sigma)
+        spacing = float(self.nodes[1] - self.nodes[0])
+        shape = self.regularization.loss(self.matrices[2] @ coefficients, spacing, self.gauge_length)
+        return soft(self.off(coefficients)).sum() + soft(self.ahead(coefficients)).sum() + held + shape
+
+
+def fit_circles(problem: CircleProblem, start: Array) -> CircleFit:
     """Fit a smooth route to circles with L-BFGS-B (Byrd, Lu, Nocedal and Zhu 1995); gradients by autodiff.
 
     minimize  sum over circles c of rho((|r(s_c) - v_c| - R_c) / sd_c) + rho((r(s_c) - v_c) . t(s_c) / 1 m)
@@ -73,14 +118,8 @@ def fit_circles(
 
     Parameters
     ----------
-    circles : loci
-    distance : of each circle's channel along the fiber [circle], m
-    basis : `Polyline` for a route of points, `PolynomialBasis` or `SplineBasis`
+    problem : circles and what a route is like
     start : coefficients [coefficient, 2], m; they decide on which side of the lanes the route ends
-    nodes : distance of the points where shape is judged [node], m, evenly spaced
-    gauge_length : m
-    regularization : weights of the shape terms; the defaults if not given
-    anchors, anchor_distance : known points, and where along the fiber they are [anchor], m
 
     Raises
     ------
@@ -92,36 +131,18 @@ def fit_circles(
     >>> s = np.arange(0.0, 61.0, 5.0)
     >>> lane = np.column_stack([s, np.zeros(13)])
     >>> loci = Circles(s, lane, np.full(13, 4.0), np.full(13, 0.1))
-    >>> line = Polyline(s)
-    >>> fit = fit_circles(loci, s, line, lane + np.array([0.0, 2.0]), s, gauge_length=10.0)
+    >>> fit = fit_circles(CircleProblem(loci, s, Polyline(s), s, 10.0), lane + np.array([0.0, 2.0]))
     >>> fit.at(np.array([0.0, 30.0])).round(2).tolist()
     [[0.0, 4.0], [30.0, 4.0]]
     """
     from scipy.optimize import minimize
 
-    if len(circles) < 2:
+    if len(problem.circles) < 2:
         raise InputError("matched filter: fewer than two detections give circles; no route can be drawn")
-    weights = regularization or Regularization()
-    spacing = float(nodes[1] - nodes[0])
-    at_circles, at_nodes = (torch.from_numpy(basis.at(place)) for place in (distance, nodes))
-    slope = torch.from_numpy(basis.at(distance, 1))
-    center, radius, sigma = (torch.from_numpy(values) for values in (circles.center, circles.radius, circles.sigma))
-
-    pins = torch.from_numpy(basis.at(np.zeros(0) if anchor_distance is None else anchor_distance))
-    known = torch.tensor([[a.x, a.y] for a in anchors], dtype=torch.float64).reshape(-1, 2)
-    known_sigma = torch.tensor([[a.sigma_xy] for a in anchors], dtype=torch.float64).reshape(-1, 1)
-
-    def off(coefficients: Tensor) -> Tensor:
-        return ((at_circles @ coefficients - center).norm(dim=1) - radius) / sigma
-
-    def ahead(coefficients: Tensor) -> Tensor:
-        return axial(at_circles @ coefficients - center, unit(slope @ coefficients)) / BESIDE
 
     def cost(flat: Array) -> tuple[float, Array]:
         coefficients = torch.from_numpy(flat.reshape(start.shape)).requires_grad_()
-        pull = soft(off(coefficients)).sum() + soft(ahead(coefficients)).sum()
-        held = anchor_loss(pins @ coefficients, known, known_sigma)
-        total = pull + held + weights.loss(at_nodes @ coefficients, spacing, gauge_length)
+        total = problem.cost(coefficients)
         (gradient,) = torch.autograd.grad(total, coefficients)
         return total.item(), gradient.numpy().ravel()
 
@@ -130,8 +151,8 @@ def fit_circles(
     options = {"maxiter": ITERATIONS, "maxfun": 3 * ITERATIONS}
     end = minimize(cost, first, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     coefficients = end.x.reshape(start.shape)
-    residual = off(torch.from_numpy(coefficients)).numpy()
-    return CircleFit(basis, coefficients, float(end.fun), residual, bool(end.success))
+    residual = problem.off(torch.from_numpy(coefficients)).numpy()
+    return CircleFit(problem.basis, coefficients, float(end.fun), residual, bool(end.success))
 
 
 def soft(u: Tensor) -> Tensor:
@@ -180,33 +201,33 @@ def geometric_route(
         depth = float(np.mean([a.z for a in anchors])) if anchors else BELIEVED_DEPTH
     ground = {"depth": depth, "gauge_length": record.gauge_length, "poisson_ratio": poisson_ratio}
     curves = [coupling_curve(one.vehicle_class, **ground) for one in passes]
-    circles = circles_of(found.detections, curves, record.channel_spacing, found.clock_ahead)
-    distance = record.channel_spacing * circles.channel
-    s: Array = record.channel_spacing * found.channel.astype(np.float64)
-    count = max(3, round((s[-1] - s[0]) / (record.gauge_length / 2)) + 1)
-    nodes: Array = np.linspace(s[0], s[-1], count, dtype=np.float64)
-    basis: Basis = Polyline(nodes) if degree is None else PolynomialBasis(s[0], s[-1], degree)
-    x0, slope = found.x_of_channel
-    fits = []
-    for side in (1, -1):
-        line = np.column_stack([x0 + slope * nodes / record.channel_spacing, np.zeros(len(nodes))])
-        line[:, 1] = np.median(circles.center[:, 1] + side * circles.radius)
-        start = np.asarray(np.linalg.lstsq(basis.at(nodes), line, rcond=None)[0], np.float64)
-        fits.append(
-            fit_circles(
-                circles,
-                distance,
-                basis,
-                start,
-                nodes,
-                gauge_length=record.gauge_length,
-                regularization=regularization,
-                anchors=anchors,
-                anchor_distance=record.channel_spacing * np.array([a.channel for a in anchors], np.float64),
-            )
-        )
-    best = min(fits, key=lambda fit: fit.cost)
+    spacing = record.channel_spacing
+    circles = circles_of(found.detections, curves, spacing, found.clock_ahead)
+    s: Array = spacing * found.channel.astype(np.float64)
+    nodes: Array = np.linspace(s[0], s[-1], max(3, round((s[-1] - s[0]) / (record.gauge_length / 2)) + 1))
+    problem = CircleProblem(
+        circles,
+        spacing * circles.channel,
+        Polyline(nodes) if degree is None else PolynomialBasis(float(s[0]), float(s[-1]), degree),
+        nodes,
+        record.gauge_length,
+        regularization or Regularization(),
+        anchors,
+        spacing * np.array([a.channel for a in anchors], np.float64),
+    )
+    best = min((fit_circles(problem, start) for start in beside_lanes(problem, found, spacing)), key=attrgetter("cost"))
     return np.column_stack([best.at(s), np.full(len(s), depth)])
+
+
+def beside_lanes(problem: CircleProblem, found: Initialization, spacing: float) -> list[Array]:
+    """Coefficients [coefficient, 2] of the two straight routes beside the lanes, right and left, to begin from."""
+    x0, slope = found.x_of_channel
+    lines = []
+    for side in (1, -1):
+        y = np.median(problem.circles.center[:, 1] + side * problem.circles.radius)
+        lines.append(np.column_stack([x0 + slope * problem.nodes / spacing, np.full(len(problem.nodes), y)]))
+    matrix = problem.basis.at(problem.nodes)
+    return [np.asarray(np.linalg.lstsq(matrix, line, rcond=None)[0], np.float64) for line in lines]
 
 
 def polynomial_route(points: Array, distance: Array, degree: int) -> Array:

@@ -1,5 +1,7 @@
 """The geometric route on circles made by hand, and on simulated surveys beside the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulated import record_of
@@ -9,7 +11,7 @@ from solver.cable import SplineBasis
 from solver.curves import PolynomialBasis, hausdorff
 from solver.das import DASRecord
 from solver.fit.network import Polyline
-from solver.geometric import CircleFit, Circles, fit_circles, geometric_route, polynomial_route
+from solver.geometric import CircleFit, CircleProblem, Circles, fit_circles, geometric_route, polynomial_route
 from solver.matched_filter import Initialization, initialize
 from solver.regularizers import Regularization
 from solver.simulator import Scenario, simulate
@@ -37,7 +39,7 @@ def loci(rng: np.random.Generator, noise: float = 0.1, mistaken: int = 0) -> Cir
 def fitted(circles: Circles, name: str, y: float, **settings) -> np.ndarray:
     basis = BASES[name]
     start = np.linalg.lstsq(basis.at(NODES), np.column_stack([NODES, np.full(21, y)]), rcond=None)[0]
-    fit = fit_circles(circles, circles.channel, basis, start, NODES, gauge_length=10.0, **settings)
+    fit = fit_circles(CircleProblem(circles, circles.channel, basis, NODES, 10.0, **settings), start)
     assert fit.converged
     return fit.at(S)
 
@@ -55,7 +57,8 @@ def test_mistaken_circles_hardly_pull():
 
 def from_either_side(circles: Circles) -> list[CircleFit]:
     starts = [np.column_stack([NODES, np.full(21, y)]) for y in (4.0, -7.5)]
-    return [fit_circles(circles, circles.channel, BASES["points"], y, NODES, gauge_length=10.0) for y in starts]
+    problem = CircleProblem(circles, circles.channel, BASES["points"], NODES, 10.0)
+    return [fit_circles(problem, start) for start in starts]
 
 
 def test_one_lane_cannot_tell_the_side_and_two_can():
@@ -75,9 +78,9 @@ def test_an_anchor_decides_the_side_and_holds_the_route():
     one = Circles(both.channel[half], both.center[half], both.radius[half], both.sigma[half])
     place = truth(np.array([50.0]))[0] * [1, -1]
     anchor = Anchor("manhole", 50.0, *place, 0.9, 0.01, 0.05)
-    basis, start = BASES["points"], np.column_stack([NODES, np.full(21, -2.0)])
-    settings = {"gauge_length": 10.0, "anchors": [anchor], "anchor_distance": np.array([50.0])}
-    fit = fit_circles(one, one.channel, basis, start, NODES, **settings)
+    start = np.column_stack([NODES, np.full(21, -2.0)])
+    problem = CircleProblem(one, one.channel, BASES["points"], NODES, 10.0)
+    fit = fit_circles(replace(problem, anchors=[anchor], anchor_distance=np.array([50.0])), start)
     assert np.linalg.norm(fit.at(np.array([50.0]))[0] - place) < 0.03
     assert np.abs(fit.at(S) - truth(S) * [1, -1])[:, 1].max() < 0.2
 
@@ -94,7 +97,7 @@ def test_stiffer_routes_are_straighter():
 def test_one_circle_is_too_few():
     one = Circles(S[:1], truth(S[:1]), np.ones(1), np.ones(1))
     with pytest.raises(InputError, match="fewer than two"):
-        fit_circles(one, S[:1], BASES["points"], truth(NODES), NODES, gauge_length=10.0)
+        fit_circles(CircleProblem(one, S[:1], BASES["points"], NODES, 10.0), truth(NODES))
 
 
 Survey = tuple[DASRecord, list[Pass], Initialization, np.ndarray]
