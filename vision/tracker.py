@@ -4,19 +4,20 @@ Strong detections are associated first, then weak ones to the tracks left over, 
 (Zhang et al. 2022, ByteTrack). All tracks are filtered at once: nothing here loops over them.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from vision.boxes import overlap
+from vision.camera import Calibration
 
 Array = NDArray[np.float64]
 
 # Lengths are in sizes of the box (square root of its area), which holds at every distance from the camera; a car's
 # box is about 2.5 m.
-ACCELERATION = 1.0  # spectral density of the white acceleration of position, sizes^2/s^3: about 2.5 m/s^2 over 1 s
+ACCELERATION = 0.3  # spectral density of the white acceleration of position, sizes^2/s^3: about 1.4 m/s^2 over 1 s
 SIZE_ACCELERATION = 0.1  # the same of width and height
 FIRST_SPEED = 4.0  # sd of a new track's speed, sizes/s: about 10 m/s
 FIRST_GROWTH = 1.0  # sd of a new track's change of width and height, sizes/s
@@ -24,8 +25,21 @@ JITTER = 0.05  # sd of a box edge, sizes
 PIXEL = 1.0  # and px, added in quadrature
 GATE = 16.0  # squared Mahalanobis distance of centers, 2 degrees of freedom: 3 in 10^4 true pairs are lost
 AGREEING = 0.3  # overlap that makes a pair admissible whatever the gate says
-GROWTH = 3.0  # largest ratio of areas in a pair
+GROWTH = 2.5  # largest ratio of areas in a pair
 FORBIDDEN = 1e4
+
+# On the ground, with a calibration:
+NEAR = 3.0  # m, that two boxes of one vehicle may be apart whatever else, and
+EDGES = 4.0  # sd of an edge, by the size of a pixel there
+BORDER = 2.0  # px; a box that ends so near to the image's lower border may stand below it
+HARDEST = 7.0  # m/s^2; full braking
+FASTEST = 45.0  # m/s; of a track too young to know its speed
+SETTLED = 3  # fixes from which it does
+
+# Looks, with an embedding:
+MEMORY = 3.0  # times as long as without, that a track is kept for a vehicle that looks like its own
+ALIKE = 0.6  # cosine of two looks from which they may be one vehicle's after such a time
+FRESH = 0.2  # share of the newest look in a track's
 
 
 @dataclass(frozen=True)
@@ -39,19 +53,21 @@ class Tracks:
     identity : [track], never used twice
     seen : [track], s, time of the last fix
     fixes : [track], how many there were
+    look : [track, d], what it looks like, length 1; d = 0 without an embedding
     """
 
     state: Array = field(default_factory=lambda: np.zeros((5, 0, 4)))
     identity: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     seen: Array = field(default_factory=lambda: np.zeros(0))
     fixes: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    look: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __len__(self) -> int:
         return len(self.identity)
 
     def pick(self, rows: NDArray[np.bool_]) -> "Tracks":
         """Return the tracks of some rows."""
-        return Tracks(self.state[:, rows], self.identity[rows], self.seen[rows], self.fixes[rows])
+        return Tracks(self.state[:, rows], self.identity[rows], self.seen[rows], self.fixes[rows], self.look[rows])
 
 
 class Tracker:
@@ -61,12 +77,15 @@ class Tracker:
     ----------
     strong : score that starts a track and is associated first
     patience : s a track is kept without a fix; a third of it until it has three fixes
+    calibration : of the view; with it, pairs must also be within reach of each other on the road
 
     Notes
     -----
     Each of center x, center y, width and height is a value with a rate driven by white noise (Bar-Shalom et al. 2001,
     section 6.2.2). Pairs are chosen by the assignment of least total cost, 1 - overlap + d^2 / (2 GATE), with d the
     Mahalanobis distance of centers: overlap decides while boxes overlap, motion where a low frame rate leaves none.
+    With looks (`vision.appearance`) one minus their cosine is added, and a track lives three times as long for a
+    vehicle that looks like its own.
 
     >>> tracker = Tracker()
     >>> car = np.array([[10.0, 10, 50, 40]])
@@ -74,42 +93,78 @@ class Tracker:
     [[1], [1], [1]]
     """
 
-    def __init__(self, strong: float = 0.4, patience: float = 1.0) -> None:
+    def __init__(self, strong: float = 0.4, patience: float = 1.0, calibration: Calibration | None = None) -> None:
         self.strong = strong
         self.patience = patience
+        self.calibration = calibration
         self.tracks = Tracks()
         self.time = -np.inf
         self.started = 0
 
-    def update(self, time: float, boxes: Array, scores: Array) -> NDArray[np.int64]:
-        """Take the boxes [n, 4] and scores [n] of the frame at `time`, s; return their tracks [n], 0 for none.
+    def update(self, time: float, boxes: Array, scores: Array, looks: Array | None = None) -> NDArray[np.int64]:
+        """Follow the tracks into one more frame.
 
-        Raises ValueError where time does not increase.
+        Parameters
+        ----------
+        time : of the frame, s
+        boxes : [n, 4], px
+        scores : [n]
+        looks : [n, d], vectors of length 1 (zero: unknown) of what the boxes show; in all frames or in none
+
+        Returns
+        -------
+        track of every box [n], 0 for none
+
+        Raises
+        ------
+        ValueError
+            If time does not increase.
         """
         if time <= self.time:
             raise ValueError(f"time must increase: {time} s after {self.time} s")
-        limit = np.where(self.tracks.fixes < 3, self.patience / 3, self.patience)
-        tracks = self.tracks.pick(time - self.tracks.seen <= limit)
-        if len(tracks):
-            tracks = predict(tracks, time - self.time)
+        looks = np.zeros((len(boxes), 0)) if looks is None else looks
+        tracks = self._living(time)
         measured = measure(boxes)
+        cost, overlaps = self._costs(tracks, measured, boxes, looks, time)
         strong = scores >= self.strong
         owner = np.full(len(boxes), -1)  # the track row of each detection
-        overlaps, distance = compare(tracks, measured, boxes)
-        cost = 1 - overlaps + distance / (2 * GATE)
-        admissible = ((distance <= GATE) | (overlaps >= AGREEING)) & similar(tracks, measured)
-        associate(np.where(admissible, cost, FORBIDDEN), np.arange(len(tracks)), np.flatnonzero(strong), owner)
+        associate(cost, np.arange(len(tracks)), np.flatnonzero(strong), owner)
         left = np.flatnonzero(~np.isin(np.arange(len(tracks)), owner))
-        associate(np.where(overlaps >= AGREEING, cost, FORBIDDEN), left, np.flatnonzero(~strong), owner)
-        tracks = correct(tracks, measured, owner, time)
+        weak = np.where(overlaps >= AGREEING, cost, FORBIDDEN)
+        associate(weak, left, np.flatnonzero(~strong), owner)
+        tracks = correct(tracks, measured, looks, owner, time)
         new = np.flatnonzero(strong & (owner < 0))
         owner[new] = len(tracks) + np.arange(len(new))
-        tracks = self._start(tracks, measured[new], time)
+        tracks = self._start(tracks, measured[new], looks[new], time)
         identity = np.where(owner >= 0, tracks.identity[owner], 0) if len(tracks) else np.zeros(len(boxes), np.int64)
         self.tracks, self.time = tracks, time
         return identity
 
-    def _start(self, tracks: Tracks, measured: Array, time: float) -> Tracks:
+    def _limit(self, tracks: Tracks) -> Array:
+        """Return how long tracks [track] are kept without a fix, s."""
+        return np.where(tracks.fixes < SETTLED, self.patience / 3, self.patience)
+
+    def _living(self, time: float) -> Tracks:
+        """Return the tracks that are kept, moved on to `time`."""
+        limit = self._limit(self.tracks) * np.where(self.tracks.look.any(axis=1), MEMORY, 1.0)
+        tracks = self.tracks.pick(time - self.tracks.seen <= limit)
+        return predict(tracks, time - self.time) if len(tracks) else tracks
+
+    def _costs(self, tracks: Tracks, measured: Array, boxes: Array, looks: Array, time: float) -> tuple[Array, Array]:
+        """Cost of pairs, `FORBIDDEN` for those that cannot be, and their overlap, each [track, detection]."""
+        overlaps, distance = compare(tracks, measured, boxes)
+        cost = 1 - overlaps + distance / (2 * GATE)
+        admissible = ((distance <= GATE) | (overlaps >= AGREEING)) & similar(tracks, measured)
+        if self.calibration is not None and len(tracks) and len(boxes):
+            admissible &= within_reach(self.calibration, tracks, boxes, time)
+        if looks.shape[1] and tracks.look.shape[1]:
+            likeness = tracks.look @ looks.T
+            late = time - tracks.seen > self._limit(tracks)
+            admissible &= ~late[:, None] | (likeness >= ALIKE)
+            cost = cost + 1 - likeness
+        return np.where(admissible, cost, FORBIDDEN), overlaps
+
+    def _start(self, tracks: Tracks, measured: Array, looks: Array, time: float) -> Tracks:
         count = len(measured)
         identity = self.started + 1 + np.arange(count)
         self.started += count
@@ -118,12 +173,19 @@ class Tracker:
         state[0] = measured
         state[2] = noise(size)
         state[4] = (size * [FIRST_SPEED, FIRST_SPEED, FIRST_GROWTH, FIRST_GROWTH]) ** 2
+        width = max(tracks.look.shape[1], looks.shape[1])
         return Tracks(
             np.concatenate([tracks.state, state], axis=1),
             np.concatenate([tracks.identity, identity]),
             np.concatenate([tracks.seen, np.full(count, time)]),
             np.concatenate([tracks.fixes, np.ones(count, np.int64)]),
+            np.concatenate([widened(tracks.look, width), widened(looks, width)]),
         )
+
+
+def widened(looks: Array, width: int) -> Array:
+    """Looks [n, d], or zeros [n, width] where there are none."""
+    return looks if looks.shape[1] == width else np.zeros((len(looks), width))
 
 
 def measure(boxes: Array) -> Array:
@@ -161,7 +223,7 @@ def predict(tracks: Tracks, dt: float) -> Tracks:
             rr + q * dt,
         ]
     )
-    return Tracks(state, tracks.identity, tracks.seen, tracks.fixes)
+    return replace(tracks, state=state)
 
 
 def compare(tracks: Tracks, measured: Array, boxes: Array) -> tuple[Array, Array]:
@@ -178,6 +240,28 @@ def similar(tracks: Tracks, measured: Array) -> NDArray[np.bool_]:
     return np.asarray((ratio < GROWTH) & (ratio > 1 / GROWTH))
 
 
+def within_reach(calibration: Calibration, tracks: Tracks, boxes: Array, time: float) -> NDArray[np.bool_]:
+    """Whether a vehicle can have come so far on the road [track, detection].
+
+    Distances are those of the lower edges' middles from where the tracks are predicted. True where one is above the
+    horizon or cut off by the image's lower border.
+    """
+    here = calibration.to_ground(contact(predicted_boxes(tracks)))
+    there = calibration.to_ground(contact(boxes))
+    pixel = np.linalg.norm(np.nan_to_num(calibration.jacobian(contact(boxes))), ord=2, axis=(1, 2))
+    edge = np.sqrt(noise(np.sqrt(measure(boxes)[:, 2:].prod(axis=1))))
+    cut = boxes[:, 3] > calibration.image_size[1] - BORDER
+    gap = time - tracks.seen
+    slack = NEAR + np.where(tracks.fixes < SETTLED, FASTEST * gap, HARDEST * gap**2 / 2)
+    apart = np.linalg.norm(here[:, None] - there[None], axis=2)
+    return np.asarray(cut | ~(apart > slack[:, None] + EDGES * edge * pixel))
+
+
+def contact(boxes: Array) -> Array:
+    """Middle of the lower edge of boxes [n, 4] -> [n, 2], px."""
+    return np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]], axis=1)
+
+
 def associate(cost: Array, rows: NDArray[np.intp], columns: NDArray[np.intp], owner: NDArray[np.intp]) -> None:
     """Assign detections `columns` to tracks `rows` at least total cost (Kuhn 1955) and enter them in `owner`."""
     part = cost[np.ix_(rows, columns)]
@@ -186,8 +270,8 @@ def associate(cost: Array, rows: NDArray[np.intp], columns: NDArray[np.intp], ow
     owner[columns[detection[good]]] = rows[track[good]]
 
 
-def correct(tracks: Tracks, measured: Array, owner: NDArray[np.intp], time: float) -> Tracks:
-    """Give every track its detection (Kalman 1960, on each coordinate by itself)."""
+def correct(tracks: Tracks, measured: Array, looks: Array, owner: NDArray[np.intp], time: float) -> Tracks:
+    """Give every track its detection (Kalman 1960, on each coordinate by itself) and a share of its look."""
     detection = np.flatnonzero(owner >= 0)
     row = owner[detection]
     value, rate, vv, vr, rr = tracks.state[:, row]
@@ -204,4 +288,14 @@ def correct(tracks: Tracks, measured: Array, owner: NDArray[np.intp], time: floa
     ]
     seen[row] = time
     fixes[row] += 1
-    return Tracks(state, tracks.identity, seen, fixes)
+    look = blended(tracks.look, looks[detection], row) if looks.shape[1] else tracks.look
+    return replace(tracks, state=state, seen=seen, fixes=fixes, look=look)
+
+
+def blended(look: Array, newest: Array, row: NDArray[np.intp]) -> Array:
+    """Looks of tracks [track, d] with a share of the newest [n, d] in those of `row` [n]; zeros are unknown."""
+    look = widened(look, newest.shape[1]).copy()
+    share = np.where(look[row].any(axis=1), FRESH, 1.0)[:, None] * newest.any(axis=1, keepdims=True)
+    mixed = (1 - share) * look[row] + share * newest
+    look[row] = mixed / np.maximum(np.linalg.norm(mixed, axis=1, keepdims=True), 1e-12)
+    return look

@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from tests.vision.test_camera import look
+from vision.camera import Calibration
 from vision.tracker import Tracker
 
 
@@ -101,3 +103,28 @@ def test_traffic_is_followed(seed):
 def test_the_same_answer_every_time():
     frames, _ = traffic(7)
     assert follow(frames) == follow(frames)
+
+
+def test_on_the_road_nothing_jumps():
+    """A box that overlaps in the picture but is meters away on the road is another vehicle."""
+    homography, matrix = look((-10, 6, -9), (25, 0, 0), 420, (640, 360))
+    view = Calibration(image_size=(640, 360), homography=homography)
+
+    def seen(x):
+        corners = np.array([[x + a, b, c, 1] for a in (-2.2, 2.2) for b in (-0.9, 0.9) for c in (-1.5, 0)])
+        pixels = corners @ matrix.T
+        pixels = pixels[:, :2] / pixels[:, 2:]
+        return np.concatenate([pixels.min(0), pixels.max(0)])
+
+    steady = [(0.04 * k, [seen(60 + 0.4 * k)], [0.9]) for k in range(3)]
+    jump = [*steady, (0.16, [seen(60 + 0.4 * 4 + 12)], [0.9])]
+    assert follow(jump)[-1] == [1], "in the picture it may be the same"
+    assert follow(jump, calibration=view)[-1] == [2]
+    assert follow([*steady, (0.16, [seen(60 + 0.4 * 4 + 0.5)], [0.9])], calibration=view)[-1] == [1]
+
+
+def test_above_the_horizon_only_the_picture_counts():
+    homography, _ = look((-10, 6, -9), (25, 0, 0), 420, (640, 360))
+    view = Calibration(image_size=(640, 360), homography=homography)
+    frames = [(0.04 * k, [box(100 + 4 * k, 12, 20, 10)], [0.9]) for k in range(20)]
+    assert follow(frames, calibration=view) == [[1]] * 20
