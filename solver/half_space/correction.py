@@ -1,11 +1,12 @@
 """Boussinesq's response plus a tabulated correction."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
 
 from solver.ground import Ratio, displacement, displacement_rate
+from solver.half_space.blocks import double, in_blocks
 from solver.half_space.table import RadialTable
 
 #: Poisson ratio -> table.
@@ -23,13 +24,16 @@ def corrected_displacement(build: Build, offset: Tensor, poisson_ratio: Ratio, l
     build : tabulates the correction for a Poisson ratio
     offset : [..., 3], ground point minus load point, m
     poisson_ratio : scalar or [...]
-    length : unit of length of the table, m
+    length : scalar, unit of length of the table, m
     """
-    square, depth = _places(offset, length)
-    radial, _, vertical, _ = _interpolated(build, poisson_ratio, square, depth)
-    horizontal = offset[..., :2] * (radial / length**2)[..., None]
-    extra = torch.cat([horizontal, (vertical / length)[..., None]], -1)
-    return displacement(offset, poisson_ratio) + extra.to(offset.dtype)
+
+    def total(offset: Tensor, nu: Tensor, length: Tensor) -> Tensor:
+        radial, _, vertical, _ = interpolate(*_places(offset, length), nu)
+        horizontal = offset[..., :2] * (radial / length**2)[..., None]
+        return displacement(offset, nu) + torch.cat([horizontal, (vertical / length)[..., None]], -1)
+
+    nu, interpolate = _interpolation(build, poisson_ratio)
+    return in_blocks(total, [offset], [nu, length]).to(offset.dtype)
 
 
 def corrected_rate(build: Build, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio, length: Ratio) -> Tensor:
@@ -42,28 +46,42 @@ def corrected_rate(build: Build, offset: Tensor, velocity: Tensor, poisson_ratio
     build, offset, poisson_ratio, length : see `corrected_displacement`
     velocity : [..., 2], horizontal velocity of the load, m/s
     """
-    x, y = offset[..., 0], offset[..., 1]
-    vx, vy = velocity.unbind(-1)
-    square, depth = _places(offset, length)
-    radial, radial_slope, _, vertical_slope = _interpolated(build, poisson_ratio, square, depth)
-    passed = -(x * vx + y * vy) / (length * length * (1 + square))
-    a, grown = radial / length**2, radial_slope * passed / length**2
-    extra = torch.stack([x * grown - vx * a, y * grown - vy * a, vertical_slope * passed / length], -1)
-    return displacement_rate(offset, velocity, poisson_ratio) + extra.to(offset.dtype)
+
+    def total(offset: Tensor, velocity: Tensor, nu: Tensor, length: Tensor) -> Tensor:
+        (x, y, _), (vx, vy) = offset.unbind(-1), velocity.unbind(-1)
+        square, depth = _places(offset, length)
+        radial, radial_slope, _, vertical_slope = interpolate(square, depth, nu)
+        passed = -(x * vx + y * vy) / (length * length * (1 + square))
+        a, grown = radial / length**2, radial_slope * passed / length**2
+        extra = torch.stack([x * grown - vx * a, y * grown - vy * a, vertical_slope * passed / length], -1)
+        return displacement_rate(offset, velocity, nu) + extra
+
+    nu, interpolate = _interpolation(build, poisson_ratio)
+    return in_blocks(total, [offset, velocity], [nu, length]).to(offset.dtype)
 
 
-def _places(offset: Tensor, length: Ratio) -> tuple[Tensor, Tensor]:
-    scaled = offset / length
-    return scaled[..., 0] ** 2 + scaled[..., 1] ** 2, scaled[..., 2]
+def _places(offset: Tensor, length: Tensor) -> tuple[Tensor, Tensor]:
+    x, y, z = (offset / length).unbind(-1)
+    return x * x + y * y, z
 
 
-def _interpolated(build: Build, poisson_ratio: Ratio, square: Tensor, depth: Tensor) -> tuple[Tensor, ...]:
-    nu = torch.as_tensor(poisson_ratio, dtype=torch.float64)
+def _interpolation(
+    build: Build, poisson_ratio: Ratio
+) -> tuple[Tensor, Callable[[Tensor, Tensor, Tensor], Sequence[Tensor]]]:
+    """Poisson ratio as a tensor, and the function of r^2, depth and it."""
+    nu = double(poisson_ratio)
     if nu.numel() == 1:
-        return build(nu.reshape(()))(square, depth)
+        nu = nu.reshape(())
+        table = build(nu.double())
+        return nu, lambda square, depth, _: table(square, depth)
     # Nearly incompressible layers are too stiff to be solved for: all three ratios stay below one half.
-    middle = nu.detach().mean().clamp(max=0.49 - SPREAD)
-    away = (nu - middle) / SPREAD
-    weights = away * (away - 1) / 2, 1 - away * away, away * (away + 1) / 2
-    parts = [build(middle + SPREAD * i)(square, depth) for i in (-1, 0, 1)]
-    return tuple(sum(w * p for w, p in zip(weights, same, strict=True)) for same in zip(*parts, strict=True))
+    middle = nu.detach().mean().double().clamp(max=0.49 - SPREAD)
+    tables = [build(middle + SPREAD * i) for i in (-1, 0, 1)]
+
+    def varying(square: Tensor, depth: Tensor, nu: Tensor) -> list[Tensor]:
+        away = (nu - middle) / SPREAD
+        weights = away * (away - 1) / 2, 1 - away * away, away * (away + 1) / 2
+        parts = zip(*(table(square, depth) for table in tables), strict=True)
+        return [sum(w * p for w, p in zip(weights, same, strict=True)) for same in parts]
+
+    return nu, varying

@@ -7,7 +7,10 @@ from numpy.polynomial import Polynomial
 from torch import Tensor
 
 from solver.ground import Ratio, displacement_rate
-from solver.half_space.table import BLOCK
+from solver.half_space.blocks import double, in_blocks
+
+#: (kernel and its order, order of the Bessel function) -> coefficients of powers of z / R.
+Kernels = dict[tuple[str, int], list[Tensor]]
 
 
 def moving_displacement_rate(
@@ -44,20 +47,19 @@ def moving_displacement_rate(
     >>> moving_displacement_rate(point, velocity, 0.25, 1 / 100**2) / displacement_rate(point, velocity, 0.25)
     tensor([0.9935, 0.8546, 1.0110], dtype=torch.float64)
     """
-    nu, slowness = torch.as_tensor(poisson_ratio), torch.as_tensor(shear_speed_inverse_squared)
-    shape = torch.broadcast_shapes(offset.shape[:-1], velocity.shape[:-1], nu.shape, slowness.shape)
-    columns = [part.expand(shape).reshape(-1).split(BLOCK) for part in (*offset.unbind(-1), *velocity.unbind(-1))]
-    # Scalars stay scalars, whatever the number of blocks.
-    extras = [
-        part.expand(shape).reshape(-1).split(BLOCK) if part.ndim else (part,) * len(columns[0])
-        for part in (nu, slowness)
-    ]
-    parts = [_block(*block) for block in zip(*columns, *extras, strict=True)]
-    return displacement_rate(offset, velocity, poisson_ratio) + torch.cat(parts).reshape(*shape, 3)
+    nu = double(poisson_ratio)
+    shared = _kernels(nu) if nu.ndim == 0 else None
+
+    def total(offset: Tensor, velocity: Tensor, nu: Tensor, slowness: Tensor) -> Tensor:
+        kernels = shared or _kernels(nu)
+        return displacement_rate(offset, velocity, nu) + _inertia(offset, velocity, slowness, kernels)
+
+    return in_blocks(total, [offset, velocity], [nu, shear_speed_inverse_squared])
 
 
-def _block(x: Tensor, y: Tensor, z: Tensor, vx: Tensor, vy: Tensor, nu: Tensor, slowness: Tensor) -> Tensor:
+def _inertia(offset: Tensor, velocity: Tensor, slowness: Tensor, kernels: Kernels) -> Tensor:
     """What inertia adds, [point, 3]."""
+    (x, y, z), (vx, vy) = offset.unbind(-1), velocity.unbind(-1)
     inverse = (x * x + y * y + z * z).rsqrt()
     c, reach = z * inverse, 1 / (1 / inverse + z)
     p = torch.complex(x * reach, y * reach)
@@ -66,26 +68,31 @@ def _block(x: Tensor, y: Tensor, z: Tensor, vx: Tensor, vy: Tensor, nu: Tensor, 
     q2, speed2 = q * q, vx * vx + vy * vy
     q3 = q2 * q
     beta = slowness * speed2
-    (w1, v1), (w2, v2) = _first_order(nu), _second_order(nu)
 
-    def both(order: int, first: float, second: float, one: list[Tensor], two: list[Tensor]) -> Tensor:
-        return first * _angular(order, one, c) + second * beta * _angular(order, two, c)
+    def kernel(name: str, order: int) -> Tensor:
+        total = kernels[name, order][-1]
+        for coefficient in reversed(kernels[name, order][:-1]):
+            total = torch.addcmul(coefficient, total, c)
+        return total
+
+    def both(name: str, order: int, first: float, second: float) -> Tensor:
+        return first * kernel(name + "1", order) + second * beta * kernel(name + "2", order)
 
     vertical = (
-        speed2 * q.real * both(1, 3 / 4, 10 / 16, w1, w2)
-        - q3.real * both(3, 1 / 4, 5 / 16, w1, w2)
-        + slowness / 16 * (q3 * q2).real * _angular(5, w2, c)
+        speed2 * q.real * both("w", 1, 3 / 4, 10 / 16)
+        - q3.real * both("w", 3, 1 / 4, 5 / 16)
+        + slowness / 16 * (q3 * q2).real * kernel("w2", 5)
     )
     back = q2.conj()
     with_load = (
-        speed2 * both(0, 3 / 8, 10 / 32, v1, v2)
-        - back * both(2, 1 / 8, 5 / 32, v1, v2)
-        + slowness / 32 * back * back * _angular(4, v2, c)
+        speed2 * both("v", 0, 3 / 8, 10 / 32)
+        - back * both("v", 2, 1 / 8, 5 / 32)
+        + slowness / 32 * back * back * kernel("v2", 4)
     )
     outward = (
-        -speed2 * q * both(2, 3 / 8, 10 / 32, v1, v2)
-        + q3 * both(4, 1 / 8, 5 / 32, v1, v2)
-        - slowness / 32 * q3 * q2 * _angular(6, v2, c)
+        -speed2 * q * both("v", 2, 3 / 8, 10 / 32)
+        + q3 * both("v", 4, 1 / 8, 5 / 32)
+        - slowness / 32 * q3 * q2 * kernel("v2", 6)
     )
     horizontal = -(torch.complex(vx, vy) * with_load + p * outward)
     scale = slowness * inverse * inverse
@@ -127,17 +134,20 @@ def _ratios(nu: Tensor) -> tuple[Tensor, Tensor]:
     return (1 - 2 * nu) / (2 * (1 - nu)), 2 * (1 - nu)
 
 
-def _angular(order: int, kernel: list[Tensor], c: Tensor) -> Tensor:
-    """Sum of kernel_l c^l Q_j(l+1)(c) by Horner's rule."""
-    size = 2 * len(kernel)
-    powers = [torch.zeros_like(kernel[0]) for _ in range(size)]
+def _kernels(nu: Tensor) -> Kernels:
+    """Kernels W and V of first and second order, transformed with Bessel functions of each order that enters."""
+    (w1, v1), (w2, v2) = _first_order(nu), _second_order(nu)
+    entering = {"w1": (w1, (1, 3)), "v1": (v1, (0, 2, 4)), "w2": (w2, (1, 3, 5)), "v2": (v2, (0, 2, 4, 6))}
+    return {(name, order): _angular(order, kernel) for name, (kernel, orders) in entering.items() for order in orders}
+
+
+def _angular(order: int, kernel: list[Tensor]) -> list[Tensor]:
+    """Coefficients of powers of c in the sum of kernel_l c^l Q_j(l+1)(c)."""
+    powers = [torch.zeros_like(kernel[0])] * (2 * len(kernel))
     for i, share in enumerate(kernel):
         for degree, factor in enumerate(_legendre(order, i + 1)):
             powers[i + degree] = powers[i + degree] + factor * share
-    total = powers[-1]
-    for power in reversed(powers[:-1]):
-        total = total * c + power
-    return total
+    return powers
 
 
 @cache

@@ -28,7 +28,8 @@ def test_no_contrast_is_boussinesq_exactly(thickness: float) -> None:
     expected = displacement_rate(offsets(), VELOCITY, 0.3)
     assert torch.equal(layered_displacement_rate(offsets(), VELOCITY, 0.3, 0.0, thickness), expected)
     assert torch.equal(pavement_displacement_rate(offsets(), VELOCITY, 0.3, 0.0, thickness), expected)
-    assert torch.equal(layered_displacement(offsets(), 0.3, 0.0, thickness), displacement(offsets(), 0.3))
+    nu = scalar(0.3)
+    assert torch.equal(layered_displacement(offsets(), nu, 0.0, thickness), displacement(offsets(), nu))
 
 
 def test_thick_layer_is_a_half_space_of_its_own_and_thin_one_that_below() -> None:
