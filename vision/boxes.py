@@ -12,12 +12,21 @@ def overlap(a: Array, b: Array) -> Array:
     >>> overlap(np.array([[0, 0, 2, 2.0]]), np.array([[1, 0, 3, 2.0], [5, 5, 6, 6.0]])).round(3).tolist()
     [[0.333, 0.0]]
     """
-    low = np.maximum(a[:, None, :2], b[None, :, :2])
-    high = np.minimum(a[:, None, 2:], b[None, :, 2:])
-    side = np.maximum(high - low, 0.0)
-    common = side[..., 0] * side[..., 1]
+    (left, top, right, bottom), (left_b, top_b, right_b, bottom_b) = (
+        np.ascontiguousarray(a.T),
+        np.ascontiguousarray(b.T),
+    )
+    common = _shared(left, right, left_b, right_b)
+    common *= _shared(top, bottom, top_b, bottom_b)
     union = area(a)[:, None] + area(b) - common
     return np.asarray(common / np.maximum(union, 1e-12))
+
+
+def _shared(low: Array, high: Array, low_b: Array, high_b: Array) -> Array:
+    """Length that every interval of a [n] shares with every one of b [m] -> [n, m]."""
+    length = np.minimum(high[:, None], high_b)
+    length -= np.maximum(low[:, None], low_b)
+    return np.maximum(length, 0.0, out=length)
 
 
 def area(boxes: Array) -> Array:
@@ -36,9 +45,11 @@ def suppress(boxes: Array, scores: Array, limit: float = 0.5) -> NDArray[np.intp
     [1, 2]
     """
     order = np.argsort(-scores, kind="stable")
-    shared = overlap(boxes[order], boxes[order]) > limit
-    alive = np.ones(len(order), bool)
+    beaten = overlap(boxes[order], boxes[order]) > limit
+    gone = np.zeros(len(order), bool)
+    kept = []
     for rank in range(len(order)):
-        if alive[rank]:
-            alive[rank + 1 :] &= ~shared[rank, rank + 1 :]
-    return order[alive]
+        if not gone[rank]:
+            kept.append(rank)
+            gone |= beaten[rank]
+    return order[kept]

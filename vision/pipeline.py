@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vision.appearance import Appearance
 from vision.camera import Calibration
 from vision.contract.errors import InputError
 from vision.contract.progress import progress
 from vision.contract.table import COLUMNS
 from vision.detectors import Detections, Detector, load_detector
-from vision.detectors.look import look
+from vision.detectors.look import Look, look
 from vision.ground_track import ground_tracks, placeable
 from vision.interpolate import BOX, fill_frames, majority_class
 from vision.tracker import Tracker
@@ -104,12 +105,14 @@ def box_tracks(
     min_score: float | None = None,
     every: int = 1,
     cache: Path | None = None,
+    appearance: Appearance | None = None,
 ) -> tuple["pd.DataFrame", Speed]:
     """Follow vehicles through the pictures.
 
     With a calibration, vehicles too far off to be placed are not followed: near the vanishing point one that leaves
     and one that comes are the same few pixels, and would become one track. With a folder as `cache`, what an ONNX
-    detector finds is kept there, and what it found before is used.
+    detector finds is kept there, and what it found before is used. With an `appearance` embedding, vehicles are found
+    again by their looks after they were hidden.
 
     Returns
     -------
@@ -120,24 +123,21 @@ def box_tracks(
     InputError, where there is no vehicle in five frames.
     """
     strong = detector.threshold if min_score is None else min_score
-    tracker = Tracker(strong, patience=max(PATIENCE, PATIENT_FRAMES * every * video.frame_interval))
-    fixes: list[tuple[int, float, Detections, np.ndarray]] = []
-    spent, seen = np.zeros(3), 0
     looked_at = len(range(0, len(video), every))
-    looks = look(video, detector, every, cache=cache)
-    with progress("tracking vehicles", looked_at) as advance, closing(looks):
+    looks = look(video, detector, every, cache=cache, images=appearance is not None)
+    with progress("detecting vehicles", looked_at) as advance, closing(looks):
+        seen = []
         for now in looks:
-            begun, found = perf_counter(), now.found
-            seen += len(found)
-            if calibration:
-                found = found.select(placeable(found.box, calibration))
-            fixes.append((now.index, now.time, found, tracker.update(now.time, found.box, found.score)))
-            spent += now.decode, now.detect, perf_counter() - begun
+            seen.append(now)
             advance(1)
+    begun = perf_counter()
+    fixes = _follow(seen, Tracker(strong, max(PATIENCE, PATIENT_FRAMES * every * video.frame_interval)), calibration)
+    speed = Speed(looked_at, sum(now.decode for now in seen), sum(now.detect for now in seen), perf_counter() - begun)
     table = _tabulate(fixes)
     counts = table.groupby("track_id")["frame"].transform("size")
     table = table[counts >= FEWEST_FIXES]
-    if table.empty and seen >= FEWEST_FIXES and not any(len(found) for _, _, found, _ in fixes):
+    detected = sum(len(now.found) for now in seen)
+    if table.empty and detected >= FEWEST_FIXES and not any(len(found) for _, _, found, _ in fixes):
         raise off_road(video.path)
     if table.empty:
         raise InputError(
@@ -145,7 +145,18 @@ def box_tracks(
             f"{strong:g}, or another --detector"
         )
     filled = fill_frames(majority_class(table), video.index[::every], video.time[::every])
-    return filled[list(PIXEL_COLUMNS)], Speed(looked_at, *spent)
+    return filled[list(PIXEL_COLUMNS)], speed
+
+
+def _follow(
+    seen: Sequence[Look], tracker: Tracker, calibration: Calibration | None
+) -> list[tuple[int, float, Detections, np.ndarray]]:
+    """Frame, time, detections that can be placed, and their tracks, of every frame."""
+    fixes = []
+    for now in seen:
+        found = now.found.select(placeable(now.found.box, calibration)) if calibration else now.found
+        fixes.append((now.index, now.time, found, tracker.update(now.time, found.box, found.score)))
+    return fixes
 
 
 def on_road(

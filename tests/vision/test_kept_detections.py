@@ -16,6 +16,7 @@ from vision.cache import cache_folder, checksum, keep_arrays, kept_arrays
 from vision.contract.errors import InputError
 from vision.detectors import OnnxDetector, load_detector
 from vision.detectors import look as looking
+from vision.detectors.kept import Kept
 from vision.detectors.look import look
 from vision.pipeline import box_tracks
 from vision.video import Video, open_video
@@ -46,11 +47,17 @@ def clip(tmp_path_factory):
 def work(monkeypatch):
     """Places of the frames that were detected, and of those that were decoded, in turn."""
     done = {"detected": 0, "decoded": [], "prepared": 0, "scanned": 0}
-    detect, frames_at, prepare, scan = OnnxDetector.detect, Video.frames_at, OnnxDetector.prepare, vision.video._scan
+    detect_all, frames_at, prepare, scan = (
+        OnnxDetector.detect_all,
+        Video.frames_at,
+        OnnxDetector.prepare,
+        vision.video._scan,
+    )
 
-    def count_detect(self, image):
-        done["detected"] += 1
-        return detect(self, image)
+    def count_detect(self, images):
+        found = detect_all(self, images)
+        done["detected"] += len(found)
+        return found
 
     def count_frames(self, wanted):
         for frame in frames_at(self, wanted):
@@ -65,7 +72,7 @@ def work(monkeypatch):
         done["scanned"] += 1
         return scan(*arguments)
 
-    monkeypatch.setattr(OnnxDetector, "detect", count_detect)
+    monkeypatch.setattr(OnnxDetector, "detect_all", count_detect)
     monkeypatch.setattr(OnnxDetector, "prepare", count_prepare)
     monkeypatch.setattr(Video, "frames_at", count_frames)
     monkeypatch.setattr(vision.video, "_scan", count_scan)
@@ -121,17 +128,15 @@ def test_a_denser_look_detects_only_what_is_missing(clip, model, tmp_path, work)
 
 def test_a_run_that_is_cut_short_goes_on(clip, model, tmp_path, work, monkeypatch):
     monkeypatch.setattr(looking, "CHUNK", 8)
-    with (
-        pytest.raises(KeyboardInterrupt),
-        closing(look(open_video(clip), load_detector(model), cache=tmp_path)) as looks,
-    ):
+    looks = look(open_video(clip), load_detector(model), cache=tmp_path)
+    with pytest.raises(KeyboardInterrupt), closing(looks):
         for now in looks:
             if now.index == 20:
                 raise KeyboardInterrupt
-    assert work["detected"] == 21
+    assert work["detected"] == 24, "frames are detected four at a time"
     work.update(detected=0, decoded=[])
     rest = see(clip, model, tmp_path)
-    assert work["decoded"] == list(range(21, FRAMES)) and work["detected"] == FRAMES - 21
+    assert work["decoded"] == list(range(24, FRAMES)) and work["detected"] == FRAMES - 24
     assert same(rest, see(clip, model, None))
 
 
@@ -145,8 +150,17 @@ def test_a_run_that_is_killed_keeps_whole_chunks(clip, model, tmp_path, work, mo
     monkeypatch.undo()
     names = [path.name for path in sorted(tmp_path.glob("detections/*/*"))]
     assert names == ["00000000-00000007-8.npz", "00000008-00000015-8.npz"]
-    known = {now.index for now in see(clip, model, tmp_path) if now.image is None}
-    assert known == set(range(16))
+    kept = Kept.of(tmp_path, open_video(clip), load_detector(model))
+    assert sorted(kept.found) == list(range(16))
+    assert same(see(clip, model, tmp_path), see(clip, model, None))
+
+
+@pytest.mark.parametrize("burst", [1, 3, 64])
+def test_bursts_do_not_show(burst, clip, model, tmp_path, monkeypatch):
+    usual = see(clip, model, None)
+    monkeypatch.setattr(looking, "BURST", burst)
+    see(clip, model, tmp_path, every=3)
+    assert same(usual, see(clip, model, tmp_path))
 
 
 def test_images_of_kept_frames_on_request(clip, model, tmp_path, work):

@@ -37,13 +37,14 @@ def fit_image(
     else:
         ratio = min(size[0] / width, size[1] / height)
         inner = (max(round(width * ratio), 1), max(round(height * ratio), 1))
-    resized = np.asarray(image if inner == (width, height) else cv2.resize(image, inner), np.uint8)
     left, top = ((size[0] - inner[0]) // 2, (size[1] - inner[1]) // 2) if fitting == "center" else (0, 0)
     placement = Placement((inner[0] / width, inner[1] / height), (left, top))
-    if inner == size:
-        return resized, placement
     canvas = np.full((size[1], size[0], 3), fill, np.uint8)
-    canvas[top : top + inner[1], left : left + inner[0]] = resized
+    window = canvas[top : top + inner[1], left : left + inner[0]]
+    if inner == (width, height):
+        window[:] = image
+    else:
+        cv2.resize(image, inner, dst=window)
     return canvas, placement
 
 
@@ -66,24 +67,29 @@ class Normalization:
     def tensor(self, canvas: NDArray[np.uint8], dtype: type = np.float32, channels_last: bool = False) -> NDArray[Any]:
         """Image [h, w, 3] BGR, 0-255 -> [1, 3, h, w], or [1, h, w, 3].
 
-        A network that takes bytes normalizes them itself.
-
         >>> red = np.array([[[0, 0, 255]]], np.uint8)
         >>> RGB_UNIT.tensor(red).ravel().tolist(), BGR_BYTES.tensor(red, np.uint8).ravel().tolist()
         ([1.0, 0.0, 0.0], [0, 0, 255])
         """
-        values = self.planes(canvas)[None]
-        if dtype is not np.uint8:
-            values = self._normalized(values).astype(dtype, copy=False)
-        return np.ascontiguousarray(values.transpose(0, 2, 3, 1)) if channels_last else values
+        height, width = canvas.shape[:2]
+        out: NDArray[Any] = np.empty((1, height, width, 3) if channels_last else (1, 3, height, width), dtype)
+        self.fill(canvas, out, channels_last)
+        return out
 
-    def _normalized(self, planes: NDArray[np.uint8]) -> NDArray[np.float32]:
+    def fill(self, canvas: NDArray[np.uint8], out: NDArray[Any], channels_last: bool = False) -> None:
+        """Write the tensor of an image into `out`; one that takes bytes gets them as they are, and normalizes itself.
+
+        Room for a tensor costs more than filling it where it is asked for anew with every frame.
+        """
+        target = out[0].transpose(2, 0, 1) if channels_last else out[0]
+        planes = self.planes(canvas)
         scale = 1 / np.array(self.deviation, np.float32)[:, None, None]
-        if not any(self.mean):
-            return np.asarray(planes.astype(np.float32) if (scale == 1).all() else planes * scale, np.float32)
-        values = planes - np.array(self.mean, np.float32)[:, None, None]
-        values *= scale
-        return np.asarray(values, np.float32)
+        if out.dtype == np.uint8 or (not any(self.mean) and (scale == 1).all()):
+            target[:] = planes
+        elif not any(self.mean):
+            np.multiply(planes, scale, out=target, casting="same_kind")
+        else:
+            np.multiply(planes - np.array(self.mean, np.float32)[:, None, None], scale, out=target, casting="same_kind")
 
 
 RGB_UNIT = Normalization("RGB", deviation=(255.0, 255.0, 255.0))

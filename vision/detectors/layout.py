@@ -103,6 +103,14 @@ def cells(size: Size, strides: tuple[int, ...] = (8, 16, 32)) -> list[NDArray[np
     return grids
 
 
+@cache
+def cell_table(size: Size, strides: tuple[int, ...] = (8, 16, 32)) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corner [n, 2], in cells, and stride [n, 1] of the grid cells of all strides, one stride after another."""
+    grids = cells(size, strides)
+    each = [np.full((len(grid), 1), float(stride)) for grid, stride in zip(grids, strides, strict=True)]
+    return np.concatenate(grids), np.concatenate(each)
+
+
 def cell_count(size: Size, strides: tuple[int, ...] = (8, 16, 32)) -> int:
     """Number of grid cells of all strides together.
 
@@ -130,10 +138,10 @@ def best_of(
     The best of the wanted ones, wherever another class wins, is still evidence for a vehicle.
     """
     scores = scores[:, wanted]
+    rows = np.flatnonzero(scores.max(axis=1, initial=-np.inf) >= floor)
+    scores = scores[rows]
     best = scores.argmax(axis=1)
-    top = scores[np.arange(len(scores)), best]
-    rows = np.flatnonzero(top >= floor)
-    return rows, top[rows], wanted[best[rows]]
+    return rows, scores[np.arange(len(rows)), best], wanted[best]
 
 
 def around(center: NDArray[np.floating], size: NDArray[np.floating]) -> NDArray[np.floating]:

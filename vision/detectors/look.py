@@ -1,6 +1,6 @@
 """What a detector finds in the frames of a video, one after another."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from vision.detectors.detections import Detections, Detector
 from vision.detectors.kept import Kept
 from vision.detectors.onnx_detector import OnnxDetector
-from vision.video import Video
+from vision.video import Frame, Video
 
 CHUNK = 250  # frames after which detections are written: some seconds of work
+BURST = 4  # frames that are decoded before they are detected, see `OnnxDetector.detect_all`
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Look:
     time : s since the file's time zero
     found : what is in it
     image : [height, width, 3] BGR; None where it was not decoded
-    decode, detect : s spent on it
+    decode, detect : s spent on it, as on each of its burst
     """
 
     index: int
@@ -58,28 +59,65 @@ def look(
     kept = Kept.of(cache, video, detector) if cache is not None and isinstance(detector, OnnxDetector) else None
     known = kept.found if kept else {}
     places = np.arange(0, len(video), every)
-    missing = [place for place in places if int(video.index[place]) not in known]
-    ready = detector.prepare(video) if missing else detector
-    frames = video.frames_at(places if images else np.array(missing, np.intp))
+    missing = places[[int(index) not in known for index in video.index[places]]]
+    ready = detector.prepare(video) if len(missing) else detector
+    frames = video.frames_at(places if images else missing)
     fresh: list[tuple[int, Detections]] = []
     try:
-        for place in places:
-            index, begun = int(video.index[place]), perf_counter()
-            image: NDArray[np.uint8] | None
-            found = known.get(index)
-            if found is None:
-                image = next(frames).image
-                decoded = perf_counter()
-                found = ready.detect(image)
-                fresh.append((index, found))
-            else:
-                image = next(frames).image if images else None
-                decoded = perf_counter()
-            spent = decoded - begun, perf_counter() - decoded
-            yield Look(index, float(video.time[place]), found, image, *spent)
+        for burst in np.split(places, range(BURST, len(places), BURST)):
+            looks = _burst(video, ready, burst, frames, known, images)
+            fresh += [(now.index, now.found) for now in looks if now.index not in known]
+            yield from looks
             if kept and len(fresh) >= CHUNK:
                 kept.add(fresh)
                 fresh = []
     finally:
         if kept:
             kept.add(fresh)
+
+
+def _burst(
+    video: Video,
+    detector: Detector,
+    places: NDArray[np.intp],
+    frames: Iterator[Frame],
+    known: Mapping[int, Detections],
+    images: bool,
+) -> list[Look]:
+    """Look at some frames, given by their places in the video, taking from `frames` those that must be decoded."""
+    indices = [int(index) for index in video.index[places]]
+    missing = [index for index in indices if index not in known]
+    shown: dict[int, NDArray[np.uint8]] = {}
+    decoding = 0.0
+
+    def unknown() -> Iterator[NDArray[np.uint8]]:
+        nonlocal decoding
+        for _ in indices if images else missing:
+            begun = perf_counter()
+            frame = next(frames)
+            decoding += perf_counter() - begun
+            if images:
+                shown[frame.index] = frame.image
+            if frame.index not in known:
+                yield frame.image
+
+    begun = perf_counter()
+    found = dict(zip(missing, _detect_all(detector, unknown()), strict=True))
+    detecting = perf_counter() - begun - decoding
+    return [
+        Look(
+            index,
+            float(video.time[place]),
+            known[index] if index in known else found[index],
+            shown.get(index),
+            decoding / len(indices),
+            detecting / len(indices),
+        )
+        for index, place in zip(indices, places, strict=True)
+    ]
+
+
+def _detect_all(detector: Detector, images: Iterator[NDArray[np.uint8]]) -> list[Detections]:
+    if isinstance(detector, OnnxDetector):
+        return detector.detect_all(images)
+    return [detector.detect(image) for image in images]

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -45,6 +45,7 @@ class OnnxDetector:
     threshold : score above which a detection is believable on its own
     mute : whether all its scores were exactly zero in the dry run, though it answers for every place
     background : median image [height, width, 3] of the video at input size, for graphs that want one
+    feeds : what the graph takes, filled anew with every frame, so that one detector serves one thread
     """
 
     path: Path
@@ -58,6 +59,7 @@ class OnnxDetector:
     threshold: float
     mute: bool = False
     background: NDArray[np.uint8] | None = None
+    feeds: dict[str, NDArray[Any]] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -87,10 +89,31 @@ class OnnxDetector:
 
     def detect(self, image: NDArray[np.uint8]) -> Detections:
         """Find the vehicles in an image [height, width, 3], BGR; weak ones too, down to a score of 0.1."""
-        outputs, placement = self._answer(image)
+        return self.detect_all([image])[0]
+
+    def detect_all(self, images: Iterable[NDArray[np.uint8]]) -> list[Detections]:
+        """Detect in some images, step by step rather than one by one.
+
+        A network drives all else from the processor's cache; steps that find their code and tables there cost half.
+        """
+        fitted = [(*self._fit(image), image.shape[0] * image.shape[1]) for image in images]
+        answers = [self._answer(canvas) for canvas, _, _ in fitted]
+        return [self._read(answer, place, whole) for answer, (_, place, whole) in zip(answers, fitted, strict=True)]
+
+    def _answer(self, canvas: NDArray[np.uint8]) -> list[NDArray[Any]]:
+        """Outputs of the graph for an image of its size."""
+        if not self.feeds:
+            canvases = [canvas] if self.background is None else [canvas, self.background]
+            self.feeds.update(self.image.tensors(canvases, self.layout.normalization))
+            self.feeds.update(side_feeds(self.session, self.image, self.size))
+        self.layout.normalization.fill(canvas, self.feeds[self.image.names[0]], self.image.channels_last)
+        return run(self.session, self.feeds, self.reads)
+
+    def _read(self, outputs: Sequence[NDArray[Any]], placement: Placement, whole: int) -> Detections:
         found = self.layout.decode(outputs, self.size, self.wanted, FLOOR)
         box = placement.to_image(found.box)
-        plausible = np.flatnonzero((area(box) > 0) & (area(box) < LARGEST * image.shape[0] * image.shape[1]))
+        size = area(box)
+        plausible = np.flatnonzero((size > 0) & (size < LARGEST * whole))
         kept = plausible[suppress(box[plausible], np.asarray(found.score[plausible], float))]
         return Detections(
             box[kept],
@@ -98,17 +121,11 @@ class OnnxDetector:
             np.array([self.names[place] for place in found.label[kept]], dtype=str),
         )
 
-    def _answer(self, image: NDArray[np.uint8]) -> tuple[list[NDArray[Any]], Placement]:
-        canvas, placement = self._fit(image)
-        images = [canvas] if self.background is None else [canvas, self.background]
-        tensors = self.image.tensors(images, self.layout.normalization)
-        return run(self.session, {**tensors, **side_feeds(self.session, self.image, self.size)}, self.reads), placement
-
     def _fit(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], Placement]:
         return fit_image(image, self.size, self.layout.fitting, self.layout.fill)
 
     def _is_mute(self, image: NDArray[np.uint8]) -> bool:
-        return is_mute(self.layout, self._answer(image)[0], self.size, len(self.names))
+        return is_mute(self.layout, self._answer(self._fit(image)[0]), self.size, len(self.names))
 
 
 def load_detector(

@@ -2,6 +2,8 @@
 
 import ast
 import logging
+import os
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,6 +73,7 @@ def open_session(path: Path) -> Any:
     options.log_severity_level = 3
     # Spinning threads would take the cores that decode the next frame.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    options.intra_op_num_threads = allotted_cores()
     try:
         for provider in (name for name in PROVIDERS if name in onnxruntime.get_available_providers()):
             wanted = list(dict.fromkeys([provider, PROVIDERS[-1]]))
@@ -86,6 +89,15 @@ def open_session(path: Path) -> Any:
         raise InputError(
             f"{path}: not an ONNX model that onnxruntime can run ({first_line(error)}); export it again"
         ) from error
+
+
+def allotted_cores() -> int:
+    """Return how many cores this process is confined to (taskset, a container); 0 where it has all.
+
+    Left alone, onnxruntime would bind a thread to every core of the machine.
+    """
+    allotted = len(os.sched_getaffinity(0)) if sys.platform == "linux" else 0
+    return allotted if allotted < (os.cpu_count() or 0) else 0
 
 
 def find_input(session: Any, path: Path) -> ImageInput:

@@ -15,7 +15,7 @@ from vision.detectors.layout import (
     around,
     best_of,
     cell_count,
-    cells,
+    cell_table,
     classes_along,
 )
 
@@ -40,10 +40,9 @@ def decode_yolox(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: 
     likely = np.flatnonzero(raw[:, 4] >= floor)
     best, score, label = best_of(raw[likely, 5:] * raw[likely, 4:5], wanted, floor)
     rows = likely[best]
-    grids = cells(size)
-    stride = np.concatenate([np.full(len(g), s) for g, s in zip(grids, (8, 16, 32), strict=True)])[rows, None]
-    center = (raw[rows, :2] + np.concatenate(grids)[rows]) * stride
-    return Candidates(around(center, np.exp(raw[rows, 2:4]) * stride), score, label)
+    corner, stride = cell_table(size)
+    center = (raw[rows, :2] + corner[rows]) * stride[rows]
+    return Candidates(around(center, np.exp(raw[rows, 2:4]) * stride[rows]), score, label)
 
 
 def decode_yolov8(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: float) -> Candidates:
