@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Iterable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from time import perf_counter
@@ -16,7 +16,7 @@ from vision.camera import Calibration
 from vision.contract.errors import InputError
 from vision.contract.progress import progress
 from vision.contract.table import COLUMNS
-from vision.detectors import Detections, Detector, load_detector
+from vision.detectors import Detector, load_detector
 from vision.detectors.look import Look, look
 from vision.ground_track import ground_tracks, placeable
 from vision.interpolate import BOX, fill_frames, majority_class
@@ -126,18 +126,24 @@ def box_tracks(
     looked_at = len(range(0, len(video), every))
     looks = look(video, detector, every, cache=cache, images=appearance is not None)
     with progress("detecting vehicles", looked_at) as advance, closing(looks):
-        seen = []
+        seen, vectors, detected = [], [], 0
         for now in looks:
-            seen.append(now)
+            found = now.found.select(placeable(now.found.box, calibration)) if calibration else now.found
+            vectors.append(appearance.embed(now.image, found.box) if appearance and now.image is not None else None)
+            seen.append(replace(now, found=found, image=None))
+            detected += len(now.found)
             advance(1)
     begun = perf_counter()
-    fixes = _follow(seen, Tracker(strong, max(PATIENCE, PATIENT_FRAMES * every * video.frame_interval)), calibration)
+    tracker = Tracker(strong, max(PATIENCE, PATIENT_FRAMES * every * video.frame_interval), calibration)
+    owners = [
+        tracker.update(now.time, now.found.box, now.found.score, looks_like)
+        for now, looks_like in zip(seen, vectors, strict=True)
+    ]
     speed = Speed(looked_at, sum(now.decode for now in seen), sum(now.detect for now in seen), perf_counter() - begun)
-    table = _tabulate(fixes)
+    table = _tabulate(seen, owners)
     counts = table.groupby("track_id")["frame"].transform("size")
     table = table[counts >= FEWEST_FIXES]
-    detected = sum(len(now.found) for now in seen)
-    if table.empty and detected >= FEWEST_FIXES and not any(len(found) for _, _, found, _ in fixes):
+    if table.empty and detected >= FEWEST_FIXES and not any(len(now.found) for now in seen):
         raise off_road(video.path)
     if table.empty:
         raise InputError(
@@ -146,17 +152,6 @@ def box_tracks(
         )
     filled = fill_frames(majority_class(table), video.index[::every], video.time[::every])
     return filled[list(PIXEL_COLUMNS)], speed
-
-
-def _follow(
-    seen: Sequence[Look], tracker: Tracker, calibration: Calibration | None
-) -> list[tuple[int, float, Detections, np.ndarray]]:
-    """Frame, time, detections that can be placed, and their tracks, of every frame."""
-    fixes = []
-    for now in seen:
-        found = now.found.select(placeable(now.found.box, calibration)) if calibration else now.found
-        fixes.append((now.index, now.time, found, tracker.update(now.time, found.box, found.score)))
-    return fixes
 
 
 def on_road(
@@ -226,18 +221,19 @@ def summarize(table: "pd.DataFrame", speed: Speed) -> dict[str, object]:
     return summary
 
 
-def _tabulate(fixes: Sequence[tuple[int, float, Detections, np.ndarray]]) -> "pd.DataFrame":
+def _tabulate(seen: Sequence[Look], owners: Sequence[np.ndarray]) -> "pd.DataFrame":
+    """Detections that belong to a track, of all frames; `owners` are the tracks of each frame's, 0 for none."""
     import pandas as pd
 
-    count = [len(found) for _, _, found, _ in fixes]
-    boxes = np.concatenate([found.box for _, _, found, _ in fixes])
+    count = [len(now.found) for now in seen]
+    boxes = np.concatenate([now.found.box for now in seen])
     table = pd.DataFrame(
         {
-            "frame": np.repeat([index for index, *_ in fixes], count),
-            "time": np.repeat([time for _, time, *_ in fixes], count),
-            "track_id": np.concatenate([owner for *_, owner in fixes]),
-            "class": np.concatenate([found.label for _, _, found, _ in fixes]),
-            "confidence": np.concatenate([found.score for _, _, found, _ in fixes]),
+            "frame": np.repeat([now.index for now in seen], count),
+            "time": np.repeat([now.time for now in seen], count),
+            "track_id": np.concatenate(owners),
+            "class": np.concatenate([now.found.label for now in seen]),
+            "confidence": np.concatenate([now.found.score for now in seen]),
             **{name: boxes[:, side] for side, name in enumerate(BOX)},
         }
     )
