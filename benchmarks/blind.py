@@ -33,11 +33,6 @@ FAIR = (
 GEOMETRY = (
     "camber", "poisson_ratio", "unknown_anisotropy", "track_offset", "track_rotation", "track_scale", "channel_stretch",
 )  # fmt: skip
-#: Amounts of either sign are as plausible.
-SIGNED = {
-    "poisson_gradient", "stiffness_contrast", "gauge_length", "clock_offset", "track_bias", "track_bend",
-    "track_offset", "track_rotation", "track_scale", "channel_stretch", "poisson_ratio",
-}  # fmt: skip
 #: Outside the catalogue, and not absorbed by what is free in every fit (the load of a pass).
 UNKNOWN = tuple(
     name for name in EFFECTS if name.startswith("unknown_") and name not in {*GEOMETRY, "unknown_speed_load"}
@@ -60,7 +55,7 @@ def draw_trial(seed: int, kind: str | None = None) -> Scenario:
 def amount(name: str, rng: np.random.Generator) -> float:
     """A plausible amount, of either sign where both are."""
     size = float(rng.uniform(*EFFECTS[name].plausible))
-    return size * float(rng.choice([-1, 1])) if name in SIGNED else size
+    return size * float(rng.choice([-1, 1])) if EFFECTS[name].signed else size
 
 
 def kind_of(scenario: Scenario) -> str:

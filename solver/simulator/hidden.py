@@ -20,6 +20,7 @@ class Hidden(NamedTuple):
     stage : of the signal path that it changes
     meaning : of the amount, with its unit
     plausible : amounts, low and high, met on streets
+    signed : whether a negative amount is as plausible; else there is none
     settings : secondary numbers; `tau` of `viscoelastic_lag` is given as `viscoelastic_lag_tau`
     """
 
@@ -27,3 +28,4 @@ class Hidden(NamedTuple):
     meaning: str
     plausible: tuple[float, float]
     settings: Mapping[str, Setting] = {}
+    signed: bool = False

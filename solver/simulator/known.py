@@ -6,7 +6,9 @@ KNOWN: dict[str, Hidden] = {
     # --- load
     "wheel_layout": Hidden("load", "1: the trajectories call every class `vehicle`", (1, 1)),
     "point_load": Hidden("load", "1: every vehicle is one point load, as published, and its class `vehicle`", (1, 1)),
-    "front_share": Hidden("load", "more of every vehicle's load is on its front axle, by this share", (0.05, 0.12)),
+    "front_share": Hidden(
+        "load", "more of every vehicle's load is on its front axle, by this share", (0.05, 0.12), signed=True
+    ),
     "long_vehicle": Hidden(
         "load",
         "m from first to last axle of every third vehicle, called a truck",
@@ -44,7 +46,7 @@ KNOWN: dict[str, Hidden] = {
     "camber": Hidden("load", "share of the load that pushes the ground to the right of the vehicle", (0.015, 0.03)),
     "unseen_vehicle": Hidden("load", "load, relative to a car's, of a vehicle that the trajectories lack", (0.1, 2)),
     # --- ground
-    "poisson_ratio": Hidden("ground", "added to the scenario's Poisson ratio", (0.05, 0.2)),
+    "poisson_ratio": Hidden("ground", "added to the scenario's Poisson ratio", (0.05, 0.2), signed=True),
     "poisson_gradient": Hidden(
         "ground",
         "Poisson ratio falls by this before, rises by this beyond a place: tanh",
@@ -53,6 +55,7 @@ KNOWN: dict[str, Hidden] = {
             "at": Setting(0.4, 0.6, "share of the view from its low end, where it is the scenario's"),
             "width": Setting(5, 15, "m; of the tanh"),
         },
+        signed=True,
     ),
     "stiffness_contrast": Hidden(
         "ground",
@@ -62,6 +65,7 @@ KNOWN: dict[str, Hidden] = {
             "at": Setting(0.5, 0.5, "share of the view from its low end"),
             "width": Setting(2, 2, "m; of the tanh"),
         },
+        signed=True,
     ),
     "layered_ground": Hidden(
         "ground",
@@ -127,11 +131,16 @@ KNOWN: dict[str, Hidden] = {
         {"wavelength": Setting(25, 40, "m of its undulation")},
     ),
     "channel_stretch": Hidden(
-        "cable", "relative: channels lie this much farther apart than the file says", (0.002, 0.02)
+        "cable",
+        "relative: channels lie this much farther apart than the file says",
+        (0.002, 0.02),
+        signed=True,
     ),
     "channel_wander": Hidden("cable", "m; sd of the channels' smooth departure along the fiber", (0.1, 1)),
     # --- interrogator
-    "gauge_length": Hidden("interrogator", "relative error: the true gauge is (1 + value) the one told", (0.05, 0.2)),
+    "gauge_length": Hidden(
+        "interrogator", "relative error: the true gauge is (1 + value) the one told", (0.05, 0.2), signed=True
+    ),
     "pulse_width": Hidden(
         "interrogator",
         "m of an additional average along the fiber (a Gaussian's equivalent width: sqrt(12) sd)",
@@ -185,22 +194,38 @@ KNOWN: dict[str, Hidden] = {
     ),
     # --- trajectory: the amount is what has to be added to the table's numbers to mend them
     "clock_offset": Hidden(
-        "trajectory", "s; the interrogator's clock is ahead of the trajectories' by this much", (0.05, 0.5)
+        "trajectory",
+        "s; the interrogator's clock is ahead of the trajectories' by this much",
+        (0.05, 0.5),
+        signed=True,
     ),
-    "clock_drift": Hidden("trajectory", "the trajectories' clock loses this share of the time", (5e-4, 5e-3)),
-    "track_bias": Hidden("trajectory", "m; vehicles are this much farther ahead, as they drive, than told", (0.2, 2)),
+    "clock_drift": Hidden(
+        "trajectory", "the trajectories' clock loses this share of the time", (5e-4, 5e-3), signed=True
+    ),
+    "track_bias": Hidden(
+        "trajectory", "m; vehicles are this much farther ahead, as they drive, than told", (0.2, 2), signed=True
+    ),
     "track_offset": Hidden(
         "trajectory",
         "m; everything is this much farther to the right of +x than told",
         (0.1, 1),
         {"along": Setting(0, 0, "m; and this much farther along x")},
+        signed=True,
     ),
-    "track_rotation": Hidden("trajectory", "degrees clockwise from above, about the view's middle", (0.3, 2)),
+    "track_rotation": Hidden(
+        "trajectory", "degrees clockwise from above, about the view's middle", (0.3, 2), signed=True
+    ),
     "track_scale": Hidden(
-        "trajectory", "relative; distances from the view's middle are this much longer", (0.005, 0.03)
+        "trajectory",
+        "relative; distances from the view's middle are this much longer",
+        (0.005, 0.03),
+        signed=True,
     ),
     "track_bend": Hidden(
-        "trajectory", "m; y is farther right by this at the view's ends, by none in its middle", (0.2, 1)
+        "trajectory",
+        "m; y is farther right by this at the view's ends, by none in its middle",
+        (0.2, 1),
+        signed=True,
     ),
     "track_jitter": Hidden(
         "trajectory",

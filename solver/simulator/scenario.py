@@ -252,8 +252,37 @@ def _rules(s: Scenario) -> list[tuple[bool, str]]:
         (_is_time(s.start), f"start: ISO 8601 in UTC, such as 2025-08-11T06:00:00, not {s.start!r}"),
         (set(s.classes) <= set(FLEET), f"classes: known are {', '.join(FLEET)}"),
         (all(v >= 0 for v in s.classes.values()) and sum(s.classes.values()) > 0, "classes: shares above 0"),
-        (set(s.effects) <= {*EFFECTS, *SETTINGS}, f"effects: known are {', '.join((*EFFECTS, *SETTINGS))}"),
-        (s.effects.get("gauge_length", 0.0) > -0.9, "effects.gauge_length: relative error, above -0.9"),
+        (set(s.effects) <= {*EFFECTS, *SETTINGS}, f"effects: known are {', '.join(EFFECTS)}, and their settings"),
+        *(
+            (s.effects.get(name, 0.0) >= 0, f"effects.{name}: must not be negative; {effect.meaning}")
+            for name, effect in EFFECTS.items()
+            if not effect.signed
+        ),
+        *_effect_rules(s),
+    ]
+
+
+def _effect_rules(s: Scenario) -> list[tuple[bool, str]]:
+    """What effects can be computed with; only for names that are known."""
+    if not set(s.effects) <= {*EFFECTS, *SETTINGS}:
+        return []
+    ratio = s.poisson_ratio + s.effect("poisson_ratio")
+    spread = abs(s.effect("poisson_gradient"))
+    fastest = 1.1 * s.effect("moving_load") * s.speeds[1] / 3.6 / 15.0
+    return [
+        (s.effect("gauge_length") > -0.9, "effects.gauge_length: relative error, above -0.9"),
+        (
+            (not s.effect("poisson_ratio") and not spread) or 0 <= ratio - spread <= ratio + spread <= 0.5,
+            "effects: the Poisson ratio must stay between 0 and 0.5",
+        ),
+        (
+            fastest < 0.8,
+            "effects.moving_load: the fastest vehicles would be as fast as surface waves; lower it or the speeds",
+        ),
+        (abs(s.effect("front_share")) < 0.3, "effects.front_share: within 0.3 of the class's"),
+        (abs(s.effect("channel_stretch")) < 0.5, "effects.channel_stretch: relative, within 0.5"),
+        (abs(s.effect("track_scale")) < 0.5, "effects.track_scale: relative, within 0.5"),
+        *((s.effect(name) < 40, f"effects.{name}: the corner must be below 40 Hz") for name in ("lowpass", "highpass")),
     ]
 
 

@@ -191,4 +191,4 @@ def _poisson_ratio(scenario: Scenario, x: Array) -> Array:
     """[node] at x [node], m."""
     uniform = scenario.poisson_ratio + scenario.effect("poisson_ratio")
     ratio = uniform + scenario.effect("poisson_gradient") * _step(scenario, "poisson_gradient", x)
-    return np.clip(ratio, 0.0, 0.5)
+    return np.asarray(ratio)

@@ -10,7 +10,7 @@ UNKNOWN: dict[str, Hidden] = {
         (0.1, 0.3),
         {"shortest": Setting(8, 12, "m; wavelength"), "longest": Setting(30, 50, "m; wavelength")},
     ),
-    "unknown_speed_load": Hidden("load", "load grows by this when the speed doubles", (0.2, 0.6)),
+    "unknown_speed_load": Hidden("load", "load grows by this when the speed doubles", (0.2, 0.6), signed=True),
     "unknown_wake": Hidden(
         "load",
         "share of a large vehicle's load by which the air behind it sucks, over a stretch of road",
@@ -24,7 +24,7 @@ UNKNOWN: dict[str, Hidden] = {
         (0.05, 0.2),
         {"behind": Setting(12, 25, "m"), "wavelength": Setting(10, 18, "m"), "width": Setting(5, 8, "m; sd")},
     ),
-    "unknown_anisotropy": Hidden("ground", "distances across the road count this much more", (0.05, 0.2)),
+    "unknown_anisotropy": Hidden("ground", "distances across the road count this much more", (0.05, 0.2), signed=True),
     "unknown_softening": Hidden("ground", "more strain by this share where it is largest, in proportion", (0.2, 0.6)),
     "unknown_hysteresis": Hidden(
         "ground",
@@ -37,7 +37,7 @@ UNKNOWN: dict[str, Hidden] = {
         "cable",
         "share of the light that runs in a second duct",
         (0.2, 0.5),
-        {"aside": Setting(2.0, 4.0, "m farther from the road than the first")},
+        {"aside": Setting(5.0, 9.0, "m farther from the road than the first")},
     ),
     # --- interrogator
     "unknown_skewed_kernel": Hidden(
@@ -52,9 +52,12 @@ UNKNOWN: dict[str, Hidden] = {
         (0.05, 0.3),
         {"channels": Setting(20, 20, "how many farther on")},
     ),
-    "unknown_quadratic": Hidden("interrogator", "rate + b rate^2 / largest", (0.15, 0.5)),
+    "unknown_quadratic": Hidden("interrogator", "rate + b rate^2 / largest", (0.15, 0.5), signed=True),
     "unknown_channel_delay": Hidden(
-        "interrogator", "s that a channel is read later than one 100 before it", (0.1, 0.4)
+        "interrogator",
+        "s that a channel is read later than one 100 before it",
+        (0.1, 0.4),
+        signed=True,
     ),
     "unknown_gain_drift": Hidden(
         "interrogator",
@@ -75,6 +78,9 @@ UNKNOWN: dict[str, Hidden] = {
     ),
     # --- trajectory
     "unknown_tall_vehicles": Hidden(
-        "trajectory", "m; trucks and buses, and half as much vans, are farther to the right than told", (0.3, 1.0)
+        "trajectory",
+        "m; trucks and buses, and half as much vans, are farther to the right than told",
+        (0.6, 1.5),
+        signed=True,
     ),
 }

@@ -27,7 +27,7 @@ def test_every_kind_is_drawn_and_a_seed_is_a_trial(blind):
         assert trial.noise == "street" and trial.track_noise == "camera"
         for name, amount in trial.effects.items():
             low, high = EFFECTS[name].plausible
-            assert low <= abs(amount) <= high and (amount > 0 or name in blind.SIGNED)
+            assert low <= abs(amount) <= high and (amount > 0 or EFFECTS[name].signed)
     two = [trial for trial, kind in zip(trials, kinds, strict=True) if kind == "two"]
     assert all(len({EFFECTS[name].stage for name in trial.effects}) == 2 for trial in two)
 
