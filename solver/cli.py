@@ -13,13 +13,16 @@ def simulate(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="A TOML file, or `street`, or `street-` and `gps`, `paper` (point loads), `filtered`, `blind`, `filmed`."
+            help="A TOML file, or `street`, or `street-` with `gps`, `paper` (point loads), `filtered`, `blind`, `filmed`"
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; an earlier simulated survey there is replaced.")],
     seed: Annotated[int | None, typer.Option(help="Another seed is another street.  [default: 0]")] = None,
     passes: Annotated[int | None, typer.Option(help="Vehicles that go by.  [default: 8]")] = None,
     snr: Annotated[float | None, typer.Option(help="Signal to noise in the passes' maps, dB.  [default: 20]")] = None,
+    hide: Annotated[
+        list[str] | None, typer.Option(help="Hide an effect or set one of its settings, NAME=AMOUNT; may be repeated.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
 ) -> None:
     """Simulate a survey: DAS files, trajectories, anchors, site.toml, and truth.json with all that they hide.
@@ -27,12 +30,15 @@ def simulate(
     The generator shares no code with the solver's signal path. The keys of a scenario file are the fields of
     `solver.simulator.Scenario`, such as `speeds = [30, 50]` (km/h) or `[effects]` with `gauge_length = 0.15`.
 
+    Some sixty effects can be hidden in it, see `solver.simulator.EFFECTS`, such as `--hide viscoelastic_lag=0.3
+    --hide viscoelastic_lag_tau=0.4`; those whose name begins with `unknown_` are in no catalogue.
+
     Example: `roadfiber simulate street --seed 3 --out survey` and then `roadfiber locate survey/site.toml --out run`
     """
-    from solver.simulator import read_scenario, simulate, write_survey
+    from solver.simulator import amounts, read_scenario, simulate, write_survey
     from solver.simulator.files import require_free
 
-    wanted = read_scenario(scenario, seed=seed, passes=passes, snr_db=snr)
+    wanted = read_scenario(scenario, seed=seed, passes=passes, snr_db=snr, effects=amounts(hide) if hide else None)
     require_free(out)
     survey = simulate(wanted)
     site = write_survey(survey, out)

@@ -7,7 +7,7 @@ bring it.
 from solver.simulator.check import RouteError, route_error
 from solver.simulator.effects import EFFECTS
 from solver.simulator.files import write_survey
-from solver.simulator.scenario import BUILT_IN, Scenario, read_scenario
+from solver.simulator.scenario import BUILT_IN, Scenario, amounts, read_scenario
 from solver.simulator.survey import Survey, simulate
 from solver.simulator.vehicle import Vehicle
 
@@ -18,6 +18,7 @@ __all__ = [
     "Scenario",
     "Survey",
     "Vehicle",
+    "amounts",
     "read_scenario",
     "route_error",
     "simulate",

@@ -121,7 +121,7 @@ def strains(layers: Layers, distance: Array, depths: Array) -> Array:
     distance, depths : m; distances above 0
     """
     from scipy.interpolate import CubicSpline
-    from scipy.special import j0, jn
+    from scipy.special import j0, j1
 
     coarse = np.concatenate([[0.0], np.geomspace(1e-4, DECAY / depths.min(), 400)])
     nodes, weights = np.polynomial.legendre.leggauss(16)
@@ -129,7 +129,10 @@ def strains(layers: Layers, distance: Array, depths: Array) -> Array:
     k = (panels[:, None] + PANEL / 2 * (1 + nodes)).ravel()
     measure = np.resize(weights, len(k)) * PANEL / 2
     r = distance[:, None]
-    bessel = (jn(1, k * r) / r, -jn(2, k * r) * k / r**2, j0(k * r), jn(1, k * r) / r)
+    level, steep = j0(k * r), j1(k * r) / r
+    # J2 = 2 J1 / x - J0, whose difference is lost in rounding where x is small: x^2 / 8 there.
+    second = np.where(k * r > 1e-2, 2 * steep / k - level, (k * r) ** 2 / 8)
+    bessel = (steep, -second * k / r**2, level, steep)
     nu, weight = layers.poisson_ratio, solve(layers, coarse)
     amount = np.empty((4, len(k), len(depths)))
     for column, depth in enumerate(depths):

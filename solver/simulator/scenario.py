@@ -2,7 +2,7 @@
 
 import dataclasses
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -168,6 +168,27 @@ def read_scenario(source: str | Path, **overrides: Any) -> Scenario:
         return Scenario(**{key: _tuples(value) for key, value in table.items()})
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
+
+
+def amounts(words: Sequence[str]) -> dict[str, float]:
+    """Effects from words such as `gauge_length=0.15`.
+
+    Raises
+    ------
+    InputError
+        A word that is not NAME=NUMBER.
+
+    >>> amounts(["lowpass=1.5", "lowpass_order=2"])
+    {'lowpass': 1.5, 'lowpass_order': 2.0}
+    """
+    effects = {}
+    for word in words:
+        name, _, number = word.partition("=")
+        try:
+            effects[name.strip()] = float(number)
+        except ValueError as error:
+            raise InputError(f"--hide {word}: must be NAME=NUMBER, such as gauge_length=0.15") from error
+    return effects
 
 
 def _from_file(path: Path) -> dict[str, Any]:

@@ -117,6 +117,17 @@ def test_the_command_writes_a_survey_that_reads(tmp_path):
         assert (again / name).read_bytes() == (out / name).read_bytes(), name
 
 
+def test_the_command_hides_what_is_asked(tmp_path):
+    out = tmp_path / "survey"
+    words = ("--hide", "viscoelastic_lag=0.3", "--hide", "viscoelastic_lag_tau=0.4")
+    assert run("street", "--passes", 1, *words, "--out", out).exit_code == 0
+    known = json.loads((out / "truth.json").read_text())
+    assert known["hidden_effect"] == "viscoelastic_lag"
+    assert known["switches"] == {"viscoelastic_lag": 0.3, "viscoelastic_lag_tau": 0.4, "viscoelastic_lag_model": 0.0}
+    failed = run("street", "--hide", "viscoelastic_lag", "--out", tmp_path / "other")
+    assert isinstance(failed.exception, InputError) and "NAME=NUMBER" in str(failed.exception)
+
+
 def test_a_bad_scenario_is_one_line_and_exit_2(tmp_path):
     out = tmp_path / "survey"
     command = [sys.executable, "-m", "roadfiber", "simulate", "strete", "--out", str(out)]
