@@ -77,17 +77,17 @@ class RadialTable:
 
         Parameters
         ----------
-        square : [...], r^2
-        depth : [...]
+        square : [point], r^2
+        depth : [point]
 
         Returns
         -------
-        u_r / r, its derivative by t, u_z, its derivative by t : [...]
+        u_r / r, its derivative by t, u_z, its derivative by t : [point]
         """
         columns = len(self.coefficients) // (len(self.depth) - 1)
         down = depth.clamp(float(self.depth[0]), float(self.depth[-1]))
         row = torch.bucketize(down.detach(), self.depth[1:-1])
-        x = (down - self.depth[row]) / torch.diff(self.depth)[row]
+        x = (down - self.depth.index_select(0, row)) / torch.diff(self.depth).index_select(0, row)
         t = (torch.log1p(square) * (0.5 / self.step)).clamp(max=columns)
         column = t.detach().long().clamp(max=columns - 1)
         y = (t - column)[..., None]
