@@ -13,7 +13,7 @@ def simulate(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="A TOML file, or `street`, or `street-` with `gps`, `paper` (point loads), `filtered`, `blind`, `filmed`"
+            help="A TOML file, `street`, or `street-` with `gps`, `paper` (point loads), `filtered`, `blind`, `filmed`"
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; an earlier simulated survey there is replaced.")],
