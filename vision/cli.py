@@ -37,8 +37,13 @@ def track(
         typer.Option(envvar="ROADFIBER_CACHE", help="Folder that keeps detections.  [default: the user's cache]"),
     ] = None,
     no_cache: Annotated[bool, typer.Option("--no-cache", help="Neither use nor keep detections.")] = False,
+    appearance: Annotated[
+        Path | None,
+        typer.Option(help="ONNX embedding, [1,3,h,w] to [1,d]: knows hidden vehicles by their looks."),
+    ] = None,
     out: Annotated[
-        Path | None, typer.Option(help=".csv or .parquet to write.  [default: trajectories.csv; pixels: boxes.csv]")
+        Path | None,
+        typer.Option(help=".csv, .parquet, or MOTChallenge .txt.  [default: trajectories.csv; pixels: boxes.csv]"),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
@@ -51,6 +56,7 @@ def track(
 
     Example: `roadfiber track street.mp4 --calibration calibration.json --start 2025-08-11T06:00:00Z`
     """
+    from vision.appearance import Appearance
     from vision.cache import cache_folder
     from vision.camera import Calibration
     from vision.detectors import load_detector
@@ -66,7 +72,10 @@ def track(
     if view:
         view.require_size(clip.width, clip.height, video)
     zero = start_time(start, clip) if view or start else None
-    table, speed = box_tracks(clip, model, calibration=view, min_score=min_score, every=every, cache=kept)
+    looks = Appearance.load(appearance) if appearance else None
+    table, speed = box_tracks(
+        clip, model, calibration=view, min_score=min_score, every=every, cache=kept, appearance=looks
+    )
     if view and zero is not None:
         table = on_road(table, view, zero, clock_offset, video)
     elif zero is not None:
@@ -147,18 +156,22 @@ def split(text: str | None) -> list[str] | None:
 
 
 def check_suffix(out: Path) -> None:
-    """Raise InputError, before the work rather than after it, unless `out` is a .csv or .parquet file."""
+    """Raise InputError, before the work rather than after it, unless `out` is a .csv, .parquet or .txt file."""
     from vision.contract.errors import InputError
 
-    if out.suffix.lower() not in (".csv", ".parquet"):
-        raise InputError(f"{out}: tracks are written as .csv or .parquet; give one of these suffixes")
+    if out.suffix.lower() not in (".csv", ".parquet", ".txt"):
+        raise InputError(f"{out}: tracks are written as .csv or .parquet, or MOTChallenge .txt; give such a suffix")
 
 
 def write_table(table: "pd.DataFrame", out: Path) -> None:
     """Write trajectories, or tracks in pixels, whole or not at all."""
     from vision.contract.files import writing
     from vision.contract.table import write_trajectories
+    from vision.exchange import write_mot
 
+    if out.suffix.lower() == ".txt":
+        write_mot(table, out)
+        return
     if "x" in table:
         write_trajectories(table, out)
         return
@@ -184,5 +197,7 @@ def report(summary: dict[str, Any], as_json: bool) -> None:
         print(f"median sigma {summary['median_sigma_x']:g} m along x, {summary['median_sigma_y']:g} m along y")
     else:
         print("boxes in pixels only; for meters give --calibration (roadfiber calibrate ground makes one)")
+    if summary["frames_detected_before"]:
+        print(f"detections of {summary['frames_detected_before']} of {summary['frames']} frames were kept from before")
     print(f"frames per second: {rates}")
     print(f"wrote {summary['out']}")

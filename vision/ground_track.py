@@ -1,5 +1,6 @@
 """Boxes of tracks to positions on the road, each with its sigma."""
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from vision.body_fit import fit_body
 from vision.camera import Calibration
 from vision.interpolate import BOX
+from vision.smoother import Motion, smooth
 from vision.vehicles import SHAPES, VehicleShape
 
 if TYPE_CHECKING:
@@ -22,12 +24,14 @@ MARGIN = 2.0  # px; a box nearer to the image's border than this may be cut by i
 WINDOW = 1.5  # lengths of the vehicle, of travel over which its heading is taken
 LONGEST_WINDOW = 2.0  # s
 MOVED = 1.0  # m in that time, below which a vehicle stands
-ACCELERATION = 1.5  # m/s^2; what a vehicle may have done between two fixes
+LEAST_NOISE = 0.01  # m; no fix is better
+MEDIAN = 1.386  # of a chi-square with two degrees of freedom
 WORST_SIGMA = 1.5  # m; a fix less certain than this says nothing about a fiber
 WORST_MISFIT = 4.0  # sd; boxes that no vehicle of the class fills
 FEWEST_FIXES = 5
 TURNS = 6  # rounds, at most, of heading from positions and positions from headings
 STEADY = 0.01  # rad; change of heading that ends them
+COLUMNS = ("x", "y", "sigma_x", "sigma_y", "length", "width", "wheelbase", "x_measured", "y_measured")
 
 
 def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataFrame":
@@ -46,15 +50,44 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
 
     Returns
     -------
-    table [fix] of the same columns and x, y, sigma_x, sigma_y, length, width (m). Interpolated fixes lie on the
-    ground between their neighbors, with a sigma that grows with the gap. Fixes above the horizon, cut by too many
-    borders or less certain than 1.5 m are left out, and so are tracks with fewer than five of the rest.
+    table [fix] of the same columns and x, y, sigma_x, sigma_y, length, width, wheelbase, x_measured, y_measured (m):
+    x, y are smoothed (`vision.smoother`), also across missed frames; the measured ones are what each box alone says, on
+    a straight line where there is none. Fixes above the horizon, cut by too many borders or less certain than 1.5 m are
+    left out, and so are tracks with fewer than five of the rest.
+
+    Notes
+    -----
+    The sigma has three parts. Scatter, by which a track's fixes leave a straight line between their neighbors, is
+    smoothed. What every fix of a track shares (the size of the vehicle, edges that are always drawn alike; what the
+    body fit states beyond the scatter) is not, and nor is the error of the calibration
+    (`Calibration.position_covariance`).
     """
     import pandas as pd
 
-    parts = [_place(track, calibration) for _, track in tracks.groupby("track_id", sort=True)]
-    kept = [part for part in parts if len(part)]
-    return pd.concat(kept, ignore_index=True) if kept else _place(tracks.iloc[:0], calibration)
+    placed = [part for _, track in tracks.groupby("track_id", sort=True) if (part := _place(track, calibration))]
+    if not placed:
+        return tracks.iloc[:0].assign(**dict.fromkeys(COLUMNS, np.zeros(0)))
+    smoothed = smooth([part.motion for part in placed])
+    parts = [_tabulate(part, motion, calibration) for part, motion in zip(placed, smoothed, strict=True)]
+    return pd.concat(parts, ignore_index=True)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A track on the road, before it is smoothed.
+
+    Parameters
+    ----------
+    rows : of the table, from the first to the last fix that could be placed
+    motion : what the fixes say, with their independent errors
+    shared : [row, 2, 2], covariance of what all fixes have in common, m^2
+    size : length, width, wheelbase of the vehicle, m
+    """
+
+    rows: "pd.DataFrame"
+    motion: Motion
+    shared: Array
+    size: tuple[float, float, float]
 
 
 def placeable(boxes: Array, calibration: Calibration) -> NDArray[np.bool_]:
@@ -65,34 +98,65 @@ def placeable(boxes: Array, calibration: Calibration) -> NDArray[np.bool_]:
     return np.asarray(on_road & (coarsest * EDGE_BIAS < WORST_SIGMA))
 
 
-def _place(track: "pd.DataFrame", calibration: Calibration) -> "pd.DataFrame":
-    columns = ["x", "y", "sigma_x", "sigma_y", "length", "width"]
+def _place(track: "pd.DataFrame", calibration: Calibration) -> Placed | None:
     measured = track[~track["interpolated"].astype(bool)]
     boxes, time = measured[BOX].to_numpy(float), measured["time"].to_numpy(float)
     on_road = np.isfinite(calibration.to_ground(_contact(boxes))).all(axis=1)
     boxes, time = boxes[on_road], time[on_road]
     if len(time) < FEWEST_FIXES:
-        return track.iloc[:0].assign(**dict.fromkeys(columns, np.zeros(0)))
+        return None
     shape = SHAPES.get(track["class"].iloc[0], SHAPES["vehicle"])
     sigma = edge_sigma(time, boxes, calibration.image_size)
-    position, deviation, size = _positions(calibration, shape, time, boxes, sigma)
+    position, covariance, size = _positions(calibration, shape, time, boxes, sigma)
+    with np.errstate(invalid="ignore"):
+        deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     good = np.isfinite(position).all(axis=1) & (deviation.max(axis=1) < WORST_SIGMA)
     if good.sum() < FEWEST_FIXES:
-        return track.iloc[:0].assign(**dict.fromkeys(columns, np.zeros(0)))
-    time, position, deviation = time[good], position[good], deviation[good]
-    inside = track[(track["time"] >= time[0]) & (track["time"] <= time[-1])]
-    at = inside["time"].to_numpy(float)
-    x, y = (np.interp(at, time, position[:, axis]) for axis in (0, 1))
-    between = gap_sigma(at, time)
-    sigma_x, sigma_y = (np.hypot(np.interp(at, time, deviation[:, axis]), between) for axis in (0, 1))
-    placed = dict(zip(columns, [x, y, sigma_x, sigma_y, size[0], size[1]], strict=True))
-    return inside.assign(**placed, interpolated=~np.isin(at, time))
+        return None
+    time, position, covariance = time[good], position[good], covariance[good]
+    rows = track[(track["time"] >= time[0]) & (track["time"] <= time[-1])]
+    share = scatter_share(time, position, covariance)
+    at = rows["time"].to_numpy(float)
+    motion = Motion(at, np.full((len(at), 2), np.nan), np.tile(np.eye(2), (len(at), 1, 1)))
+    fixes = np.isin(at, time)
+    motion.position[fixes] = position
+    motion.covariance[fixes] = share * covariance + LEAST_NOISE**2 * np.eye(2)
+    shared = max(1 - share, 0.0) * np.stack(
+        [[np.interp(at, time, covariance[:, a, b]) for b in (0, 1)] for a in (0, 1)]
+    ).transpose(2, 0, 1)
+    wheelbase = shape.wheelbase * size[0] / shape.size[0]
+    return Placed(rows, motion, shared, (float(size[0]), float(size[1]), float(wheelbase)))
+
+
+def _tabulate(placed: Placed, smoothed: Motion, calibration: Calibration) -> "pd.DataFrame":
+    rows, motion = placed.rows, placed.motion
+    fixes = np.asarray(np.isfinite(motion.position).all(axis=1))
+    measured = [np.interp(motion.time, motion.time[fixes], motion.position[fixes, axis]) for axis in (0, 1)]
+    calibrated = np.nan_to_num(calibration.position_covariance(calibration.to_image(smoothed.position)))
+    total = smoothed.covariance + placed.shared + calibrated
+    sigma = np.sqrt(np.diagonal(total, axis1=1, axis2=2)).T
+    columns = dict(zip(COLUMNS, [*smoothed.position.T, *sigma, *placed.size, *measured], strict=True))
+    return rows.assign(**columns, interpolated=~fixes)
+
+
+def scatter_share(time: Array, position: Array, covariance: Array) -> float:
+    """Share of the covariances [n, 2, 2] that the scatter of positions [n, 2] shows to be independent from fix to fix.
+
+    Of the distance of every fix from the straight line, in time, between its neighbors: three fixes, so covariances add
+    to about 1.5. The median, against that of a chi-square, so that a wrong fix does not count.
+    """
+    if len(time) < FEWEST_FIXES:
+        return 1.0
+    part = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
+    bend = position[1:-1] - (1 - part) * position[:-2] - part * position[2:]
+    distance = np.einsum("ni,nij,nj->n", bend, np.linalg.inv(1.5 * covariance[1:-1]), bend)
+    return float(np.median(distance) / MEDIAN)
 
 
 def _positions(
     calibration: Calibration, shape: VehicleShape, time: Array, boxes: Array, sigma: Array
 ) -> tuple[Array, Array, Array]:
-    """Positions [n, 2] and their sd [n, 2], m (NaN where there is no answer), and the size (3,) of the vehicle."""
+    """Positions [n, 2], m, covariances [n, 2, 2] (NaN where there is no answer), and size (3,) of the vehicle."""
     camera = calibration.pinhole()
     position, covariance = contact_positions(calibration, shape, boxes, sigma, np.zeros(len(time)))
     size, heading = np.array(shape.size), np.full(len(time), np.inf)
@@ -108,8 +172,8 @@ def _positions(
         position, covariance, size = fit.position, fit.covariance, fit.size
         covariance = covariance * np.maximum(fit.misfit, 1.0)[:, None, None] ** 2
         covariance[fit.misfit > WORST_MISFIT] = np.nan
-    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    return np.where(np.isfinite(deviation), position, np.nan), deviation, size
+    known = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))[:, None]
+    return np.where(known, position, np.nan), covariance, size
 
 
 def edge_sigma(time: Array, boxes: Array, image_size: tuple[int, int]) -> Array:
@@ -184,15 +248,6 @@ def _slopes(time: Array, position: Array, half: float) -> Array:
     spread = window_sum(t * t) - window_sum(t) ** 2 / count
     covariance = window_sum(t * position) - window_sum(t) * window_sum(position) / count
     return np.where(spread > 1e-9, covariance / np.maximum(spread, 1e-9), 0.0)
-
-
-def gap_sigma(at: Array, time: Array) -> Array:
-    """Sd [n], m, of a straight line between fixes at times `time` against what a vehicle may have done, at `at`.
-
-    With a constant acceleration a over the gap it would be off by a (t - t0)(t1 - t) / 2.
-    """
-    after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
-    return np.asarray(ACCELERATION * np.abs((at - time[after - 1]) * (time[after] - at)) / 2)
 
 
 def _contact(boxes: Array) -> Array:

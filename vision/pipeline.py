@@ -32,23 +32,40 @@ FEWEST_FIXES = 5  # of a track; less is more often a false alarm than a vehicle
 PATIENCE = 1.0  # s without a fix after which a track ends, or
 PATIENT_FRAMES = 6  # looked-at frames, whichever is longer
 PIXEL_COLUMNS = ("time", "track_id", "class", *BOX, "confidence", "interpolated", "frame", "detected_class")
-EXTRA_COLUMNS = ("confidence", "interpolated", "length", "width", "frame", *BOX, "detected_class")
+EXTRA_COLUMNS = (
+    *("confidence", "interpolated", "length", "width", "wheelbase", "frame", *BOX, "detected_class"),
+    *("x_measured", "y_measured"),
+)
 
 
 @dataclass(frozen=True)
 class Speed:
-    """Where the time went: frames looked at, and s spent to decode, to detect and to track them."""
+    """Where the time went.
+
+    Parameters
+    ----------
+    frames : looked at
+    fresh : of these, detected now; of the others detections were kept
+    decode, detect, track : s spent on it
+    """
 
     frames: int
+    fresh: int
     decode: float
     detect: float
     track: float
 
     def rates(self) -> dict[str, float]:
-        """Frames per second of every step and of all together."""
-        steps = {"decode": self.decode, "detect": self.detect, "track": self.track}
-        steps["all"] = sum(steps.values())
-        return {name: round(self.frames / max(seconds, 1e-9), 1) for name, seconds in steps.items()}
+        """Frames per second of every step and of all together; of tracking alone where nothing was detected now.
+
+        >>> Speed(100, 50, 1.0, 1.5, 0.0625).rates()
+        {'decode': 50.0, 'detect': 33.3, 'track': 1600.0, 'all': 19.8}
+        """
+        steps = {"decode": self.decode / self.fresh, "detect": self.detect / self.fresh} if self.fresh else {}
+        steps["track"] = self.track / self.frames
+        if self.fresh:
+            steps["all"] = sum(steps.values())
+        return {name: round(1 / max(seconds, 1e-9), 1) for name, seconds in steps.items()}
 
 
 def track(
@@ -62,6 +79,7 @@ def track(
     classes: Iterable[str] | None = None,
     every: int = 1,
     cache: Path | None = None,
+    appearance: Appearance | None = None,
 ) -> "pd.DataFrame":
     """Track the vehicles of a video on the road.
 
@@ -76,12 +94,13 @@ def track(
     classes : names of the classes to follow; road vehicles by default
     every : look at every n-th frame
     cache : folder where detections are kept for another run (`vision.cache.cache_folder()`); by default they are not
+    appearance : embedding that knows vehicles again by their looks; by default motion alone does
 
     Returns
     -------
     trajectory table [fix]: `time` datetime64[ns, UTC], `track_id` text, `class`, `x, y, sigma_x, sigma_y` (m; the
-    ground under the middle of the wheelbase), `confidence`, `interpolated`, `length`, `width` (m), `frame`, and the
-    box (px)
+    ground under the middle of the wheelbase, smoothed), `confidence`, `interpolated`, `length`, `width`, `wheelbase`
+    (m), `frame`, the box (px), `detected_class`, and `x_measured, y_measured` (m; what each box alone says)
 
     Raises
     ------
@@ -93,7 +112,9 @@ def track(
     view.require_size(clip.width, clip.height, clip.path)
     zero = start_time(start, clip)
     finder = load_detector(detector, classes=classes) if isinstance(detector, str | Path) else detector
-    boxes, _ = box_tracks(clip, finder, calibration=view, min_score=min_score, every=every, cache=cache)
+    boxes, _ = box_tracks(
+        clip, finder, calibration=view, min_score=min_score, every=every, cache=cache, appearance=appearance
+    )
     return on_road(boxes, view, zero, clock_offset, clip.path)
 
 
@@ -139,7 +160,9 @@ def box_tracks(
         tracker.update(now.time, now.found.box, now.found.score, looks_like)
         for now, looks_like in zip(seen, vectors, strict=True)
     ]
-    speed = Speed(looked_at, sum(now.decode for now in seen), sum(now.detect for now in seen), perf_counter() - begun)
+    tracking = perf_counter() - begun
+    fresh = sum(now.fresh for now in seen)
+    speed = Speed(looked_at, fresh, sum(now.decode for now in seen), sum(now.detect for now in seen), tracking)
     table = _tabulate(seen, owners)
     counts = table.groupby("track_id")["frame"].transform("size")
     table = table[counts >= FEWEST_FIXES]
@@ -213,6 +236,7 @@ def summarize(table: "pd.DataFrame", speed: Speed) -> dict[str, object]:
         "fixes": len(table),
         "interpolated_share": round(float(table["interpolated"].mean()), 4),
         "frames": speed.frames,
+        "frames_detected_before": speed.frames - speed.fresh,
         "frames_per_second": speed.rates(),
     }
     if "sigma_x" in table:

@@ -6,7 +6,7 @@ import pytest
 from tests.vision.test_camera import look
 from vision.body_fit import fit_body, project_bodies, silhouette_boxes
 from vision.camera import Calibration
-from vision.ground_track import WORST_SIGMA, edge_sigma, gap_sigma, ground_tracks, headings, placeable
+from vision.ground_track import WORST_SIGMA, edge_sigma, ground_tracks, headings, placeable, scatter_share
 from vision.interpolate import BOX
 from vision.vehicles import SHAPES
 
@@ -80,7 +80,10 @@ def test_the_box_center_would_be_wrong():
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_sigma_says_how_wrong(view):
-    """Noise of 1.5 px and sizes drawn from the class: errors in sigma are about one, over many vehicles."""
+    """Noise of 1.5 px and sizes drawn from the class: errors in sigma are one at most, over many vehicles.
+
+    They are less where nothing but noise is wrong: the sigma also knows outlines and edges that are.
+    """
     rng = np.random.default_rng(3)
     scores = []
     for seed in range(8):
@@ -88,7 +91,7 @@ def test_sigma_says_how_wrong(view):
         size = tuple(rng.normal(shape.size, shape.deviation))
         found = place(drive(view, size=size, noise=1.5, seed=seed), view)
         scores.append([((found[a] - found[f"{a}_true"]) / found[f"sigma_{a}"]).pow(2).mean() for a in "xy"])
-    assert (np.sqrt(np.mean(scores, axis=0)) < 1.3).all() and (np.sqrt(np.mean(scores, axis=0)) > 0.25).all()
+    assert (np.sqrt(np.mean(scores, axis=0)) < 1.3).all() and (np.sqrt(np.mean(scores, axis=0)) > 0.2).all()
 
 
 def test_size_is_learned_from_all_fixes():
@@ -190,11 +193,6 @@ def test_jitter_is_measured():
     assert infinite.tolist() == [[0, 0], [1, 3]]
 
 
-def test_gap_sigma_is_zero_at_fixes():
-    sigma = gap_sigma(np.array([0.0, 0.5, 1.0, 1.5, 2.0]), np.array([0.0, 1.0, 2.0]))
-    np.testing.assert_allclose(sigma, [0, 0.1875, 0, 0.1875, 0])
-
-
 def test_bodies_that_reach_behind_the_camera_stay_where_they_are():
     camera = Calibration(image_size=SIZE, homography=VIEWS["along"][0]).pinhole()
     boxes, guess = np.array([[0.0, 0, 100, 100]] * 5), np.tile([-60.0, -9.0], (5, 1))
@@ -210,3 +208,50 @@ def test_boxes_on_the_road_are_placeable_down_to_where_a_pixel_is_too_coarse():
     boxes = np.column_stack([np.full(3, 300.0), bottoms - 30, np.full(3, 340.0), bottoms])
     assert placeable(boxes, calibration).tolist() == [False, False, True]
     assert placeable(boxes[:0], calibration).shape == (0,)
+
+
+def test_missed_frames_are_bridged_by_the_motion():
+    table = drive("across", noise=1.0)
+    gone = (table["frame"] > 75) & (table["frame"] < 95)
+    table["interpolated"] = gone
+    found = place(table, "across").set_index("frame")
+    assert found.loc[85, "interpolated"] and not found.loc[70, "interpolated"]
+    assert np.hypot(found["x"] - found["x_true"], found["y"] - found["y_true"]).loc[76:94].max() < 0.4
+    whole = place(drive("across", noise=1.0), "across").set_index("frame")
+    assert found.loc[85, "sigma_x"] > 1.05 * whole.loc[85, "sigma_x"]
+    straight = np.interp(85, [75, 95], found.loc[[75, 95], "x_measured"])
+    assert found.loc[85, "x_measured"] == pytest.approx(straight), "interpolated as the paper does"
+
+
+def test_smoothing_leaves_less_than_was_measured():
+    found = place(drive("across", noise=3.0, seed=4), "across")
+    middle = found[found["box_left"].gt(0) & found["box_right"].lt(SIZE[0])]
+    measured, smoothed = ((middle[f"x{kind}"] - middle["x_true"]).std() for kind in ("_measured", ""))
+    assert smoothed < 0.6 * measured
+
+
+def test_the_scatter_is_told_from_what_all_fixes_share():
+    rng = np.random.default_rng(0)
+    time, covariance = np.arange(400) / 25, np.tile(np.diag([0.04, 0.01]), (400, 1, 1))
+    place = np.stack([10 * time, 0 * time], axis=1)
+    noise = rng.normal(0, 1, (400, 2)) * [0.1, 0.05]
+    assert scatter_share(time, place + noise, covariance) == pytest.approx(0.25, rel=0.2)
+    assert scatter_share(time, place, covariance) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_error_of_the_calibration_is_in_the_sigma():
+    table, (homography, _) = drive("across"), VIEWS["across"]
+    bare = Calibration(image_size=SIZE, homography=homography)
+    spread = np.zeros((9, 9))
+    spread[2, 2] = (0.3 * abs(bare.homography[2, 2])) ** 2  # x of everything, as far as w is that of (0, 0)
+    vague = Calibration(image_size=SIZE, homography=bare.homography, covariance=spread)
+    exact, found = ground_tracks(table, bare), ground_tracks(table, vague)
+    added = found["sigma_x"] ** 2 - exact["sigma_x"] ** 2
+    pixels = bare.to_image(exact[["x", "y"]])
+    np.testing.assert_allclose(added, vague.position_covariance(pixels)[:, 0, 0], rtol=1e-6)
+    assert added.min() > 5e-4 and (found["sigma_y"] == exact["sigma_y"]).all()
+
+
+def test_the_wheelbase_goes_with_the_fitted_length():
+    found = place(drive("across", size=(4.9, 1.9, 1.7)), "across")
+    assert found["wheelbase"].iloc[0] == pytest.approx(2.65 * found["length"].iloc[0] / 4.4)

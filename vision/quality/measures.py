@@ -106,12 +106,20 @@ def shared_edges(settings: list[Setting]) -> Array:
     return bin_edges(np.concatenate([moving(setting)["x"].to_numpy() for setting in settings]))
 
 
+def as_measured(tracks: "pd.DataFrame") -> "pd.DataFrame":
+    """Return `tracks` with what each box alone says as x, y, where the table has it: smoothing hides jitter."""
+    if "x_measured" not in tracks or "y_measured" not in tracks:
+        return tracks
+    return tracks.assign(x=tracks["x_measured"], y=tracks["y_measured"])
+
+
 def moving(setting: Setting) -> "pd.DataFrame":
-    """Return the tracks of vehicles that move; all of them where none does, or where there are no meters."""
+    """Return the tracks of vehicles that move, as measured; all where none does, or where there are no meters."""
     if setting.unit != "m":
         return setting.tracks
-    rows = ~setting.tracks["track_id"].isin(parked(setting.tracks))
-    return setting.tracks[rows] if rows.any() else setting.tracks
+    tracks = as_measured(setting.tracks)
+    rows = ~tracks["track_id"].isin(parked(tracks))
+    return tracks[rows] if rows.any() else tracks
 
 
 def measure(setting: Setting, edges: Array, gauge_length: float, truth: "pd.DataFrame | None" = None) -> Measures:
@@ -143,8 +151,8 @@ def measure(setting: Setting, edges: Array, gauge_length: float, truth: "pd.Data
         interpolated=float(tracks["interpolated"].mean()),
         before=jitter_by_bin(rolling[~rolling["interpolated"]], edges=edges),
         after=jitter_by_bin(rolling, edges=edges),
-        floor=jitter_floor(tracks) if metric else None,
-        parked=len(parked(tracks)) if metric else 0,
+        floor=jitter_floor(as_measured(tracks)) if metric else None,
+        parked=len(parked(as_measured(tracks))) if metric else 0,
         effect=route_effect(rolling, edges, gauge_length) if metric else None,
         scores=None if truth is None else score_tracks(truth, tracks),
     )
