@@ -104,13 +104,43 @@ def test_command_writes_what_the_solver_reads(survey, command, tmp_path):
 
 
 def test_command_without_a_calibration(survey, command, tmp_path):
-    code, out, _ = command(survey / "street.mp4", "--detector", survey / "spot.onnx", "--out", "b.parquet", "--json")
+    code, out, _ = command(
+        survey / "street.mp4", "--detector", survey / "spot.onnx", "--out", "b.parquet", "--json", "--no-cache"
+    )
     summary = json.loads(out)
+    assert summary["frames_detected_before"] == 0
     assert code == 0 and summary["tracks"] == 1 and summary["by_class"] == {"car": 1} and not summary["metric"]
     assert set(summary["frames_per_second"]) == {"decode", "detect", "track", "all"}
     table = pd.read_parquet(tmp_path / "b.parquet")
     assert len(table) == FRAMES and {"time", "track_id", "class", "box_left", "confidence", "frame"} <= set(table)
     assert table["time"].iloc[-1] == pytest.approx(sum(TICKS[:-1]) / 12800)
+
+
+def test_command_keeps_detections(survey, command, tmp_path):
+    arguments = survey / "street.mp4", "--detector", survey / "spot.onnx", "--cache", tmp_path / "kept"
+    _, out, _ = command(*arguments, "--json")
+    assert json.loads(out)["frames_detected_before"] == 0
+    first = (tmp_path / "boxes.csv").read_bytes()
+    code, out, _ = command(*arguments)
+    assert code == 0 and f"detections of {FRAMES} of {FRAMES} frames were kept from before" in out
+    assert (tmp_path / "boxes.csv").read_bytes() == first
+    _, out, _ = command(*arguments, "--json", "--min-score", "0.3")
+    assert set(json.loads(out)["frames_per_second"]) == {"track"}, "nothing else was done"
+    _, out, _ = command(*arguments, "--json", "--no-cache")
+    assert json.loads(out)["frames_detected_before"] == 0
+
+
+def test_cut_short_video(survey, command, tmp_path_factory):
+    """What a recorder that died leaves: the index is there, the pictures are not."""
+    data = bytearray((survey / "street.mp4").read_bytes())
+    start, end = data.find(b"mdat") + 4, data.find(b"moov") - 4
+    middle = start + (end - start) // 50
+    data[middle:end] = bytes(end - middle)
+    cut = tmp_path_factory.mktemp("cut") / "cut.mp4"
+    cut.write_bytes(data)
+    code, out, err = command(cut, "--detector", survey / "spot.onnx")
+    assert code == 2 and out == "" and err.count("\n") == 1
+    assert "cut short or damaged" in err or "no frame decodes" in err
 
 
 def test_start_comes_from_the_header(survey, tmp_path):
@@ -135,7 +165,7 @@ BAD = {
     ),
     "nothing": (["--start", START, "--classes", "bus"], "no vehicle was followed"),
     "not on the road": (["--start", START, "--calibration", "ELSEWHERE"], "lies on the calibrated road"),
-    "suffix": (["--start", START, "--out", "t.xlsx"], r"\.csv or \.parquet"),
+    "suffix": (["--start", START, "--out", "t.xlsx"], r"\.csv.*\.parquet"),
 }
 
 

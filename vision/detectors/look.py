@@ -26,7 +26,8 @@ class Look:
     index : place in the file
     time : s since the file's time zero
     found : what is in it
-    image : [height, width, 3] BGR; None where it was not decoded
+    image : [height, width, 3] BGR; None unless images were asked for
+    fresh : whether it was detected now, not kept from before
     decode, detect : s spent on it, as on each of its burst
     """
 
@@ -34,6 +35,7 @@ class Look:
     time: float
     found: Detections
     image: NDArray[np.uint8] | None
+    fresh: bool
     decode: float
     detect: float
 
@@ -66,7 +68,7 @@ def look(
     try:
         for burst in np.split(places, range(BURST, len(places), BURST)):
             looks = _burst(video, ready, burst, frames, known, images)
-            fresh += [(now.index, now.found) for now in looks if now.index not in known]
+            fresh += [(now.index, now.found) for now in looks if now.fresh]
             yield from looks
             if kept and len(fresh) >= CHUNK:
                 kept.add(fresh)
@@ -108,8 +110,9 @@ def _burst(
         Look(
             index,
             float(video.time[place]),
-            known[index] if index in known else found[index],
+            found[index] if index in found else known[index],
             shown.get(index),
+            index in found,
             decoding / len(indices),
             detecting / len(indices),
         )
