@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from vision.jitter import LIMIT
 from vision.quality.drawing import BLUE, DPI, MUTED, ORANGE, RED, class_color, panels, styled
 from vision.quality.measures import Measures
+from vision.quality.route_effect import FEWEST
 from vision.quality.setting import Setting
 
 WIDE, NARROW = 1060, 350  # px
@@ -41,8 +42,9 @@ def jitter_figure(found: Sequence[Measures], width: int = WIDE) -> Figure:
         if unit == "m":
             ax.axhline(LIMIT, color=RED, lw=1, ls="--", label=f"{100 * LIMIT:.0f} cm")
         ax.set_title(one.setting.name)
-    tallest = max(float(np.nanmax([*(m.after["mean"] + m.after["sd"]), *m.before["mean"], 0.0])) for m in found)
-    axes[0].set_ylim(0, max(1.15 * tallest, 1.3 * LIMIT if unit == "m" else 0.0) or 1.0)
+    known = [bins[bins["fixes"] >= FEWEST] for m in found for bins in (m.before, m.after)]
+    tallest = max(float((bins["mean"] + bins["sd"]).to_numpy().max(initial=0.0)) for bins in known)
+    axes[0].set_ylim(0, max(1.1 * tallest, 1.3 * LIMIT if unit == "m" else 0.0) or 1.0)
     label_axes(figure, axes, f"x, {unit}", f"jitter, {unit}")
     legend(figure, axes[0])
     return figure

@@ -11,6 +11,7 @@ from vision.quality.route_effect import FEWEST
 
 GRADES = ("good", "fair", "weak", "poor")
 AS_GOOD = 0.1  # relative difference of two effects on the route that decides nothing
+Z95 = 1.96  # standard deviations that hold 95 %
 MOST = 0.5  # share of bins beyond the limit that makes a setting poor
 
 
@@ -33,10 +34,11 @@ class Verdict:
 
 
 def grade(measures: Measures) -> str:
-    """Grade a setting by the 35 cm rule, over the bins with ten fixes or more.
+    """Grade a setting by the 35 cm rule, over the bins with ten fixes or more, and by its effect on the route.
 
     good: mean plus standard deviation of the jitter stays below 35 cm in all; fair: the mean does; weak: it does not in
-    some; poor: nor in most. Unknown in pixels, and where no bin has fixes enough.
+    some, or the predicted effect on the route is above 35 cm at 95 %; poor: the mean is above in most. Unknown in
+    pixels, and where no bin has fixes enough.
     """
     bins = measures.after[measures.after["fixes"] >= FEWEST]
     if measures.setting.unit != "m" or bins.empty:
@@ -44,6 +46,8 @@ def grade(measures: Measures) -> str:
     beyond = float((bins["mean"] > LIMIT).mean())
     if beyond > 0:
         return "poor" if beyond > MOST else "weak"
+    if typical_effect(measures) * Z95 > LIMIT:
+        return "weak"
     return "good" if ((bins["mean"] + bins["sd"]) <= LIMIT).all() else "fair"
 
 
@@ -97,19 +101,20 @@ def words(measures: Measures, name: str) -> str:
     if name == "unknown":
         return "No stretch of road has fixes enough to judge; film longer."
     bins = measures.after[measures.after["fixes"] >= FEWEST]
+    effect = f"Positions leave the route uncertain by ± {Z95 * typical_effect(measures):.2f} m sideways (95 %)."
     if name == "good":
-        return f"Good enough for the fiber: jitter stays below {centimeters} all along the view."
+        return f"Good enough for the fiber: jitter stays below {centimeters} all along the view. {effect}"
     if name == "fair":
-        return (
-            f"Good enough for the fiber: jitter is below {centimeters} in the mean everywhere, single fixes exceed it."
-        )
+        return f"Good enough for the fiber: mean jitter is below {centimeters}, single fixes exceed it. {effect}"
     over = bins[bins["mean"] > LIMIT]
+    if over.empty:
+        return f"Too few vehicles for the fiber, though jitter is below {centimeters}: film longer. {effect}"
     where = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in stretches(list(over["low"]), list(over["high"])))
     if name == "weak":
         return (
-            f"Usable in part: jitter exceeds {centimeters} at x = {where} m. Leave these stretches out or film nearer."
+            f"Usable in part: jitter exceeds {centimeters} at x = {where} m; leave this out, or film nearer. {effect}"
         )
-    return f"Not good enough for the fiber: jitter exceeds {centimeters} at x = {where} m, most of the view."
+    return f"Not good enough for the fiber: jitter exceeds {centimeters} at x = {where} m, most of the view. {effect}"
 
 
 def stretches(low: Sequence[float], high: Sequence[float]) -> list[tuple[float, float]]:

@@ -94,6 +94,23 @@ def test_a_bad_stretch_is_named():
     )
 
 
+def test_too_few_vehicles_are_not_enough():
+    table = tracks(vehicles=1).assign(sigma_y=0.3)
+    setting = Setting("a", Path("a"), table, "m")
+    verdict = judge([measure(setting, shared_edges([setting]), 10.0)])
+    assert verdict.grade == "weak" and "film longer" in verdict.words and "± 0.59 m" in verdict.words
+
+
+def test_jitter_is_of_what_was_measured_not_of_what_was_smoothed():
+    rough, smooth = tracks(noise=0.3), tracks(noise=0.01)
+    table = smooth.assign(x_measured=rough["x"], y_measured=rough["y"])
+    setting, bare = Setting("a", Path("a"), table, "m"), Setting("b", Path("b"), rough, "m")
+    edges = shared_edges([bare])
+    found, expected = (measure(s, edges, 10.0) for s in (setting, bare))
+    pd.testing.assert_frame_equal(found.after, expected.after)
+    assert found.floor == expected.floor
+
+
 def test_the_least_harm_is_chosen():
     quiet, rough = measured("quiet", noise=0.05), measured("rough", noise=0.15, seed=1)
     few = measured("few", noise=0.04, vehicles=2)
