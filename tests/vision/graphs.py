@@ -136,3 +136,31 @@ def write_bright_spot_detector(path: Path, size=(640, 360), level=0.5) -> Path:
     )
     onnx.save(helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=9), str(path))
     return path
+
+
+def write_decoded_yolox(path: Path, model: Path, side: int) -> Path:
+    """A real YOLOX whose grid is decoded in the graph, as `export_onnx.py --decode_in_inference` does."""
+    graph_model = onnx.load(model)
+    graph = graph_model.graph
+    answer = graph.output[0]
+    grids = [np.stack(np.meshgrid(*[np.arange(side // s)] * 2), -1).reshape(-1, 2) for s in (8, 16, 32)]
+    strides = [np.full((len(grid), 1), s) for grid, s in zip(grids, (8, 16, 32), strict=True)]
+    constants = {
+        "grid": np.concatenate(grids).astype(np.float32)[None],
+        "stride": np.concatenate(strides).astype(np.float32)[None],
+    }
+    parts = [2, 2, answer.type.tensor_type.shape.dim[2].dim_value - 4]  # an attribute: the model is of opset 11
+    graph.initializer.extend(numpy_helper.from_array(value, name) for name, value in constants.items())
+    graph.node.extend(
+        [
+            helper.make_node("Split", [answer.name], ["offset", "logarithm", "scores"], axis=2, split=parts),
+            helper.make_node("Add", ["offset", "grid"], ["cell"]),
+            helper.make_node("Mul", ["cell", "stride"], ["center"]),
+            helper.make_node("Exp", ["logarithm"], ["cells"]),
+            helper.make_node("Mul", ["cells", "stride"], ["size"]),
+            helper.make_node("Concat", ["center", "size", "scores"], ["decoded"], axis=2),
+        ]
+    )
+    answer.name = "decoded"
+    onnx.save(graph_model, str(path))
+    return path

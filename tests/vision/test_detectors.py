@@ -7,7 +7,7 @@ import pytest
 from onnx import TensorProto
 
 from tests.vision import layout_graphs as graphs
-from tests.vision.graphs import anchors, center_size, write_graph, yolov8
+from tests.vision.graphs import anchors, center_size, write_decoded_yolox, write_graph, yolov8
 from tests.vision.layout_graphs import BOX, BUS, CENTERED, GRAPHS, IMAGE, PERSON
 from tests.vision.videos import write_video
 from vision.contract.errors import InputError
@@ -241,7 +241,8 @@ def test_the_model_decides_what_it_is_but_not_against_the_user(tmp_path):
         (3, {"names": "{0: 'car'}"}, {}, "3 classes but 1 names"),
         (3, {"names": "{0: 'car"}, {}, "names cannot be read"),
         (2, {"names": json.dumps(["cat", "dog"])}, {}, "knows no class .*it has cat, dog"),
-        (80, {}, {"classes": ["tram"]}, "knows no class tram"),
+        (80, {}, {"classes": ["tram"]}, "knows no class tram; did you mean train"),
+        (80, {}, {"classes": ["motorbkie", "car"]}, "knows no class motorbkie; did you mean motorcycle"),
     ],
 )
 def test_names_that_do_not_fit(count, metadata, options, complaint, tmp_path):
@@ -258,6 +259,17 @@ def test_real_models_see_the_same_car(model, shared_data):
     strong = found.box[found.score > 0.55]
     near = np.abs(strong - [445, 183, 494, 227]).max(axis=1)
     assert near.min() < 6 and found.label[found.score > 0.55][near.argmin()] == "car"
+
+
+def test_a_real_model_decoded_in_the_graph_sees_the_same(shared_data, tmp_path):
+    model = shared_data / "models" / "yolox_nano.onnx"
+    raw, decoded = load_detector(model), load_detector(write_decoded_yolox(tmp_path / "m.onnx", model, 416))
+    assert (raw.layout.name, decoded.layout.name) == ("yolox", "yolox-decoded")
+    for frame in open_video(shared_data / "video" / "abhishek-verma-github_highway.mp4").sample(3):
+        one, other = raw.detect(frame.image), decoded.detect(frame.image)
+        assert len(one) and one.label.tolist() == other.label.tolist()
+        np.testing.assert_allclose(one.box, other.box, atol=1e-3)
+        np.testing.assert_allclose(one.score, other.score, atol=1e-5)
 
 
 def test_person_is_a_class_like_others(tmp_path):

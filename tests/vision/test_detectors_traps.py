@@ -8,11 +8,12 @@ import pytest
 from onnx import TensorProto, helper
 
 from tests.vision import layout_graphs as graphs
-from tests.vision.graphs import center_size, write_graph, yolov8
+from tests.vision.graphs import center_size, write_decoded_yolox, write_graph, yolov8
 from tests.vision.layout_graphs import BUS, CENTERED, GRAPHS, IMAGE
 from tests.vision.videos import write_video
 from vision.contract.errors import InputError
 from vision.detectors import LAYOUTS, load_detector
+from vision.detectors.images import BGR_BYTES
 from vision.detectors.session import PROVIDERS, open_session
 from vision.video import open_video
 
@@ -155,6 +156,29 @@ def test_class_scores_all_exactly_zero(layout, tmp_path, clip, monkeypatch):
     assert detector.mute
     with pytest.raises(InputError, match="class scores are exactly zero, as int8 quantization"):
         detector.prepare(clip)
+
+
+def test_a_real_model_quantized(shared_data, tmp_path):
+    """Boxes in px and scores share the last tensor, so one step of its 255 is larger than any score."""
+    from onnxruntime.quantization import QuantType, quantize_static
+
+    video = open_video(shared_data / "video" / "abhishek-verma-github_highway.mp4")
+    whole = write_decoded_yolox(tmp_path / "m.onnx", shared_data / "models" / "yolox_nano.onnx", 416)
+    detector = load_detector(whole)
+    shown = iter([{"images": BGR_BYTES.tensor(detector._fit(frame.image)[0])} for frame in video.sample(2)])
+
+    class Frames:
+        def get_next(self):
+            return next(shown, None)
+
+        def __len__(self):
+            return 2
+
+    quantize_static(whole, tmp_path / "q.onnx", Frames(), weight_type=QuantType.QInt8)
+    detector = load_detector(tmp_path / "q.onnx")
+    assert detector.mute
+    with pytest.raises(InputError, match="class scores are exactly zero"):
+        detector.prepare(video)
 
 
 def test_a_model_that_is_sure_of_nothing_in_noise_is_not_mute(tmp_path, clip):

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
 
 from vision.contract.errors import InputError
 
@@ -108,5 +109,7 @@ def wanted_classes(names: Sequence[str], wanted: Iterable[str] | None, model: st
     unknown = sorted(keep - set(names)) if wanted else []
     if unknown or not keep & set(names):
         known = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-        raise InputError(f"{model}: knows no class {', '.join(unknown or sorted(keep))}; it has {known}")
+        near = [match for name in unknown for match in get_close_matches(name, names, n=1)]
+        hint = f"did you mean {', '.join(near)}? " if near else ""
+        raise InputError(f"{model}: knows no class {', '.join(unknown or sorted(keep))}; {hint}it has {known}")
     return [place for place, name in enumerate(names) if name in keep]

@@ -3,6 +3,7 @@
 import ast
 import logging
 import os
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -179,8 +180,13 @@ def dry_run(
 
 
 def first_line(error: Exception) -> str:
-    """Return the start of an error's first line."""
-    return str(error).splitlines()[0][:120]
+    """Return the start of an error's first line, without onnxruntime's numbers and the path it repeats.
+
+    >>> first_line(RuntimeError("[ONNXRuntimeError] : 10 : INVALID_GRAPH : Load model from a.onnx failed:No graph"))
+    'No graph'
+    """
+    line = str(error).splitlines()[0]
+    return re.sub(r"^\[ONNXRuntimeError\] : \d+ : \w+ : (Load model from .* failed:)?", "", line)[:120]
 
 
 def _may_be(axis: int | str | None, length: int) -> bool:
