@@ -28,7 +28,7 @@ KNOWN: dict[str, Hidden] = {
         {
             "at": Setting(0.35, 0.65, "share of the view from its low end, where the bump is"),
             "frequency": Setting(1.3, 2.0, "Hz, undamped"),
-            "damping": Setting(0.1, 0.25, "share of critical"),
+            "damping": Setting(0.15, 0.3, "share of critical"),
         },
     ),
     "braking": Hidden(

@@ -11,7 +11,7 @@ from solver.simulator.scenario import Scenario
 from solver.simulator.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-LARGE = 5.8  # m; vehicles longer than this have a wake
+LARGE = 5.0  # m; vehicles longer than this have a wake
 WAKE_POINTS = 8
 
 
