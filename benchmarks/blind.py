@@ -2,15 +2,19 @@
 
     python benchmarks/blind.py --trials 40                    # locate each; errors and chi2 by kind
     python benchmarks/blind.py --trials 40 --write blind      # write the surveys with truth.json, and no more
+    python benchmarks/blind.py --score blind                  # once each has its run/diagnosis.json
 
 Trial n is the same survey everywhere. The generator shares no code with the signal path or the catalogue.
 """
 
 import argparse
+import json
 import tempfile
 import time
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,6 +37,12 @@ FAIR = (
 GEOMETRY = (
     "camber", "poisson_ratio", "unknown_anisotropy", "track_offset", "track_rotation", "track_scale", "channel_stretch",
 )  # fmt: skip
+#: Effects of the catalogue that are one effect here with a setting.
+ALIASES = {
+    "kelvin_voigt_lag": ("viscoelastic_lag",),
+    "maxwell_flow": ("viscoelastic_lag",),
+    "lowpass_zero_phase": ("lowpass",),
+}
 #: Outside the catalogue, and not absorbed by what is free in every fit (the load of a pass).
 UNKNOWN = tuple(
     name for name in EFFECTS if name.startswith("unknown_") and name not in {*GEOMETRY, "unknown_speed_load"}
@@ -58,9 +68,49 @@ def amount(name: str, rng: np.random.Generator) -> float:
     return size * float(rng.choice([-1, 1])) if EFFECTS[name].signed else size
 
 
-def kind_of(scenario: Scenario) -> str:
-    """Kind of a drawn trial."""
-    return scenario.name.split("-")[0]
+def kind_of(name: str) -> str:
+    """Kind of a drawn trial, by its scenario's name."""
+    return name.split("-")[0]
+
+
+def judged(truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> dict[str, bool]:
+    """Whether a diagnosis (the content of diagnosis.json) says of a survey (that of truth.json) what it should.
+
+    - null: `right`, adequate; `wrong`, an effect is claimed
+    - one, two: `right`, a hidden effect, or one declared inseparable from it, is first; `wrong`, another is claimed
+    - unknown: `right`, an unknown effect or inconclusive; `wrong`, a known one is claimed; `stage`, the first
+      candidate's is that of the hidden one
+    - geometry: `right`, nothing is claimed, or nothing alone; `wrong`, something is named alone
+    """
+    names = set(truth["hidden_effect"].split()) - {"none"}
+    stages = {EFFECTS[name].stage for name in names}
+    first = next(iter(diagnosis["candidates"]), None)
+    claimed = diagnosis["verdict"] == "missing-effect"
+    said = {first["effect"], *first["confounded_with"]} if first else set()
+    if not names:
+        return {"right": diagnosis["verdict"] == "adequate", "wrong": claimed}
+    if names <= set(UNKNOWN):
+        right = diagnosis["verdict"] in ("unknown-effect", "inconclusive")
+        return {"right": right, "wrong": claimed, "stage": bool(first) and first["stage"] in stages}
+    if names <= set(GEOMETRY):
+        alone = claimed and len(said) == 1
+        return {"right": not alone, "wrong": alone}
+    found = bool(names & {known for one in said for known in ALIASES.get(one, (one,))})
+    return {"right": claimed and found, "wrong": claimed and not found}
+
+
+def judge_all(folder: Path) -> pd.DataFrame:
+    """Judge every trial-* of a folder that has a run/diagnosis.json."""
+    rows = []
+    for trial in sorted(folder.glob("trial-*")):
+        diagnosis = trial / "run" / "diagnosis.json"
+        if diagnosis.is_file():
+            truth = json.loads((trial / "truth.json").read_text(encoding="utf-8"))
+            found = json.loads(diagnosis.read_text(encoding="utf-8"))
+            first = next(iter(found["candidates"]), {"effect": "none"})
+            facts = {"trial": trial.name, "kind": kind_of(truth["scenario"]), "hidden": truth["hidden_effect"]}
+            rows.append(facts | {"verdict": found["verdict"], "first": first["effect"]} | judged(truth, found))
+    return pd.DataFrame(rows)
 
 
 def scored(survey: Survey, located: Located, seconds: float) -> dict[str, object]:
@@ -73,7 +123,7 @@ def scored(survey: Survey, located: Located, seconds: float) -> dict[str, object
     switches = hidden(scenario.effects, scenario.seed)
     return {
         "seed": scenario.seed,
-        "kind": kind_of(scenario),
+        "kind": kind_of(scenario.name),
         "hidden": " ".join(f"{name}={value:.3g}" for name, value in switches.items() if name in EFFECTS) or "none",
         "snr_db": scenario.snr_db,
         "passes": scenario.passes,
@@ -101,7 +151,16 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="seed of the first trial")
     parser.add_argument("--kind", choices=list(KINDS), help="all trials of one kind")
     parser.add_argument("--write", type=Path, metavar="DIR", help="write the surveys there, numbered, and no more")
+    parser.add_argument("--score", type=Path, metavar="DIR", help="judge the diagnoses of written trials, and no more")
     options = parser.parse_args()
+    if options.score:
+        table = judge_all(options.score)
+        if table.empty:
+            parser.error(f"{options.score}: no trial-*/run/diagnosis.json")
+        print(table.to_string(index=False))
+        figures = table.drop(columns=["trial", "kind", "hidden", "verdict", "first"]).astype(float)
+        print(figures.groupby(table["kind"]).mean().round(3).to_string())
+        return
     seeds = range(options.first, options.first + options.trials)
     if options.write:
         options.write.mkdir(parents=True, exist_ok=True)

@@ -117,6 +117,7 @@ def truth(survey: Survey) -> dict[str, Any]:
     """Everything the files hide, JSON-ready: the route, the noise, the vehicles, the hidden effects."""
     switches = hidden(survey.scenario.effects, survey.scenario.seed)
     return {
+        "scenario": survey.scenario.name,
         "hidden_effect": " ".join(name for name in switches if name in EFFECTS) or "none",
         "switches": switches,
         "seed": survey.scenario.seed,
