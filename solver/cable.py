@@ -76,8 +76,10 @@ class SplineBasis:
         def pieces(center: Tensor, flank: Tensor) -> Tensor:
             return torch.where(near, center, torch.where(far, flank, torch.zeros_like(x)))
 
-        if derivative == 2:
+        if derivative >= 2:
             bent = pieces(3 * x - 2, 2 - x) / self.step**2
+            if derivative == 3:
+                bent = phase.sign() * pieces(3 * torch.ones_like(x), -torch.ones_like(x)) / self.step**3
             return torch.where((inside == distance)[..., None], bent, torch.zeros_like(bent))
         slope = phase.sign() * pieces(1.5 * x**2 - 2 * x, -0.5 * (2 - x) ** 2) / self.step
         if derivative == 1:
@@ -98,7 +100,7 @@ class SplineBasis:
 
 
 #: Gauss-Legendre stations within a gauge: offsets in gauge lengths from its middle, and weights that sum to 1.
-STATION_OFFSETS, STATION_WEIGHTS = (x / 2 for x in np.polynomial.legendre.leggauss(7))
+STATION_OFFSETS, STATION_WEIGHTS = (x / 2 for x in np.polynomial.legendre.leggauss(4))
 
 
 @dataclass(frozen=True)
@@ -121,25 +123,34 @@ class GaugeEnds:
     inner_bend: Tensor | None = None
 
     @classmethod
-    def of(cls, basis: Basis, distance: NDArray[np.float64], gauge_length: float) -> "GaugeEnds":
-        """Gauge ends of channels centered at `distance` [channel], m."""
+    def of(cls, basis: Basis, distance: NDArray[np.float64], gauge_length: float, inner: bool = False) -> "GaugeEnds":
+        """Gauge ends of channels centered at `distance` [channel], m; with the `inner` stations if wanted."""
         ahead, behind = distance + gauge_length / 2, distance - gauge_length / 2
-        return cls(
-            torch.from_numpy(basis.at(ahead)),
-            torch.from_numpy(basis.at(behind)),
-            torch.from_numpy(basis.at(ahead, 1)),
-            torch.from_numpy(basis.at(behind, 1)),
-        )
+        matrices = [basis.at(where, order) for order in (0, 1) for where in (ahead, behind)]
+        if inner:
+            stations = distance[:, None] + STATION_OFFSETS * gauge_length
+            matrices += [basis.at(stations, order) for order in range(3)]
+        return cls(*(torch.from_numpy(matrix) for matrix in matrices))
 
     @classmethod
-    def at(cls, basis: SplineBasis, distance: Tensor, gauge_length: Tensor | float, inner: bool) -> "GaugeEnds":
-        """The same, differentiable by distances [channel] and gauge length, m; with the `inner` stations if wanted."""
+    def at(
+        cls,
+        basis: SplineBasis,
+        distance: Tensor,
+        gauge_length: Tensor | float,
+        inner: bool,
+        derivative: int = 0,
+    ) -> "GaugeEnds":
+        """The same, differentiable by distances [channel] and gauge length, m; with the `inner` stations if wanted.
+
+        `derivative` 1 gives the derivatives of all matrices by distance.
+        """
         ahead, behind = (distance + sign * torch.as_tensor(gauge_length) / 2 for sign in (1, -1))
-        ends = [basis.weights(where, order) for order in (0, 1) for where in (ahead, behind)]
+        ends = [basis.weights(where, order + derivative) for order in (0, 1) for where in (ahead, behind)]
         if not inner:
             return cls(*ends)
         stations = distance[:, None] + torch.from_numpy(STATION_OFFSETS) * torch.as_tensor(gauge_length)
-        return cls(*ends, *(basis.weights(stations, order) for order in range(3)))
+        return cls(*ends, *(basis.weights(stations, order + derivative) for order in range(3)))
 
     def matrices(self) -> dict[str, Tensor]:
         """The fields that are there, by name."""

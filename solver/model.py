@@ -4,8 +4,8 @@ Rows are (pass, sample) pairs of all passes, one after the other, so that any nu
 one tensor operation; rows of the same sample superpose.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import torch
@@ -171,19 +171,21 @@ class SignalPath:
     traffic : vehicles' places
     gauge_length : m
     extension : the effects beyond the base model, none by default
+    curved : strain is the integral along the fiber's path; if not, the motion of the gauge's two ends, as published
     """
 
     traffic: Traffic
     gauge_length: float
     extension: Extension = NONE
+    curved: bool = False
 
     def described(self, values: Values) -> Description:
         """Ground, cable, interrogator and processing with the effects at `values`."""
         return self.extension.described(values, self.gauge_length)
 
-    def loads(self, vehicles: Vehicles, values: Values) -> Load:
-        """Forces on the road; fields of `vehicles` are [row, 1 or channel]."""
-        traffic, v = self.traffic, vehicles
+    def trajectory(self, vehicles: Vehicles, values: Values) -> Trajectory:
+        """Where the vehicles are; fields of `vehicles` are [row, 1 or channel]."""
+        traffic = self.traffic
         time, since = self.extension.clock(traffic)
         driven = Trajectory(
             time,
@@ -193,7 +195,11 @@ class SignalPath:
             traffic.heading[:, None, :],
             traffic.pass_index,
         )
-        driven = self.extension.changed("trajectory", driven.shifted(v.along, v.across), values)
+        return self.extension.changed("trajectory", driven.shifted(vehicles.along, vehicles.across), values)
+
+    def loads(self, vehicles: Vehicles, values: Values) -> Load:
+        """Forces on the road; fields of `vehicles` are [row, 1 or channel]."""
+        traffic, v, driven = self.traffic, vehicles, self.trajectory(vehicles, values)
         heading = driven.heading.expand(driven.position.shape)
         wheels, weights = wheel_loads(driven.position, heading, v.wheelbase, v.track, v.front_share)
         if not bool(v.wheelbase.any() | v.track.any()):
@@ -212,12 +218,15 @@ class SignalPath:
         # Fields per row get a channel axis, so that per-row and per-sample fields mix freely.
         columns = (getattr(vehicles, f.name) for f in fields(vehicles))
         v = Vehicles(*(x if x.ndim > 1 else x[:, None] for x in columns))
-        load = self.loads(v, values)
+        return self.rows_of(self.loads(v, values), fiber, v.amplitude, poisson_ratio, values)
+
+    def rows_of(self, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, values: Values) -> Tensor:
+        """The same [row, channel] for loads that are known; `amplitude` is [row, 1 or channel]."""
         stages = self.described(values)
         nu = torch.as_tensor(poisson_ratio)
 
-        def motion(point: Tensor) -> Tensor:
-            return ground_motion(load, stages.ground, point, nu)
+        def motion(point: Tensor, within: bool = False) -> Tensor:
+            return ground_motion(load, stages.ground, point, nu, within)
 
         def along(point: Tensor, slope: Tensor) -> Tensor:
             tangent = unit(slope)
@@ -229,10 +238,11 @@ class SignalPath:
         ends = along(fiber.ahead, fiber.ahead_slope), along(fiber.behind, fiber.behind_slope)
         rate = gauge_strain_rate(*ends, length)
         if fiber.inner is not None:
-            rate = rate + stages.cable.path_integral * bend_strain_rate(motion, fiber)
+            share = 1.0 if self.curved else stages.cable.path_integral
+            rate = rate + share * bend_strain_rate(motion(fiber.inner, True), fiber)
         if stages.ground.compliance is not None:
             rate = rate * stages.ground.compliance((fiber.ahead + fiber.behind) / 2)
-        return v.amplitude * stages.cable.gain * rate
+        return amplitude * stages.cable.gain * rate
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
         """What the interrogator and the processing make of maps [..., sample, channel]."""
@@ -271,19 +281,18 @@ class SignalPath:
         return Sensitivities(rate.detach(), dict(zip(leaves, gradients, strict=True)))
 
 
-def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tensor) -> Tensor:
+def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tensor, stations: bool = False) -> Tensor:
     """Velocity of the ground under loads, per unit amplitude.
 
     Parameters
     ----------
-    point : [channel, 3], [row, channel, 3] or [row, channel, station, 3], m
+    point : [channel, 3] or [row, channel, 3], m; with `stations` one more axis before the last
     poisson_ratio : scalar or [row, channel]
 
     Returns
     -------
     [row, channel, 3] or [row, channel, station, 3]
     """
-    stations = point.ndim > 3
 
     def beside(x: Tensor, tail: int) -> Tensor:
         """A quantity per row, channel and wheel, with an axis for stations where points have one."""
@@ -304,18 +313,59 @@ def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tens
     return motion.sum(-2)
 
 
-def bend_strain_rate(motion: Callable[[Tensor], Tensor], fiber: Fiber) -> Tensor:
+@dataclass(frozen=True)
+class WheelResponses:
+    """Strain rate of each wheel alone, per unit of what the load stage may change about it.
+
+    Parameters
+    ----------
+    share, share_rate : [row, channel, wheel], by vertical force and by its time derivative
+    thrust : [row, channel, wheel, 2], by horizontal force along x and y
+    """
+
+    share: Tensor
+    share_rate: Tensor
+    thrust: Tensor
+
+
+def wheel_responses(
+    path: SignalPath, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values
+) -> WheelResponses:
+    """What each wheel of each row does to each channel; fields of `vehicles` are per pass.
+
+    The loads' positions are those of the model; effects on them must be in `values`.
+    """
+    per_row = vehicles.rows(path.traffic)
+    load = path.loads(Vehicles(*(getattr(per_row, f.name)[:, None] for f in fields(per_row))), values)
+    count = load.position.shape[-2]
+    single = []
+    for wheel in range(count):
+        one = replace(load, position=load.position[..., wheel : wheel + 1, :], share_rate=None, thrust=None)
+        unit_load = torch.ones_like(load.share[..., :1])
+        still = torch.zeros_like(unit_load)
+        axes = torch.eye(2, dtype=unit_load.dtype)
+        cases = [
+            replace(one, share=unit_load),
+            replace(one, share=still, share_rate=unit_load),
+            *(replace(one, share=still, thrust=unit_load[..., None] * axis) for axis in axes),
+        ]
+        single.append([path.rows_of(case, fiber, per_row.amplitude[:, None], poisson_ratio, values) for case in cases])
+    share, rate, x, y = (torch.stack(columns, -1) for columns in zip(*single, strict=True))
+    return WheelResponses(share, rate, torch.stack([x, y], -1))
+
+
+def bend_strain_rate(motion: Tensor, fiber: Fiber) -> Tensor:
     """What the turning of the fiber within its gauge adds to the strain rate [row, channel] of the two ends.
 
-    The strain averaged over a gauge is the integral of t . du/ds = [t . u] - integral of u . dt/ds, over its length.
+    `motion` [row, channel, station, 3] is the ground's velocity at the inner stations. The strain averaged over a gauge is the integral of t . du/ds = [t . u] - integral of u . dt/ds, over its length.
     """
     slope, bend = fiber.inner_slope, fiber.inner_bend
-    assert fiber.inner is not None and slope is not None and bend is not None
+    assert slope is not None and bend is not None
     length = slope.norm(dim=-1, keepdim=True)
     tangent = slope / length
     turning = (bend - (bend * tangent).sum(-1, keepdim=True) * tangent) / length
     weights = torch.from_numpy(STATION_WEIGHTS)
-    return -(weights * (motion(fiber.inner) * turning).sum(-1)).sum(-1)
+    return -(weights * (motion * turning).sum(-1)).sum(-1)
 
 
 @dataclass(frozen=True)

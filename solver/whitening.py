@@ -6,6 +6,7 @@ the own part may be correlated between neighboring channels too, as overlapping 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -143,24 +144,38 @@ def blocks_of(samples: NDArray[np.int64]) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(cuts)]
 
 
-def filtered(rows: list[Array], values: Tensor, blocks: list[slice]) -> Tensor:
-    """Filter values [sample, ...] along time, each block from its own start, with predictors of growing order."""
-    order = len(rows) - 1
-    if order == 0:
-        return values * float(rows[0][0])
-    flat = values.reshape(len(values), -1)
-    out = torch.empty_like(flat)
-    for block in blocks:
-        for first in range(block.start, block.stop, CHUNK):
-            last = min(first + CHUNK, block.stop)
-            begin = max(block.start, first - order)
-            matrix = torch.zeros(last - first, last - begin, dtype=flat.dtype)
-            for row in range(last - first):
-                past = first + row - begin
-                weights = rows[min(order, first + row - block.start)]
-                matrix[row, past - len(weights) + 1 : past + 1] = torch.from_numpy(weights[::-1].copy())
-            out[first:last] = matrix @ flat[begin:last]
-    return out.reshape(values.shape)
+@dataclass(frozen=True)
+class Filter:
+    """Filter along time, each block from its own start, with predictors of growing order.
+
+    Parameters
+    ----------
+    pieces : (first, last, begin, matrix): output samples [first, last) are matrix @ input samples [begin, last)
+    """
+
+    pieces: list[tuple[int, int, int, Tensor]]
+
+    @classmethod
+    def of(cls, rows: list[Array], blocks: list[slice]) -> "Filter":
+        """Filter with whitening coefficients of order 0, 1, ... as `levinson` gives them."""
+        order, pieces = len(rows) - 1, []
+        for block in blocks:
+            for first in range(block.start, block.stop, CHUNK):
+                last = min(first + CHUNK, block.stop)
+                begin = max(block.start, first - order)
+                matrix = np.zeros((last - first, last - begin))
+                for row in range(last - first):
+                    past = first + row - begin
+                    weights = rows[min(order, first + row - block.start)]
+                    matrix[row, past - len(weights) + 1 : past + 1] = weights[::-1]
+                pieces.append((first, last, begin, torch.from_numpy(matrix)))
+        return cls(pieces)
+
+    def __call__(self, values: Tensor) -> Tensor:
+        """Filter values [sample, ...]."""
+        flat = values.reshape(len(values), -1)
+        parts = [matrix @ flat[begin:last] for _, last, begin, matrix in self.pieces]
+        return torch.cat(parts).reshape(values.shape)
 
 
 @dataclass(frozen=True)
@@ -180,16 +195,17 @@ class Whitener:
     position: NDArray[np.int64]
     law: NoiseLaw
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def _parts(self) -> tuple[Tensor, Tensor, Filter, Filter]:
+        """Mixing of channels, direction of the common mode after it, filters of the own part and along that direction.
+
+        Along the common mode's direction there are both parts; everywhere else the own part only.
+        """
         spatial = torch.from_numpy(self._spatial())
         ones = spatial @ torch.ones(len(self.level), dtype=torch.float64)
-        size = float(ones.norm())
-        # Along the common mode's direction there are both parts; everywhere else the own part only.
-        object.__setattr__(self, "_blocks", blocks_of(self.samples))
-        object.__setattr__(self, "_across", spatial)
-        object.__setattr__(self, "_direction", ones / size)
-        object.__setattr__(self, "_own", levinson(self.law.own))
-        object.__setattr__(self, "_both", levinson(self.law.own + size**2 * self.law.common))
+        size, blocks = float(ones.norm()), blocks_of(self.samples)
+        both = levinson(self.law.own + size**2 * self.law.common)
+        return spatial, ones / size, Filter.of(levinson(self.law.own), blocks), Filter.of(both, blocks)
 
     def _spatial(self) -> Array:
         """Inverse square root [channel, channel] of the correlation between channels."""
@@ -203,14 +219,12 @@ class Whitener:
 
     def __call__(self, values: Tensor) -> Tensor:
         """Whiten [sample, channel] or [sample, channel, column], in the record's unit; 0 where not measured."""
+        spatial, direction, own, both = self._parts
         scaled = values / self.level.reshape(-1, *[1] * (values.ndim - 2))
         if len(self.law.across) > 1:
-            scaled = torch.einsum("cd,td...->tc...", self._across, scaled)  # type: ignore[attr-defined]
-        own = filtered(self._own, scaled, self._blocks)  # type: ignore[attr-defined]
+            scaled = torch.einsum("cd,td...->tc...", spatial, scaled)
+        white = own(scaled)
         if not self.law.common[0] > 0:
-            return own
-        direction: Tensor = self._direction  # type: ignore[attr-defined]
+            return white
         shared = torch.einsum("c,tc...->t...", direction, scaled)
-        blocks = self._blocks  # type: ignore[attr-defined]
-        more = filtered(self._both, shared, blocks) - filtered(self._own, shared, blocks)  # type: ignore[attr-defined]
-        return own + torch.einsum("c,t...->tc...", direction, more)
+        return white + torch.einsum("c,t...->tc...", direction, both(shared) - own(shared))

@@ -1,14 +1,15 @@
 """Derivatives of the strain-rate map by an effect's parameters, by forward-mode automatic differentiation."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
 from torch.func import jvp
 
 from solver.extension import Slot, Values
-from solver.model import Fiber, SignalPath, Vehicles
+from solver.model import Fiber, SignalPath, Vehicles, WheelResponses
+from solver.observation import BASE
 
 
 @dataclass(frozen=True)
@@ -20,14 +21,37 @@ class Seen:
     path : with the effects
     fiber : of the effects' values
     vehicles, poisson_ratio : of the state
+    rows : [row, computed channel], strain rate of each vehicle alone, 1/s
     alone : [sample, computed channel], map before whatever acts on the whole of it, 1/s
+    short : derivatives that many effects share, where many are wanted; None: each is computed anew
     """
 
     path: SignalPath
     fiber: Callable[[Values], Fiber]
     vehicles: Vehicles
     poisson_ratio: Tensor
+    rows: Tensor
     alone: Tensor
+    short: "Short | None" = None
+
+
+@dataclass(frozen=True)
+class Short:
+    """Derivatives of each row's strain rate by what effects change most.
+
+    Parameters
+    ----------
+    along, across : [row, computed channel], by a shift of the vehicle along travel and to its right, 1/m
+    distance : [row, computed channel], by a shift of the channel along the fiber, 1/m
+    wheels : by the strength of each wheel
+    middle : [computed channel, 3], middle of each gauge, m
+    """
+
+    along: Tensor
+    across: Tensor
+    distance: Tensor
+    wheels: WheelResponses
+    middle: Tensor
 
 
 def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values: Values) -> Tensor:
@@ -58,14 +82,18 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
         return path.rows(seen.fiber(new), seen.vehicles.rows(path.traffic), seen.poisson_ratio, new)
 
     one = torch.ones_like(here)
-    if scope == "one":
-        if effect.stage in ("interrogator", "processing", "ground", "cable") and not acts_on_rows(seen, slot, values):
-            return jvp(lambda v: path.observed(seen.alone, changed(v)), (here,), (one,))[1][None]
+    if effect.stage not in ("trajectory", "load") and scope == "one" and not acts_on_rows(seen, slot, values):
+        return jvp(lambda v: path.observed(seen.alone, changed(v)), (here,), (one,))[1][None]
+    tangent = None if seen.short is None else SHORTCUTS[effect.stage](seen, seen.short, changed, here)
+    if tangent is None and scope == "one":
         whole = jvp(lambda v: path.observed(path.traffic.superpose(rows(v)), changed(v)), (here,), (one,))[1]
         return whole[None]
-    tangent = jvp(rows, (here,), (one,))[1]
+    if tangent is None:
+        tangent = jvp(rows, (here,), (one,))[1]
     assert extension.scopes is not None
-    if scope == "fiber":
+    if scope == "one":
+        columns = path.traffic.superpose(tangent)[None]
+    elif scope == "fiber":
         columns = path.traffic.superpose(tangent)[None] * extension.scopes.fiber.T[:, None, :]
     else:
         spread = extension.scopes.rows[scope]
@@ -73,11 +101,93 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
     return observed_tangents(path, seen.alone, columns, values)
 
 
+Changed = Callable[[Tensor], Values]
+
+
+def per_row(seen: Seen) -> Vehicles:
+    """The vehicles of each row, [row, 1]."""
+    rows = seen.vehicles.rows(seen.path.traffic)
+    return Vehicles(*(getattr(rows, f.name)[:, None] for f in fields(rows)))
+
+
+def shift_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+    """Derivative [row, channel] by a parameter that moves vehicles; None where it turns them or changes their speed."""
+    vehicles, path = per_row(seen), seen.path
+
+    def driven(value: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        trajectory = path.trajectory(vehicles, changed(value))
+        return trajectory.position, trajectory.velocity, trajectory.heading
+
+    (_, _, heading), (move, faster, turn) = jvp(driven, (here,), (torch.ones_like(here),))
+    if bool(faster.any() | turn.any()):
+        return None
+    right = torch.stack([-heading[..., 1], heading[..., 0]], -1)
+    return (move * heading).sum(-1) * short.along + (move * right).sum(-1) * short.across
+
+
+def strength_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+    """Derivative [row, channel] by a parameter that changes the strength of wheels only; None where it moves them."""
+    vehicles, path, wheels = per_row(seen), seen.path, short.wheels
+
+    def strengths(value: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        load = path.loads(vehicles, changed(value))
+        rate = torch.zeros_like(load.share) if load.share_rate is None else load.share_rate
+        thrust = torch.zeros_like(load.position) if load.thrust is None else load.thrust
+        return load.position, load.share, rate, thrust
+
+    moved, share, rate, thrust = jvp(strengths, (here,), (torch.ones_like(here),))[1]
+    if share.shape[-1] != wheels.share.shape[-1] or bool(moved.any()):
+        return None
+    total = (wheels.share * share).sum(-1) + (wheels.share_rate * rate).sum(-1)
+    return total + (wheels.thrust * thrust).sum((-1, -2))
+
+
+def compliance_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+    """Derivative [row, channel] by a parameter that changes the compliance of the ground only."""
+
+    def softness(value: Tensor) -> Tensor:
+        compliance = seen.path.described(changed(value)).ground.compliance
+        return torch.ones_like(short.middle[:, 0]) if compliance is None else compliance(short.middle)
+
+    ground = seen.path.described(changed(here)).ground
+    if ground.compliance is None or replace(BASE, ground=replace(ground, compliance=None)).in_rows:
+        return None
+    value, tangent = jvp(softness, (here,), (torch.ones_like(here),))
+    return seen.rows * tangent / value
+
+
+def place_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+    """Derivative [row, channel] by a parameter that moves channels along the fiber, or changes their gain, only."""
+
+    def place(value: Tensor) -> tuple[Tensor, Tensor]:
+        cable = seen.path.described(changed(value)).cable
+        gain = torch.as_tensor(cable.gain, dtype=value.dtype).expand_as(cable.distance)
+        return cable.distance, gain + 0 * value.sum()
+
+    cable = seen.path.described(changed(here)).cable
+    if replace(BASE, cable=replace(cable, gain=BASE.cable.gain)).in_rows:
+        return None
+    (_, gain), (move, louder) = jvp(place, (here,), (torch.ones_like(here),))
+    return short.distance * move + seen.rows * louder / gain
+
+
+def no_shortcut(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+    """What acts on whole maps is computed on whole maps."""
+    return None
+
+
+SHORTCUTS = {
+    "trajectory": shift_tangent,
+    "load": strength_tangent,
+    "ground": compliance_tangent,
+    "cable": place_tangent,
+    "interrogator": no_shortcut,
+    "processing": no_shortcut,
+}
+
+
 def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:
     """Whether an effect changes what single vehicles do to single channels, and not just the whole map."""
-    extension = seen.path.extension
-    alone = type(extension)(
-        (slot.effect,), extension.surroundings, extension.scopes, extension.chosen, extension.time
-    ).described(values, seen.path.gauge_length)
-    assert extension.surroundings is not None
-    return alone.in_rows or alone.cable.distance is not extension.surroundings.distance
+    alone = replace(seen.path.extension, effects=(slot.effect,)).described(values, seen.path.gauge_length)
+    around = seen.path.extension.surroundings
+    return alone.in_rows or (around is not None and alone.cable.distance is not around.distance)

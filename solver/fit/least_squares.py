@@ -18,7 +18,7 @@ from solver.fit.derivatives import Seen, derivative, observed_tangents
 from solver.fit.prior import Rows, anchor_rows, shape_rows
 from solver.fit.problem import Problem
 from solver.load import layout_of
-from solver.model import Fiber, Sensitivities, Vehicles
+from solver.model import Fiber, Sensitivities, SignalPath, Vehicles
 from solver.observation import BASE
 
 KNOT_SPACING = 10.0
@@ -85,7 +85,7 @@ class MapFit:
         self.measured = problem.measured
         self.data = torch.where(self.measured, problem.strain_rate, 0.0)
         self.whiten = problem.whitener
-        self._ends = problem.ends(self.basis)
+        self._ends = GaugeEnds.of(self.basis, problem.distance, problem.gauge_length, problem.curved)
         self.mean, self.sd = self._prior()
         if known_ground:
             self._hold_ground()
@@ -113,17 +113,23 @@ class MapFit:
 
     def ends_at(self, values: Values) -> GaugeEnds:
         """Basis matrices at the gauges' ends, as effects move them."""
-        stages = self.path.described(values)
+        return self._ends_of(self.path, values)
+
+    def _ends_of(self, path: SignalPath, values: Values, derivative: int = 0) -> GaugeEnds:
+        stages = path.described(values)
         cable, gauge = stages.cable, stages.interrogator.gauge_length
-        around = self.extension.surroundings
-        if around is None:
+        if path.extension.surroundings is None and not derivative:
             return self._ends
-        within = cable.path_integral is not BASE.cable.path_integral
-        return GaugeEnds.at(self.basis, cable.distance, gauge, within)
+        within = path.curved or cable.path_integral is not BASE.cable.path_integral
+        return GaugeEnds.at(self.basis, cable.distance, gauge, within, derivative)
 
     def fiber(self, state: State, values: Values) -> Fiber:
         """The gauges' ends on the route of a state."""
         return Fiber.of(self.ends_at(values), state.coefficients)
+
+    def fiber_at(self, path: SignalPath, coefficients: Tensor, values: Values, derivative: int = 0) -> Fiber:
+        """The gauges' ends on a route, in another path with more effects; or their derivative by distance."""
+        return Fiber.of(self._ends_of(path, values, derivative), coefficients)
 
     def model(self, state: State) -> Tensor:
         """Strain rate [sample, channel], 1/s."""
@@ -230,11 +236,13 @@ class MapFit:
             return out
         alone = traffic.superpose(local.rate)
         columns = observed_tangents(self.path, alone, out.permute(2, 0, 1), values).permute(1, 2, 0)
-        return torch.cat([columns, self.effect_columns(state, alone)], -1)
+        return torch.cat([columns, self.effect_columns(state, local, alone)], -1)
 
-    def effect_columns(self, state: State, alone: Tensor) -> Tensor:
+    def effect_columns(self, state: State, local: Sensitivities, alone: Tensor) -> Tensor:
         """Derivative of the model by the effects' numbers, [sample, channel, number]."""
-        seen = Seen(self.path, lambda values: self.fiber(state, values), state.vehicles, state.poisson_ratio, alone)
+        seen = Seen(
+            self.path, lambda values: self.fiber(state, values), state.vehicles, state.poisson_ratio, local.rate, alone
+        )
         columns = [derivative(seen, slot, state.numbers) for slot in self.extension.slots]
         return torch.cat(columns, 0).permute(1, 2, 0)
 
@@ -264,7 +272,10 @@ class MapFit:
 
     def normal(self, state: State) -> tuple[Tensor, Tensor, Weights]:
         """Normal matrix [free, free], right-hand side [free] and weights of the samples."""
-        at = self.linearized(state)
+        return self.normal_of(state, self.linearized(state))
+
+    def normal_of(self, state: State, at: "Linearized") -> tuple[Tensor, Tensor, Weights]:
+        """The same of a problem that is linearized already."""
         matrix, right = at.jacobian.T @ at.jacobian, at.jacobian.T @ at.residual
         for rows in self.route_rows(state.coefficients):
             route = rows.jacobian.shape[1]
@@ -288,9 +299,7 @@ class MapFit:
         soft = self.measured / (1 + tracks)
         soft = soft * huber(residual * soft.sqrt(), self.measured)
         jacobian = self.whiten(self.jacobian(state, local, values) * good[..., None]) * soft.sqrt()[..., None]
-        return Linearized(
-            jacobian.flatten(0, 1), (residual * soft.sqrt()).flatten(), Weights(good, soft), model, local.rate
-        )
+        return Linearized(jacobian.flatten(0, 1), (residual * soft.sqrt()).flatten(), Weights(good, soft), model, local)
 
 
 @dataclass(frozen=True)
@@ -303,14 +312,14 @@ class Linearized:
     residual : [sample * channel], likewise
     weights : of the samples
     model : [sample, channel], 1/s
-    rate : [row, computed channel], of each vehicle alone, 1/s
+    local : strain rate of each vehicle alone and its local derivatives
     """
 
     jacobian: Tensor
     residual: Tensor
     weights: Weights
     model: Tensor
-    rate: Tensor
+    local: Sensitivities
 
 
 def huber(residual: Tensor, measured: Tensor) -> Tensor:

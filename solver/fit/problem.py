@@ -41,6 +41,7 @@ class Problem:
     sampling_rate : Hz
     law : of the noise in time and across channels
     effects : in the model, beyond the base
+    curved : whether strain is the integral along the fiber's path, see `SignalPath`
     """
 
     strain_rate: Tensor
@@ -57,6 +58,7 @@ class Problem:
     sampling_rate: float
     law: NoiseLaw = field(default_factory=NoiseLaw.white)
     effects: Sequence[Effect] = ()
+    curved: bool = True
 
     def distance_of(self, channel: ArrayLike) -> NDArray[np.float64]:
         """Distance along the fiber, m, of channel numbers."""
@@ -88,13 +90,13 @@ class Problem:
     @property
     def path(self) -> SignalPath:
         """The signal path of this survey's traffic, with its effects."""
-        return SignalPath(self.traffic, self.gauge_length, self.extension(self.effects))
+        return SignalPath(self.traffic, self.gauge_length, self.extension(self.effects), self.curved)
 
     def extension(self, effects: Sequence[Effect]) -> Extension:
         """Effects, ready to be put into the signal path."""
         if not effects:
             return Extension()
-        time = torch.from_numpy(self.traffic.samples)[self.traffic.sample_index] / self.sampling_rate
+        time = torch.from_numpy(self.traffic.samples).double()[self.traffic.sample_index] / self.sampling_rate
         plain = self._extension(effects, self.distance, None, time)
         values = plain.local(plain.numbers())
         if not plain.described(values, self.gauge_length).along_fiber:

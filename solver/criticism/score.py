@@ -1,0 +1,210 @@
+"""Score test of effects that are not in the model: how much each would lower the misfit, all else refitted.
+
+With r the whitened residual, J the derivatives by all that was fitted (rows of the priors appended) and X those by the
+effect's parameters at its null, X' = (1 - J (J'J)^-1 J') X is what the fit leaves of them. U = X'.r and I = X'.X' give
+the predicted fall of chi2, U' I^-1 U, the estimate I^-1 U and its covariance I^-1 (Rao 1948, Math. Proc. Cambridge
+Philos. Soc. 44, 50; the projection is that of Neyman 1959, C(alpha) tests).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from solver.effects.effect import Effect
+from solver.extension import Extension
+from solver.fit.derivatives import Seen, Short, derivative
+from solver.fit.least_squares import Linearized, MapFit, State
+from solver.model import Fiber, wheel_responses
+
+#: Prior odds of an effect's size: g of the g-prior (Zellner 1986), see CRITICISM: about 30 for effects worth naming.
+G = 30.0
+#: A direction of which less than this share of its variance is left by the fit cannot be told from the route.
+INVISIBLE = 1e-6
+
+
+@dataclass(frozen=True)
+class Score:
+    """What the score test says of one effect, or of one way to spread its parameters.
+
+    Parameters
+    ----------
+    effect : the candidate
+    shape : values of its shape parameters
+    shared : one number per parameter for all passes, where its scope is "pass"
+    fall : predicted fall of chi2
+    freedom : numbers that it adds
+    trials : how many shapes were tried
+    estimate, sigma : [number]
+    retained : share of the effect's signal that the fit leaves visible
+    direction : [number, kept], the effect's projected unit directions in terms of its numbers
+    correlation : [kept, ...] unused outside; Gram factors live in `ScoreTable`
+    """
+
+    effect: Effect
+    shape: dict[str, float]
+    shared: bool
+    fall: float
+    freedom: int
+    trials: int
+    estimate: NDArray[np.float64]
+    sigma: NDArray[np.float64]
+    retained: float
+    signal: Tensor
+
+    @property
+    def evidence(self) -> float:
+        """Ln of the Bayes factor against the model without the effect (g-prior), less the ln of shapes tried."""
+        return G / (2 * (1 + G)) * self.fall - self.freedom / 2 * np.log1p(G) - np.log(self.trials)
+
+
+class Scorer:
+    """Score tests at the end of one fit.
+
+    Parameters
+    ----------
+    fit : the fit
+    state : where it converged
+    """
+
+    def __init__(self, fit: MapFit, state: State):
+        self.fit, self.state = fit, state
+        self.at: Linearized = fit.linearized(state)
+        matrix, right, _ = fit.normal_of(state, self.at)
+        self.factor = torch.linalg.cholesky(matrix)
+        self.jacobian = self.at.jacobian[:, fit.free]
+        self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
+        self._seen: dict[int | None, Seen] = {}
+
+    @property
+    def stress(self) -> float:
+        """Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged."""
+        right = self.factor @ (self.factor.T @ self.step)
+        return float(torch.linalg.solve_triangular(self.factor, right[:, None], upper=False).abs().max())
+
+    def seen(self, extension: Extension) -> Seen:
+        """The model with a candidate at its null; what candidates share is computed once."""
+        key = None if extension.surroundings is None else len(extension.surroundings.distance)
+        path = replace(self.fit.path, extension=extension)
+        state = self.state
+
+        def fiber(values: dict) -> Fiber:
+            return self.fit.fiber_at(path, state.coefficients, values)
+
+        if key not in self._seen:
+            values = extension.local(self.numbers(extension, {}))
+            here = fiber(values)
+            local = path.sensitivities(here, state.vehicles, state.poisson_ratio, values)
+            distance = torch.zeros_like(local.rate)
+            for name, moved in self.fit.fiber_at(path, state.coefficients, values, 1).present().items():
+                distance = distance + (local.by[name] * moved).flatten(2).sum(-1)
+            short = Short(
+                local.by["along"],
+                local.by["across"],
+                distance,
+                wheel_responses(path, here, state.vehicles, state.poisson_ratio, values),
+                (here.ahead + here.behind) / 2,
+            )
+            alone = path.traffic.superpose(local.rate)
+            self._seen[key] = Seen(path, fiber, state.vehicles, state.poisson_ratio, local.rate, alone, short)
+        return replace(self._seen[key], path=path, fiber=fiber)
+
+    def numbers(self, extension: Extension, shape: dict[str, float]) -> Tensor:
+        """All effects' numbers: those of the fit, then the candidate's null and shape."""
+        candidate = extension.effects[-1]
+        numbers = extension.numbers({candidate.name: shape})
+        numbers[: len(self.state.numbers)] = self.state.numbers
+        return numbers
+
+    def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Tensor, list[int]]:
+        """Whitened derivatives [sample * channel, number] by an effect's amplitudes, and how many each has."""
+        seen, numbers = self.seen(extension), self.numbers(extension, shape)
+        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
+        maps = [derivative(seen, slot, numbers) for slot in slots]
+        weights = self.at.weights
+        every = torch.cat(maps).permute(1, 2, 0) * weights.good[..., None]
+        white = self.fit.whiten(every) * weights.soft.sqrt()[..., None]
+        return white.flatten(0, 1), [len(m) for m in maps]
+
+    def scores(self, effect: Effect) -> Iterator[Score]:
+        """The best shape of an effect, with separate and with shared numbers of passes."""
+        extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
+        shapes = [
+            dict(zip((p.name for p in effect.shapes), values, strict=True))
+            for values in product(*(p.grid for p in effect.shapes))
+        ]
+        best: dict[bool, Score] = {}
+        if not self.columns(effect, shapes[0], extension)[0].any():
+            return
+        for shape in shapes:
+            columns, counts = self.columns(effect, shape, extension)
+            for shared, matrix in self.spreads(effect, columns, counts):
+                score = self.score(effect, shape, shared, matrix, len(shapes))
+                if shared not in best or score.fall > best[shared].fall:
+                    best[shared] = score
+        yield from best.values()
+
+    def spreads(self, effect: Effect, columns: Tensor, counts: list[int]) -> Iterator[tuple[bool, Tensor]]:
+        """The numbers as they are, and summed over passes where they are one per pass."""
+        yield False, columns
+        if any(p.scope == "pass" for p in effect.amplitudes):
+            yield True, torch.stack([part.sum(1) for part in columns.split(counts, 1)], 1)
+
+    def project(self, columns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Score [number], information [number, number] and their unprojected squares [number]."""
+        crossed = self.jacobian.T @ columns
+        half = torch.linalg.solve_triangular(self.factor, crossed, upper=False)
+        score = columns.T @ self.at.residual - crossed.T @ self.step
+        gram = columns.T @ columns
+        return score, gram - half.T @ half, gram.diagonal()
+
+    def score(self, effect: Effect, shape: dict[str, float], shared: bool, columns: Tensor, trials: int) -> Score:
+        """The score test of given directions [sample * channel, number]."""
+        score, information, square = self.project(columns)
+        scale = square.clamp_min(1e-300).sqrt()
+        values, vectors = torch.linalg.eigh(information / scale[:, None] / scale)
+        keep = values > INVISIBLE
+        scaled = vectors[:, keep] / scale[:, None]
+        along = (scaled.T @ score) / values[keep].sqrt()
+        bounded = one_sided(effect, shared, columns.shape[1])
+        fall = float((along**2).sum())
+        inverse = scaled / values[keep] @ scaled.T
+        estimate = inverse @ score
+        if bounded is not None and columns.shape[1] == 1 and float(estimate[0]) * bounded < 0:
+            fall = 0.0
+        # Directions in data space are not kept: their products with others come from `crossed` again.
+        return Score(
+            effect,
+            shape,
+            shared,
+            fall,
+            int(keep.sum()),
+            trials,
+            estimate.numpy(),
+            inverse.diagonal().clamp_min(0).sqrt().numpy(),
+            float((values[keep].sum() / len(values)).clamp(max=1)) if len(values) else 0.0,
+            columns @ estimate,
+        )
+
+
+def one_sided(effect: Effect, shared: bool, numbers: int) -> int | None:
+    """Sign that a single number may have, where its null is a bound."""
+    if numbers != 1 or not effect.amplitudes[0].one_sided:
+        return None
+    p = effect.amplitudes[0]
+    return 1 if p.null == p.lower else -1
+
+
+def score_all(
+    scorer: Scorer, effects: Sequence[Effect], advance: Callable[[int], None] = lambda n: None
+) -> list[Score]:
+    """Best score of every effect, highest evidence first; effects that do nothing in this survey are left out."""
+    table = []
+    for effect in effects:
+        table += sorted(scorer.scores(effect), key=lambda s: s.evidence)[-1:]
+        advance(1)
+    return sorted((s for s in table if s.freedom), key=lambda s: -s.evidence)

@@ -1,0 +1,144 @@
+"""Cable stage: how the fiber lies in its duct and follows the ground."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from solver.effects.effect import Parameter, effect
+from solver.stages import Cable, Surroundings
+
+Values = Mapping[str, Tensor]
+
+
+@effect(
+    "channel_coupling",
+    "cable",
+    [Parameter("log_gain", "1", 0.3, lower=-3, upper=3, scope="fiber")],
+    physics="The cable grips the ground better at some places than at others.",
+    source="Reinsch et al. 2017, Geophys. J. Int. 210, 1017.",
+    told_from="stiffness of the ground that changes along it",
+)
+def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Gain exp(log_gain), smooth along the fiber."""
+    return replace(cable, gain=cable.gain * torch.exp(p["log_gain"]))
+
+
+@effect(
+    "shear_lag",
+    "cable",
+    [Parameter("length_squared", "m^2", 2.0, lower=0, upper=25)],
+    physics="The jacket passes strain on over a length L: 1 / (1 + k^2 L^2).",
+    source="Ansari and Libo 1998, J. Eng. Mech. 124, 385.",
+    told_from="pulse width",
+)
+def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Strain transfer of an elastic jacket."""
+    return cable.filtered(lambda k: 1 / (1 + k**2 * p["length_squared"]))
+
+
+@effect(
+    "conduit_slip",
+    "cable",
+    [
+        Parameter("share", "1", 0.5, lower=0, upper=1),
+        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 4.0).tolist())),
+        Parameter("length", "m", 2.0, lower=4, upper=60, grid=(8.0, 13.0, 20.0, 35.0)),
+    ],
+    physics="The fiber slips in its conduit and feels only the mean strain between the points that hold it.",
+    source="EFFECTS.md; Winkler 1867: a cable without friction.",
+)
+def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Channels within the free length show its mean; place is from the middle of the channels, along the fiber."""
+    s = survey.distance
+    center = (s.min() + s.max()) / 2 + p["place"]
+    edge = survey.channel_spacing / 2
+    inside = torch.sigmoid((p["length"] / 2 - (s - center).abs()) / (edge / 2))
+    mean = inside[:, None] * inside / inside.sum().clamp_min(1e-6)
+    eye = torch.eye(len(s), dtype=s.dtype)
+    return cable.mixed(eye + p["share"] * (mean - torch.diag(inside)))
+
+
+@effect(
+    "slack_spool",
+    "cable",
+    [
+        Parameter("length", "m", 5.0, lower=-1, upper=60),
+        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 5.0).tolist())),
+    ],
+    physics="Fiber lies coiled in a manhole: all channels beyond it are nearer than they count.",
+    source="ITU-T L.1430: slack storage at closures.",
+    told_from="smooth errors of the channels' positions",
+)
+def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Channels beyond a place along the fiber are shifted back by the dead length."""
+    s = survey.distance
+    center = (s.min() + s.max()) / 2 + p["place"]
+    # Half of the length on either side keeps the middle of the route where the anchors have it.
+    beyond = torch.sigmoid((s - center) / (survey.channel_spacing / 2)) - 0.5
+    return replace(cable, distance=cable.distance - p["length"] * beyond)
+
+
+@effect(
+    "sloping_fiber",
+    "cable",
+    [Parameter("vertical_share", "1", 0.5, null=1.0, lower=0, upper=2)],
+    physics="Where the fiber slopes, vertical motion stretches it too; a loose cable follows that less.",
+    source="DESIGN.md: displacement projected on the tangent, all three components.",
+)
+def sloping_fiber(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """The fiber follows this share of the ground's vertical motion."""
+    return replace(cable, vertical=p["vertical_share"])
+
+
+@effect(
+    "curved_gauge",
+    "cable",
+    [Parameter("share", "1", 1.0, lower=0, upper=1.5)],
+    physics="Within a gauge the fiber turns: strain is the integral along the path, not the motion of its two ends.",
+    source="Integration by parts of t . grad u . t along the fiber.",
+)
+def curved_gauge(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """1 is the full path integral."""
+    return replace(cable, path_integral=p["share"])
+
+
+@effect(
+    "channel_stretch",
+    "cable",
+    [Parameter("stretch", "1", 0.01, lower=-0.1, upper=0.1)],
+    physics="Channels lie farther apart than the file says: refractive index, helix, overstuffed fiber.",
+    source="Lindsey et al. 2020, JGR Solid Earth 125.",
+    told_from="the route and the clock's rate; only anchors tell",
+)
+def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Distance along the fiber grows by the stretch, about the middle."""
+    middle = (survey.distance.min() + survey.distance.max()) / 2
+    return replace(cable, distance=cable.distance + p["stretch"] * (survey.distance - middle))
+
+
+@effect(
+    "channel_wander",
+    "cable",
+    [Parameter("shift", "m", 0.5, scope="fiber")],
+    physics="Channels lie off their place along the fiber by a smooth amount: slack, snaking, index.",
+    source="Piana Agostinetti et al. 2022, Solid Earth 13, 449.",
+    told_from="the route",
+)
+def channel_wander(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Channel positions depart smoothly from their count."""
+    return replace(cable, distance=cable.distance + p["shift"])
+
+
+EFFECTS = (
+    channel_coupling,
+    shear_lag,
+    conduit_slip,
+    slack_spool,
+    sloping_fiber,
+    curved_gauge,
+    channel_stretch,
+    channel_wander,
+)

@@ -1,0 +1,162 @@
+"""Stand-ins for the unknown: flexible changes of every stage that compete with the physical effects.
+
+Where one of them explains the residual better than any effect of the catalogue, something acts there that the
+catalogue lacks.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from solver.effects.effect import Parameter, effect
+from solver.stages import Cable, Ground, Interrogator, Load, Surroundings
+
+Values = Mapping[str, Tensor]
+SOURCE = "Generic; sieve of smooth functions (Chen 2007, Handbook of Econometrics 6B, chapter 76)."
+
+SCALES = (1.5, 4.0, 10.0)
+
+
+@effect(
+    "generic_load",
+    "load",
+    [Parameter("change", "1", 0.2, scope="track")],
+    physics="The weight of each vehicle changes smoothly on its way.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_load(load: Load, p: Values, survey: Surroundings) -> Load:
+    """Weight times 1 + change, quasi-static."""
+    return replace(load, share=load.share * (1 + p["change"][..., None]))
+
+
+@effect(
+    "generic_road",
+    "load",
+    [Parameter("change", "1", 0.2, scope="road")],
+    physics="The weight of all vehicles changes alike with the place on the road.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_road(load: Load, p: Values, survey: Surroundings) -> Load:
+    """Weight times 1 + change, quasi-static."""
+    return replace(load, share=load.share * (1 + p["change"][..., None]))
+
+
+@effect(
+    "generic_kernel",
+    "ground",
+    [
+        *(Parameter(f"near_{scale:g}", "1", 0.2) for scale in SCALES),
+        *(Parameter(f"ahead_{scale:g}", "1", 0.2) for scale in SCALES),
+        *(Parameter(f"beside_{scale:g}", "1", 0.2) for scale in SCALES),
+    ],
+    physics="The ground answers differently by the distance from the wheel, before and behind it, and beside it.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Response times one plus Gaussians of the distance from the wheel, even, odd along travel, and even across."""
+
+    def response(offset: Tensor, velocity: Tensor, nu: Tensor | float) -> Tensor:
+        base = ground.response(offset, velocity, nu)
+        speed = velocity.norm(dim=-1).clamp_min(1e-3)
+        ahead = (offset[..., :2] * velocity).sum(-1) / speed
+        square = (offset[..., :2] ** 2).sum(-1)
+        factor = torch.ones_like(square)
+        for scale in SCALES:
+            bell = torch.exp(-square / (2 * scale**2))
+            beside = 1 - ahead**2 / square.clamp_min(1e-6)
+            even = p[f"near_{scale:g}"] + p[f"ahead_{scale:g}"] * ahead / scale + p[f"beside_{scale:g}"] * beside
+            factor = factor + even * bell
+        return base * factor[..., None]
+
+    return replace(ground, response=response)
+
+
+@effect(
+    "generic_echo",
+    "cable",
+    [
+        Parameter("share", "1", 0.1, lower=-1, upper=1),
+        Parameter("shift", "m", 1.0, grid=(-30.0, -20.0, -12.0, 12.0, 20.0, 30.0)),
+    ],
+    physics="Channels hear a share of what others, a fixed way along the fiber, feel.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_echo(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Share of the strain at distance + shift, linear between channels."""
+    s = survey.distance
+    apart = (s[None, :] - s[:, None] - p["shift"]).abs() / survey.channel_spacing
+    return cable.mixed(torch.eye(len(s), dtype=s.dtype) + p["share"] * (1 - apart).clamp_min(0))
+
+
+TAPS = (1, 2, 4)
+
+
+@effect(
+    "generic_time_filter",
+    "interrogator",
+    [Parameter(f"{way}_{lag}", "1", 0.2) for way in ("late", "early") for lag in TAPS],
+    physics="Each sample holds shares of the samples before and after it.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_time_filter(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
+    """Finite impulse response of a few taps."""
+
+    def transfer(s: Tensor) -> Tensor:
+        step = s / survey.sampling_rate
+        late = sum(p[f"late_{lag}"] * torch.exp(-lag * step) for lag in TAPS)
+        early = sum(p[f"early_{lag}"] * torch.exp(lag * step) for lag in TAPS)
+        return 1 + late + early
+
+    return interrogator.filtered(transfer)
+
+
+@effect(
+    "generic_nonlinearity",
+    "interrogator",
+    [Parameter("quadratic", "1", 0.2), Parameter("odd", "1", 0.2), Parameter("cubic", "1", 0.2)],
+    physics="The output is no straight line of the strain rate.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_nonlinearity(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
+    """Polynomial of the strain rate over its largest."""
+
+    def bent(rate: Tensor) -> Tensor:
+        x = rate / rate.abs().max().detach()
+        return rate * (1 + p["quadratic"] * x + p["odd"] * x.abs() + p["cubic"] * x**2)
+
+    return interrogator.through(bent)
+
+
+@effect(
+    "generic_wake",
+    "ground",
+    [
+        Parameter("share", "1", 0.2, lower=-3, upper=3),
+        Parameter("delay", "s", 0.2, lower=0.2, upper=8, grid=(0.6, 1.2, 2.4, 4.0)),
+    ],
+    physics="Each vehicle is followed by something like itself.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_wake(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Response plus a share of it, later."""
+    return ground.filtered(lambda s: 1 + p["share"] * torch.exp(-s * p["delay"]))
+
+
+EFFECTS = (
+    generic_load,
+    generic_road,
+    generic_kernel,
+    generic_echo,
+    generic_time_filter,
+    generic_nonlinearity,
+    generic_wake,
+)
