@@ -1,6 +1,6 @@
-"""Tracks in the formats of others: MOTChallenge text, OTVision tracks and reference points."""
+"""Tracks in the formats of others: MOTChallenge text, OTVision tracks."""
 
 from vision.exchange.mot import read_mot, write_mot
-from vision.exchange.otvision import read_ottrk, read_reference_points
+from vision.exchange.otvision import read_ottrk
 
-__all__ = ["read_mot", "read_ottrk", "read_reference_points", "write_mot"]
+__all__ = ["read_mot", "read_ottrk", "write_mot"]

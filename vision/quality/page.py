@@ -78,7 +78,7 @@ def rows(found: Sequence[Measures]) -> list[tuple[str, str, Callable[[Measures],
     ]
     metric: list[tuple[str, str, Callable[[Measures], str]]] = [
         ("Jitter floor", "of parked vehicles", lambda m: f"{number(m.floor, 'm')} ({m.parked})" if m.parked else "–"),
-        ("35 cm rule", "by the worst bin", lambda m: grade(m)),
+        ("Worth for the fiber", "35 cm rule, and the route", grade),
         ("Effect on the route", "1 sigma sideways, as stated", lambda m: number(typical_effect(m), "m", 3)),
     ]
     scored: list[tuple[str, str, Callable[[Measures], str]]] = [

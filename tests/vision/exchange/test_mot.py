@@ -2,6 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from vision.cli import write_table
 from vision.contract import InputError
 from vision.exchange import read_mot, write_mot
 from vision.interpolate import BOX
@@ -72,3 +73,8 @@ def test_missing_file_and_missing_boxes(tmp_path):
     with pytest.raises(InputError, match="no column box_left"):
         write_mot(tracks().drop(columns="box_left"), tmp_path / "t.txt")
     assert not list(tmp_path.iterdir())
+
+
+def test_track_writes_it_by_the_suffix(tmp_path):
+    write_table(tracks(), tmp_path / "t.txt")
+    assert len(read_mot(tmp_path / "t.txt")) == 8

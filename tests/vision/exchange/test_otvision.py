@@ -1,15 +1,12 @@
 import bz2
 import json
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from vision.contract import InputError, LocalFrame
-from vision.exchange import read_ottrk, read_reference_points
+from vision.contract import InputError
+from vision.exchange import read_ottrk
 from vision.interpolate import BOX
-
-POINT = {"x_px": 1, "y_px": 2, "hemisphere": "N", "zone_utm": 32, "lon_utm": 5e5, "lat_utm": 5e6}
 
 
 def entry(frame=1, track=1, when="2020-01-01 00:00:00.050000", **more):
@@ -40,28 +37,6 @@ def test_new_tracks_have_corners_and_seconds(tmp_path):
     assert table["time"].iloc[0] == pd.Timestamp("2020-01-01T00:00:00.05Z")
 
 
-def test_reference_points_are_where_they_are(tmp_path):
-    """UTM's easting grows by 0.9996 m per meter at the central meridian (Snyder 1987)."""
-    points = {
-        str(k): {
-            "x_px": 10 * k,
-            "y_px": 5,
-            "hemisphere": "N",
-            "zone_utm": 33,
-            "lon_utm": 5e5 + 10 * k,
-            "lat_utm": 5.6e6,
-        }
-        for k in range(4)
-    }
-    (tmp_path / "a.otrfpts").write_text(json.dumps(points))
-    table = read_reference_points(tmp_path / "a.otrfpts")
-    assert list(table) == ["name", "px", "py", "latitude", "longitude"]
-    frame = LocalFrame((table["latitude"][0], table["longitude"][0]), 90.0)
-    x, y = frame.to_local(table["latitude"], table["longitude"])
-    np.testing.assert_allclose(x, np.arange(4) * 10 / 0.9996, atol=1e-4)
-    np.testing.assert_allclose(y, 0, atol=1e-4)
-
-
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
@@ -76,23 +51,6 @@ def test_bad_tracks(tmp_path, text, complaint):
     with pytest.raises(InputError, match=complaint) as error:
         read_ottrk(tmp_path / "a.ottrk")
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("points", "complaint"),
-    [
-        ({}, "no reference points"),
-        ([POINT], "no reference points"),
-        ({"a": POINT, "b": {"x_px": 1}}, "point b: not complete"),
-        ({"a": POINT | {"lon_utm": "east"}}, "give numbers"),
-        ({"a": POINT | {"zone_utm": 61}}, "zone from 1 to 60"),
-        ({"a": POINT | {"hemisphere": "W"}}, "N or S"),
-    ],
-)
-def test_bad_points(tmp_path, points, complaint):
-    (tmp_path / "a.otrfpts").write_text(json.dumps(points))
-    with pytest.raises(InputError, match=complaint):
-        read_reference_points(tmp_path / "a.otrfpts")
 
 
 def test_no_file(tmp_path):
