@@ -174,6 +174,48 @@ def check(
     print(json.dumps(result | {"written": [str(out)]}) if as_json else f"{words(result)}\nwrote {out}")
 
 
+@app.command()
+def page(
+    video: Annotated[Path, typer.Argument(help="Video or picture to mark.")],
+    points: Annotated[
+        Path | None,
+        typer.Option(help="Control points to begin with, as for `calibrate ground`, or a calibration.json."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Calibration file that Save writes.")] = Path("calibration.json"),
+    time: Annotated[
+        float | None, typer.Option(help="Frame of the video, s from its start.  [default: the middle]")
+    ] = None,
+    intrinsics: Annotated[Path | None, typer.Option(help="What `calibrate board` wrote: the lens is known.")] = None,
+    height: Annotated[
+        str | None, typer.Option(metavar="M,SIGMA", help="Height of the camera above the road, if measured.")
+    ] = None,
+    frame: Frame = None,
+    origin: Origin = None,
+    x_azimuth: Azimuth = None,
+    crs: Crs = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free one.")] = 0,
+    browser: Annotated[bool, typer.Option(help="Open the page.")] = True,
+) -> None:
+    """Calibrate in the browser: drag marks on a frame, type their places, see errors, grid and view from above live.
+
+    Works offline; Save writes the file that `calibrate ground` writes, and the points as csv beside it.
+
+    Example: `roadfiber calibrate page street.mp4 --frame site.toml --out calibration.json`
+    """
+    from calib.control_points import read_control_points
+    from calib.lens_prior import read_intrinsics
+    from calib.options import local_frame, measured, read_frame
+    from calib.page import serve
+    from calib.session import Session, marks_of
+
+    where, tall = local_frame(frame, origin, x_azimuth), measured(height, "--height", "m")
+    marks = marks_of(read_control_points(points, where, crs)) if points else ()
+    image = read_frame(video, time)
+    size = (image.shape[1], image.shape[0])
+    lens = read_intrinsics(intrinsics).prior(size, intrinsics) if intrinsics else None
+    serve(Session(size, marks, frame=where, lens=lens, height=tall), image, out, port, browser)
+
+
 def _report(points: "ControlPoints", fit: "GroundFit", written: list[Path], as_json: bool) -> None:
     import json
 

@@ -1,0 +1,152 @@
+"""The calibration page in a real browser: drag, type, undo, save, and nothing from the web."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from street_marks import CAMERA, SIZE, marks
+
+from calib.control_points import write_control_points
+from vision.camera import Calibration
+
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+PATIENCE = 20_000  # ms
+READY = "window.Bokeh && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle"
+# Where a pixel of the frame is on the screen.
+PLACE = """([u, v]) => {
+    const plot = Bokeh.documents[0].get_model_by_name('picture')
+    const view = Bokeh.index.find_one(plot)
+    const box = view.el.getBoundingClientRect()
+    return [box.x + view.frame.x_scale.compute(u), box.y + view.frame.y_scale.compute(v)]
+}"""
+COLUMN = "name => Array.from(Bokeh.documents[0].get_model_by_name('marks').get(name))"
+
+
+@dataclass
+class Street:
+    page: Any
+    out: Any
+    asked: list
+
+    def column(self, name):
+        return self.page.evaluate(COLUMN, name)
+
+    def status(self):
+        return self.page.evaluate("() => Bokeh.documents[0].get_model_by_name('status').text")
+
+    def rms(self):
+        return float(re.search(r"id='rms'>([\d.]+)<", self.status())[1])
+
+    def at(self, pixel):
+        return self.page.evaluate(PLACE, [float(value) for value in pixel])
+
+    def select(self, index):
+        self.page.locator(".slick-row").nth(index).locator(".slick-cell").first.click()
+        name = self.column("name")[index]
+        self.wait("name => Bokeh.documents[0].get_model_by_name('field_name').value == name", name)
+
+    def wait(self, condition, argument=None):
+        self.page.wait_for_function(condition, arg=argument, timeout=PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    if CHROMIUM is None:
+        pytest.skip("no chromium on the PATH")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def street(chromium, tmp_path):
+    """The page of a street with ten marks, and what it asked the network for."""
+    cv2.imwrite(str(tmp_path / "street.png"), np.full((SIZE[1], SIZE[0], 3), 120, np.uint8))
+    write_control_points(marks(noise=0.4), tmp_path / "points.csv")
+    out = tmp_path / "calibration.json"
+    words = ["street.png", "--points", "points.csv", "--out", out.name, "--no-browser", "--port", "0"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "roadfiber", "calibrate", "page", *words],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    ) as server:  # fmt: skip
+        try:
+            address = re.search(r"http://\S+", server.stdout.readline())[0]
+            page = chromium.new_page(viewport={"width": 1500, "height": 950})
+            asked: list[str] = []
+            page.on("request", lambda request: asked.append(request.url))
+            page.goto(address)
+            page.wait_for_function(READY, timeout=PATIENCE)
+            yield Street(page, out, asked)
+            page.close()
+        finally:
+            server.terminate()
+
+
+def test_drag_undo_type_and_save(street):
+    rms, pixels = street.rms(), np.column_stack([street.column("px"), street.column("py")])
+    assert rms < 1 and all(url.startswith("http://localhost:") for url in street.asked)
+
+    start, end = street.at(pixels[4]), street.at(pixels[4] + (60, 0))
+    street.page.mouse.move(*start)
+    street.page.mouse.down()
+    street.page.mouse.move(*end, steps=6)
+    street.page.mouse.up()
+    street.wait(
+        "before => !Bokeh.documents[0].get_model_by_name('status').text.includes(before)", f"id='rms'>{rms:.3f}<"
+    )
+    assert street.column("px")[4] == pytest.approx(pixels[4, 0] + 60, abs=3)
+    assert "left out as outliers: p4" in street.status() and max(street.column("residual_px")) > 30
+
+    street.page.get_by_role("button", name="Undo").click()
+    street.wait(
+        "before => Bokeh.documents[0].get_model_by_name('status').text.includes(before)", f"id='rms'>{rms:.3f}<"
+    )
+    assert street.column("px")[4] == pytest.approx(pixels[4, 0])
+
+    street.select(0)
+    street.page.get_by_label("x, m").fill(f"{street.column('x')[0] + 8:.2f}")
+    street.page.get_by_label("x, m").press("Enter")
+    street.wait("() => Bokeh.documents[0].get_model_by_name('status').text.includes('left out as outliers: p0')")
+    street.page.get_by_role("button", name="Undo").click()
+    street.wait(
+        "before => Bokeh.documents[0].get_model_by_name('status').text.includes(before)", f"id='rms'>{rms:.3f}<"
+    )
+
+    place = np.array([[18.0, 1.0]])
+    street.page.mouse.click(*street.at(CAMERA.project([[*place[0], 0.0]])[0]))
+    street.wait("() => Bokeh.documents[0].get_model_by_name('field_name').value == 'p10'")
+    for label, value in zip(("x, m", "y, m"), place[0], strict=True):
+        street.page.get_by_label(label).fill(f"{value:g}")
+        street.page.get_by_label(label).press("Enter")
+    street.wait("() => Bokeh.documents[0].get_model_by_name('marks').get('residual_px')[10] < 3")
+    assert not street.out.exists()
+    street.page.get_by_role("button", name="Save").click()
+    street.wait("() => Bokeh.documents[0].get_model_by_name('saved').text != ''")
+    assert street.page.evaluate("() => Bokeh.documents[0].get_model_by_name('saved').text").startswith("saved")
+    calibration = Calibration.read(street.out)
+    assert len(calibration.control_points) == 11 and calibration.covariance is not None
+    assert json.loads(street.out.read_text())["image_size"] == list(SIZE)
+    assert (street.out.parent / "calibration_points.csv").exists()
+
+
+def test_too_few_marks_are_said_and_not_saved(street):
+    for _ in range(7):
+        street.page.evaluate("() => {Bokeh.documents[0].get_model_by_name('marks').selected.indices = [0]}")
+        count = len(street.column("px"))
+        street.page.get_by_role("button", name="Delete selected").click()
+        street.wait("n => Bokeh.documents[0].get_model_by_name('marks').get('px').length == n", count - 1)
+    assert "3 given" in street.status()
+    street.page.get_by_role("button", name="Save").click()
+    street.wait("() => Bokeh.documents[0].get_model_by_name('saved').text.includes('not saved')")
+    assert not street.out.exists()
