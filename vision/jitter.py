@@ -56,21 +56,25 @@ def deviations(tracks: "pd.DataFrame", *, window: int = WINDOW, straight: bool =
     if window < 3 or window % 2 == 0:
         raise InputError(f"jitter: a window of {window} frames has no middle; give an odd number from 3 on")
     half = window // 2 * stride(tracks["frame"].to_numpy())
-    result = pd.DataFrame({"dx": np.nan, "dy": np.nan}, index=tracks.index)
-    time = seconds(tracks["time"])
-    order = np.lexsort([tracks["frame"], tracks["track_id"].astype(str)])
-    names = tracks["track_id"].to_numpy()[order]
-    for rows in np.split(order, np.flatnonzero(names[1:] != names[:-1]) + 1):
-        track = tracks.iloc[rows]
-        place = track[["x", "y"]].to_numpy(float)
-        result.iloc[rows] = _from_neighbors(track["frame"].to_numpy(float), time[rows], place, half, straight)
-    return result
+    frame, time = tracks["frame"].to_numpy(float), seconds(tracks["time"])
+    place = tracks[["x", "y"]].to_numpy(float)
+    result = np.full(place.shape, np.nan)
+    for rows in rows_of(tracks).values():
+        result[rows] = _from_neighbors(frame[rows], time[rows], place[rows], half, straight)
+    return pd.DataFrame(result, columns=["dx", "dy"], index=tracks.index)
+
+
+def rows_of(tracks: "pd.DataFrame") -> dict[str, NDArray[np.intp]]:
+    """Rows of every track, in the order of its frames, by its name."""
+    order = np.argsort(tracks["frame"].to_numpy(), kind="stable")
+    names = tracks["track_id"].astype(str).to_numpy()
+    _, code, counts = np.unique(names, return_inverse=True, return_counts=True)
+    order = order[np.argsort(code[order], kind="stable")]
+    return {str(names[rows[0]]): rows for rows in np.split(order, np.cumsum(counts)[:-1]) if len(rows)}
 
 
 def _from_neighbors(frame: Array, time: Array, place: Array, half: float, straight: bool) -> Array:
     """Deviations [fix, 2] of one track; as `deviations`, with half a window in frames."""
-    if not len(frame):
-        return place
     origin = place.mean(axis=0)
     place, time = place - origin, time - time.mean()
     first, last = np.searchsorted(frame, frame - half), np.searchsorted(frame, frame + half, side="right")
@@ -155,13 +159,13 @@ def parked(tracks: "pd.DataFrame") -> list[str]:
 
     A track counts where it lasts five seconds and 95 % of its fixes lie within one meter of their median.
     """
-    time = seconds(tracks["time"])
+    time, places = seconds(tracks["time"]), tracks[["x", "y"]].to_numpy(float)
     found = []
-    for name, track in tracks.groupby("track_id", sort=True):
-        place = track[["x", "y"]].to_numpy(float)
+    for name, rows in rows_of(tracks).items():
+        place = places[rows]
         near = np.hypot(*(place - np.median(place, axis=0)).T) < STANDING
-        if np.ptp(time[tracks.index.get_indexer(track.index)]) >= LONG_ENOUGH and near.mean() >= INSIDE:
-            found.append(str(name))
+        if np.ptp(time[rows]) >= LONG_ENOUGH and near.mean() >= INSIDE:
+            found.append(name)
     return found
 
 
