@@ -216,6 +216,26 @@ def page(
     serve(Session(size, marks, frame=where, lens=lens, height=tall), image, out, port, browser)
 
 
+@app.command()
+def clock(
+    site: Annotated[Path, typer.Argument(help="The survey's site.toml, or its folder.")],
+    offset: Annotated[
+        float | None, typer.Option(help="Try this clock_offset, s, in place of the one in site.toml.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show how the video's frames are put on UTC: start, header, clock_offset, first and last frame, gaps.
+
+    Example: `roadfiber calibrate clock surveys/main-street --offset 0.35`
+    """
+    import json
+
+    from calib.clock import facts, read_clock, words
+
+    found = read_clock(site, offset)
+    print(json.dumps(facts(found)) if as_json else words(found))
+
+
 def _report(points: "ControlPoints", fit: "GroundFit", written: list[Path], as_json: bool) -> None:
     import json
 

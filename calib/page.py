@@ -84,8 +84,8 @@ class Page:
         plot.image_rgba([rgba(self.image)], x=0, y=0, dw=width, dh=height)
         colors = LogColorMapper(palette=Viridis256[::-1], low=LEVELS[0], high=LEVELS[-1], nan_color="rgba(0,0,0,0)")
         errors = plot.image("image", source=self.errors, x="x", y="y", dw="dw", dh="dh", color_mapper=colors, alpha=0.5)
-        bar = ColorBar(color_mapper=colors, title="1 sigma, m", width=8)
-        plot.add_layout(bar, "right")
+        bar = ColorBar(color_mapper=colors, title="1 sigma, m", width=8, height=150, background_fill_alpha=0.7)
+        plot.add_layout(bar)
         grid = plot.multi_line("xs", "ys", source=self.lines, color="#6ec8ff", line_width=1)
         residuals = plot.multi_line("xs", "ys", source=self.residuals, color="#ffe600", line_width=2)
         points = plot.scatter("px", "py", source=self.marks, size=11, fill_alpha=0.25, color="color", line_width=2,
