@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vision.appearance import Appearance
 from vision.camera import Calibration
@@ -147,26 +148,22 @@ def box_tracks(
     looked_at = len(range(0, len(video), every))
     looks = look(video, detector, every, cache=cache, images=appearance is not None)
     with progress("detecting vehicles", looked_at) as advance, closing(looks):
-        seen, vectors, detected = [], [], 0
+        seen, detected = [], 0
         for now in looks:
-            found = now.found.select(placeable(now.found.box, calibration)) if calibration else now.found
-            vectors.append(appearance.embed(now.image, found.box) if appearance and now.image is not None else None)
-            seen.append(replace(now, found=found, image=None))
+            seen.append(_placed(now, calibration, appearance))
             detected += len(now.found)
             advance(1)
     begun = perf_counter()
     tracker = Tracker(strong, max(PATIENCE, PATIENT_FRAMES * every * video.frame_interval), calibration)
-    owners = [
-        tracker.update(now.time, now.found.box, now.found.score, looks_like)
-        for now, looks_like in zip(seen, vectors, strict=True)
-    ]
+    owners = [tracker.update(now.time, now.found.box, now.found.score, vectors) for now, vectors in seen]
     tracking = perf_counter() - begun
-    fresh = sum(now.fresh for now in seen)
-    speed = Speed(looked_at, fresh, sum(now.decode for now in seen), sum(now.detect for now in seen), tracking)
-    table = _tabulate(seen, owners)
+    done = [now for now, _ in seen]
+    spent = (sum(now.decode for now in done), sum(now.detect for now in done), tracking)
+    speed = Speed(looked_at, sum(now.fresh for now in done), *spent)
+    table = _tabulate(done, owners)
     counts = table.groupby("track_id")["frame"].transform("size")
     table = table[counts >= FEWEST_FIXES]
-    if table.empty and detected >= FEWEST_FIXES and not any(len(now.found) for now in seen):
+    if table.empty and detected >= FEWEST_FIXES and not any(len(now.found) for now in done):
         raise off_road(video.path)
     if table.empty:
         raise InputError(
@@ -175,6 +172,15 @@ def box_tracks(
         )
     filled = fill_frames(majority_class(table), video.index[::every], video.time[::every])
     return filled[list(PIXEL_COLUMNS)], speed
+
+
+def _placed(
+    now: Look, calibration: Calibration | None, appearance: Appearance | None
+) -> tuple[Look, NDArray[np.float64] | None]:
+    """Those of a frame's detections that can be placed, without the image, and vectors of their looks."""
+    found = now.found.select(placeable(now.found.box, calibration)) if calibration else now.found
+    vectors = appearance.embed(now.image, found.box) if appearance and now.image is not None else None
+    return replace(now, found=found, image=None), vectors
 
 
 def on_road(
