@@ -52,7 +52,9 @@ def locate(
     site: Annotated[Path, typer.Argument(help="The survey's site.toml, or its folder.")],
     out: Annotated[Path, typer.Option("--out", help="Run folder to write.")] = Path("run"),
     method: Annotated[str, typer.Option(help="spline (default), or network: the paper's.")] = "spline",
-    effects: Annotated[str, typer.Option(help="Effects in the model, by comma; none: point loads.")] = "wheel_layout",
+    effects: Annotated[str, typer.Option(help="Effects in the model, by comma; none: as published.")] = (
+        "wheel_layout,curved_gauge"
+    ),
     as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of words.")] = False,
 ) -> None:
     """Locate the fiber of a survey: DAS files and trajectories, or a video, to a route on a map.

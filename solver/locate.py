@@ -11,6 +11,8 @@ import numpy as np
 
 from solver.anchors import Anchor, read_anchors
 from solver.das import DASRecord, read_das
+from solver.effects.catalogue import find
+from solver.effects.plugins import catalogue
 from solver.fit import METHODS, FitResult, Prior, Problem
 from solver.fit.held_out import FOLDS, held_out_chi2
 from solver.matched_filter import initialize
@@ -23,8 +25,8 @@ from vision.contract import InputError, progress, read_trajectories
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Effects that may be in the model; `locate --effects none` is the paper's point loads.
-EFFECTS = ("wheel_layout",)
+#: Effects that are in the model by default; `locate --effects none` is the paper's point loads and straight gauges.
+EFFECTS = ("wheel_layout", "curved_gauge")
 #: Chi2 by which one side of the road must beat the other before the side counts as known (3 sigma).
 DECISIVE = 9.0
 
@@ -37,6 +39,7 @@ class Located:
     record: DASRecord
     passes: list[Pass]
     anchors: list[Anchor]
+    problem: Problem
     result: FitResult
     held_out: float | None
     effects: Sequence[str]
@@ -54,6 +57,7 @@ class Located:
             record=self.record,
             passes=self.passes,
             anchors=self.anchors,
+            problem=self.problem,
             timings=self.timings,
             held_out=self.held_out,
             effects=self.effects,
@@ -116,7 +120,7 @@ def locate(
     site : the survey, see `solver.site.read_site`
     table : trajectory table; the site's trajectory files where None
     method : "spline" (default) or "network" (the paper's)
-    effects : names out of `EFFECTS`; empty = the paper's point loads
+    effects : names out of the catalogue; empty = the paper's point loads and straight gauges
 
     Raises
     ------
@@ -125,10 +129,7 @@ def locate(
     """
     if method not in METHODS:
         raise InputError(f"--method {method}: not known; choose one of {', '.join(METHODS)}")
-    if unknown := set(effects) - set(EFFECTS):
-        raise InputError(
-            f"--effects {', '.join(sorted(unknown))}: not known; choose out of {', '.join(EFFECTS)}, or none"
-        )
+    more = [find(name, catalogue()) for name in effects if name not in EFFECTS]
     timings: dict[str, float] = {}
     warnings: list[str] = []
     with timed(timings, "read"):
@@ -151,10 +152,14 @@ def locate(
     keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing))
     sides = [rough.lateral] if anchors else [rough.lateral, rough.mirror]
     starts = [start_route(rough, y, anchors)[keep] for y in sides]
-    problems = [pose(record, passes, anchors, start, rough.channel[keep], prior) for start in starts]
+    posed = [pose(record, passes, anchors, start, rough.channel[keep], prior) for start in starts]
+    curved = "curved_gauge" in effects
+    problems = [replace(one, effects=tuple(more), curved=curved) for one in posed]
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
     with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:
         again = shortened(problem, slice(None), result)
         held_out = held_out_chi2(again, advance) if method == "spline" else None
-    return Located(site, record, passes, anchors, result, held_out, effects, warnings, timings)
+    if all(one.vehicle_class == "vehicle" for one in passes):
+        effects = [name for name in effects if name != "wheel_layout"]
+    return Located(site, record, passes, anchors, again, result, held_out, effects, warnings, timings)

@@ -94,7 +94,7 @@ def pose(
     passes = [part for one in passes if (part := nearby(one, route)) is not None]
     traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))
     return Problem(
-        strain_rate=torch.from_numpy(strain_rate[traffic.samples][:, alive]),
+        record=strain_rate[:, alive],
         noise=torch.from_numpy(noise[alive]),
         channel=channel[alive],
         zero_distance=float(record.distance[0] - record.channel[0] * record.channel_spacing),
@@ -149,7 +149,7 @@ def shortened(problem: Problem, keep: slice, result: FitResult) -> Problem:
     """The problem with the channels `keep` only, beginning where a fit of all of them ended."""
     return replace(
         problem,
-        strain_rate=problem.strain_rate[:, keep],
+        record=problem.record[:, keep],
         noise=problem.noise[keep],
         channel=problem.channel[keep],
         start=result.route[np.isin(result.channel, problem.channel)][keep],

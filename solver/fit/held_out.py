@@ -17,8 +17,7 @@ def part(problem: Problem, chosen: np.ndarray) -> Problem:
     """The same survey with the passes `chosen` only."""
     passes = [problem.passes[i] for i in chosen]
     traffic = Traffic.of(passes)
-    rows = np.searchsorted(problem.traffic.samples, traffic.samples)
-    return replace(problem, passes=passes, traffic=traffic, strain_rate=problem.strain_rate[torch.from_numpy(rows)])
+    return replace(problem, passes=passes, traffic=traffic)
 
 
 def own_samples(problem: Problem, chosen: np.ndarray) -> torch.Tensor:

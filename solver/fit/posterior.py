@@ -116,6 +116,7 @@ def assemble(
         constrained=lateral_share(route, total, shape) > 0.5,
         data_share=share,
         parameters=parameters(problem, state, fit, posterior.covariance),
+        vector=state.vector().numpy(),
         samples=problem.traffic.samples,
         fitted_channel=problem.channel,
         measured=problem.strain_rate.numpy(),

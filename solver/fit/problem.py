@@ -29,12 +29,12 @@ class Problem:
 
     Parameters
     ----------
-    strain_rate : [sample, channel], measured, 1/s; NaN where there is none
+    record : [row, channel], the whole record of the fitted channels, 1/s; NaN where there is none
     noise : [channel], standard deviation of the noise, 1/s
     channel : [channel], numbers of the fitted channels
     zero_distance : distance along the fiber of channel 0, m
     channel_spacing, gauge_length : m
-    passes : vehicles; `traffic.samples` are the rows of the record in `strain_rate`
+    passes : vehicles; `traffic.samples` are the rows of the record that are fitted
     anchors : known points of the fiber
     start : [channel, 3], rough route to begin from, m
     prior : what was known before
@@ -44,7 +44,7 @@ class Problem:
     curved : whether strain is the integral along the fiber's path, see `SignalPath`
     """
 
-    strain_rate: Tensor
+    record: NDArray[np.float64]
     noise: Tensor
     channel: NDArray[np.int64]
     zero_distance: float
@@ -59,6 +59,11 @@ class Problem:
     law: NoiseLaw = field(default_factory=NoiseLaw.white)
     effects: Sequence[Effect] = ()
     curved: bool = True
+
+    @cached_property
+    def strain_rate(self) -> Tensor:
+        """Measured strain rate [sample, channel] at the traffic's samples, 1/s."""
+        return torch.from_numpy(self.record[self.traffic.samples])
 
     def distance_of(self, channel: ArrayLike) -> NDArray[np.float64]:
         """Distance along the fiber, m, of channel numbers."""

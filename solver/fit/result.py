@@ -31,6 +31,7 @@ class FitResult:
     constrained : [channel] bool, False where only the smoothness of routes decides the lateral position
     data_share : [channel, 3], share of the posterior variance that data and anchors, not priors, decide; NaN likewise
     parameters : name -> Parameter
+    vector : [parameter], all that was fitted, as `solver.fit.least_squares.State` packs it
     samples : [sample], rows of the record that were fitted
     fitted_channel : [fitted], channel numbers of the maps below
     measured, model : [sample, fitted], 1/s; measured is NaN where there is none
@@ -51,6 +52,7 @@ class FitResult:
     constrained: NDArray[np.bool_]
     data_share: NDArray[np.float64]
     parameters: dict[str, Parameter]
+    vector: NDArray[np.float64]
     samples: NDArray[np.int64]
     fitted_channel: NDArray[np.int64]
     measured: NDArray[np.float64]

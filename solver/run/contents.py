@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.anchors import Anchor
+from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.trajectory import Pass
 from vision.contract import LocalFrame
@@ -19,6 +20,7 @@ class Run:
     Parameters
     ----------
     result : of the fit
+    problem : what was fitted
     frame : the local frame of all x, y
     start : of the record, UTC
     time : s since `start` [sample], of the fitted samples
@@ -27,6 +29,7 @@ class Run:
     """
 
     result: FitResult
+    problem: Problem
     frame: LocalFrame
     start: np.datetime64
     time: NDArray[np.float64]

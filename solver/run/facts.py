@@ -14,8 +14,10 @@ from solver.anchors import Anchor
 from solver.das import DASRecord
 from solver.das.files import checksum
 from solver.fit.least_squares import HUBER
+from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.noise import quiet, whitened_quiet
+from solver.run.problem_arrays import problem_facts
 from solver.site import Site
 from solver.trajectory import Pass
 
@@ -95,6 +97,7 @@ def facts_of(
     record: DASRecord,
     passes: Sequence[Pass],
     anchors: Sequence[Anchor],
+    problem: Problem,
     timings: Mapping[str, float],
     held_out: float | None,
     effects: Sequence[str],
@@ -121,6 +124,7 @@ def facts_of(
         "start": f"{record.start}Z",
         "anchors": [asdict(anchor) for anchor in anchors],
         "settings": settings_of(site, record),
+        "problem": problem_facts(problem),
         "record": {name: value for name, value in record.provenance.items() if name not in ("files", "sha256")},
         "inputs": inputs_of(site, record),
         "timings": timings,

@@ -4,28 +4,30 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
+from shutil import copyfile
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solver.anchors import Anchor
 from solver.das import DASRecord
+from solver.effects.catalogue import find
+from solver.effects.plugins import catalogue
+from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.run import geojson, report
 from solver.run.contents import Run
 from solver.run.facts import FORMAT, facts_of
+from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, problem_from
 from solver.site import Site
 from solver.trajectory import Pass
-from solver.whitening import NoiseLaw
 from vision.contract import InputError, LocalFrame, writing
 
 # What of a FitResult are arrays, and so goes into data.npz; maps are stored in single precision, 1e-7 of their value.
 ROUTE = ("channel", "distance", "route", "covariance", "constrained", "data_share")
-ARRAYS = (*ROUTE, "samples", "fitted_channel", "noise")
+ARRAYS = (*ROUTE, "vector", "samples", "fitted_channel", "noise")
 MAPS = ("measured", "model", "weight")
-ROWS = ("rows", "position", "velocity", "sigma", "in_view")
 
 
 def route_table(run: Run) -> str:
@@ -44,33 +46,12 @@ def route_table(run: Run) -> str:
     return "\n".join(lines) + "\n"
 
 
-def pass_arrays(passes: Sequence[Pass]) -> dict[str, NDArray[Any]]:
-    """Return the passes as arrays, rows of all passes one after the other."""
-    stacked = {f"pass_{name}": np.concatenate([getattr(p, name) for p in passes]) for name in ROWS}
-    return stacked | {
-        "pass_count": np.array([len(p.rows) for p in passes]),
-        "pass_track_id": np.array([p.track_id for p in passes]),
-        "pass_class": np.array([p.vehicle_class for p in passes]),
-        "pass_length": np.array([np.nan if p.length is None else p.length for p in passes]),
-    }
-
-
-def passes_from(arrays: Mapping[str, NDArray[Any]]) -> list[Pass]:
-    """Undo `pass_arrays`."""
-    cuts = np.cumsum(arrays["pass_count"])[:-1]
-    columns = [np.split(arrays[f"pass_{name}"], cuts) for name in ROWS]
-    lengths = [None if np.isnan(value) else float(value) for value in arrays["pass_length"]]
-    names, classes = arrays["pass_track_id"].tolist(), arrays["pass_class"].tolist()
-    return [Pass(*parts) for parts in zip(names, classes, *columns, lengths, strict=True)]
-
-
 def write_arrays(path: Path, run: Run) -> None:
     """Write data.npz: maps, route with covariance, passes."""
     result = run.result
     arrays: dict[str, Any] = {name: getattr(result, name) for name in ARRAYS}
     maps = {name: getattr(result, name).astype(np.float32) for name in MAPS}
-    law = {f"law_{f.name}": getattr(result.law, f.name) for f in fields(NoiseLaw)}
-    arrays |= maps | law | pass_arrays(run.passes)
+    arrays |= maps | pass_arrays(run.passes) | problem_arrays(run.problem)
     np.savez_compressed(path, time=run.time, **arrays)
 
 
@@ -103,6 +84,7 @@ def write_run(
     record: DASRecord,
     passes: Sequence[Pass],
     anchors: Sequence[Anchor],
+    problem: Problem,
     timings: Mapping[str, float],
     held_out: float | None = None,
     effects: Sequence[str] = (),
@@ -114,7 +96,8 @@ def write_run(
     ----------
     folder : to write; `route.csv`, `route.geojson`, `fit.json`, `report.html` and `data.npz` go there
     result : of the fit
-    site, record, passes, anchors : what was fitted
+    site, record, passes, anchors : what was read
+    problem : as it was fitted
     timings : s of each step, by name
     held_out : chi2 per degree of freedom of passes that the fit did not see
     effects : names of the effects in the model
@@ -126,18 +109,26 @@ def write_run(
         If `folder` holds something else than a run (see `check_target`).
     """
     check_target(folder)
-    facts = facts_of(result, site, record, passes, anchors, timings, held_out, effects)
+    facts = facts_of(result, site, record, passes, anchors, problem, timings, held_out, effects)
     time = record.time[result.samples]
-    run = Run(result, site.frame, record.start, time, list(passes), list(anchors), facts)
+    run = Run(result, problem, site.frame, record.start, time, list(passes), list(anchors), facts)
     facts["warnings"] = [*report.cautions(run), *warnings]
+    write_files(folder, run)
+
+
+def write_files(folder: Path, run: Run, plugins: Sequence[Path] = ()) -> None:
+    """Write the files of a run, whole or not at all; `plugins` are the files of users' effects in its model."""
+    result, facts = run.result, run.facts
     with writing(folder) as temporary:
         temporary.mkdir()
         (temporary / "route.csv").write_text(route_table(run), encoding="utf-8")
-        features = geojson.route_features(result, site.frame, anchors, site.name)
+        features = geojson.route_features(result, run.frame, run.anchors, facts["name"])
         (temporary / "route.geojson").write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
         (temporary / "fit.json").write_text(json.dumps(facts, allow_nan=False, indent=1), encoding="utf-8")
         write_arrays(temporary / "data.npz", run)
         (temporary / "report.html").write_text(report.render(run), encoding="utf-8")
+        for number, plugin in enumerate(plugins):
+            copyfile(plugin, temporary / f"plugin-{number}.py")
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
@@ -195,15 +186,19 @@ def read_run(folder: Path) -> Run:
         }
         scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
         scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof")}
-        scalars["law"] = NoiseLaw(**{f.name: arrays[f"law_{f.name}"] for f in fields(NoiseLaw)})
+        anchors = [Anchor(**anchor) for anchor in facts["anchors"]]
+        known = catalogue(sorted(Path(folder).glob("plugin-*.py")))
+        problem = problem_from(arrays, facts["problem"], anchors, lambda name: find(name, known))
+        scalars["law"] = problem.law
         result = FitResult(**{name: arrays[name] for name in ARRAYS}, **maps, **scalars, parameters=parameters)
         return Run(
             result=result,
+            problem=problem,
             frame=LocalFrame(tuple(facts["frame"]["origin"]), facts["frame"]["x_azimuth"]),
             start=np.datetime64(facts["start"].removesuffix("Z"), "ns"),
             time=arrays["time"],
             passes=passes_from(arrays),
-            anchors=[Anchor(**anchor) for anchor in facts["anchors"]],
+            anchors=anchors,
             facts=facts,
         )
     except (OSError, KeyError, TypeError, ValueError, BadZipFile) as error:

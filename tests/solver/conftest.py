@@ -5,12 +5,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from simulated import Case, case_of
 
 from solver import simulator
 from solver.anchors import Anchor
 from solver.das import DASRecord
+from solver.fit.prior import Prior
+from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
+from solver.model import Traffic
 from solver.site import Site, read_site
 from solver.trajectory import Pass
 from solver.whitening import NoiseLaw
@@ -35,6 +39,7 @@ class Survey:
     record: DASRecord
     passes: list[Pass]
     anchors: list[Anchor]
+    problem: Problem
     result: FitResult
 
     def changed(self, **changes: Any) -> "Survey":
@@ -44,7 +49,7 @@ class Survey:
     @property
     def arguments(self) -> dict[str, Any]:
         """Keyword arguments of `write_run`."""
-        return {name: getattr(self, name) for name in ("site", "record", "passes", "anchors")} | {
+        return {name: getattr(self, name) for name in ("site", "record", "passes", "anchors", "problem")} | {
             "timings": {"fit": 1.5}
         }
 
@@ -127,6 +132,7 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Survey:
             "wheelbase[1]": Parameter(2.65, 0.0, "m", False),
             "wheelbase[b/2]": Parameter(5.9, float("nan"), "m", True),
         },
+        vector=np.zeros(3),
         samples=samples,
         fitted_channel=fitted,
         measured=strain_rate[samples][:, fitted],
@@ -141,7 +147,22 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Survey:
         seconds=1.2,
         converged=True,
     )
-    return Survey(site, record, passes, [Anchor("pit <1>", 60.0, *route[10], 0.05, 0.05)], result)
+    anchors = [Anchor("pit <1>", 60.0, *route[10], 0.05, 0.05)]
+    problem = Problem(
+        record=strain_rate[:, fitted],
+        noise=torch.from_numpy(noise),
+        channel=fitted,
+        zero_distance=0.0,
+        channel_spacing=1.0,
+        gauge_length=10.0,
+        passes=passes,
+        traffic=Traffic.of(passes),
+        anchors=anchors,
+        start=route[at],
+        prior=Prior(),
+        sampling_rate=5.0,
+    )
+    return Survey(site, record, passes, anchors, problem, result)
 
 
 @pytest.fixture(scope="session")

@@ -48,7 +48,7 @@ def test_a_survey_becomes_a_run_folder(folder: Path, street: Survey, command: Co
     first, last = street.active
     assert largest_error(tmp_path / "run", street) < 0.25
     facts = json.loads((tmp_path / "run" / "fit.json").read_text())
-    assert facts["effects"] == ["wheel_layout"]
+    assert facts["effects"] == ["wheel_layout", "curved_gauge"]
     assert 0.9 < facts["chi2_per_dof"] < 1.1
     assert abs(facts["active_channels"][0] - first) <= 6 and abs(facts["active_channels"][1] - last) <= 6
     assert {path.name for path in (tmp_path / "run").iterdir()} >= {

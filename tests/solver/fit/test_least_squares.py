@@ -71,11 +71,11 @@ def test_known_ground_moves_vehicles_only(case) -> None:
 
 
 def test_unmeasured_samples_do_not_matter(case) -> None:
-    rate = case.problem.strain_rate.clone()
-    rate[::7, ::5] = torch.nan
-    missing = replace(case.problem, strain_rate=rate)
-    rate_of_noise = torch.where(torch.isnan(rate), 1.0, rate)
-    fits = [MapFit(missing), MapFit(replace(case.problem, strain_rate=rate_of_noise))]
+    rate = case.problem.record.copy()
+    rate[::7, ::5] = np.nan
+    missing = replace(case.problem, record=rate)
+    rate_of_noise = np.where(np.isnan(rate), 1.0, rate)
+    fits = [MapFit(missing), MapFit(replace(case.problem, record=rate_of_noise))]
     fits[1].measured = fits[0].measured
     ends = [solve(fit, fits[0].start()).state.coefficients for fit in fits]
     torch.testing.assert_close(*ends)

@@ -50,10 +50,11 @@ class Reader(HTMLParser):
 
 def made_run(survey, floor=1.0, **changes) -> Run:
     result = replace(survey.result, **changes)
-    facts = facts_of(result, survey.site, survey.record, survey.passes, survey.anchors, {"fit": 1.5}, None, ["wheels"])
+    s = survey
+    facts = facts_of(result, s.site, s.record, s.passes, s.anchors, s.problem, {"fit": 1.5}, None, ["wheels"])
     facts["noise_floor"] = floor
     time = survey.record.time[result.samples]
-    run = Run(result, survey.site.frame, survey.record.start, time, survey.passes, survey.anchors, facts)
+    run = Run(result, s.problem, s.site.frame, s.record.start, time, s.passes, s.anchors, facts)
     facts["warnings"] = words.cautions(run)
     return run
 

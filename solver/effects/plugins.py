@@ -1,0 +1,65 @@
+"""Users' own effects: from a file of theirs (`--plugin`), or from packages that declare entry points."""
+
+import importlib.util
+import sys
+from collections.abc import Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from solver.effects.catalogue import built_in
+from solver.effects.effect import Effect
+from vision.contract import InputError
+
+#: Entry-point group: `[project.entry-points."roadfiber.effects"] name = "package.module"`.
+GROUP = "roadfiber.effects"
+
+
+def load_plugin(path: Path) -> list[Effect]:
+    """Read the effects that a file defines at its top level.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or run, or defines none.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"--plugin {path}: no such file; give a Python file with an @effect function")
+    name = f"roadfiber_plugin_{path.stem.replace('-', '_')}_{abs(hash(path.resolve()))}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError(f"--plugin {path}: {type(error).__name__}: {error}; mend the file") from error
+    found = [value for value in vars(module).values() if isinstance(value, Effect)]
+    if not found:
+        raise InputError(f"--plugin {path}: defines no effect; decorate a function with @effect(...) of solver.effects")
+    return found
+
+
+def installed() -> list[Effect]:
+    """Effects of installed packages that declare the entry point `roadfiber.effects`."""
+    found = []
+    for point in entry_points(group=GROUP):
+        module = point.load()
+        found += [value for value in vars(module).values() if isinstance(value, Effect)]
+    return found
+
+
+def catalogue(plugins: Sequence[Path] = ()) -> dict[str, Effect]:
+    """All effects by name: built in, installed and from `plugins`.
+
+    Raises
+    ------
+    InputError
+        If two have the same name.
+    """
+    effects = dict(built_in())
+    for one in [*installed(), *(one for path in plugins for one in load_plugin(path))]:
+        if one.name in effects:
+            raise InputError(f"effect {one.name}: is in the catalogue already; give yours another name")
+        effects[one.name] = one
+    return effects
