@@ -28,6 +28,14 @@ def yolov5(path, **more):
     return write_graph(path, {"output0": answer}, **more)
 
 
+def yolov6(path, **more):
+    answer = np.zeros((1, anchors((SIDE, SIDE)), 85), np.float32)
+    answer[0, :, 4] = 1
+    answer[0, 7, :4], answer[0, 7, 5 + BUS] = center_size(CENTERED), 0.8
+    answer[0, 9, :4], answer[0, 9, 5 + PERSON] = center_size(CENTERED + 150), 0.9
+    return write_graph(path, {"outputs": answer}, **more)
+
+
 def yolov8_graph(path, **more):
     answer = yolov8()
     answer[0, :4, 7], answer[0, 4 + BUS, 7] = center_size(CENTERED), 0.8
@@ -175,6 +183,7 @@ def street(path, **more):
 
 GRAPHS = {
     "yolov5": yolov5,
+    "yolov6": yolov6,
     "yolov8": yolov8_graph,
     "yolov10": yolov10,
     "yolox": yolox,

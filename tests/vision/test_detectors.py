@@ -118,6 +118,7 @@ def test_two_classes_of_an_old_rtdetr_are_no_rows(tmp_path):
 
 COLORS = {  # what a graph of the layout sees of a red image, by channel of the input
     "yolov5": (200 / 255, 0, 0),
+    "yolov6": (200 / 255, 0, 0),
     "yolov8": (200 / 255, 0, 0),
     "yolov10": (200 / 255, 0, 0),
     "yolox": (0, 0, 200),
@@ -153,6 +154,21 @@ def test_yolov8_sees_rgb_from_0_to_1(tmp_path):
     answer[0, :4, 7], gain[0, 4 + CAR, 7] = [200, 200, 100, 100], 1.0
     path = write_graph(tmp_path / "m.onnx", {"o": answer}, gains={"o": gain}, channel=0)
     np.testing.assert_allclose(load_detector(path).detect(RED).score, [200 / 255], rtol=1e-3)
+
+
+@pytest.mark.parametrize("layout", ["yolov5", "yolov8"])
+@pytest.mark.parametrize("strides", [(8, 16, 32, 64), (4, 8, 16, 32)])
+def test_pyramids_of_four_scales(layout, strides, tmp_path):
+    size = 416, 416
+    if layout == "yolov5":
+        answer = np.zeros((1, 3 * anchors(size, strides), 85), np.float32)
+        answer[0, 7, :5], answer[0, 7, 5 + BUS] = [*center_size(CENTERED), 1.0], 0.8
+    else:
+        answer = np.zeros((1, 84, anchors(size, strides)), np.float32)
+        answer[0, :4, 7], answer[0, 4 + BUS, 7] = center_size(CENTERED), 0.8
+    detector = load_detector(write_graph(tmp_path / "m.onnx", {"o": answer}))
+    assert detector.layout.name == layout
+    assert_finds_the_bus(detector)
 
 
 def test_yolox_sees_bgr_from_0_to_255(tmp_path):

@@ -60,6 +60,13 @@ def test_no_layout_can_be_forced_on_a_classifier(layout, tmp_path):
     refused(path, f"cannot be read as {layout.name}", layout=layout.name)
 
 
+@pytest.mark.parametrize("layout", ["yolox", "nanodet-plus", "nanodet", "rf-detr", "deim", "ssd", "picodet-nms"])
+def test_a_layout_that_does_not_fit_the_rows(layout, tmp_path):
+    path = write_graph(tmp_path / "m.onnx", {"o": np.zeros((1, 777, 85), np.float32)})
+    names = ["car"] * (53 if layout == "nanodet-plus" else 80)
+    refused(path, f"cannot be read as {layout}", layout=layout, names=names)
+
+
 def test_a_graph_that_takes_no_image(tmp_path):
     inputs = helper.make_tensor_value_info("token", TensorProto.FLOAT, [1, 5])
     refused(write_graph(tmp_path / "m.onnx", {"o": bus()}, extra_inputs=(inputs,)), "asks for token beside the image")

@@ -18,6 +18,7 @@ from vision.detectors.layout import (
     cell_count,
     cells,
     classes_along,
+    pyramid_of,
 )
 
 BINS = 8  # of a distance: 0 to 7 cells, the `reg_max` all published models have
@@ -63,7 +64,7 @@ def decode_nanodet_plus(outputs: Outputs, size: Size, wanted: NDArray[np.intp], 
     Distances are from the cells' corners, not their centers (`get_single_level_center_priors` of NanoDet-Plus's head).
     """
     raw = outputs[0][0]
-    grids = cells(size, _plus_strides(len(raw), size))
+    grids = cells(size, pyramid_of(len(raw), size))
     ends = np.cumsum([len(grid) for grid in grids])[:-1]
     levels = zip(np.split(raw, ends), grids, STRIDES, strict=False)
     split = raw.shape[1] - 4 * BINS
@@ -72,10 +73,6 @@ def decode_nanodet_plus(outputs: Outputs, size: Size, wanted: NDArray[np.intp], 
 
 def _bins_first(outputs: Outputs) -> bool:
     return outputs[0].shape[-1] == 4 * BINS and outputs[-1].shape[-1] != 4 * BINS
-
-
-def _plus_strides(rows: int, size: Size) -> tuple[int, ...]:
-    return STRIDES if rows == cell_count(size, STRIDES) else STRIDES[:3]
 
 
 def _has_levels(graph: Graph, levels: int) -> bool:
@@ -98,6 +95,8 @@ def _is_nanodet_plus(graph: Graph) -> bool:
 
 def _level_classes(shapes: Shapes) -> int:
     half = len(shapes) // 2
+    if not half or any(len(shape) != 3 for shape in shapes):
+        raise ValueError("scores and distances must come as pairs [1, n, k]")
     return shapes[half][2] if shapes[0][2] == 4 * BINS else shapes[0][2]
 
 

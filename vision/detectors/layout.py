@@ -120,6 +120,18 @@ def cell_count(size: Size, strides: tuple[int, ...] = (8, 16, 32)) -> int:
     return sum(len(grid) for grid in cells(size, strides))
 
 
+def pyramid_of(rows: int, size: Size) -> tuple[int, ...]:
+    """Return the strides whose cells are this many; ValueError where there are none.
+
+    >>> pyramid_of(8400, (640, 640))
+    (8, 16, 32)
+    """
+    for strides in PYRAMIDS:
+        if cell_count(size, strides) == rows:
+            return strides
+    raise ValueError(f"{rows} rows are the cells of no pyramid at {size[0]} x {size[1]} px")
+
+
 def is_dense(rows: int, size: Size) -> bool:
     """Whether this is the number of cells of a pyramid in use, or of three anchors in each."""
     return any(rows in (count, 3 * count) for count in (cell_count(size, strides) for strides in PYRAMIDS))

@@ -1,6 +1,5 @@
 """A detector from an ONNX file, run by onnxruntime."""
 
-import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.boxes import area, suppress
+from vision.cache import checksum
 from vision.contract.errors import InputError
 from vision.detectors.detections import Detections
 from vision.detectors.images import Placement, fit_image
@@ -65,7 +65,7 @@ class OnnxDetector:
     def identity(self) -> dict[str, Any]:
         """What decides the detections beside the image: checksum of the model and the options, for keeping them."""
         return {
-            "model": checksum(self.path),
+            "model": model_checksum(self.path),
             "layout": self.layout.name,
             "size": list(self.size),
             "classes": {str(place): self.names[place] for place in self.wanted},
@@ -184,13 +184,9 @@ def is_mute(layout: Layout, outputs: Sequence[NDArray[Any]], size: Size, classes
     return not found.score.any()
 
 
-def checksum(path: Path) -> str:
-    """SHA-256 of a model: its file, and files of weights beside it that start with its name."""
-    digest = hashlib.sha256()
-    for part in sorted({path, *path.parent.glob(f"{path.name}?data*")}):
-        with part.open("rb") as file:
-            digest.update(hashlib.file_digest(file, "sha256").digest())
-    return digest.hexdigest()
+def model_checksum(path: Path) -> str:
+    """Checksum of a model: of its file, and of files of weights beside it that start with its name."""
+    return "-".join(checksum(part) for part in sorted({path, *path.parent.glob(f"{path.name}?data*")}))
 
 
 @contextmanager

@@ -1,4 +1,6 @@
-"""Dense heads that answer with one table: YOLOv5 and 7, YOLOv8 to 12, YOLOX."""
+"""Dense heads that answer with one table: YOLOv5 to 9, 11, 12, and YOLOX."""
+
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from vision.detectors.layout import (
     cell_count,
     cell_table,
     classes_along,
+    pyramid_of,
 )
 
 LARGEST_LOGARITHM = 16.0  # of a width in cells; e^16 cells are no vehicle, and decoded widths in px are larger
@@ -32,7 +35,7 @@ def decode_yolov5(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor:
 
 
 def decode_yolox(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: float) -> Candidates:
-    """[1, n, 5 + classes]: center and log size in cells of strides 8, 16, 32; objectness; class scores.
+    """[1, n, 5 + classes]: center and log size in cells of each stride; objectness; class scores.
 
     Ge et al. 2021, YOLOX; `demo_postprocess` of its ONNX demo.
     """
@@ -40,7 +43,7 @@ def decode_yolox(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: 
     likely = np.flatnonzero(raw[:, 4] >= floor)
     best, score, label = best_of(raw[likely, 5:] * raw[likely, 4:5], wanted, floor)
     rows = likely[best]
-    corner, stride = cell_table(size)
+    corner, stride = cell_table(size, pyramid_of(len(raw), size))
     center = (raw[rows, :2] + corner[rows]) * stride[rows]
     return Candidates(around(center, np.exp(raw[rows, 2:4]) * stride[rows]), score, label)
 
@@ -64,13 +67,22 @@ def _is_yolov8(graph: Graph) -> bool:
     return table.shape[1] in counts and len(table) > 4 and are_shares(table[4:])
 
 
-def _is_yolox(graph: Graph) -> bool:
+def _is_yolov6(graph: Graph) -> bool:
+    """YOLOX's shape, but a head without objectness, which its exporter sets to exactly one everywhere."""
     table = graph.table()
-    return len(table) == cell_count(graph.size) and table.shape[1] > 5 and are_shares(table[:, 4:])
+    return _is_table_of_cells(graph) and bool((table[:, 4] == 1).all())
 
 
-def _has_decoded_grid(graph: Graph) -> bool:
-    return bool(graph.table()[:, 2:4].max() > LARGEST_LOGARITHM)
+def _is_yolox(graph: Graph, decoded: bool) -> bool:
+    if not _is_table_of_cells(graph) or _is_yolov6(graph):
+        return False
+    return bool(graph.table()[:, 2:4].max() > LARGEST_LOGARITHM) == decoded
+
+
+def _is_table_of_cells(graph: Graph) -> bool:
+    table = graph.table()
+    counts = [cell_count(graph.size, strides) for strides in PYRAMIDS]
+    return len(table) in counts[:2] and table.shape[1] > 5 and are_shares(table[:, 4:])
 
 
 YOLO = (
@@ -78,6 +90,14 @@ YOLO = (
         "yolov5",
         "[1,3n,5+classes] (YOLOv5, 7)",
         _is_yolov5,
+        decode_yolov5,
+        classes=classes_along(2, others=5),
+        dense=True,
+    ),
+    Layout(
+        "yolov6",
+        "[1,n,5+classes] in px, objectness 1 (YOLOv6)",
+        _is_yolov6,
         decode_yolov5,
         classes=classes_along(2, others=5),
         dense=True,
@@ -93,7 +113,7 @@ YOLO = (
     Layout(
         "yolox",
         "[1,n,5+classes] in cells",
-        lambda graph: _is_yolox(graph) and not _has_decoded_grid(graph),
+        partial(_is_yolox, decoded=False),
         decode_yolox,
         classes=classes_along(2, others=5),
         dense=True,
@@ -103,7 +123,7 @@ YOLO = (
     Layout(
         "yolox-decoded",
         "[1,n,5+classes] in px",
-        lambda graph: _is_yolox(graph) and _has_decoded_grid(graph),
+        partial(_is_yolox, decoded=True),
         decode_yolov5,
         classes=classes_along(2, others=5),
         dense=True,
