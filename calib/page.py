@@ -1,7 +1,6 @@
 """The calibration page: drag marks on a frame, type their places, see the errors at once. Bokeh, served locally."""
 
 import html
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,23 +30,19 @@ from numpy.typing import NDArray
 from calib.ground import MODELS, GroundFit
 from calib.layers import ellipses, from_above, grid_in_picture, rgba
 from calib.maps import LEVELS, area, sigma_image
-from calib.session import Mark, Marks, Session
+from calib.page_text import EDITED, FIELDS, FOUND, describe, read_marks, table_data, typed_mark
+from calib.session import Mark, Session
 from vision.contract import InputError
 
 Image = NDArray[np.uint8]
-EDITED = ("name", "px", "py", "x", "y", "sigma", "sigma_xy")
-FOUND = ("residual_px", "residual_m", "leave_one_out_m", "color")
 NO_LINES: dict[str, list[Any]] = {"xs": [], "ys": []}
 NO_IMAGE: dict[str, list[Any]] = {"image": [], "x": [], "y": [], "dw": [], "dh": []}
 NO_POINTS: dict[str, list[Any]] = {"x": [], "y": [], "name": []}
-FIELDS = {"name": "selected mark", "px": "px", "py": "py", "x": "x, m", "y": "y, m", "sigma": "sigma, px",
-          "sigma_xy": "sigma, m"}  # fmt: skip
 LAYERS = ("ground grid", "residuals x20", "error map")
-USED, LEFT_OUT, UNPLACED = "#37d067", "#ff4040", "#ffd23c"
 PIXELS = ("px", "py", "residual_px", "sigma")
 WAIT = 80  # ms, in which changes are gathered before the fit
 MAGNIFY = 20.0
-WIDTH = 820  # of the frame on the page
+WIDTH = 760  # of the frame on the page
 
 
 class Page:
@@ -84,8 +79,8 @@ class Page:
         plot.image_rgba([rgba(self.image)], x=0, y=0, dw=width, dh=height)
         colors = LogColorMapper(palette=Viridis256[::-1], low=LEVELS[0], high=LEVELS[-1], nan_color="rgba(0,0,0,0)")
         errors = plot.image("image", source=self.errors, x="x", y="y", dw="dw", dh="dh", color_mapper=colors, alpha=0.5)
-        bar = ColorBar(color_mapper=colors, title="1 sigma, m", width=8, height=150, background_fill_alpha=0.7)
-        plot.add_layout(bar)
+        bar = ColorBar(color_mapper=colors, title="1 sigma, m", width=8)
+        plot.add_layout(bar, "right")
         grid = plot.multi_line("xs", "ys", source=self.lines, color="#6ec8ff", line_width=1)
         residuals = plot.multi_line("xs", "ys", source=self.residuals, color="#ffe600", line_width=2)
         points = plot.scatter("px", "py", source=self.marks, size=11, fill_alpha=0.25, color="color", line_width=2,
@@ -96,8 +91,8 @@ class Page:
         draw = PointDrawTool(renderers=[points])
         plot.add_tools(draw)
         plot.toolbar.active_tap = draw
-        errors.visible = bar.visible = False
-        return plot, [grid, residuals, errors, bar]
+        errors.visible = False
+        return plot, [grid, residuals, errors]
 
     def _fields(self) -> dict[str, Any]:
         """Inputs for the selected mark."""
@@ -133,7 +128,7 @@ class Page:
                 field=name,
                 title=title,
                 formatter=text if name == "name" else pixels if name in PIXELS else number,
-                width=100 if name == "name" else 56,
+                width=88 if name == "name" else 56,
             )
             for name, title in titles.items()
         ]
@@ -161,9 +156,8 @@ class Page:
 
     def show_layers(self, active: list[int]) -> None:
         """Show the layers of these numbers."""
-        grid, residuals, errors, bar = self.layers
-        grid.visible, residuals.visible, errors.visible = (index in active for index in range(len(LAYERS)))
-        bar.visible = errors.visible
+        for index, layer in enumerate(self.layers):
+            layer.visible = index in active
 
     def choose(self, model: str) -> None:
         """Fit with another model."""
@@ -278,81 +272,6 @@ class Page:
         self.above_points.data = {"x": points.ground[:, 0], "y": points.ground[:, 1], "name": list(points.names)}
         self.above.x_range.update(start=float(low[0]), end=float(high[0]))
         self.above.y_range.update(start=float(high[1]), end=float(low[1]))
-
-
-def read_marks(data: dict[str, Any]) -> Marks:
-    """Marks of the table's columns.
-
-    The tool that adds one fills its other columns with zeros and its name with nothing: only its pixel means anything.
-
-    >>> rows = {"name": ["a", ""], "px": [1, 5], "py": [2, 6], "x": [3, 0], "y": [4, 0]}
-    >>> [mark.placed for mark in read_marks(rows | {"sigma": [1, 0], "sigma_xy": [0, 0]})]
-    [True, False]
-    """
-    rows = zip(*(data[name] for name in EDITED), strict=True)
-    return tuple(
-        Mark(name, *(float(value) for value in values)) if name else Mark("", float(values[0]), float(values[1]))
-        for name, *values in rows
-    )
-
-
-def typed_mark(mark: Mark, texts: dict[str, str]) -> Mark:
-    """Change a mark to what was typed, place left empty being unknown; ValueError, for people, where it is no number.
-
-    >>> typed_mark(Mark("p1", 5.0, 6.0), {"name": "curb", "x": "12.5", "y": ""})
-    Mark(name='curb', px=5.0, py=6.0, x=12.5, y=nan, sigma=1.0, sigma_xy=0.0)
-    """
-    values: dict[str, Any] = {}
-    for name, text in texts.items():
-        if name == "name":
-            values[name] = text.strip()
-            continue
-        try:
-            values[name] = float(text) if text.strip() else float("nan")
-        except ValueError as error:
-            raise ValueError(f"{FIELDS[name]}: {text} is no number") from error
-        if not np.isfinite(values[name]) and (text.strip() or name not in ("x", "y")):
-            raise ValueError(f"{FIELDS[name]}: give a number")
-    return replace(mark, **values)
-
-
-def table_data(marks: Marks, fit: GroundFit | None) -> dict[str, list[Any]]:
-    """Columns of the table: the marks and, where there is a fit, how far off they are."""
-    data: dict[str, list[Any]] = {name: [getattr(mark, name) for mark in marks] for name in EDITED}
-    missing = float("nan")
-    data |= {name: [missing] * len(marks) for name in FOUND[:3]} | {"color": [UNPLACED] * len(marks)}
-    if fit is None:
-        return data
-    held_out = iter(fit.calibration.leave_one_out_m or ())
-    for index, place in enumerate([index for index, mark in enumerate(marks) if mark.placed]):
-        used = bool(fit.used[index])
-        left_out = next(held_out, None) if used else None
-        data["residual_px"][place] = float(fit.residuals_px[index])
-        data["residual_m"][place] = float(fit.residuals_m[index])
-        data["leave_one_out_m"][place] = missing if left_out is None else left_out
-        data["color"][place] = USED if used else LEFT_OUT
-    return data
-
-
-def describe(fit: GroundFit) -> str:
-    """The fit in a few lines of HTML."""
-    rms_px = float(np.sqrt(np.mean(fit.residuals_px[fit.used] ** 2)))
-    rms_m = float(np.sqrt(np.mean(fit.residuals_m[fit.used] ** 2)))
-    scores = ", ".join(
-        f"{name} {score:.2f} px" if isinstance(score, float) else f"{name}: {score}"
-        for name, score in fit.scores.items()
-    )
-    lines = [
-        f"<b>{fit.calibration.model}</b>: rms <span id='rms'>{rms_px:.3f}</span> px, {rms_m:.3f} m; "
-        f"at most {fit.worst_sigma:.2f} m (1 sigma) within the marks",
-        f"leave-one-out: {html.escape(scores)}",
-    ]
-    if parameters := fit.calibration.parameters:
-        shown = [name for name in ("focal", "k1", "height", "tilt") if name in parameters]
-        lines.append(
-            ", ".join(f"{n} {parameters[n].value:.4g} ± {parameters[n].sigma:.2g} {parameters[n].unit}" for n in shown)
-        )
-    return "<br>".join(lines + [f"<span style='color:#b60'>{html.escape(message)}</span>" for message in fit.warnings])
 
 
 def serve(session: Session, image: Image, out: Path, port: int, browser: bool) -> None:

@@ -1,0 +1,91 @@
+"""What the page shows and takes back as text: the table of marks, typed values, the fit in a few lines."""
+
+import html
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from calib.ground import GroundFit
+from calib.session import Mark, Marks
+
+EDITED = ("name", "px", "py", "x", "y", "sigma", "sigma_xy")
+FOUND = ("residual_px", "residual_m", "leave_one_out_m", "color")
+FIELDS = {"name": "selected mark", "px": "px", "py": "py", "x": "x, m", "y": "y, m", "sigma": "sigma, px",
+          "sigma_xy": "sigma, m"}  # fmt: skip
+USED, LEFT_OUT, UNPLACED = "#37d067", "#ff4040", "#ffd23c"
+
+
+def read_marks(data: dict[str, Any]) -> Marks:
+    """Marks of the table's columns.
+
+    The tool that adds one fills its other columns with zeros and its name with nothing: only its pixel means anything.
+
+    >>> rows = {"name": ["a", ""], "px": [1, 5], "py": [2, 6], "x": [3, 0], "y": [4, 0]}
+    >>> [mark.placed for mark in read_marks(rows | {"sigma": [1, 0], "sigma_xy": [0, 0]})]
+    [True, False]
+    """
+    rows = zip(*(data[name] for name in EDITED), strict=True)
+    return tuple(
+        Mark(name, *(float(value) for value in values)) if name else Mark("", float(values[0]), float(values[1]))
+        for name, *values in rows
+    )
+
+
+def typed_mark(mark: Mark, texts: dict[str, str]) -> Mark:
+    """Change a mark to what was typed, place left empty being unknown; ValueError, for people, where it is no number.
+
+    >>> typed_mark(Mark("p1", 5.0, 6.0), {"name": "curb", "x": "12.5", "y": ""})
+    Mark(name='curb', px=5.0, py=6.0, x=12.5, y=nan, sigma=1.0, sigma_xy=0.0)
+    """
+    values: dict[str, Any] = {}
+    for name, text in texts.items():
+        if name == "name":
+            values[name] = text.strip()
+            continue
+        try:
+            values[name] = float(text) if text.strip() else float("nan")
+        except ValueError as error:
+            raise ValueError(f"{FIELDS[name]}: {text} is no number") from error
+        if not np.isfinite(values[name]) and (text.strip() or name not in ("x", "y")):
+            raise ValueError(f"{FIELDS[name]}: give a number")
+    return replace(mark, **values)
+
+
+def table_data(marks: Marks, fit: GroundFit | None) -> dict[str, list[Any]]:
+    """Columns of the table: the marks and, where there is a fit, how far off they are."""
+    data: dict[str, list[Any]] = {name: [getattr(mark, name) for mark in marks] for name in EDITED}
+    missing = float("nan")
+    data |= {name: [missing] * len(marks) for name in FOUND[:3]} | {"color": [UNPLACED] * len(marks)}
+    if fit is None:
+        return data
+    held_out = iter(fit.calibration.leave_one_out_m or ())
+    for index, place in enumerate([index for index, mark in enumerate(marks) if mark.placed]):
+        used = bool(fit.used[index])
+        left_out = next(held_out, None) if used else None
+        data["residual_px"][place] = float(fit.residuals_px[index])
+        data["residual_m"][place] = float(fit.residuals_m[index])
+        data["leave_one_out_m"][place] = missing if left_out is None else left_out
+        data["color"][place] = USED if used else LEFT_OUT
+    return data
+
+
+def describe(fit: GroundFit) -> str:
+    """The fit in a few lines of HTML."""
+    rms_px = float(np.sqrt(np.mean(fit.residuals_px[fit.used] ** 2)))
+    rms_m = float(np.sqrt(np.mean(fit.residuals_m[fit.used] ** 2)))
+    scores = ", ".join(
+        f"{name} {score:.2f} px" if isinstance(score, float) else f"{name}: {score}"
+        for name, score in fit.scores.items()
+    )
+    lines = [
+        f"<b>{fit.calibration.model}</b>: rms <span id='rms'>{rms_px:.3f}</span> px, {rms_m:.3f} m; "
+        f"at most {fit.worst_sigma:.2f} m (1 sigma) within the marks",
+        f"leave-one-out: {html.escape(scores)}",
+    ]
+    if parameters := fit.calibration.parameters:
+        shown = [name for name in ("focal", "k1", "height", "tilt") if name in parameters]
+        lines.append(
+            ", ".join(f"{n} {parameters[n].value:.4g} ± {parameters[n].sigma:.2g} {parameters[n].unit}" for n in shown)
+        )
+    return "<br>".join(lines + [f"<span style='color:#b60'>{html.escape(message)}</span>" for message in fit.warnings])
