@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 ROUNDS = 8
 LONGEST_STEP = 4.0  # m, per round
 HUBER = 2.0  # sd beyond which an edge is trusted less (an occluded side)
-CORRELATED = 10.0  # consecutive fixes that share their error: a detector errs alike on like images
+EVIDENCE = 4.0  # fixes' worth of what a track tells of the size: a detector errs alike on all images of one vehicle
 SETTLED = 3e-3  # m
 STEP = 1e-3  # m, of the difference quotients
 
@@ -84,9 +84,10 @@ def fit_body(
     -----
     Gauss-Newton on the maximum a posteriori, edges weighted by Huber's rule. The positions are eliminated from the
     normal equations (Schur complement; Triggs et al. 2000, Bundle adjustment, section 6.1), so a round costs as much
-    as its projections. The size gathers only a tenth of its evidence, because errors of successive frames are alike.
+    as its projections. The size gathers the evidence of four fixes, however many there are, because edges err alike in
+    all of a track's boxes.
     """
-    prior = np.array(shape.size)
+    prior, alike = np.array(shape.size), max(1.0, len(boxes) / EVIDENCE)
     precision = np.diag(np.array(shape.deviation) ** -2.0)
     position, size = position.copy(), prior.copy()
     for _ in range(ROUNDS):
@@ -99,9 +100,9 @@ def fit_body(
         pull = np.einsum("nei,ne,ne->ni", by_position, weight, residual)
         inverse = np.linalg.inv(near)
         far = np.einsum("nei,ne,nej->ij", by_size, weight, by_size)
-        reduced = precision + (far - np.einsum("nia,nij,njb->ab", cross, inverse, cross)) / CORRELATED
+        reduced = precision + (far - np.einsum("nia,nij,njb->ab", cross, inverse, cross)) / alike
         size_pull = np.einsum("nei,ne,ne->i", by_size, weight, residual)
-        size_pull = (size_pull - np.einsum("nia,nij,nj->a", cross, inverse, pull)) / CORRELATED
+        size_pull = (size_pull - np.einsum("nia,nij,nj->a", cross, inverse, pull)) / alike
         size_step = np.linalg.solve(reduced, size_pull + precision @ (prior - size))
         step = np.einsum("nij,nj->ni", inverse, pull - cross @ size_step)
         size = size + size_step

@@ -64,9 +64,9 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
 
     Measured on rendered vehicles of other outlines and sizes than those assumed, with edges that err by 1.5 % of the
     box from frame to frame and as much for all of a vehicle (`benchmarks/ground.py`, 24 vehicles of each class and
-    view): from masts beside the road the bias is below 0.1 m (car 0.02 m), the standard deviation 0.06 to 0.4 m along
-    and 0.08 to 0.2 m across the road, and errors are 0.8 to 1.2 stated sigmas; along the road from a bridge they are
-    1.6 sigmas at worst (trucks). The middle of the box's lower edge is off by 0.7 to 4 m along the road.
+    view): from masts beside the road the bias is below 0.08 m (car 0.03 m), the standard deviation 0.06 to 0.4 m along
+    and 0.08 to 0.18 m across the road, and errors are 0.8 to 1.1 stated sigmas; along the road from a bridge they are
+    1.3 sigmas at worst. The middle of the box's lower edge is off by 0.7 to 4 m along the road.
     """
     import pandas as pd
 
