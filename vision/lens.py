@@ -79,8 +79,8 @@ class Lens(BaseModel):
     def distort(self, ideal: ArrayLike) -> Array:
         """Ideal pixels [n, 2] -> pixels [n, 2]; NaN beyond `reach`, where the model holds for no real lens."""
         place = self._normalized(ideal)
-        place = np.where(np.linalg.norm(place, axis=1, keepdims=True) < self.reach, place, np.nan)
-        return np.asarray(self._seen(place) * self.focal + self.center)
+        seen = self._seen(place) * self.focal + self.center
+        return np.asarray(seen if self._unfolded(place) else np.where(self._reached(place), seen, np.nan))
 
     def undistort(self, pixels: ArrayLike) -> Array:
         """Pixels [n, 2] -> ideal pixels [n, 2], by Newton's method; NaN for pixels that no direction is seen at."""
@@ -92,10 +92,8 @@ class Lens(BaseModel):
                 place = place - _solve(self._slope(place), error[..., None])[..., 0]
                 if not (np.abs(error) > SETTLED).any():
                     break
-            found = (np.abs(self._seen(place) - target).max(axis=1) < 1e-8) & (
-                np.linalg.norm(place, axis=1) < self.reach
-            )
-        return np.asarray(np.where(found[:, None], place, np.nan) * self.focal + self.center)
+            found = np.abs(self._seen(place) - target).max(axis=1, keepdims=True) < 1e-8
+        return np.asarray(np.where(found & self._reached(place), place, np.nan) * self.focal + self.center)
 
     def jacobian(self, ideal: ArrayLike) -> Array:
         """Ideal pixels [n, 2] -> d pixel / d ideal pixel [n, 2, 2]."""
@@ -120,6 +118,16 @@ class Lens(BaseModel):
             axis=-1,
         )
         return -_solve(self.jacobian(ideal), by_parameter)
+
+    def _reached(self, place: Array) -> NDArray[np.bool_]:
+        """Which directions [n, 2] are within `reach`, [n, 1]."""
+        return np.asarray((place**2).sum(axis=1, keepdims=True) < self.reach**2)
+
+    def _unfolded(self, place: Array) -> bool:
+        """Whether all directions [n, 2] are surely within `reach`: a bound that costs little."""
+        k1, k2, _, _, k3 = (min(k, 0.0) for k in self.distortion)
+        square = float((place**2).sum(axis=1).max(initial=0.0))
+        return 1 + square * (3 * k1 + square * (5 * k2 + square * 7 * k3)) > 0
 
     def _normalized(self, pixels: ArrayLike) -> Array:
         return np.asarray((np.asarray(pixels, float).reshape(-1, 2) - self.center) / self.focal)
