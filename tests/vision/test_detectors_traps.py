@@ -12,9 +12,9 @@ from tests.vision.graphs import center_size, write_decoded_yolox, write_graph, y
 from tests.vision.layout_graphs import BUS, CENTERED, GRAPHS, IMAGE
 from tests.vision.videos import write_video
 from vision.contract.errors import InputError
-from vision.detectors import LAYOUTS, load_detector
+from vision.detectors import LAYOUTS, load_detector, session
 from vision.detectors.images import BGR_BYTES
-from vision.detectors.session import PROVIDERS, open_session
+from vision.detectors.session import ACCELERATORS, open_session
 from vision.video import open_video
 
 
@@ -231,17 +231,49 @@ def test_first_accelerator_there_is(tmp_path, monkeypatch):
     sessions = Sessions(monkeypatch, [CPU, OPENVINO, CUDA], [CUDA, OPENVINO, CPU])
     assert open_session(tmp_path).get_providers()[0] == CUDA
     assert sessions.opened == [([CUDA, CPU], "0")]
-    assert PROVIDERS[-1] == CPU and len(PROVIDERS) == 5
+    assert ACCELERATORS[0] == CUDA and len(ACCELERATORS) == 4
 
 
 def test_accelerator_without_its_libraries(tmp_path, monkeypatch, caplog):
     Sessions(monkeypatch, [CUDA, OPENVINO, CPU], [OPENVINO, CPU])
     with caplog.at_level(logging.WARNING):
         assert open_session(tmp_path).get_providers()[0] == OPENVINO
-    assert "CUDAExecutionProvider does not start here" in caplog.text
+    assert "CUDAExecutionProvider does not run it here (its libraries are missing)" in caplog.text
+
+
+def test_accelerator_that_refuses_the_model(tmp_path, monkeypatch, caplog):
+    sessions = Sessions(monkeypatch, [CUDA, CPU], [CUDA, CPU])
+
+    def broken(path, options, providers):
+        if CUDA in providers:
+            raise RuntimeError("out of memory\nat line 1")
+        return sessions.open(path, options, providers)
+
+    monkeypatch.setattr(onnxruntime, "InferenceSession", broken)
+    assert open_session(tmp_path).get_providers() == [CPU]
+    assert "CUDAExecutionProvider does not run it here (out of memory)" in caplog.text
 
 
 def test_no_accelerator(tmp_path, monkeypatch):
     sessions = Sessions(monkeypatch, ["AzureExecutionProvider", CPU], [CPU])
     open_session(tmp_path)
     assert sessions.opened == [([CPU], "0")]
+
+
+@pytest.mark.parametrize(("mine", "all_there_are", "threads"), [({1}, 2, 1), ({0, 1}, 2, 0), ({0, 1}, None, 0)])
+def test_cores_of_a_confined_process(mine, all_there_are, threads, monkeypatch):
+    monkeypatch.setattr(session.sys, "platform", "linux")
+    monkeypatch.setattr(session.os, "sched_getaffinity", lambda process: mine, raising=False)
+    monkeypatch.setattr(session.os, "cpu_count", lambda: all_there_are)
+    assert session.allotted_cores() == threads
+
+
+def test_one_free_side(tmp_path):
+    """Height fixed by the graph, width by the metadata."""
+    import onnx
+
+    path = write_graph(tmp_path / "m.onnx", {"o": bus((640, 384))}, dynamic=True, metadata={"imgsz": "[320, 640]"})
+    model = onnx.load(path)
+    model.graph.input[0].type.tensor_type.shape.dim[2].dim_value = 384
+    onnx.save(model, str(path))
+    assert load_detector(path).size == (640, 384)

@@ -21,13 +21,13 @@ from vision.detectors.layouts import no_detector
 log = logging.getLogger("roadfiber.detectors")
 
 # TensorRT comes after CUDA: it plans for minutes at every start.
-PROVIDERS = (
+ACCELERATORS = (
     "CUDAExecutionProvider",
     "TensorrtExecutionProvider",
     "OpenVINOExecutionProvider",
     "CoreMLExecutionProvider",
-    "CPUExecutionProvider",
 )
+PROCESSOR = "CPUExecutionProvider"
 DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8}
 NUMBERS = {**DTYPES, "tensor(int64)": np.int64, "tensor(int32)": np.int32}
 USUAL_SIZES = ((640, 640), (416, 416), (320, 320), (512, 512), (300, 300))
@@ -75,17 +75,19 @@ def open_session(path: Path) -> Any:
     # Spinning threads would take the cores that decode the next frame.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.intra_op_num_threads = allotted_cores()
-    try:
-        for provider in (name for name in PROVIDERS if name in onnxruntime.get_available_providers()):
-            wanted = list(dict.fromkeys([provider, PROVIDERS[-1]]))
-            session = onnxruntime.InferenceSession(str(path), options, providers=wanted)
+    present = onnxruntime.get_available_providers()
+    for provider in (name for name in ACCELERATORS if name in present):
+        reason = "its libraries are missing"
+        try:
+            session = onnxruntime.InferenceSession(str(path), options, providers=[provider, PROCESSOR])
             if session.get_providers()[0] == provider:
                 log.debug("%s: runs on %s", path, provider)
                 return session
-            log.warning("%s: %s does not start here, its libraries are missing; slower without", path, provider)
-        raise InputError("onnxruntime: has no provider that works; install it again (pip install onnxruntime)")
-    except InputError:
-        raise
+        except Exception as error:  # onnxruntime's errors share no base class
+            reason = first_line(error)
+        log.warning("%s: %s does not run it here (%s); slower without", path, provider, reason)
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=[PROCESSOR])
     except Exception as error:  # onnxruntime's errors share no base class
         raise InputError(
             f"{path}: not an ONNX model that onnxruntime can run ({first_line(error)}); export it again"
