@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 EDGE_BIAS = 1.0  # px, and
 SHAPE_BIAS = 0.02  # sizes of the box (about 5 cm): sd of an edge that no repetition shows
 USUAL_JITTER = 0.03  # sd of an edge, sizes of the box, of tracks too short to show theirs
+HIDDEN_BIAS = 0.15  # sizes of the box: sd of an edge that a nearer vehicle hides, where a detector must guess
+COVERED = 0.5  # share of an edge behind another box that makes it hidden
 MARGIN = 2.0  # px; a box nearer to the image's border than this may be cut by it
 WINDOW = 1.5  # lengths of the vehicle, of travel over which its heading is taken
 LONGEST_WINDOW = 2.0  # s
@@ -60,7 +62,8 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
     The sigma has three parts. Scatter, by which a track's fixes leave a straight line between their neighbors, is
     smoothed. What every fix of a track shares (the size of the vehicle, edges that are always drawn alike; what the
     body fit states beyond the scatter) is not, and nor is the error of the calibration
-    (`Calibration.position_covariance`).
+    (`Calibration.position_covariance`). An edge at the image's border does not count, and one behind a nearer vehicle
+    counts little.
 
     Measured on rendered vehicles of other outlines and sizes than those assumed, with edges that err by 1.5 % of the
     box from frame to frame and as much for all of a vehicle (`benchmarks/ground.py`, 24 vehicles of each class and
@@ -70,7 +73,10 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
     """
     import pandas as pd
 
-    placed = [part for _, track in tracks.groupby("track_id", sort=True) if (part := _place(track, calibration))]
+    tracks = tracks.reset_index(drop=True)
+    hidden = hidden_edges(tracks["frame"].to_numpy(), tracks[BOX].to_numpy(float))
+    groups = (track for _, track in tracks.groupby("track_id", sort=True))
+    placed = [part for track in groups if (part := _place(track, hidden[track.index], calibration))]
     if not placed:
         return tracks.iloc[:0].assign(**dict.fromkeys(COLUMNS, np.zeros(0)))
     smoothed = smooth([part.motion for part in placed])
@@ -104,15 +110,16 @@ def placeable(boxes: Array, calibration: Calibration) -> NDArray[np.bool_]:
     return np.asarray(on_road & (coarsest * EDGE_BIAS < WORST_SIGMA))
 
 
-def _place(track: "pd.DataFrame", calibration: Calibration) -> Placed | None:
-    measured = track[~track["interpolated"].astype(bool)]
-    boxes, time = measured[BOX].to_numpy(float), measured["time"].to_numpy(float)
+def _place(track: "pd.DataFrame", hidden: NDArray[np.bool_], calibration: Calibration) -> Placed | None:
+    boxes, time = track[BOX].to_numpy(float), track["time"].to_numpy(float)
     on_road = np.isfinite(calibration.to_ground(_contact(boxes))).all(axis=1)
-    boxes, time = boxes[on_road], time[on_road]
+    usable = np.asarray(~track["interpolated"].to_numpy(bool) & on_road)
+    boxes, time, hidden = boxes[usable], time[usable], hidden[usable]
     if len(time) < FEWEST_FIXES:
         return None
     shape = SHAPES.get(track["class"].iloc[0], SHAPES["vehicle"])
     sigma = edge_sigma(time, boxes, calibration.image_size)
+    sigma = np.where(hidden, np.hypot(sigma, HIDDEN_BIAS * _sizes(boxes)[:, None]), sigma)
     position, covariance, size = _positions(calibration, shape, time, boxes, sigma)
     with np.errstate(invalid="ignore"):
         deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
@@ -182,13 +189,43 @@ def _positions(
     return np.where(known, position, np.nan), covariance, size
 
 
+def hidden_edges(frame: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:
+    """Which edges of boxes [n, 4] are for the most part behind another box of their frame [n] -> [n, 4].
+
+    Of two boxes the one whose lower edge is lower in the image is nearer.
+
+    >>> boxes = np.array([[0.0, 0, 40, 30], [20.0, 5, 60, 50]])
+    >>> hidden_edges(np.array([7, 7]), boxes).tolist()
+    [[False, False, True, True], [False, False, False, False]]
+    """
+    hidden = np.zeros(boxes.shape, bool)
+    order = np.argsort(frame, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(frame[order])) + 1):
+        if len(rows) > 1:
+            hidden[rows] = _covered(boxes[rows]) >= COVERED
+    return hidden
+
+
+def _covered(boxes: Array) -> Array:
+    """Largest share of every edge [n, 4] that one nearer box covers."""
+    low, high = boxes[:, None, :2], boxes[:, None, 2:]
+    other_low, other_high = boxes[None, :, :2], boxes[None, :, 2:]
+    nearer = boxes[None, :, 3] > boxes[:, None, 3]
+    common = np.maximum(np.minimum(high, other_high) - np.maximum(low, other_low), 0.0)
+    # Along an edge runs the other axis: top and bottom run along x.
+    along = (common / np.maximum(high - low, 1e-9))[..., ::-1]
+    inside = [(other_low < side) & (side < other_high) for side in (low, high)]
+    shares = np.concatenate([np.where(within, along, 0.0) for within in inside], axis=2)
+    return np.asarray((shares * nearer[..., None]).max(axis=1))
+
+
 def edge_sigma(time: Array, boxes: Array, image_size: tuple[int, int]) -> Array:
     """Sd of every edge of a track's boxes [n, 4], px; infinite for edges at the image's border.
 
     Detector jitter goes with the size of the box. Its share is measured on the track: the median distance of every
     edge from the straight line, in time, between its neighbors (three fixes, so variances add to about 1.5).
     """
-    size = np.sqrt(np.maximum((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]), 1.0))
+    size = _sizes(boxes)
     share = USUAL_JITTER
     if len(time) >= FEWEST_FIXES:
         part = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
@@ -199,6 +236,11 @@ def edge_sigma(time: Array, boxes: Array, image_size: tuple[int, int]) -> Array:
     low, high = boxes[:, :2] < MARGIN, boxes[:, 2:] > np.array(image_size) - MARGIN
     sigma[np.concatenate([low, high], axis=1)] = np.inf
     return sigma
+
+
+def _sizes(boxes: Array) -> Array:
+    """Square root of the area of boxes [n, 4] -> [n], px."""
+    return np.asarray(np.sqrt(np.maximum((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]), 1.0)))
 
 
 def contact_positions(

@@ -6,7 +6,7 @@ import pytest
 from tests.vision.test_camera import look
 from vision.body_fit import fit_body, project_bodies, silhouette_boxes
 from vision.camera import Calibration
-from vision.ground_track import WORST_SIGMA, edge_sigma, ground_tracks, headings, placeable, scatter_share
+from vision.ground_track import WORST_SIGMA, edge_sigma, ground_tracks, headings, hidden_edges, placeable, scatter_share
 from vision.interpolate import BOX
 from vision.vehicles import SHAPES
 
@@ -164,6 +164,29 @@ def test_an_occluded_edge_counts_less():
     contact = np.stack([(table[BOX[0]] + table[BOX[2]]) / 2, table[BOX[3]]], axis=1)[table.index.get_indexer(rows)]
     pushed = bare.to_ground(contact)[:, 1] - table.loc[rows, "y_true"] + 0.9
     assert np.abs(found["y"] - found["y_true"]).mean() < 0.85 * np.abs(pushed).mean()
+
+
+def test_an_edge_behind_another_vehicle_counts_less():
+    """A car in the far lane whose lower edge is hidden for a while by a nearer van, where the box ends too high."""
+    table = drive("across", lane=-1.75, noise=0.5)
+    rows = table.index[(table["frame"] > 70) & (table["frame"] < 120)]
+    table.loc[rows, "box_bottom"] -= 15.0
+    van = table.loc[rows].assign(track_id=2, **{"class": "van"})
+    van[["box_top", "box_bottom"]] += 25.0
+    van[["box_left", "box_right"]] += [-20.0, 20.0]
+    alone = place(table, "across").set_index("frame").loc[table.loc[rows, "frame"]]
+    both = place(pd.concat([table, van], ignore_index=True), "across")
+    found = both[both["track_id"] == 1].set_index("frame").loc[table.loc[rows, "frame"]]
+    error, error_alone = (np.abs(t["y_measured"] - t["y_true"]).mean() for t in (found, alone))
+    assert error < 0.7 * error_alone
+    assert found["sigma_y"].mean() > 1.5 * alone["sigma_y"].mean()
+
+
+def test_hidden_edges_are_of_the_same_frame_and_of_the_farther_box():
+    far, near, aside = [0.0, 0, 40, 30], [-5.0, 20, 50, 60], [200.0, 0, 240, 70]
+    found = hidden_edges(np.array([3, 3, 3, 4]), np.array([near, far, aside, far]))
+    assert found.tolist() == [[False] * 4, [False, False, False, True], [False] * 4, [False] * 4]
+    assert hidden_edges(np.zeros(0, int), np.zeros((0, 4))).shape == (0, 4)
 
 
 def test_headings_of_a_curve():
