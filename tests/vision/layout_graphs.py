@@ -152,11 +152,15 @@ def picodet(path, **more):
     return write_graph(path, levels((8, 16, 32, 64), STRETCHED, 0.5), image="image", **more)
 
 
-def picodet_nms(path, **more):
+def paddle_rows(path, extra=("im_shape", "scale_factor"), **more):
     answer = np.full((3, 6), -1, np.float32)
     answer[0], answer[1] = [PERSON, 0.9, *(STRETCHED + 150)], [BUS, 0.8, *STRETCHED]
     outputs = {"multiclass_nms3_0.tmp_0": answer, "multiclass_nms3_0.tmp_2": np.array([2])}
-    return write_graph(path, outputs, image="image", extra_inputs=(side_input("scale_factor"),), **more)
+    return write_graph(path, outputs, image="image", extra_inputs=tuple(map(side_input, extra)), **more)
+
+
+def picodet_nms(path, **more):
+    return paddle_rows(path, extra=("scale_factor",), **more)
 
 
 def ssd(path, **more):
@@ -197,6 +201,7 @@ GRAPHS = {
     "nanodet-plus": nanodet_plus,
     "picodet": picodet,
     "picodet-nms": picodet_nms,
+    "paddle-rows": paddle_rows,
     "ssd": ssd,
     "roadfiber-street": street,
 }

@@ -132,6 +132,7 @@ COLORS = {  # what a graph of the layout sees of a red image, by channel of the 
     "nanodet-plus": (-103.53 / 57.375, -116.28 / 57.12, (200 - 123.675) / 58.395),
     "picodet": ((200 - 123.675) / 58.395, -116.28 / 57.12, -103.53 / 57.375),
     "picodet-nms": ((200 - 123.675) / 58.395, -116.28 / 57.12, -103.53 / 57.375),
+    "paddle-rows": (200 / 255, 0, 0),
     "ssd": (200, 0, 0),
     "roadfiber-street": (200 / 255, 0, 0),
 }

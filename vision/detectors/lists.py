@@ -36,6 +36,10 @@ def _is_rows(graph: Graph) -> bool:
     return len(graph.inputs) == 1 and holds_rows(graph.table()) and not in_shares(graph)
 
 
+def _is_paddle(graph: Graph) -> bool:
+    return "scale_factor" in graph.inputs and graph.shapes[0][-1:] == (6,)
+
+
 LISTS = (
     Layout("roadfiber-street", "frame and background [1,3,h,w] -> [1,m,6]", _is_street, decode_rows),
     Layout(
@@ -47,10 +51,17 @@ LISTS = (
     Layout(
         "picodet-nms",
         "image and scale_factor -> [m,6] class, score, left, top, right, bottom (PicoDet with postprocessing)",
-        lambda graph: "scale_factor" in graph.inputs and graph.shapes[0][-1:] == (6,),
+        lambda graph: _is_paddle(graph) and "im_shape" not in graph.inputs,
         decode_paddle_rows,
         fitting="stretch",
         normalization=RGB_IMAGENET,
+    ),
+    Layout(
+        "paddle-rows",
+        "the same with im_shape, colors from 0 to 1 (RT-DETR by PaddleDetection; PP-YOLOE+ by --layout)",
+        lambda graph: _is_paddle(graph) and "im_shape" in graph.inputs,
+        decode_paddle_rows,
+        fitting="stretch",
     ),
     # TensorFlow's detectors; they normalize and resize in the graph.
     Layout(
