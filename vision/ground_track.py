@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from vision.body_fit import fit_body
 from vision.camera import Calibration
+from vision.footprints import ghosts
 from vision.interpolate import BOX
 from vision.smoother import Motion, smooth
 from vision.vehicles import SHAPES, VehicleShape
@@ -21,6 +22,7 @@ EDGE_BIAS = 1.0  # px, and
 SHAPE_BIAS = 0.02  # sizes of the box (about 5 cm): sd of an edge that no repetition shows
 USUAL_JITTER = 0.03  # sd of an edge, sizes of the box, of tracks too short to show theirs
 HIDDEN_BIAS = 0.15  # sizes of the box: sd of an edge that a nearer vehicle hides, where a detector must guess
+MOST_HIDDEN = 2  # edges of a box that still says where a vehicle is
 COVERED = 0.5  # share of an edge behind another box that makes it hidden
 MARGIN = 2.0  # px; a box nearer to the image's border than this may be cut by it
 WINDOW = 1.5  # lengths of the vehicle, of travel over which its heading is taken
@@ -55,7 +57,7 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
     table [fix] of the same columns and x, y, sigma_x, sigma_y, length, width, wheelbase, x_measured, y_measured (m):
     x, y are smoothed (`vision.smoother`), also across missed frames; the measured ones are what each box alone says, on
     a straight line where there is none. Fixes above the horizon, cut by too many borders or less certain than 1.5 m are
-    left out, and so are tracks with fewer than five of the rest.
+    left out, and so are tracks with fewer than five of the rest and those inside another vehicle (`vision.footprints`).
 
     Notes
     -----
@@ -63,7 +65,7 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
     smoothed. What every fix of a track shares (the size of the vehicle, edges that are always drawn alike; what the
     body fit states beyond the scatter) is not, and nor is the error of the calibration
     (`Calibration.position_covariance`). An edge at the image's border does not count, and one behind a nearer vehicle
-    counts little.
+    counts little; a box with three such edges says nothing.
 
     Measured on rendered vehicles of other outlines and sizes than those assumed, with edges that err by 1.5 % of the
     box from frame to frame and as much for all of a vehicle (`benchmarks/ground.py`, 24 vehicles of each class and
@@ -81,7 +83,8 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
         return tracks.iloc[:0].assign(**dict.fromkeys(COLUMNS, np.zeros(0)))
     smoothed = smooth([part.motion for part in placed])
     parts = [_tabulate(part, motion, calibration) for part, motion in zip(placed, smoothed, strict=True)]
-    return pd.concat(parts, ignore_index=True)
+    table = pd.concat(parts, ignore_index=True)
+    return table[~table["track_id"].astype(str).isin(ghosts(table))].reset_index(drop=True)
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,9 @@ def placeable(boxes: Array, calibration: Calibration) -> NDArray[np.bool_]:
 def _place(track: "pd.DataFrame", hidden: NDArray[np.bool_], calibration: Calibration) -> Placed | None:
     boxes, time = track[BOX].to_numpy(float), track["time"].to_numpy(float)
     on_road = np.isfinite(calibration.to_ground(_contact(boxes))).all(axis=1)
-    usable = np.asarray(~track["interpolated"].to_numpy(bool) & on_road)
+    # A box inside a nearer one is more often a second box of that vehicle than a vehicle behind it.
+    apart = hidden.sum(axis=1) <= MOST_HIDDEN
+    usable = np.asarray(~track["interpolated"].to_numpy(bool) & on_road & apart)
     boxes, time, hidden = boxes[usable], time[usable], hidden[usable]
     if len(time) < FEWEST_FIXES:
         return None

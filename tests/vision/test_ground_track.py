@@ -172,7 +172,7 @@ def test_an_edge_behind_another_vehicle_counts_less():
     rows = table.index[(table["frame"] > 70) & (table["frame"] < 120)]
     table.loc[rows, "box_bottom"] -= 15.0
     van = table.loc[rows].assign(track_id=2, **{"class": "van"})
-    van[["box_top", "box_bottom"]] += 25.0
+    van["box_top"], van["box_bottom"] = van["box_bottom"] - 8.0, van["box_bottom"] + 60.0
     van[["box_left", "box_right"]] += [-20.0, 20.0]
     alone = place(table, "across").set_index("frame").loc[table.loc[rows, "frame"]]
     both = place(pd.concat([table, van], ignore_index=True), "across")
@@ -180,6 +180,15 @@ def test_an_edge_behind_another_vehicle_counts_less():
     error, error_alone = (np.abs(t["y_measured"] - t["y_true"]).mean() for t in (found, alone))
     assert error < 0.7 * error_alone
     assert found["sigma_y"].mean() > 1.5 * alone["sigma_y"].mean()
+
+
+def test_a_box_inside_a_nearer_one_is_no_vehicle():
+    table = drive("across", label="bus", lane=1.75, noise=0.5)
+    inside = table.iloc[60:90].assign(track_id=2, **{"class": "car"})
+    inside[["box_left", "box_top"]] += 25.0
+    inside[["box_right", "box_bottom"]] -= 15.0
+    found = place(pd.concat([table, inside], ignore_index=True), "across")
+    assert set(found["track_id"]) == {1}
 
 
 def test_hidden_edges_are_of_the_same_frame_and_of_the_farther_box():
