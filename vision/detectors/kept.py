@@ -18,7 +18,8 @@ class Kept:
 
     They lie in `detections/KEY` of the cache: files of some hundred frames each, every one written whole or not at all
     and never changed. KEY is a checksum of the video's and the model's content and of the options that decide what is
-    found; how often one looks, and which detections start tracks, is not among them.
+    found. How often one looks, which detections start tracks, and which processor or accelerator the model ran on are
+    not among them.
 
     >>> import tempfile
     >>> kept, found = Kept(Path(tempfile.mkdtemp())), Detections(np.ones((1, 4)), np.array([0.5]), np.array(["car"]))
