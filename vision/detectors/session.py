@@ -29,7 +29,7 @@ ACCELERATORS = (
 )
 PROCESSOR = "CPUExecutionProvider"
 DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8}
-NUMBERS = {**DTYPES, "tensor(int64)": np.int64, "tensor(int32)": np.int32}
+NUMBERS = {**DTYPES, "tensor(int64)": np.int64, "tensor(int32)": np.int32, "tensor(double)": np.float64}
 USUAL_SIZES = ((640, 640), (416, 416), (320, 320), (512, 512), (300, 300))
 
 # Inputs beside the image, filled so that boxes come out in px of the input: size (w, h), its shape (h, w), scale 1.
@@ -187,7 +187,7 @@ def first_line(error: Exception) -> str:
     >>> first_line(RuntimeError("[ONNXRuntimeError] : 10 : INVALID_GRAPH : Load model from a.onnx failed:No graph"))
     'No graph'
     """
-    line = str(error).splitlines()[0]
+    line = (str(error).splitlines() or [type(error).__name__])[0]
     return re.sub(r"^\[ONNXRuntimeError\] : \d+ : \w+ : (Load model from .* failed:)?", "", line)[:120]
 
 
