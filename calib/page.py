@@ -42,7 +42,7 @@ LAYERS = ("ground grid", "residuals x20", "error map")
 PIXELS = ("px", "py", "residual_px", "sigma")
 WAIT = 80  # ms, in which changes are gathered before the fit
 MAGNIFY = 20.0
-WIDTH = 760  # of the frame on the page
+WIDTH = 700  # of the frame on the page
 
 
 class Page:

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 ROBUST_FROM = 6  # points; with fewer, no majority can outvote an outlier
 FOCALS = (-2.0, -1.0, 0.0, 1.0, 2.0)  # standard deviations of a guessed focal length that are tried
-REFINED = 3  # best guesses that are refined
+REFINED = 6  # best guesses that are refined
 BENT = 6.0  # a distorted picture of a plane agrees with a homography to within this many thresholds
 SIGMAS = 4.0  # a point this many of its sigmas off may be right all the same
 

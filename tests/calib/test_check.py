@@ -56,12 +56,12 @@ def test_exact_lengths_come_back():
 
 def test_the_sigma_is_that_of_many_calibrations_and_clicks():
     drawn, sigmas = [], []
-    for seed in range(60):
+    for seed in range(40):
         calibration = fit_ground(marks(noise=1.0, seed=seed), SIZE, model="homography", threshold=50).calibration
         found = predict_lengths(calibration, dashes(noise=1.0, seed=seed + 1000))
         drawn.append(found.length)
         sigmas.append(found.sigma)
-    np.testing.assert_allclose(np.median(sigmas, axis=0), np.std(drawn, axis=0), rtol=0.3)
+    np.testing.assert_allclose(np.median(sigmas, axis=0), np.std(drawn, axis=0), rtol=0.35)
 
 
 def test_a_wrong_scale_is_found_and_said():

@@ -54,7 +54,7 @@ def test_predicted_uncertainty_and_leave_one_out_errors_are_those_that_happen():
     corner = np.array([72.0, -5.2])
     pixel = CAMERA.project([*corner, 0.0])
     errors, sigmas = [], []
-    for seed in range(100):
+    for seed in range(60):
         fit = fit_ground(marks(noise=0.5, sigma=0.5, seed=seed), SIZE, model="homography", threshold=50.0)
         errors.append(fit.calibration.to_ground(pixel)[0] - corner)
         sigmas.append(fit.worst_sigma)
@@ -230,7 +230,16 @@ def test_the_file_carries_the_covariance(tmp_path):
 
 def test_positions_are_within_their_sigma_at_the_stated_rate():
     """A few of the cameras of benchmarks/calibration.py: 39 % inside one sigma's ellipse, 95 % inside its own."""
-    found = trial_rates(cameras=12, seed=3)
-    assert found.positions == 120 and found.refused == 0
+    found = trial_rates(cameras=8, seed=3)
+    assert found.positions == 80 and found.refused == 0
     assert 0.25 < found.one_sigma < 0.65
     assert found.ninety_five > 0.85
+
+
+def test_outliers_are_told_from_distortion():
+    """In a bent picture, where the homography would throw out good marks at the edges."""
+    points = bent_marks(NEAR)
+    pixels = points.pixels.copy()
+    pixels[[3, 8]] += [[35, 10], [-20, 30]]
+    fit = fit_ground(replace(points, pixels=pixels), SIZE)
+    assert fit.calibration.model == "camera" and np.flatnonzero(~fit.used).tolist() == [3, 8]
