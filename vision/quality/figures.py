@@ -1,6 +1,7 @@
 """Pictures of tracks' quality: jitter by place, effect on the route, detected classes in space and time."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -14,6 +15,9 @@ from vision.quality.drawing import BLUE, DPI, MUTED, ORANGE, RED, class_color, p
 from vision.quality.measures import Measures
 from vision.quality.route_effect import FEWEST
 from vision.quality.setting import Setting
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WIDE, NARROW = 1060, 350  # px
 HIGH = 200  # px, of a panel
@@ -91,15 +95,19 @@ def class_figure(settings: Sequence[Setting], width: int = WIDE) -> Figure:
     for setting, ax in zip(settings, axes, strict=True):
         draw_classes(setting, ax)
         ax.set_title(setting.name)
-    last = max(setting.tracks["time"].max() for setting in settings)
-    axes[0].set_ylim(last, min(setting.tracks["time"].min() for setting in settings))
-    low = min(setting.tracks["x"].min() for setting in settings)
-    axes[0].set_xlim(low, max(setting.tracks["x"].max() for setting in settings))
+    axes[0].set_ylim(*span([setting.tracks["time"] for setting in settings])[::-1])
+    axes[0].set_xlim(*span([setting.tracks["x"] for setting in settings]))
     label_axes(figure, axes, f"x, {settings[0].unit}", "time, s")
     handles = [ax_line(axes[0], class_color(name), name) for name in names]
     if names:
         legend(figure, axes[0], handles)
     return figure
+
+
+def span(columns: Sequence["pd.Series"]) -> tuple[float, float]:
+    """Lowest and highest value, at least 1 apart."""
+    low, high = min(float(c.min()) for c in columns), max(float(c.max()) for c in columns)
+    return low, max(high, low + 1.0)
 
 
 def legend(figure: Figure, ax: Axes, handles: Sequence[Artist] | None = None) -> None:

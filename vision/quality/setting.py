@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vision.contract.columns import finite
+from vision.contract.columns import check_positive, finite, first_row
 from vision.contract.errors import InputError
 from vision.contract.table import read_as_is, to_utc
 from vision.exchange import read_mot, read_ottrk
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 NEEDED = ("time", "track_id", "class", "frame")
+NUMBERS = ("sigma_x", "sigma_y", "x_measured", "y_measured")
 SUFFIXES = (".csv", ".parquet", ".txt", ".ottrk")
 TRUE = ("true", "1", "1.0")
 
@@ -119,8 +120,27 @@ def read_tracks(path: Path, frame_rate: float | None = None) -> "pd.DataFrame":
         raise InputError(f"{path}: neither x, y nor {', '.join(BOX)}; give a table that `roadfiber track` wrote")
     if table.empty:
         raise InputError(f"{path}: no fixes; nothing was tracked, try a lower --min-score or another --detector")
-    table = finite(table, ["frame", *(name for names in columns for name in names)], path)
+    known = [name for name in NUMBERS if name in table]
+    table = finite(table, ["frame", *(name for names in columns for name in names), *known], path)
+    check_positive(table, [name for name in known if name.startswith("sigma")], path)
+    check_rows(table, path)
     return tidy(table.assign(time=to_seconds(table["time"], path)), path)
+
+
+def check_rows(table: "pd.DataFrame", path: Path) -> None:
+    """Raise InputError at the first row that cannot be of a video."""
+    frame = table["frame"]
+    bad = {
+        "names no track or class; fill it in": table["track_id"].isna() | table["class"].isna(),
+        "has a frame that is no whole number from 0 on; give the frame's place in the video": (frame < 0)
+        | (frame % 1 != 0),
+    }
+    if all(name in table for name in BOX):
+        flat = (table[BOX[0]] >= table[BOX[2]]) | (table[BOX[1]] >= table[BOX[3]])
+        bad["has a box without area; give left, top, right, bottom in px"] = flat
+    for complaint, rows in bad.items():
+        if rows.any():
+            raise InputError(f"{path}: row {first_row(rows)} {complaint}")
 
 
 def tidy(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
@@ -136,6 +156,8 @@ def tidy(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
         detected_class=detected.mask(flags, ""),
         **{"class": named},
     )
+    if flags.all():
+        raise InputError(f"{path}: all fixes are interpolated; give those that were detected too")
     if (twice := table.duplicated(["track_id", "frame"])).any():
         row = table[twice].iloc[0]
         raise InputError(f"{path}: track {row['track_id']} is twice in frame {row['frame']}; keep one fix")
@@ -146,9 +168,8 @@ def to_seconds(column: "pd.Series", path: Path) -> "pd.Series":
     """Times as seconds, or as ISO 8601 in UTC -> s from the first."""
     import pandas as pd
 
-    numbers = pd.to_numeric(column, errors="coerce") if column.dtype.kind not in "mM" else None
-    if numbers is not None and numbers.notna().all():
-        return numbers.astype(float)
+    if column.dtype.kind not in "mM" and pd.to_numeric(column, errors="coerce").notna().any():
+        return finite(column.to_frame("time"), ["time"], path)["time"]
     return pd.Series(seconds(to_utc(column, path)), index=column.index)
 
 
@@ -170,8 +191,10 @@ def read_speed(path: Path) -> dict[str, float] | None:
 def rate_of(setting: Setting) -> float | None:
     """Frames per second of the video that a table's own clock and frames say; None without a clock."""
     frame, time = setting.tracks["frame"].to_numpy(float), setting.tracks["time"].to_numpy(float)
-    if not np.isfinite(time).all() or np.ptp(frame) == 0 or np.ptp(time) <= 0:
+    if not np.isfinite(time).all() or np.ptp(frame) == 0:
         return None
+    if np.ptp(time) <= 0:
+        raise InputError(f"{setting.path}: time stands still while frames pass; give every frame its time")
     return float(np.ptp(frame) / np.ptp(time))
 
 

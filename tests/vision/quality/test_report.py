@@ -106,6 +106,14 @@ def test_an_earlier_report_is_replaced_and_nothing_else(files, command, tmp_path
     assert code == 2 and "no earlier report" in err and (tmp_path / "mine" / "thesis.txt").exists()
 
 
+@pytest.mark.parametrize("rows", [slice(1), slice(2), slice(9), slice(-400, None)])
+def test_little_is_enough_for_a_report(rows, files, command, tmp_path):
+    """One fix, a few, and a parked vehicle alone."""
+    table = tracks().iloc[rows].assign(x=3.0)
+    assert command(write(stamped(table), files / "little.csv"))[0] == 0
+    assert json.loads((tmp_path / "quality" / "quality.json").read_text())["settings"][0]["tracks"] == 1
+
+
 BAD = {
     "no file": (["none.csv"], "no such file"),
     "other video": (["FILES/fine.csv", "FILES/shifted.csv"], "no frame in common"),
