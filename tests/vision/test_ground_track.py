@@ -8,6 +8,7 @@ from vision.body_fit import fit_body, project_bodies, silhouette_boxes
 from vision.camera import Calibration
 from vision.ground_track import WORST_SIGMA, edge_sigma, ground_tracks, headings, hidden_edges, placeable, scatter_share
 from vision.interpolate import BOX
+from vision.lens import Lens
 from vision.vehicles import SHAPES
 
 SIZE = (1280, 720)
@@ -287,3 +288,22 @@ def test_the_error_of_the_calibration_is_in_the_sigma():
 def test_the_wheelbase_goes_with_the_fitted_length():
     found = place(drive("across", size=(4.9, 1.9, 1.7)), "across")
     assert found["wheelbase"].iloc[0] == pytest.approx(2.65 * found["length"].iloc[0] / 4.4)
+
+
+def test_a_lens_that_bends_the_picture_is_taken_into_account():
+    lens = Lens(focal=(700, 700), center=(640, 360), distortion=(-0.15, 0.03, 0, 0, 0))
+    bent = Calibration(image_size=SIZE, homography=VIEWS["across"][0], lens=lens)
+    time = np.arange(0, 4, 0.04)
+    place = np.stack([5 + 8 * time, np.full(len(time), 1.75)], axis=1)
+    shape = SHAPES["car"]
+    boxes = silhouette_boxes(bent.pinhole(), shape.corners(shape.size), place, np.zeros(len(time)))
+    table = pd.DataFrame(boxes, columns=BOX).assign(
+        time=time, frame=np.arange(len(time)), track_id=1, confidence=0.9, interpolated=False
+    )
+    table = table[(boxes[:, :2] > 3).all(axis=1) & (boxes[:, 2:] < np.array(SIZE) - 3).all(axis=1)]
+    found = ground_tracks(table.assign(**{"class": "car"}), bent)
+    error = found[["x", "y"]].to_numpy() - place[found["frame"]]
+    assert len(found) > 60 and np.abs(error).max() < 0.05
+    straight = Calibration(image_size=SIZE, homography=VIEWS["across"][0])
+    without = ground_tracks(table.assign(**{"class": "car"}), straight)
+    assert np.abs(without[["x", "y"]].to_numpy() - place[without["frame"]]).max() > 0.3
