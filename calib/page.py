@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from calib.ground import MODELS, GroundFit
 from calib.layers import ellipses, from_above, grid_in_picture, rgba
 from calib.maps import LEVELS, area, sigma_image
-from calib.page_text import EDITED, FIELDS, FOUND, describe, read_marks, table_data, typed_mark
+from calib.page_text import EDITED, FIELDS, FOUND, describe, read_marks, table_data, typed_mark, with_place
 from calib.session import Mark, Session
 from vision.contract import InputError
 
@@ -226,7 +226,8 @@ class Page:
         if self.writing or mark is None:
             return
         try:
-            changed = typed_mark(mark, {name: box.value for name, box in self.fields.items()})
+            texts = {name: box.value for name, box in self.fields.items()}
+            changed = typed_mark(mark, with_place(texts, self.session.frame))
         except ValueError as error:
             self.saved.text = f"<b style='color:#c00'>{html.escape(str(error))}</b>"
             return

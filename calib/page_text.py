@@ -2,12 +2,15 @@
 
 import html
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from calib.ground import GroundFit
 from calib.session import Mark, Marks
+from vision.contract import LocalFrame
+from vision.contract.columns import to_frame
 
 EDITED = ("name", "px", "py", "x", "y", "sigma", "sigma_xy")
 FOUND = ("residual_px", "residual_m", "leave_one_out_m", "color")
@@ -30,6 +33,29 @@ def read_marks(data: dict[str, Any]) -> Marks:
         Mark(name, *(float(value) for value in values)) if name else Mark("", float(values[0]), float(values[1]))
         for name, *values in rows
     )
+
+
+def with_place(texts: dict[str, str], frame: LocalFrame | None) -> dict[str, str]:
+    """Turn "LATITUDE, LONGITUDE" typed or pasted for x into x and y, m; leave all else as it is.
+
+    Raises
+    ------
+    ValueError, for people: there is no local frame, or the two are no place near its origin.
+
+    >>> here = LocalFrame((32.0, 34.8), 90.0)
+    >>> with_place({"x": "32.0, 34.801", "y": ""}, here)
+    {'x': '94.493', 'y': '-0.000'}
+    """
+    if texts["x"].count(",") != 1:
+        return texts
+    if frame is None:
+        raise ValueError("latitude, longitude need a local frame: open the page with --frame site.toml")
+    try:
+        latitude, longitude = (np.array([float(part)]) for part in texts["x"].split(","))
+    except ValueError as error:
+        raise ValueError(f"{texts['x']}: give LATITUDE, LONGITUDE in degrees, or x in meters") from error
+    x, y = to_frame(latitude, longitude, frame, Path(texts["x"]))
+    return texts | {"x": f"{x[0]:.3f}", "y": f"{y[0]:.3f}"}
 
 
 def typed_mark(mark: Mark, texts: dict[str, str]) -> Mark:

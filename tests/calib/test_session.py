@@ -8,9 +8,10 @@ from typer.testing import CliRunner
 import roadfiber
 from calib.layers import ABOVE, ellipses, from_above, grid_in_picture, rgba
 from calib.maps import area
+from calib.page_text import typed_mark, with_place
 from calib.session import Mark, Session, marks_of
 from vision.camera import Calibration
-from vision.contract import InputError
+from vision.contract import InputError, LocalFrame
 
 
 @pytest.fixture
@@ -103,3 +104,33 @@ def test_the_grid_lies_on_the_road_and_ellipses_around_the_places(session):
 
 def test_colors_are_packed():
     assert rgba(np.array([[[255, 0, 0]]], np.uint8))[0, 0] == 0xFFFF0000
+
+
+def test_what_is_typed_becomes_a_mark():
+    mark = Mark("p1", 5.0, 6.0)
+    texts = {"name": " curb ", "px": "7", "py": "8.5", "x": "1", "y": "-2", "sigma": "0.5", "sigma_xy": "0.02"}
+    assert typed_mark(mark, texts) == Mark("curb", 7.0, 8.5, 1.0, -2.0, 0.5, 0.02)
+    assert not typed_mark(mark, texts | {"y": " "}).placed
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [("px", "", "px: give a number"), ("x", "far", "x, m: far is no"), ("y", "inf", "y, m")],
+)
+def test_what_is_no_number_is_said(name, text, message):
+    with pytest.raises(ValueError, match=message):
+        typed_mark(Mark("p1", 5.0, 6.0), {name: text})
+
+
+def test_latitude_and_longitude_can_be_pasted():
+    frame = LocalFrame((32.113, 34.804), 78.0)
+    latitude, longitude = frame.to_geographic(40.0, -3.0)
+    found = with_place({"x": f"{latitude:.8f}, {longitude:.8f}", "y": ""}, frame)
+    assert (float(found["x"]), float(found["y"])) == pytest.approx((40, -3), abs=2e-3)
+    assert with_place({"x": "40.5", "y": "1"}, frame) == {"x": "40.5", "y": "1"}
+    for text, where, message in (
+        (f"{longitude}, {latitude}", frame, "swapped"), ("32.1, 34.8", None, "need a local frame"),
+        ("here, there", frame, "give LATITUDE, LONGITUDE"),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=message):
+            with_place({"x": text, "y": ""}, where)
