@@ -13,7 +13,7 @@ from vision.contract.errors import InputError
 from vision.contract.table import read_as_is, to_utc
 from vision.exchange import read_mot, read_ottrk
 from vision.interpolate import BOX
-from vision.jitter import seconds, stride
+from vision.jitter import seconds
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -225,9 +225,3 @@ def in_pixels(setting: Setting) -> Setting:
     tracks = setting.tracks
     x = (tracks[BOX[0]] + tracks[BOX[2]]) / 2
     return replace(setting, tracks=tracks.assign(x=x, y=tracks[BOX[3]]), unit="px")
-
-
-def looked_at(tracks: "pd.DataFrame") -> int:
-    """Return how many frames of the video lie between the first and the last fix, of those that were looked at."""
-    frame = tracks["frame"].to_numpy()
-    return int((frame.max() - frame.min()) // stride(frame) + 1)
