@@ -67,7 +67,7 @@ def ground(
     from calib.control_points import read_control_points
     from calib.ground import MODELS, fit_ground
     from calib.lens_prior import read_intrinsics
-    from calib.options import local_frame, measured, one_of, picture_size
+    from calib.options import keep_inputs, local_frame, measured, one_of, picture_size
     from vision.contract import InputError
 
     if threshold <= 0:
@@ -80,12 +80,13 @@ def ground(
     if picture and image is None:
         raise InputError("--picture: needs --video, to draw on one of its frames")
     lens = read_intrinsics(intrinsics).prior(size, intrinsics) if intrinsics else None
-    fit = fit_ground(marks, size, model=kind, threshold=threshold, frame=where, lens=lens, height=tall)
     maps = maps or out.with_name(f"{out.stem}_maps.png")
-    if image is not None:
+    picture = picture or (None if image is None else out.with_suffix(".png"))
+    keep_inputs([out, maps, picture], [points, video, intrinsics, frame])
+    fit = fit_ground(marks, size, model=kind, threshold=threshold, frame=where, lens=lens, height=tall)
+    if image is not None and picture is not None:
         from calib.picture import draw_fit, write_picture
 
-        picture = picture or out.with_suffix(".png")
         write_picture(draw_fit(image, marks, fit), picture)
     from calib.maps import write_maps
 
@@ -122,7 +123,7 @@ def board(
 
     from calib.board import Board, draw_board, fit_board, read_views
     from calib.board_report import facts, words, write_board_picture
-    from calib.options import one_of, two_counts
+    from calib.options import keep_inputs, one_of, two_counts
     from calib.picture import write_picture
 
     columns, rows = two_counts(squares, "--squares", "9x6")
@@ -132,8 +133,9 @@ def board(
         write_picture(draw_board(target), draw)
         print(f"wrote {draw}")
         return
-    fit = fit_board(*read_views(sources or [], target))
     picture = picture or out.with_suffix(".png")
+    keep_inputs([out, picture], sources or [])
+    fit = fit_board(*read_views(sources or [], target))
     write_board_picture(fit, picture)
     fit.intrinsics.write(out)
     print(json.dumps(facts(fit)) if as_json else f"{words(fit)}\nwrote {out}, {picture}")
@@ -160,10 +162,11 @@ def check(
 
     from calib.check import draw_check, facts, words
     from calib.lengths import predict_lengths, read_lengths
-    from calib.options import read_frame
+    from calib.options import keep_inputs, read_frame
     from calib.picture import write_picture
     from vision.camera import Calibration
 
+    keep_inputs([out], [calibration, video, lengths])
     view = Calibration.read(calibration)
     known = read_lengths(lengths) if lengths else None
     image = read_frame(video, time)
@@ -204,10 +207,11 @@ def page(
     """
     from calib.control_points import read_control_points
     from calib.lens_prior import read_intrinsics
-    from calib.options import local_frame, measured, read_frame
+    from calib.options import keep_inputs, local_frame, measured, read_frame
     from calib.page import serve
     from calib.session import Session, marks_of
 
+    keep_inputs([out], [video, intrinsics, frame])
     where, tall = local_frame(frame, origin, x_azimuth), measured(height, "--height", "m")
     marks = marks_of(read_control_points(points, where, crs)) if points else ()
     image = read_frame(video, time)

@@ -167,3 +167,16 @@ def one_of(text: str, choices: Sequence[Choice], option: str) -> Choice:
         if text == choice:
             return choice
     raise InputError(f"{option} {text}: give one of {', '.join(choices)}")
+
+
+def keep_inputs(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
+    """Raise InputError where a file to write is one to read.
+
+    >>> keep_inputs([Path("street.png")], [Path("street.png")])
+    Traceback (most recent call last):
+    vision.contract.errors.InputError: street.png: would be overwritten, and is an input; give another --out
+    """
+    inputs = {path.resolve() for path in read if path}
+    for path in written:
+        if path and path.resolve() in inputs:
+            raise InputError(f"{path}: would be overwritten, and is an input; give another --out")

@@ -91,6 +91,14 @@ def test_bad_input_writes_nothing(tmp_path, points_file, arguments, message):
     assert not out.exists()
 
 
+def test_no_input_is_overwritten(tmp_path, points_file):
+    cv2.imwrite(str(tmp_path / "street.png"), np.zeros((720, 1280, 3), np.uint8))
+    before = (tmp_path / "street.png").read_bytes()
+    result = run(points_file, "--video", tmp_path / "street.png", "--out", tmp_path / "street.json")
+    assert "street.png: would be overwritten, and is an input" in str(result.exception)
+    assert (tmp_path / "street.png").read_bytes() == before and not (tmp_path / "street.json").exists()
+
+
 def test_a_video_of_another_size_is_refused(tmp_path, points_file):
     movie = video(tmp_path / "small.mp4", (320, 240))
     result = run(points_file, "--video", movie, "--image-size", "1280x720", "--out", tmp_path / "c.json")
