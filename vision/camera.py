@@ -1,5 +1,6 @@
 """The camera calibration: pixels to meters on the road plane, as a file people can read and write by hand."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -275,9 +276,11 @@ class Calibration(BaseModel):
             raise InputError(f"{path}: {_first_complaint(error.errors())}") from error
 
     def write(self, path: str | Path) -> None:
-        """Write the calibration as JSON, whole or not at all."""
+        """Write the calibration as JSON, a row of a matrix on a line, whole or not at all."""
+        text = self.model_dump_json(indent=2, exclude_none=True)
+        text = re.sub(r"\[([^][{}\"]+)\]", lambda row: f"[{' '.join(row[1].split())}]", text)
         with writing(path) as temporary:
-            temporary.write_text(self.model_dump_json(indent=2, exclude_none=True) + "\n", encoding="utf-8")
+            temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def _pinhole_from_columns(focal: float, intrinsic: Array, columns: Array, lens: Lens | None) -> Pinhole:

@@ -216,3 +216,12 @@ def test_covariance_follows_the_scale_of_the_homography(view):
     one = Calibration(image_size=size, homography=homography, covariance=covariance)
     other = Calibration(image_size=size, homography=-4 * homography, covariance=16 * covariance)
     np.testing.assert_allclose(one.position_covariance([[480, 530]]), other.position_covariance([[480, 530]]))
+
+
+def test_the_file_has_a_matrix_row_on_a_line_and_keeps_what_is_unknown(tmp_path):
+    calibration = Calibration(**GOOD, covariance=np.eye(9).tolist(), leave_one_out_m=(0.5, None))
+    calibration.write(tmp_path / "cal.json")
+    assert "    [0.0, -0.1, 48.0]," in (tmp_path / "cal.json").read_text().splitlines()
+    again = Calibration.read(tmp_path / "cal.json")
+    assert again.leave_one_out_m == (0.5, None)
+    np.testing.assert_array_equal(again.covariance, calibration.covariance)
