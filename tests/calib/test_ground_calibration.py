@@ -81,7 +81,7 @@ def test_a_precise_point_outweighs_vague_ones():
     exact = marks().pixels
     pixels, sigma = points.pixels.copy(), points.sigma.copy()
     pixels[4], sigma[4] = exact[4] + (1.5, 1.5), 0.02
-    fit = fit_ground(replace(points, pixels=pixels, sigma=sigma), SIZE, threshold=20.0)
+    fit = fit_ground(replace(points, pixels=pixels, sigma=sigma), SIZE, model="homography", threshold=20.0)
     assert fit.residuals_px[4] < 0.02
 
 
