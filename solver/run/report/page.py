@@ -38,6 +38,11 @@ MOST_CELLS, THUMBNAIL = 300, 60  # rows or columns of a picture
 PIXELS = 1_000_000  # of all pictures together, which keeps the page below 4 MB
 
 
+def resource(name: str) -> str:
+    """Text of a file beside this one."""
+    return files("solver.run.report").joinpath(name).read_text(encoding="utf-8")
+
+
 def json_text(value: Any) -> str:
     """JSON that can stand in HTML."""
     return (
@@ -272,7 +277,7 @@ def render(run: Run) -> str:
     -------
     html : the page
     """
-    template = Template(files("solver.run.report").joinpath("template.html").read_text(encoding="utf-8"))
+    template = Template(resource("template.html"))
     grade, verdict = words.quality(run)
     misfit = misfit_of(run.result, run.passes)
     wide, narrow = (route_figure(run, width) for width in (WIDE, NARROW))
@@ -282,6 +287,7 @@ def render(run: Run) -> str:
     )
     return template.substitute(
         waves(run, misfit),
+        style=resource("style.css"),
         name=escape(run.facts["name"]),
         when=f"recorded {str(run.start)[:16].replace('T', ' ')} UTC",
         headline=escape(words.headline(run)),
