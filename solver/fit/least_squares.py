@@ -15,7 +15,7 @@ from torch import Tensor
 from solver.cable import GaugeEnds, SplineBasis
 from solver.extension import Values
 from solver.fit.derivatives import Seen, derivative, observed_tangents
-from solver.fit.prior import Rows, anchor_rows, shape_rows
+from solver.fit.prior import Rows, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.problem import Problem
 from solver.load import layout_of
 from solver.model import Fiber, Sensitivities, SignalPath, Vehicles
@@ -25,8 +25,12 @@ KNOT_SPACING = 10.0
 HUBER = 4.0
 #: Times the scale of the residual beyond which a sample is no noise.
 SPIKE = 7.0
-SHALLOWEST = 0.1
+SHALLOWEST = 0.02
+#: A step that would gain less than this in sigmas, over all parameters together, is not worth taking.
+ENOUGH = 0.2
 PER_PASS = ("amplitude", "along", "across", "wheelbase", "front_share")
+#: What is wrong with a whole track: the passes together tell how large it is.
+TRACK_ERRORS = ("along", "across")
 
 
 @dataclass(frozen=True)
@@ -203,9 +207,35 @@ class MapFit:
         matrix[: rows.shape[1], : rows.shape[1]] = rows.T @ rows
         return matrix[self.free][:, self.free]
 
-    def prior_matrix(self, coefficients: Tensor) -> Tensor:
+    def precision(self, state: State) -> Tensor:
+        """Precision [parameter] of the priors; those on the tracks' errors depend on how large they all are."""
+        precision = self.sd**-2
+        for name in TRACK_ERRORS:
+            where = self.block(name)
+            if bool(self.free[where].all()):
+                precision[where] = track_precision(getattr(state.vehicles, name), getattr(self.problem.prior, name))
+        return precision
+
+    def block(self, name: str) -> slice:
+        """Where the vector of all parameters holds one quantity of the passes."""
+        passes = self.problem.traffic.passes
+        first = 3 * self.basis.size + PER_PASS.index(name) * passes
+        return slice(first, first + passes)
+
+    def prior_cost(self, state: State) -> float:
+        """-2 ln of the prior density of all but the route, but for a constant."""
+        sd, tracks = self.sd.clone(), 0.0
+        for name in TRACK_ERRORS:
+            where = self.block(name)
+            if bool(self.free[where].all()):
+                sd[where] = torch.inf
+                tracks += track_cost(getattr(state.vehicles, name), getattr(self.problem.prior, name))
+        shift = (state.vector() - self.mean)[self.free] / sd[self.free]
+        return float((shift**2).sum()) + tracks
+
+    def prior_matrix(self, state: State) -> Tensor:
         """Normal matrix [free, free] of all priors, anchors left out."""
-        return self.shape_matrix(coefficients) + torch.diag(self.sd[self.free] ** -2)
+        return self.shape_matrix(state.coefficients) + torch.diag(self.precision(state)[self.free])
 
     def residual(self, state: State) -> Tensor:
         """(measured - model) / noise, [sample, channel], 0 where not measured; not whitened."""
@@ -260,9 +290,12 @@ class MapFit:
 
     def cost(self, state: State, weights: Weights) -> float:
         """Weighted misfit plus priors."""
-        shift = (state.vector() - self.mean)[self.free] / self.sd[self.free]
+        return float((self.whitened(state, weights) ** 2).sum()) + self.belief(state)
+
+    def belief(self, state: State) -> float:
+        """-2 ln of the prior density and of the anchors, but for a constant."""
         rows = sum(float((r.residual**2).sum()) for r in self.route_rows(state.coefficients))
-        return float((self.whitened(state, weights) ** 2).sum() + (shift**2).sum()) + rows
+        return self.prior_cost(state) + rows
 
     def buried(self, state: State) -> bool:
         """Whether the whole route is under the ground, where the half-space is."""
@@ -282,7 +315,7 @@ class MapFit:
             matrix[:route, :route] += rows.jacobian.T @ rows.jacobian
             right[:route] -= rows.jacobian.T @ rows.residual
         free = self.free
-        precision = self.sd[free] ** -2
+        precision = self.precision(state)[free]
         shift = (self.mean - state.vector())[free]
         return matrix[free][:, free] + torch.diag(precision), right[free] + precision * shift, at.weights
 
@@ -321,6 +354,11 @@ class Linearized:
     model: Tensor
     local: Sensitivities
 
+    @property
+    def misfit(self) -> float:
+        """Chi2 of the whitened, weighted residual."""
+        return float((self.residual**2).sum())
+
 
 def huber(residual: Tensor, measured: Tensor) -> Tensor:
     """Weights [...] that bound the pull of single bad samples (Huber 1964), on the scale of the residual itself."""
@@ -344,27 +382,45 @@ class Solution:
 
 
 def solve(fit: MapFit, state: State, iterations: int = 40, advance: Callable[[int], None] = lambda n: None) -> Solution:
-    """Levenberg-Marquardt (Marquardt 1963) until the cost stands still or steps are small in posterior sigmas."""
-    free, damping, converged, step_number = fit.free, 1e-3, False, 0
-    matrix, right, weight = fit.normal(state)
-    cost = fit.cost(state, weight)
-    while step_number < iterations and damping < 1e8 and not converged:
-        step_number += 1
+    """Levenberg-Marquardt (Marquardt 1963) until the Newton decrement is small.
+
+    The decrement, sqrt(g' H^-1 g) with gradient g and normal matrix H, is the length of the next step in posterior
+    sigmas and the norm of what is left of the residual along all that is fitted: nothing else is called converged.
+    """
+    free, damping, taken = fit.free, 1e-3, 0
+    at, matrix, right = linear(fit, state)
+    cost = at.misfit + fit.belief(state)
+    while not (converged := decrement(matrix, right) < ENOUGH) and taken < iterations and damping < 1e8:
+        taken += 1
         advance(1)
         step = torch.zeros_like(fit.mean)
         step[free] = torch.linalg.solve(matrix + damping * torch.diag(matrix.diagonal()), right)
         candidate = fit.bounded(state.moved(state.vector() + step))
         new_cost = np.inf
         if fit.buried(candidate):
-            candidate = fit.settled(candidate, weight)
-            new_cost = fit.cost(candidate, weight)
+            candidate = fit.settled(candidate, at.weights)
+            new_cost = fit.cost(candidate, at.weights)
         if new_cost > cost:
             damping *= 8
             continue
-        fall = cost - new_cost
         state, damping = candidate, max(damping / 8, 1e-9)
-        matrix, right, weight = fit.normal(state)
-        cost = fit.cost(state, weight)
-        largest = float((step[free].abs() * matrix.diagonal().sqrt()).max())
-        converged = fall < 1e-3 * max(1.0, 1e-3 * cost) or largest < 0.02
-    return Solution(state, step_number, converged)
+        at, matrix, right = linear(fit, state)
+        cost = at.misfit + fit.belief(state)
+    return Solution(state, taken, converged)
+
+
+def linear(fit: MapFit, state: State) -> tuple[Linearized, Tensor, Tensor]:
+    """A problem near a state, its normal matrix [free, free] and right-hand side [free]."""
+    at = fit.linearized(state)
+    matrix, right, _ = fit.normal_of(state, at)
+    return at, matrix, right
+
+
+def decrement(matrix: Tensor, right: Tensor) -> float:
+    """Newton decrement sqrt(g' H^-1 g) of a normal matrix H [free, free] and right-hand side g [free].
+
+    >>> round(decrement(torch.tensor([[4.0, 0.0], [0.0, 1.0]]), torch.tensor([6.0, 4.0])), 3)
+    5.0
+    """
+    factor = torch.linalg.cholesky(matrix)
+    return float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).norm())

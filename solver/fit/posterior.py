@@ -42,7 +42,7 @@ class Posterior:
         """Linearize the problem at `state`."""
         matrix, _, weights = fit.normal(state)
         covariance = torch.linalg.inv(matrix)
-        prior_part = covariance @ fit.prior_matrix(state.coefficients) @ covariance
+        prior_part = covariance @ fit.prior_matrix(state) @ covariance
         shape_part = covariance @ fit.shape_matrix(state.coefficients) @ covariance
         chi2 = float((fit.whitened(state, weights) ** 2).sum())
         freedom = float((weights.good * weights.soft).sum() - torch.trace((covariance - prior_part) @ matrix))

@@ -23,8 +23,8 @@ class Prior:
     curvature, depth_curvature : sd of horizontal and vertical curvature over one knot, 1/m
     stretch : sd of the route's length per meter of fiber
     poisson_ratio : mean and sd
-    along : sd of a vehicle's load centroid and clock along travel, m
-    across : sd of a whole track's lateral error, m
+    along, across : size of a whole track's errors along travel and sideways, m; the passes themselves correct it, see
+        `track_precision`
     """
 
     depth: tuple[float, float] = (0.9, 0.3)
@@ -35,6 +35,31 @@ class Prior:
     poisson_ratio: tuple[float, float] = (0.25, 0.03)
     along: float = 0.5
     across: float = 0.05
+
+
+#: Passes' worth of belief in the expected size of the tracks' errors.
+BELIEF = 2.0
+#: Least depth that a route is expected to have, and sd of that limit, m.
+SHALLOW, SHALLOW_SD = 0.2, 0.02
+
+
+def track_precision(errors: Tensor, size: float) -> Tensor:
+    """Precision [], 1/m^2, of the prior on every pass's error, given the errors [pass], m, of all.
+
+    The size of the errors is not known, only expected: scaled-inverse-chi-square with `BELIEF` degrees of freedom.
+    Integrated over it the passes' errors are jointly Student-t (O'Hagan 1979, J. R. Stat. Soc. B 41, 358), which pulls
+    on each as a Gaussian of this precision does: tracks that are all off loosen each other.
+
+    >>> none, far = torch.zeros(6, dtype=torch.float64), torch.ones(6, dtype=torch.float64)
+    >>> [round(float(track_precision(errors, 0.05)) ** -0.5, 3) for errors in (none, far)]
+    [0.025, 0.867]
+    """
+    return (BELIEF + len(errors)) / (BELIEF * size**2 + (errors**2).sum())
+
+
+def track_cost(errors: Tensor, size: float) -> float:
+    """-2 ln of that Student-t density of errors [pass], m, but for a constant."""
+    return float((BELIEF + len(errors)) * torch.log1p((errors**2).sum() / (BELIEF * size**2)))
 
 
 @dataclass(frozen=True)
@@ -60,10 +85,11 @@ class Rows:
 
 
 def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
-    """Mean depth, slope, curvature and length of a spline route against the prior.
+    """Mean depth, slope, curvature, length and burial of a spline route against the prior.
 
     Slope and curvature are white along the fiber with one independent value per knot interval; the length rows hold
-    |dr/ds| = 1, so that distance along the route is distance along the fiber.
+    |dr/ds| = 1, so that distance along the route is distance along the fiber. The burial rows, softplus((SHALLOW - z) /
+    SHALLOW_SD), keep a route below the surface without a hard bound, at which no fit could converge; 0 elsewhere.
 
     Parameters
     ----------
@@ -78,12 +104,17 @@ def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
     stretch = prior.stretch / density
     length_rows = (tangent / length[:, None])[:, None, :] * slope[:, :, None] / stretch
     bends = (prior.curvature, prior.curvature, prior.depth_curvature)
+    depth = value @ coefficients[:, 2]
+    short_of = (SHALLOW - depth) / SHALLOW_SD
+    burial_rows = torch.zeros_like(length_rows)
+    burial_rows[:, :, 2] = -torch.sigmoid(short_of)[:, None] * value / SHALLOW_SD
     return Rows.stack(
         [
             Rows.linear(value.mean(0, keepdim=True), coefficients, 2, *prior.depth),
             Rows.linear(slope * density, coefficients, 2, 0.0, prior.depth_slope),
             *(Rows.linear(bend * density, coefficients, axis, 0.0, sd) for axis, sd in enumerate(bends)),
             Rows((length - 1) / stretch, length_rows.flatten(1)),
+            Rows(torch.nn.functional.softplus(short_of), burial_rows.flatten(1)),
         ]
     )
 

@@ -7,8 +7,10 @@ import pytest
 import torch
 
 from solver.cable import SplineBasis
-from solver.fit.least_squares import MapFit, huber, solve
-from solver.fit.prior import Prior, anchor_rows, shape_rows
+from solver.fit.least_squares import MapFit, decrement, huber, solve
+from solver.fit.prior import BELIEF, Prior, anchor_rows, shape_rows, track_cost, track_precision
+from solver.fit.spline import fit_spline
+from solver.model import Traffic
 
 
 def test_jacobian_by_finite_differences(case) -> None:
@@ -57,8 +59,44 @@ def test_the_end_is_a_minimum(case) -> None:
     end = solve(fit, fit.start())
     assert end.converged
     matrix, right, _ = fit.normal(end.state)
-    step_in_sigmas = torch.linalg.solve(matrix, right) * matrix.diagonal().sqrt()
-    assert float(step_in_sigmas.abs().max()) < 0.5
+    assert decrement(matrix, right) < 0.2
+    assert end.iterations < 10
+
+
+def test_a_route_that_is_pulled_out_of_the_ground_converges(case) -> None:
+    """Loads taken for deeper than they look press the route against the surface."""
+    shallow = replace(case.problem.prior, depth=(0.15, 0.01))
+    fit = MapFit(replace(case.problem, prior=shallow, anchors=case.problem.anchors[:0]))
+    end = solve(fit, fit.start())
+    assert end.converged and fit.buried(end.state)
+
+
+def test_out_of_steps_is_not_converged(case) -> None:
+    fit = MapFit(case.problem)
+    assert not solve(fit, fit.start(), iterations=1).converged
+
+
+def test_prior_on_track_errors_by_finite_differences(case) -> None:
+    """The gradient of the Student-t cost is that of the Gaussian whose precision is taken."""
+    errors = torch.tensor([0.4, -0.1, 0.2, 0.0], dtype=torch.float64, requires_grad=True)
+    size = 0.05
+    cost = (BELIEF + 4) * torch.log1p((errors**2).sum() / (BELIEF * size**2))
+    assert float(cost.detach()) == pytest.approx(track_cost(errors.detach(), size))
+    (gradient,) = torch.autograd.grad(cost, errors)
+    torch.testing.assert_close(gradient, 2 * track_precision(errors.detach(), size) * errors.detach())
+
+
+def test_tracks_that_are_off_loosen_each_other(case) -> None:
+    """Tracks displaced by 1 m each: anchors hold the route, and its sigma says how well."""
+    rng = np.random.default_rng(3)
+    passes = [replace(one, position=one.position + rng.normal(0, 1.0, 2)) for one in case.problem.passes]
+    traffic = Traffic.of(passes, case.problem.traffic.samples)
+    displaced = replace(case.problem, passes=passes, traffic=traffic)
+    result = fit_spline(displaced)
+    here = np.isin(result.channel, case.problem.channel)
+    assert result.converged
+    assert np.linalg.norm(result.route[here] - case.truth, axis=1).max() < 0.25
+    assert (np.abs(result.route[here, 1] - case.truth[:, 1]) < 3.5 * result.sigma[here, 1]).all()
 
 
 def test_known_ground_moves_vehicles_only(case) -> None:
