@@ -1,4 +1,4 @@
-"""`roadfiber simulate`, and what locating needs."""
+"""`roadfiber simulate` and `roadfiber compare`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -58,3 +58,34 @@ def simulate(
         f"wrote {site}: {facts['passes']} passes, {facts['channels']} channels, {facts['seconds']:g} s; "
         f"channels {survey.active[0]} to {survey.active[1]} are in view"
     )
+
+
+@app.command()
+def compare(
+    run: Annotated[Path, typer.Argument(help="A run folder that `roadfiber locate` wrote.")],
+    out: Annotated[Path | None, typer.Option(help="Folder to write into.  [default: the run folder]")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print compare.json instead of words.")] = False,
+) -> None:
+    """Compare the model of a run with the measurement: where, when and how they differ.
+
+    Writes compare.html (measured, model and residual with one zoom; the residual in the vehicle's frame, by channel,
+    pass, speed, class, lane, frequency and wavenumber; the regions that fail), compare.json and pictures.
+
+    Example: `roadfiber compare runs/main-street`
+    """
+    from solver.criticism.comparison import compare as compare_run
+    from solver.criticism.comparison import write_comparison
+    from solver.criticism.comparison.words import headline, region_words, verdict
+    from solver.run.folder import read_run
+
+    located, folder = read_run(run), out or run
+    comparison = compare_run(located)
+    write_comparison(folder, comparison, located)
+    if as_json:
+        print((folder / "compare.json").read_text(encoding="utf-8"))
+        return
+    print(headline(comparison))
+    print(verdict(comparison, located))
+    for region in comparison.regions:
+        print(f"  {region_words(region, located)}")
+    print(f"page: {folder / 'compare.html'}")

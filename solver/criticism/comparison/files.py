@@ -1,0 +1,130 @@
+"""compare.json, compare.html and the pictures, written beside the run."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from solver.criticism.comparison.contents import Comparison
+from solver.criticism.comparison.figures import (
+    map_figure,
+    power_figure,
+    spectrum_figure,
+    split_figure,
+    stack_figure,
+)
+from solver.criticism.comparison.page import WIDE, render
+from solver.criticism.comparison.power import Powers
+from solver.criticism.comparison.split import SOURCES
+from solver.criticism.comparison.words import region_words, verdict
+from solver.run.contents import Run
+from solver.run.facts import strict
+from vision.contract import progress, writing
+
+FORMAT = "roadfiber comparison 1"
+UNITS = {
+    "chi2_per_sample": "1, squared noise sigmas",
+    "noise": "1, squared noise sigmas",
+    "regions": {
+        "x": "m",
+        "time": "ISO 8601 UTC",
+        "ahead": "m ahead of the vehicle",
+        "amount": "as `unit` says; gain 1 = 100 %",
+        "sigma": "likewise",
+        "meters": "m",
+        "speed": "m/s up the channels",
+        "chi2": "1",
+        "z": "standard deviations",
+    },
+    "split": "chi2, and shares of it",
+    "stack": {"ahead": "m", "measured, model, residual, symmetric, antisymmetric, sigma": "stacked model's peak"},
+    "power": {"chi2, sigma": "1, per sample", "frequency": "Hz", "wavenumber": "1/m", "power": "that of the noise"},
+}
+
+
+def powers_facts(powers: Powers) -> list[dict[str, Any]]:
+    """One row per value of a property."""
+    columns = (powers.labels, powers.chi2, powers.sigma, powers.samples)
+    return [dict(zip(("label", "chi2", "sigma", "samples"), row, strict=True)) for row in zip(*columns, strict=True)]
+
+
+def facts_of(comparison: Comparison, run: Run) -> dict[str, Any]:
+    """The content of compare.json: strict JSON, with the units of everything."""
+    split, power = comparison.split, comparison.power
+
+    def moment(seconds: float) -> str:
+        return f"{run.start + round(seconds * 1e9)}"[:23] + "Z"
+
+    regions = [
+        asdict(region)
+        | {"words": region_words(region, run), "unit": region.unit}
+        | {"time": None if region.time is None else [moment(seconds) for seconds in region.time]}
+        for region in comparison.regions
+    ]
+    shares = {name: split.share(name) for name in SOURCES}
+    properties = ("channel", "one_pass", "speed", "vehicle_class", "lane", "gap")
+    facts = {
+        "format": FORMAT,
+        "name": run.facts["name"],
+        "created": run.facts["created"],
+        "effects": run.facts["effects"],
+        "verdict": verdict(comparison, run),
+        "units": UNITS,
+        "chi2_per_sample": comparison.chi2_per_sample,
+        "noise_floor": comparison.noise_floor,
+        "samples": split.samples,
+        "regions": regions,
+        "split": {
+            "chi2": split.chi2,
+            "explained": split.explained,
+            "freedom": split.freedom,
+            "noise": split.noise,
+            "unexplained": split.unexplained,
+            "shares": shares
+            | {"channels": split.share(*SOURCES[:2]), "passes": split.share(*SOURCES[2:4])}
+            | {"noise": split.noise / split.chi2, "unexplained": split.unexplained / split.chi2},
+        },
+        "stack": asdict(comparison.stack),
+        "power": {name: powers_facts(getattr(power, name)) for name in properties}
+        | {"by_pass_and_channel": power.by_pass_and_channel, "spectrum": asdict(power.spectrum)},
+        "noise": dict(zip(map(str, run.result.fitted_channel), comparison.noise, strict=True)),
+    }
+    checked: dict[str, Any] = strict(facts)
+    return checked
+
+
+def pictures_of(comparison: Comparison, run: Run) -> dict[str, Figure]:
+    """The pictures by file name."""
+    return {
+        "compare_maps.png": map_figure(comparison, run, WIDE),
+        "compare_split.png": split_figure(comparison, WIDE),
+        "compare_stack.png": stack_figure(comparison.stack, WIDE),
+        "compare_power.png": power_figure(comparison, run, WIDE),
+        "compare_spectrum.png": spectrum_figure(comparison.power.spectrum, run, WIDE),
+    }
+
+
+def write_comparison(folder: Path, comparison: Comparison, run: Run) -> None:
+    """Write compare.html, compare.json and the pictures into a folder, each whole or not at all.
+
+    Parameters
+    ----------
+    folder : where to; made where it does not exist
+    comparison, run : what to write
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with progress("drawing", 2) as advance:
+        texts = {
+            "compare.html": render(comparison, run),
+            "compare.json": json.dumps(facts_of(comparison, run), allow_nan=False, indent=1),
+        }
+        advance(1)
+        for name, text in texts.items():
+            with writing(folder / name) as path:
+                path.write_text(text, encoding="utf-8")
+        for name, figure in pictures_of(comparison, run).items():
+            with writing(folder / name) as path:
+                figure.savefig(path, dpi=144, facecolor="white")
+        advance(1)
