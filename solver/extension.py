@@ -37,12 +37,12 @@ class Scopes:
     fiber: Tensor
 
     @classmethod
-    def of(cls, traffic: "Traffic", distance: Tensor, since: Tensor) -> "Scopes":
-        """Scopes of a survey's traffic and computed channels."""
+    def of(cls, traffic: "Traffic", distance: Tensor, since: Tensor, road: tuple[float, float]) -> "Scopes":
+        """Scopes of a survey's traffic and computed channels; `road` is the stretch of x along the fiber, m."""
         one_hot = torch.nn.functional.one_hot(traffic.pass_index, traffic.passes).double()
         x = traffic.position[:, 0].numpy()
-        low, high = np.percentile(x, [5, 95])
-        road = SplineBasis(low, max(high, low + SMOOTH), SMOOTH)
+        low, high = road
+        along_road = SplineBasis(low, max(high, low + SMOOTH), SMOOTH)
         tracks = []
         for number in range(traffic.passes):
             mine = traffic.pass_index == number
@@ -53,7 +53,7 @@ class Scopes:
         along = SplineBasis(float(s.min()), max(float(s.max()), float(s.min()) + SMOOTH), SMOOTH)
         rows = {
             "pass": one_hot,
-            "road": torch.from_numpy(road.at(np.clip(x, low, high))),
+            "road": torch.from_numpy(along_road.at(np.clip(x, low, high))),
             "track": torch.cat(tracks, 1) if tracks else one_hot[:, :0],
         }
         return cls(rows, torch.from_numpy(along.at(s)))

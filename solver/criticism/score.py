@@ -41,8 +41,7 @@ class Score:
     trials : how many shapes were tried
     estimate, sigma : [number]
     retained : share of the effect's signal that the fit leaves visible
-    direction : [number, kept], the effect's projected unit directions in terms of its numbers
-    correlation : [kept, ...] unused outside; Gram factors live in `ScoreTable`
+    signal : [sample * channel], whitened, what the estimate would change
     """
 
     effect: Effect
@@ -176,7 +175,6 @@ class Scorer:
         estimate = inverse @ score
         if bounded is not None and columns.shape[1] == 1 and float(estimate[0]) * bounded < 0:
             fall = 0.0
-        # Directions in data space are not kept: their products with others come from `crossed` again.
         return Score(
             effect,
             shape,
@@ -208,3 +206,10 @@ def score_all(
         table += sorted(scorer.scores(effect), key=lambda s: s.evidence)[-1:]
         advance(1)
     return sorted((s for s in table if s.freedom), key=lambda s: -s.evidence)
+
+
+def similarity(scorer: Scorer, one: Score, other: Score) -> float:
+    """Correlation of what the fit leaves of two effects' signals, 0 to 1."""
+    pair = torch.stack([one.signal, other.signal], 1)
+    gram = scorer.project(pair)[1]
+    return float(gram[0, 1].abs() / (gram[0, 0] * gram[1, 1]).clamp_min(1e-300).sqrt())

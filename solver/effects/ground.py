@@ -8,7 +8,12 @@ import torch
 from torch import Tensor
 
 from solver.effects.effect import Parameter, effect
-from solver.half_space.layered import layered_displacement_rate, pavement_displacement_rate
+from solver.half_space import (
+    gibson_displacement_rate,
+    layered_displacement_rate,
+    moving_displacement_rate,
+    pavement_displacement_rate,
+)
 from solver.stages import Ground, Surroundings
 
 Values = Mapping[str, Tensor]
@@ -103,6 +108,40 @@ def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 
 
 @effect(
+    "gibson_soil",
+    "ground",
+    [Parameter("gradient", "1/m", 1.0, lower=0, upper=3)],
+    physics="The soil stiffens with depth: G = G0 (1 + gradient z).",
+    source="Gibson 1967, Geotechnique 17, 58.",
+    told_from="a layered ground",
+)
+def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Shear modulus that grows linearly with depth."""
+    return replace(
+        ground,
+        response=lambda offset, velocity, nu: gibson_displacement_rate(offset, velocity, nu, p["gradient"]),
+    )
+
+
+@effect(
+    "moving_load",
+    "ground",
+    [Parameter("shear_slowness_squared", "s^2/m^2", 1e-4, lower=0, upper=4e-4)],
+    physics="The ground has inertia: a load that moves fast against shear waves makes a narrower trough.",
+    source="Eason 1965, Int. J. Eng. Sci. 2, 581: gamma_i = sqrt(1 - v^2 cos^2 / c_i^2).",
+    told_from="other blurs, unless speeds are mixed",
+)
+def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Steady subsonic motion to second order in v / c_s; 1e-4 s^2/m^2 is a shear speed of 100 m/s."""
+    return replace(
+        ground,
+        response=lambda offset, velocity, nu: moving_displacement_rate(
+            offset, velocity, nu, p["shear_slowness_squared"]
+        ),
+    )
+
+
+@effect(
     "viscoelastic_lag",
     "ground",
     [
@@ -150,6 +189,8 @@ EFFECTS = (
     stiffness_contrast,
     layered_ground,
     pavement,
+    gibson_soil,
+    moving_load,
     viscoelastic_lag,
     kelvin_voigt_lag,
     maxwell_flow,

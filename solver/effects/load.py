@@ -85,7 +85,7 @@ def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
     told_from="nothing where one pass differs from the others",
 )
 def long_vehicle(load: Load, p: Values, survey: Surroundings) -> Load:
-    """This share of a heavy or unknown vehicle's load is on five axles, evenly apart."""
+    """Five axles, evenly apart, carry a share of a heavy or unknown vehicle."""
     heavy = torch.tensor([name in ("vehicle", "truck", "bus") for name in CLASSES])[load.class_index]
     share = p["share"] * heavy[:, None].double()
     along = p["length"] * torch.linspace(-0.5, 0.5, 5, dtype=torch.float64)

@@ -20,7 +20,7 @@ Values = Mapping[str, Tensor]
     source="Lindsey et al. 2020, JGR Solid Earth 125: removal of laser phase noise.",
 )
 def common_mode(processing: Processing, p: Values, survey: Surroundings) -> Processing:
-    """This share of the mean over the channels is removed."""
+    """A share of the mean over the channels is removed."""
     return processing.then(lambda rate: rate - p["share"] * rate.mean(-1, keepdim=True))
 
 

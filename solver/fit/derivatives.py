@@ -59,8 +59,8 @@ def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values:
     stages = path.described(values)
     if not stages.nonlinear and not stages.processing.steps:
         return path.observed(tangents, values)
-    base = alone.expand_as(tangents)
-    return jvp(lambda m: path.observed(m, values), (base,), (tangents,))[1]
+    base = alone.expand_as(tangents).clone()
+    return jvp(lambda m: path.observed(m, values), (base,), (tangents.contiguous(),))[1]
 
 
 def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
@@ -136,6 +136,8 @@ def strength_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -
         return load.position, load.share, rate, thrust
 
     moved, share, rate, thrust = jvp(strengths, (here,), (torch.ones_like(here),))[1]
+    if not bool(moved.any() | share.any() | rate.any() | thrust.any()):
+        return torch.zeros_like(seen.rows)
     if share.shape[-1] != wheels.share.shape[-1] or bool(moved.any()):
         return None
     total = (wheels.share * share).sum(-1) + (wheels.share_rate * rate).sum(-1)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from solver.fit.least_squares import MapFit, solve
+from solver.fit.least_squares import MapFit, State, solve
 from solver.fit.problem import Problem
-from solver.model import Traffic
+from solver.model import Traffic, Vehicles
 
 FOLDS = 2
 
@@ -27,13 +27,42 @@ def own_samples(problem: Problem, chosen: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(~np.isin(mine, rest))
 
 
+def shared_numbers(fit: MapFit, state: State, new: MapFit) -> torch.Tensor:
+    """Numbers of the effects that all passes share, for a fit of other passes; those of single passes at their null."""
+    numbers = new.extension.numbers()
+    for old, slot in zip(fit.extension.slots, new.extension.slots, strict=True):
+        if slot.parameter.scope not in ("pass", "track"):
+            numbers[slot.where] = state.numbers[old.where]
+    return numbers
+
+
+def carried(fit: MapFit, state: State, chosen: np.ndarray, new: MapFit) -> State:
+    """A state of all passes as a start for a fit of those `chosen`; what is smooth along each pass starts at its null."""
+    numbers = shared_numbers(fit, state, new)
+    for old, slot in zip(fit.extension.slots, new.extension.slots, strict=True):
+        if slot.parameter.scope == "pass":
+            numbers[slot.where] = state.numbers[old.where][torch.from_numpy(chosen)]
+    fields_of = vars(state.vehicles)
+    vehicles = Vehicles(**{name: value[torch.from_numpy(chosen)] for name, value in fields_of.items()})
+    return State(state.coefficients, vehicles, state.poisson_ratio, numbers)
+
+
 def held_out_chi2(
-    problem: Problem, advance: Callable[[int], None] = lambda n: None, *, folds: int = FOLDS
+    problem: Problem,
+    advance: Callable[[int], None] = lambda n: None,
+    *,
+    folds: int = FOLDS,
+    at: tuple[MapFit, State] | None = None,
 ) -> float | None:
     """Chi2 per degree of freedom of held-out passes, each refitting only its own amplitude, shift and wheels.
 
-    Passes are dealt to `folds` groups; each group is left out once, the route fitted to the others and then held.
-    `advance` is called with 1 after each group.
+    Passes are dealt to `folds` groups; each group is left out once, the route and all that is common to passes fitted
+    to the others and then held. `advance` is called with 1 after each group.
+
+    Parameters
+    ----------
+    problem : the survey
+    at : where the fit of all passes ended, to begin from; from the rough route where None
 
     Returns
     -------
@@ -45,11 +74,12 @@ def held_out_chi2(
     misfit = freedom = 0.0
     groups = [np.arange(first, count, min(folds, count)) for first in range(min(folds, count))]
     for group in groups:
-        seen = MapFit(part(problem, np.setdiff1d(np.arange(count), group)))
-        ground = solve(seen, seen.start()).state
-        held = part(problem, group)
-        unseen = MapFit(held, known_ground=True)
-        end = solve(unseen, unseen.start_at(ground.coefficients, ground.poisson_ratio)).state
+        others = np.setdiff1d(np.arange(count), group)
+        seen = MapFit(part(problem, others))
+        ground = solve(seen, seen.start() if at is None else carried(*at, others, seen)).state
+        unseen = MapFit(part(problem, group), known_ground=True)
+        numbers = shared_numbers(seen, ground, unseen)
+        end = solve(unseen, unseen.start_at(ground.coefficients, ground.poisson_ratio, numbers)).state
         alone = own_samples(problem, group)
         weights = unseen.normal(end)[2]
         misfit += float((unseen.whitened(end, weights)[alone] ** 2).sum())

@@ -178,7 +178,8 @@ class MapFit:
         numbers = self.extension.numbers()
         spread = np.zeros(self.extension.size)
         for slot in self.extension.slots:
-            spread[slot.where] = slot.parameter.plausible
+            grid = slot.parameter.grid
+            spread[slot.where] = max(grid) - min(grid) if len(grid) > 1 else slot.parameter.plausible
         mean = State(route, Vehicles.of(p.passes), torch.tensor(nu, dtype=torch.float64), numbers).vector()
         flat = np.concatenate([np.full(route.numel(), np.inf), *(sd[name] for name in PER_PASS), [nu_sd], spread])
         return mean, torch.from_numpy(flat)
@@ -326,7 +327,7 @@ class MapFit:
         local = self.path.sensitivities(fiber, state.vehicles, state.poisson_ratio, values)
         model = self.path.observed(self.path.traffic.superpose(local.rate), values)
         difference = torch.where(self.measured, self.data - model, 0.0)
-        tracks = self.track_variance(local)
+        tracks = self.track_variance(local) + self.problem.signal_noise * (model / self.problem.noise) ** 2
         good = self.measured * near_noise(difference / self.problem.noise / (1 + tracks).sqrt(), self.measured)
         residual = self.whiten(difference * good)
         soft = self.measured / (1 + tracks)

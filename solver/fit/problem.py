@@ -41,6 +41,7 @@ class Problem:
     sampling_rate : Hz
     law : of the noise in time and across channels
     effects : in the model, beyond the base
+    signal_noise : how noise grows with the signal: its variance is times 1 + signal_noise (signal / noise)^2
     curved : whether strain is the integral along the fiber's path, see `SignalPath`
     """
 
@@ -59,6 +60,7 @@ class Problem:
     law: NoiseLaw = field(default_factory=NoiseLaw.white)
     effects: Sequence[Effect] = ()
     curved: bool = True
+    signal_noise: float = 0.0
 
     @cached_property
     def strain_rate(self) -> Tensor:
@@ -125,7 +127,8 @@ class Problem:
             middle=torch.from_numpy((inside.min(0) + inside.max(0)) / 2),
         )
         bare = Extension(time=time)
-        scopes = Scopes.of(self.traffic, torch.from_numpy(distance), bare.clock(self.traffic)[1])
+        road = float(self.start[:, 0].min()), float(self.start[:, 0].max())
+        scopes = Scopes.of(self.traffic, torch.from_numpy(distance), bare.clock(self.traffic)[1], road)
         return Extension(effects, around, scopes, chosen, time)
 
     @cached_property

@@ -1,0 +1,139 @@
+"""Noise audit: whether the noise is what the whitening takes it for. Without that no test means what it says."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from solver.fit.problem import Problem
+from solver.noise import quiet
+from solver.whitening import Whitener
+
+#: Fewer quiet samples than this say too little about the noise to rank effects by it.
+ENOUGH = 400
+#: What whitened noise may be off white: variance, correlation in time and between channels, variance over time.
+VARIANCE, CORRELATION, UNSTEADY = (0.8, 1.25), 0.06, 1.8
+PARTS = 6
+
+
+@dataclass(frozen=True)
+class NoiseAudit:
+    """What whitened quiet samples look like; white noise has variance 1 and no correlation.
+
+    Parameters
+    ----------
+    samples : how many quiet samples there were
+    variance : of the whitened samples
+    in_time : largest correlation in time, of lags to 10 samples
+    across : mean correlation between channels
+    unsteady : largest over smallest variance of a part of the record
+    common_share : share of the noise that all channels have in common
+    memory : correlation of the noise itself with the sample before
+    signal_noise : how its variance grows with the signal, see `Problem.signal_noise`
+    faults : in words; none where the noise is understood
+    """
+
+    samples: int
+    variance: float
+    in_time: float
+    across: float
+    unsteady: float
+    common_share: float
+    memory: float
+    signal_noise: float
+    faults: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether effects may be ranked."""
+        return not self.faults
+
+
+def quiet_whitened(problem: Problem) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The record [row, channel] whitened, and where that is noise alone now and as far back as it remembers."""
+    level = problem.noise.numpy()
+    record = problem.record
+    still = quiet(len(record), problem.start, problem.passes)
+    noise = still & np.isfinite(record) & (np.abs(np.nan_to_num(record)) < 7 * level)
+    whiten = Whitener(problem.noise, np.arange(len(record)), problem.channel, problem.law)
+    white = whiten(torch.from_numpy(np.where(noise, record, 0.0))).numpy()
+    gone = np.cumsum(np.vstack([np.zeros((1, noise.shape[1])), ~noise]), 0)
+    # The last samples of memory weigh least; a tenth of it is enough for a correlation that falls.
+    first = np.maximum(np.arange(1, len(noise) + 1) - max(1, len(problem.law.own) // 4), 0)
+    return white, gone[1:] - gone[first] == 0
+
+
+def correlation(value: NDArray[np.float64], use: NDArray[np.bool_], lag: int, axis: int) -> float:
+    """Mean product of samples `lag` apart along an axis, both of them in use."""
+    value, use = np.where(use, value, 0.0), use.astype(float)
+    if axis == 1:
+        value, use = value.T, use.T
+    pairs = (use[lag:] * use[:-lag]).sum()
+    return float((value[lag:] * value[:-lag]).sum() / max(pairs, 1.0))
+
+
+def audit(problem: Problem, residual: NDArray[np.float64], model: NDArray[np.float64]) -> NoiseAudit:
+    """Audit the noise of a survey.
+
+    Parameters
+    ----------
+    problem : the survey
+    residual, model : [sample, channel], in noise sigmas, of the fit; where noise grows with the signal it shows here
+    """
+    white, use = quiet_whitened(problem)
+    count = int(use.sum())
+    if count < ENOUGH:
+        nan = float("nan")
+        fault = f"only {count} samples without a vehicle near: the noise is not known; record some minutes of quiet"
+        return NoiseAudit(count, nan, nan, nan, nan, problem.law.common_share, nan, 0.0, (fault,))
+    variance = float((white[use] ** 2).mean())
+    in_time = max((correlation(white, use, lag, 0) for lag in range(1, 11)), key=abs) / variance
+    total, number = np.where(use, white, 0).sum(1), use.sum(1)
+    pairs = float((number * (number - 1)).sum())
+    across = float((total**2 - np.where(use, white**2, 0).sum(1)).sum() / max(pairs, 1.0)) / variance
+    parts = [np.where(use, white**2, 0)[a].sum() / use[a].sum() for a in stretches(use)]
+    unsteady = float(max(parts) / min(parts)) if parts else 1.0
+    growth = signal_growth(residual, model)
+    own = problem.law.own
+    memory = float(own[1] / own[0]) if len(own) > 1 else 0.0
+    scatter = 4 / np.sqrt(count)
+    faults = []
+    if not VARIANCE[0] < variance < VARIANCE[1]:
+        faults.append(f"whitened noise has variance {variance:.2f} instead of 1")
+    if abs(in_time) > CORRELATION + scatter:
+        faults.append(f"whitened noise is correlated in time ({in_time:+.2f})")
+    if abs(across) > CORRELATION + scatter:
+        faults.append(f"whitened noise is correlated between channels ({across:+.2f})")
+    if unsteady > UNSTEADY:
+        faults.append(f"the noise is {unsteady:.1f} times as strong in some parts of the record as in others")
+    return NoiseAudit(
+        count, variance, in_time, across, unsteady, problem.law.common_share, memory, growth, tuple(faults)
+    )
+
+
+def stretches(use: NDArray[np.bool_]) -> list[slice]:
+    """Parts of the record with about as many quiet samples each, at least 200."""
+    total = np.cumsum(use.sum(1))
+    parts = min(PARTS, int(total[-1] // 200))
+    edges = [0, *np.searchsorted(total, total[-1] * np.arange(1, parts) / max(parts, 1)).tolist(), len(use)]
+    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if use[a:b].any()]
+
+
+def signal_growth(residual: NDArray[np.float64], model: NDArray[np.float64]) -> float:
+    """How the variance of the noise grows with the square of the signal; 0 where it does not.
+
+    The fourth difference between neighboring channels leaves noise and takes what the model lacks, which is smooth
+    over a gauge. Its square is regressed on the model's, with single large ones bounded.
+    """
+    if residual.shape[1] < 5:
+        return 0.0
+    rough = np.diff(residual, 4, axis=1) / np.sqrt(70)
+    square = np.minimum(rough**2, 16.0)
+    signal = model[:, 2:-2] ** 2
+    loud = signal > np.nanquantile(signal, 0.9)
+    quiet_level = float(np.nanmean(square[signal < np.nanquantile(signal, 0.5)]))
+    excess = float(np.nanmean(square[loud])) / quiet_level - 1
+    growth = excess / float(np.nanmean(signal[loud]))
+    scatter = np.sqrt(2 / max(loud.sum(), 1)) * 2
+    return max(growth, 0.0) if excess > max(0.15, 4 * scatter) else 0.0

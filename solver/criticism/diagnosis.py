@@ -1,0 +1,422 @@
+"""Diagnosis: which physical effect the model lacks, if any, or that something unknown acts, and at which stage.
+
+The gates, in order: the noise is understood, the fit has converged, the score test ranks the catalogue and the generic
+families, the best few are fitted in full and race each other, passes held out confirm.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2 as chi2_law
+
+from solver.criticism.audit import NoiseAudit, audit
+from solver.criticism.refit import Refit, loss, race
+from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle
+from solver.criticism.score import G, Score, Scorer, score_all, similarity
+from solver.effects.catalogue import FAMILIES, families_of
+from solver.effects.effect import Effect
+from solver.fit.held_out import held_out_chi2
+from solver.fit.least_squares import MapFit, State, solve
+from solver.fit.problem import Problem
+
+Advance = Callable[[int], None]
+
+#: ln of the Bayes factor above which an effect counts as found; 1 in 3000 for even odds.
+FOUND = 8.0
+#: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
+CLOSE, ALIKE = 6.0, 0.95
+#: Share of the winner's fall of chi2 that may be left to others before the winner is doubted.
+LEFT = 0.12
+#: Residual along fitted directions at which a fit counts as converged, sigmas.
+CONVERGED = 0.5
+#: How many enter the race of full fits.
+RACERS = 7
+
+ADVICE = {
+    "blur": "passes from 30 to 70 km/h, a second lane farther away, and two classes of vehicle",
+    "lag": "passes in both directions and at clearly different speeds",
+    "even": "passes in both directions, and slow ones, with some seconds of quiet after each",
+    "gain": "a second lane, and an anchor on either side of the place",
+    "depth": "one point of the fiber with known depth",
+    "rigid": "two or more anchors, some tens of meters apart",
+}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What is said of one effect.
+
+    Parameters
+    ----------
+    effect, stage : as in the catalogue
+    generic : a stand-in for the unknown
+    verdict : present, excluded, negligible or inconclusive
+    delta_chi2 : fall of the misfit with it: of the full fit where there was one, else as predicted
+    predicted : fall that the score test predicted
+    evidence : ln of the Bayes factor
+    p_value : of the score test, for the shapes tried
+    estimate, sigma, unit : of its first number
+    numbers : how many it adds
+    shape : values of its shape parameters
+    retained_share : of its signal that the fit leaves visible
+    detectable_size : smallest size (5 sigma) that this survey would have shown
+    confounded_with : names it cannot be told apart from here
+    held_out_gain : fall of the held-out chi2 per degree of freedom; None where it was not tried
+    refitted : whether it was fitted in full
+    """
+
+    effect: str
+    stage: str
+    generic: bool
+    verdict: str
+    delta_chi2: float
+    predicted: float
+    evidence: float
+    p_value: float
+    estimate: float
+    sigma: float
+    unit: str
+    numbers: int
+    shape: Mapping[str, float]
+    retained_share: float
+    detectable_size: float
+    confounded_with: tuple[str, ...] = ()
+    held_out_gain: float | None = None
+    refitted: bool = False
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a survey says of its model.
+
+    Parameters
+    ----------
+    verdict : adequate, missing-effect, unknown-effect or inconclusive
+    words : the same in a sentence or two
+    candidates : best first
+    audit : of the noise
+    stress : residual along what was fitted, sigmas
+    separate : what survey would tell the confounded apart; "" where nothing is confounded
+    left : ln of the Bayes factor of the best effect beside the first candidate
+    """
+
+    verdict: str
+    words: str
+    candidates: tuple[Candidate, ...]
+    audit: NoiseAudit
+    stress: float
+    separate: str = ""
+    left: float = 0.0
+
+
+@dataclass
+class Bench:
+    """A converged fit with its scores.
+
+    Parameters
+    ----------
+    fit, state : without the candidates
+    scorer : at that state
+    table : scores, best evidence first
+    faults : of the survey itself
+    """
+
+    fit: MapFit
+    state: State
+    scorer: Scorer
+    table: list[Score]
+    faults: list[Fault]
+
+    @classmethod
+    def of(cls, fit: MapFit, state: State, effects: Sequence[Effect], advance: Advance) -> "Bench":
+        """Score `effects`, those in the model left out."""
+        scorer = Scorer(fit, state)
+        inside = {one.name for one in fit.problem.effects} | ({"curved_gauge"} if fit.problem.curved else set())
+        table = score_all(scorer, [one for one in effects if one.name not in inside], advance)
+        searches = (find_unseen_vehicle(fit, state), find_cycle_skips(fit, state, scorer.at.weights.good.numpy()))
+        return cls(fit, state, scorer, table, [fault for fault in searches if fault is not None])
+
+
+def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
+    """Fit a survey, from a state if there is one."""
+    fit = MapFit(problem)
+    return fit, solve(fit, fit.start() if state is None else state, iterations=60).state
+
+
+def evidence_of(fault: Fault) -> float:
+    """Ln of the Bayes factor of a fault."""
+    return G / (2 * (1 + G)) * fault.fall - fault.freedom / 2 * np.log1p(G) - np.log(fault.trials)
+
+
+def fault_candidate(fault: Fault) -> Candidate:
+    """What is said of a fault of the survey."""
+    found = evidence_of(fault) > FOUND and (fault.name != "unseen_vehicle" or fault.estimate > 5 * fault.sigma)
+    return Candidate(
+        effect=fault.name,
+        stage=fault.stage,
+        generic=False,
+        verdict="present" if found else "excluded",
+        delta_chi2=fault.fall,
+        predicted=fault.fall,
+        evidence=float(evidence_of(fault)),
+        p_value=min(1.0, fault.trials * float(chi2_law.sf(fault.fall, fault.freedom))),
+        estimate=fault.estimate,
+        sigma=fault.sigma,
+        unit=fault.unit,
+        numbers=fault.freedom,
+        shape={},
+        retained_share=1.0,
+        detectable_size=fault.detectable,
+    )
+
+
+def score_candidate(score: Score, tried: Refit | None) -> Candidate:
+    """What is said of an effect by its score and, where there was one, its full fit."""
+    parameter = score.effect.amplitudes[0]
+    sigma = float(np.nanmedian(score.sigma)) if len(score.sigma) else float("nan")
+    evidence = score.evidence if tried is None else tried.evidence
+    estimate = float(score.estimate[0]) if tried is None else float(tried.estimate[0])
+    if score.freedom > 1:
+        numbers = score.estimate if tried is None else tried.estimate
+        estimate = float(np.sqrt(np.mean(np.asarray(numbers) ** 2)))
+    detectable = 5 * sigma
+    if evidence > FOUND:
+        verdict = "present"
+    elif detectable > 3 * parameter.plausible:
+        verdict = "inconclusive"
+    elif detectable < 0.5 * parameter.plausible:
+        verdict = "excluded"
+    else:
+        verdict = "negligible"
+    return Candidate(
+        effect=score.effect.name,
+        stage=score.effect.stage,
+        generic=score.effect.generic,
+        verdict=verdict,
+        delta_chi2=score.fall if tried is None else tried.fall,
+        predicted=score.fall,
+        evidence=float(evidence),
+        p_value=min(1.0, score.trials * float(chi2_law.sf(score.fall, score.freedom))),
+        estimate=estimate,
+        sigma=sigma,
+        unit=parameter.unit,
+        numbers=score.freedom,
+        shape=score.shape,
+        retained_share=score.retained,
+        detectable_size=detectable,
+        refitted=tried is not None,
+    )
+
+
+def racers(table: Sequence[Score]) -> list[Score]:
+    """Those to be fitted in full: the best of the physical and of the generic ones."""
+    able = [s for s in table if s.evidence > FOUND]
+    physical = [s for s in able if not s.effect.generic][: RACERS - 2]
+    return physical + [s for s in able if s.effect.generic][:2]
+
+
+def diagnose(
+    problem: Problem,
+    state: State | None = None,
+    *,
+    effects: Sequence[Effect],
+    held_out: bool = True,
+    advance: Advance = lambda n: None,
+) -> tuple[Diagnosis, "Findings"]:
+    """Say what a survey's model lacks.
+
+    Parameters
+    ----------
+    problem : the survey, with the effects that are in its model
+    state : where its fit ended; it is fitted again where None
+    effects : the catalogue
+    held_out : confirm the winner on passes that its fit has not seen
+    advance : called with 1 after each effect scored and each step of the race
+
+    Returns
+    -------
+    diagnosis, and what `add` starts from
+    """
+    fit, state = converged(problem, state)
+    at = fit.linearized(state)
+    noise = fit.problem.noise
+    check = audit(problem, fit.residual(state).numpy(), (at.model / noise).numpy())
+    if check.signal_noise > 0:
+        problem = replace(problem, signal_noise=check.signal_noise)
+        fit, state = converged(problem, state)
+    bench = Bench.of(fit, state, effects, advance)
+    nothing = Findings(fit, state, {}, {})
+    if not check.passed:
+        words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(check.faults)
+        listed = tuple(replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table)
+        return Diagnosis("inconclusive", words, listed, check, bench.scorer.stress), nothing
+    good = bench.scorer.at.weights.good
+    before = loss(fit, state, good)
+    tried = race(fit, state, racers(bench.table), before, good, advance)
+    listed = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
+    listed += [fault_candidate(fault) for fault in bench.faults]
+    listed.sort(key=lambda c: (-c.refitted if c.evidence > FOUND else 0, -c.evidence))
+    listed.sort(key=lambda c: -c.evidence)
+    found = Findings(
+        fit, state, tried | {}, {fault.name: fault for fault in bench.faults}, {s.effect.name: s for s in bench.table}
+    )
+    if bench.scorer.stress > CONVERGED and (not tried or listed[0].evidence < FOUND):
+        words = f"the fit has not converged ({bench.scorer.stress:.1f} sigmas are left along what it fits)"
+        return Diagnosis("inconclusive", words, tuple(listed), check, bench.scorer.stress), found
+    return judge(bench, listed, tried, check, effects, held_out, advance), found
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a diagnosis leaves for `add`.
+
+    Parameters
+    ----------
+    fit, state : converged, without any candidate
+    refits : by effect, those fitted in full
+    faults : by name
+    scores : by effect
+    """
+
+    fit: MapFit
+    state: State
+    refits: Mapping[str, Refit]
+    faults: Mapping[str, Fault]
+    scores: Mapping[str, Score] = None  # type: ignore[assignment]
+
+
+def judge(
+    bench: Bench,
+    listed: list[Candidate],
+    tried: Mapping[str, Refit],
+    check: NoiseAudit,
+    effects: Sequence[Effect],
+    held_out: bool,
+    advance: Advance,
+) -> Diagnosis:
+    """The verdict on a ranked list."""
+    stress = bench.scorer.stress
+    present = [
+        c for c in listed if c.verdict == "present" and (c.refitted or c.effect in {f.name for f in bench.faults})
+    ]
+    if not present:
+        weakest = power_words(listed)
+        words = f"nothing is missing that this survey could show. {weakest}"
+        return Diagnosis("adequate", words, tuple(listed), check, stress)
+    physical = [c for c in present if not c.generic]
+    generic = [c for c in present if c.generic]
+    if not physical or (generic and generic[0].evidence > physical[0].evidence + CLOSE):
+        first = generic[0]
+        words = unknown_words(first, physical)
+        return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
+    first = physical[0]
+    twins = confounded(bench, first, listed, tried)
+    left = 0.0
+    if first.effect in tried:
+        winner = tried[first.effect]
+        again = Bench.of(winner.fit, winner.solution.state, effects, advance)
+        rest = [s for s in again.table if s.evidence > FOUND]
+        left = rest[0].evidence if rest else 0.0
+        doubt = [s for s in rest if s.fall > LEFT * max(first.delta_chi2, 1.0)]
+        if doubt:
+            second = race(
+                winner.fit,
+                winner.solution.state,
+                racers(doubt),
+                loss(winner.fit, winner.solution.state, again.scorer.at.weights.good),
+                again.scorer.at.weights.good,
+                advance,
+            )
+            best = max(second.values(), key=lambda r: r.evidence)
+            if best.effect.generic:
+                words = (
+                    f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
+                    f"acts at the {best.effect.stage} stage ({best.effect.physics.rstrip('.').lower()})"
+                )
+                stand_in = replace(score_candidate(next(s for s in doubt if s.effect is best.effect), best))
+                ordered = (stand_in, *(c for c in listed if c.effect != stand_in.effect))
+                return Diagnosis("unknown-effect", words, ordered, check, stress, left=left)
+        if held_out:
+            gain = held_out_gain(bench.fit, bench.state, winner)
+            first = replace(first, held_out_gain=gain)
+            if gain is not None and gain <= 0:
+                words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
+                return Diagnosis("inconclusive", words, order(listed, first), check, stress, left=left)
+    first = replace(first, confounded_with=twins)
+    words, separate = missing_words(first, bench, left)
+    return Diagnosis("missing-effect", words, order(listed, first), check, stress, separate, left)
+
+
+def order(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, ...]:
+    """The list with one at its head."""
+    return (first, *(c for c in listed if c.effect != first.effect))
+
+
+def confounded(
+    bench: Bench, first: Candidate, listed: Sequence[Candidate], tried: Mapping[str, Refit]
+) -> tuple[str, ...]:
+    """Names that cannot be told apart from the first candidate in this survey."""
+    close = [
+        c.effect
+        for c in listed
+        if not c.generic and c.refitted and c.effect != first.effect and c.evidence > first.evidence - CLOSE
+    ]
+    scores = {s.effect.name: s for s in bench.table}
+    family = {name for kind in families_of(first.effect) for name in FAMILIES[kind]} - {first.effect}
+    if first.effect in scores:
+        mine = scores[first.effect]
+        for name in sorted(family & set(scores)):
+            lost = name in tried and tried[name].evidence < first.evidence - max(CLOSE, 0.05 * first.evidence)
+            if not lost and similarity(bench.scorer, mine, scores[name]) > ALIKE:
+                close.append(name)
+    # What the route hides is never named alone.
+    for kind in ("depth", "rigid"):
+        if first.effect in FAMILIES[kind]:
+            close += [name for name in FAMILIES[kind] if name != first.effect]
+    return tuple(dict.fromkeys(close))
+
+
+def held_out_gain(fit: MapFit, state: State, winner: Refit) -> float | None:
+    """Fall of the held-out chi2 per degree of freedom with the winner in the model."""
+    without = held_out_chi2(fit.problem, at=(fit, state))
+    with_it = held_out_chi2(winner.fit.problem, at=(winner.fit, winner.solution.state))
+    return None if without is None or with_it is None else without - with_it
+
+
+def number(value: float) -> str:
+    """A number for people."""
+    return f"{value:.3g}"
+
+
+def missing_words(first: Candidate, bench: Bench, left: float) -> tuple[str, str]:
+    """Verdict on a missing effect, and what survey would tell its twins apart."""
+    fault = next((f for f in bench.faults if f.name == first.effect), None)
+    what = fault.words if fault else f"{first.effect} is missing at the {first.stage} stage"
+    size = f"; size {number(first.estimate)} {first.unit}".replace(" 1", "") + f" +- {number(first.sigma)}"
+    words = f"{what}{size}; adding it lowers chi2 by {first.delta_chi2:.0f}"
+    if left > FOUND:
+        words += "; more is missing beside it: add it and diagnose again"
+    if not first.confounded_with:
+        return words, ""
+    words += f". This survey cannot tell it from {', '.join(first.confounded_with)}"
+    kinds = [kind for kind in families_of(first.effect) if set(FAMILIES[kind]) & set(first.confounded_with)]
+    return words, "; ".join(ADVICE[kind] for kind in kinds) or "another lane, other speeds, or an anchor"
+
+
+def unknown_words(first: Candidate, physical: Sequence[Candidate]) -> str:
+    """Verdict on something unknown."""
+    words = f"an unknown effect acts at the {first.stage} stage: no effect of the catalogue explains what {first.effect} does"
+    if physical:
+        words += (
+            f"; nearest is {physical[0].effect}, with {100 * physical[0].delta_chi2 / first.delta_chi2:.0f} % of it"
+        )
+    return words
+
+
+def power_words(listed: Sequence[Candidate]) -> str:
+    """What could have hidden, where nothing was found."""
+    blind = [c.effect for c in listed if c.verdict == "inconclusive" and not c.generic]
+    if not blind:
+        return "Every effect of the catalogue would have shown at a plausible size."
+    return f"It could not have shown: {', '.join(blind)}."

@@ -1,0 +1,193 @@
+"""Faults of a survey that are no change to a stage: a vehicle that the trajectories lack, samples that jumped.
+
+Each is searched for in the residual, and mended in the survey itself: a pass more, samples taken out.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from solver.fit.least_squares import MapFit, State
+from solver.fit.problem import Problem
+from solver.model import Fiber, Traffic, Vehicles
+from solver.trajectory import Pass
+from solver.whitening import Whitener
+
+Array = NDArray[np.float64]
+
+#: Speeds that an unseen vehicle is searched at, m/s, and how far from the middle of the view it is followed, m.
+SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
+REACH = 90.0
+#: s; a vehicle of the trajectories that passes the middle within this time is not unseen.
+KNOWN = 1.5
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault found.
+
+    Parameters
+    ----------
+    name, stage : as in the catalogue
+    fall : of chi2 once it is mended
+    freedom, trials : numbers that mending adds, and places searched
+    estimate, sigma : its size
+    unit : of the size
+    detectable : smallest size this survey would have shown
+    words : where and what
+    mend : survey -> mended survey
+    """
+
+    name: str
+    stage: str
+    fall: float
+    freedom: int
+    trials: int
+    estimate: float
+    sigma: float
+    unit: str
+    detectable: float
+    words: str
+    mend: Callable[[Problem], Problem]
+
+
+def unexplained(fit: MapFit, state: State) -> Array:
+    """Measured less model [row, channel] over the whole record, 1/s; spikes and what was not measured are 0."""
+    rest = np.array(fit.problem.record)
+    rest[fit.problem.traffic.samples] -= fit.model(state).numpy()
+    level = fit.problem.noise.numpy()
+    size = np.abs(np.nan_to_num(rest, nan=np.inf)) / level
+    return np.where(size < 50, np.nan_to_num(rest), 0.0)
+
+
+def straight(problem: Problem, speed: float, way: int, y: float, start: float, rows: int) -> Pass:
+    """A car at constant speed, m/s, that passes the middle of the channels `start` s after the record's first row."""
+    time = np.arange(rows) / problem.sampling_rate - start
+    x = float(problem.start[:, 0].mean()) + way * speed * time
+    keep = np.flatnonzero(np.abs(speed * time) <= REACH)
+    position = np.column_stack([x[keep], np.full(len(keep), y)])
+    velocity = np.tile([way * speed, 0.0], (len(keep), 1))
+    sigma = np.full((len(keep), 2), 0.05)
+    return Pass("unseen", "car", keep, position, velocity, sigma, np.ones(len(keep), bool))
+
+
+def lanes(problem: Problem) -> list[tuple[int, float]]:
+    """Directions (+1, -1 along x) and lateral positions, m, that the known vehicles drive at."""
+    found: dict[int, list[float]] = {}
+    for one in problem.passes:
+        found.setdefault(1 if one.speed > 0 else -1, []).append(float(np.median(one.position[:, 1])))
+    return [(way, float(np.median(y))) for way, y in found.items()]
+
+
+def template(fit: MapFit, state: State, speed: float, way: int, y: float) -> Array:
+    """Strain rate [row, channel] of a typical car that passes the middle in the middle of the rows, 1/s."""
+    problem = fit.problem
+    half = int(np.ceil(REACH / speed * problem.sampling_rate))
+    one = straight(problem, speed, way, y, half / problem.sampling_rate, 2 * half + 1)
+    traffic = Traffic.of([one])
+    path = replace(fit.path, traffic=traffic, extension=type(fit.extension)())
+    ends = fit.problem.ends(fit.basis)
+    car = Vehicles.of([one])
+    typical = state.vehicles.amplitude.abs().median()
+    car = replace(car, amplitude=typical.reshape(1))
+    out = np.zeros((2 * half + 1, len(problem.channel)))
+    fiber = Fiber.of(ends, state.coefficients)
+    out[traffic.samples] = replace(path, curved=False).strain_rate(fiber, car, state.poisson_ratio).numpy()
+    return out
+
+
+def passing_times(problem: Problem) -> list[tuple[int, float]]:
+    """Direction and time, s since the first row, at which known vehicles pass the middle of the channels."""
+    middle = float(problem.start[:, 0].mean())
+    times = []
+    for one in problem.passes:
+        near = int(np.abs(one.position[:, 0] - middle).argmin())
+        times.append((1 if one.speed > 0 else -1, float(one.rows[near]) / problem.sampling_rate))
+    return times
+
+
+def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
+    """Search the whole record for one more vehicle: matched filter over speed, direction, lane and time."""
+    problem = fit.problem
+    rest = unexplained(fit, state)
+    rows = len(rest)
+    whiten = Whitener(problem.noise, np.arange(rows), problem.channel, problem.law)
+    white = whiten(torch.from_numpy(rest)).numpy()
+    white = np.clip(white, -8, 8)
+    known = passing_times(problem)
+    best: tuple[float, float, float, float, int, float] | None = None
+    trials = 0
+    for way, y in lanes(problem):
+        for speed in SPEEDS:
+            shape = template(fit, state, speed, way, y)
+            own = replace(whiten, samples=np.arange(len(shape)))
+            shape = own(torch.from_numpy(shape)).numpy()
+            match = correlate(white, shape)
+            energy = float((shape**2).sum())
+            time = (np.arange(len(match)) - (len(shape) - 1) + len(shape) // 2) / problem.sampling_rate
+            free = np.ones(len(match), bool)
+            for other, at in known:
+                free &= (np.abs(time - at) > KNOWN) | (other != way)
+            free &= (time > 0) & (time < rows / problem.sampling_rate)
+            trials += int(free.sum())
+            snr = np.where(free, match / np.sqrt(energy), -np.inf)
+            peak = int(snr.argmax())
+            if best is None or snr[peak] > best[0]:
+                best = (float(snr[peak]), float(match[peak] / energy), energy**-0.5, float(time[peak]), way, speed)
+    if best is None:
+        return None
+    snr, weight, sigma, time, way, speed = best
+    y = dict(lanes(problem))[way]
+
+    def mend(survey: Problem) -> Problem:
+        return with_pass(survey, straight(survey, speed, way, y, time, len(survey.record)))
+
+    words = f"a vehicle the trajectories lack passes the middle at {time:.1f} s, {way * speed * 3.6:+.0f} km/h along x"
+    return Fault("unseen_vehicle", "load", max(snr, 0.0) ** 2, 3, trials, weight, sigma, "1", 6 * sigma, words, mend)
+
+
+def correlate(values: Array, shape: Array) -> Array:
+    """Sum over channels of the correlation in time of values [row, channel] with a shape [row, channel]."""
+    size = len(values) + len(shape) - 1
+    spectrum = np.fft.rfft(values, size, axis=0) * np.fft.rfft(shape[::-1], size, axis=0)
+    return np.asarray(np.fft.irfft(spectrum.sum(1), size))
+
+
+def with_pass(problem: Problem, one: Pass) -> Problem:
+    """The same survey with one more vehicle."""
+    number = sum(other.track_id.startswith("unseen") for other in problem.passes)
+    named = replace(one, track_id=f"unseen#{number + 1}")
+    passes = [*problem.passes, named]
+    return replace(problem, passes=passes, traffic=Traffic.of(passes, problem.traffic.samples))
+
+
+def find_cycle_skips(fit: MapFit, state: State, good: NDArray[np.float64]) -> Fault | None:
+    """Samples far out of the noise whose neighbors are not: jumps of the unwrapped phase, spikes."""
+    measured = fit.measured.numpy()
+    bad = measured & (good == 0)
+    near = np.zeros_like(bad)
+    for axis in (0, 1):
+        for step in (1, -1):
+            near |= np.roll(bad, step, axis)
+    alone = bad & ~near
+    count, total = int(bad.sum()), int(measured.sum())
+    # One in ten million samples of white noise lies as far out.
+    if alone.sum() < 5 or alone.sum() < 0.5 * count:
+        return None
+    residual = fit.residual(state).numpy()
+    fall = float((residual[bad] ** 2 - 1).sum())
+    at = fit.problem.traffic.samples
+
+    def mend(survey: Problem) -> Problem:
+        record = survey.record.copy()
+        block = record[at]
+        block[bad] = np.nan
+        record[at] = block
+        return replace(survey, record=record)
+
+    rate = count / total
+    words = f"{count} of {total} samples jump by many sigmas and back; they are left out of the fit"
+    return Fault("cycle_skips", "interrogator", fall, 1, 1, rate, rate / count**0.5, "1", 5 / total, words, mend)
