@@ -1,5 +1,7 @@
 """The pictures of a comparison, in the style of the report."""
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
@@ -37,10 +39,13 @@ from solver.run.report.misfit_figure import (
     whole_range,
     worst,
 )
+from solver.trajectory import Pass
+from solver.whitening import blocks_of
 
 Array = NDArray[np.float64]
 CELLS = 400  # most rows or columns of a picture
 MOST_ROWS = 24  # of bars in one panel
+AROUND = 6.0  # seconds before and after a pass that its picture shows
 DASHED = (0, (4, 3))
 
 
@@ -94,7 +99,8 @@ def draw_shapes(axes: Axes, stack: Stack, group: int) -> None:
 @styled
 def stack_figure(stack: Stack, width: int) -> Figure:
     """Measured and model, residual, and its two parts, by channel group, against the distance ahead of the vehicle."""
-    rows, narrow = len(stack.channels), width < 500
+    narrow = width < 500
+    rows = 1 if narrow else len(stack.channels)
     columns = (draw_shapes, draw_residual, draw_parts)
     gap, left, tall = 46, 44, 92
     across = width - left - 8 if narrow else (width - left - 8 - 2 * gap) / 3
@@ -267,6 +273,22 @@ def spectrum_figure(spectrum: Spectrum, run: Run, width: int) -> Figure:
 # ---- maps ------------------------------------------------------------------------------------------------------------
 
 
+def shown(run: Run, one: Pass) -> Pass:
+    """The pass with the fitted samples shortly before and after it among its rows: what else went by is seen there."""
+    samples, rows = run.result.samples, rows_of(run.result, one)
+    if not len(rows):
+        return one
+    block = next(b for b in blocks_of(samples) if b.start <= rows[0] < b.stop)
+    seconds = run.time[block]
+    inside = (seconds >= run.time[rows[0]] - AROUND) & (seconds <= run.time[rows[-1]] + AROUND)
+    return replace(one, rows=np.union1d(samples[block][inside], samples[rows]))
+
+
+def path_of(run: Run, one: Pass) -> tuple[Array, Array]:
+    """Time [row], s, and channel [row] nearest to the vehicle, NaN beyond the fitted ones."""
+    return run.time[rows_of(run.result, one)], nearest_channel(run.result, one)[np.isin(one.rows, run.result.samples)]
+
+
 def touches(region: Region, run: Run, number: int) -> tuple[float, float] | None:
     """First and last second of a region in a pass, None where it is elsewhere.
 
@@ -274,14 +296,14 @@ def touches(region: Region, run: Run, number: int) -> tuple[float, float] | None
     vehicle made, its own time.
     """
     one = run.passes[number]
-    seconds = run.time[rows_of(run.result, one)]
+    seconds, path = path_of(run, one)
     if not len(seconds):
         return None
     if region.time is not None and region.kind == "unseen":
-        first, last = max(region.time[0], seconds[0]), min(region.time[1], seconds[-1])
+        whole = run.time[rows_of(run.result, shown(run, one))]
+        first, last = max(region.time[0], whole[0]), min(region.time[1], whole[-1])
         return (float(first), float(last)) if first <= last else None
     margin = run.facts["settings"]["gauge_length"] / run.facts["settings"]["channel_spacing"]
-    path = nearest_channel(run.result, one)[np.isin(one.rows, run.result.samples)]
     by = seconds[(path >= region.channels[0] - margin) & (path <= region.channels[1] + margin)]
     return (float(by[0]), float(by[-1])) if len(by) and one.track_id in region.passes else None
 
@@ -292,9 +314,11 @@ def map_figure(comparison: Comparison, run: Run, width: int) -> Figure:
     result = run.result
     number = int(np.nanargmax(misfit_of(result, run.passes).by_pass))
     one = run.passes[number]
-    pictures = pictures_of(result, one, CELLS)
+    whole = shown(run, one)
+    pictures = pictures_of(result, whole, CELLS)
     scale = color_scale(pictures.measured)
-    seconds = run.time[rows_of(result, one)]
+    seconds = run.time[rows_of(result, whole)]
+    at_time, path = path_of(run, one)
     first, last = result.fitted_channel[[0, -1]]
     span = seconds[-1] - seconds[0]
     across, tall = (width - 60 - 2 * 20 - 70) / 3, 300
@@ -303,13 +327,7 @@ def map_figure(comparison: Comparison, run: Run, width: int) -> Figure:
         axes = place(figure, name, 50 + at * (across + 20), 24, across, tall)
         extent = (first - 0.5, last + 0.5, span, 0.0)
         image = axes.imshow(picture, aspect="auto", extent=extent, cmap=color_map(), norm=scale, interpolation="none")
-        axes.plot(
-            nearest_channel(result, one)[np.isin(one.rows, result.samples)],
-            seconds - seconds[0],
-            color="#222",
-            lw=0.8,
-            ls=(0, (1, 2.5)),
-        )
+        axes.plot(path, at_time - seconds[0], color="#222222", lw=0.8, ls=(0, (1, 2.5)))
         axes.set_title(f"{name}, {pass_label(one)}" if at == 0 else name)
         axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="channel", ylabel="time, s" if at == 0 else "")
         if at:
@@ -321,5 +339,16 @@ def map_figure(comparison: Comparison, run: Run, width: int) -> Figure:
             size = (region.channels[1] - region.channels[0] + 1, times[1] - times[0])
             axes.add_patch(Rectangle(corner, *size, fill=False, ec=INK, lw=0.9))
     bar = place(figure, "scale", 50 + 3 * (across + 20) - 8, 24, 10, tall)
-    figure.colorbar(image, cax=bar).set_label("noise sigmas")
+    figure.colorbar(image, cax=bar, format="{x:g}").set_label("noise sigmas")
     return figure
+
+
+def figures_of(comparison: Comparison, run: Run, width: int) -> dict[str, Figure]:
+    """All pictures by name but the maps, which the page draws itself."""
+    return {
+        "split": split_figure(comparison, width),
+        "stack": stack_figure(comparison.stack, width),
+        "channels": channel_figure(comparison, run, width),
+        "power": power_figure(comparison, run, width),
+        "spectrum": spectrum_figure(comparison.power.spectrum, run, width),
+    }

@@ -5,16 +5,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from matplotlib.figure import Figure
-
 from solver.criticism.comparison.contents import Comparison
-from solver.criticism.comparison.figures import (
-    map_figure,
-    power_figure,
-    spectrum_figure,
-    split_figure,
-    stack_figure,
-)
+from solver.criticism.comparison.figures import figures_of, map_figure
 from solver.criticism.comparison.page import WIDE, render
 from solver.criticism.comparison.power import Powers
 from solver.criticism.comparison.split import SOURCES
@@ -95,17 +87,6 @@ def facts_of(comparison: Comparison, run: Run) -> dict[str, Any]:
     return checked
 
 
-def pictures_of(comparison: Comparison, run: Run) -> dict[str, Figure]:
-    """The pictures by file name."""
-    return {
-        "compare_maps.png": map_figure(comparison, run, WIDE),
-        "compare_split.png": split_figure(comparison, WIDE),
-        "compare_stack.png": stack_figure(comparison.stack, WIDE),
-        "compare_power.png": power_figure(comparison, run, WIDE),
-        "compare_spectrum.png": spectrum_figure(comparison.power.spectrum, run, WIDE),
-    }
-
-
 def write_comparison(folder: Path, comparison: Comparison, run: Run) -> None:
     """Write compare.html, compare.json and the pictures into a folder, each whole or not at all.
 
@@ -116,15 +97,16 @@ def write_comparison(folder: Path, comparison: Comparison, run: Run) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     with progress("drawing", 2) as advance:
+        figures = figures_of(comparison, run, WIDE)
         texts = {
-            "compare.html": render(comparison, run),
+            "compare.html": render(comparison, run, figures),
             "compare.json": json.dumps(facts_of(comparison, run), allow_nan=False, indent=1),
         }
         advance(1)
         for name, text in texts.items():
             with writing(folder / name) as path:
                 path.write_text(text, encoding="utf-8")
-        for name, figure in pictures_of(comparison, run).items():
-            with writing(folder / name) as path:
+        for name, figure in (figures | {"maps": map_figure(comparison, run, WIDE)}).items():
+            with writing(folder / f"compare_{name}.png") as path:
                 figure.savefig(path, dpi=144, facecolor="white")
         advance(1)

@@ -8,17 +8,16 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import AsinhNorm
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from solver.criticism.comparison import words
 from solver.criticism.comparison.contents import Comparison
 from solver.criticism.comparison.figures import (
     CELLS,
-    channel_figure,
-    power_figure,
-    spectrum_figure,
-    split_figure,
-    stack_figure,
+    figures_of,
+    path_of,
+    shown,
     touches,
 )
 from solver.criticism.comparison.regions import Region
@@ -27,7 +26,6 @@ from solver.run.report.drawing import coarse, color_map, color_scale, data_uri, 
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import (
     Pictures,
-    nearest_channel,
     pass_label,
     pictures_of,
     scale_figure,
@@ -59,9 +57,8 @@ def table_of_colors(scale: AsinhNorm) -> list[list[int]]:
 def one_map(run: Run, comparison: Comparison, number: int, pictures: Pictures) -> dict[str, Any]:
     """What the script draws of a pass."""
     result, one = run.result, run.passes[number]
-    seconds = run.time[rows_of(result, one)]
-    inside = np.isin(one.rows, result.samples)
-    path = nearest_channel(result, one)[inside]
+    seconds = run.time[rows_of(result, shown(run, one))]
+    at, path = path_of(run, one)
     forward = 1 if np.nansum(np.diff(path)) >= 0 else -1
     boxes = []
     for index, region in enumerate(comparison.regions):
@@ -81,7 +78,7 @@ def one_map(run: Run, comparison: Comparison, number: int, pictures: Pictures) -
         "model": packed(pictures.model),
         "residual": packed(pictures.residual),
         "path": np.round(path, 2),
-        "at": np.round(seconds - seconds[0], 3),
+        "at": np.round(at - seconds[0], 3),
         "boxes": boxes,
     }
 
@@ -100,9 +97,9 @@ def chip(run: Run, number: int, at: int, pictures: Pictures, chi2: float, scale:
 def maps(comparison: Comparison, run: Run) -> dict[str, str]:
     """Parts of the page that show measured, model and residual."""
     by_pass = misfit_of(run.result, run.passes).by_pass
-    shown = worst(by_pass, MOST_PASSES)
-    cells = min(CELLS, int((PIXELS / (3 * len(shown))) ** 0.5))
-    pictures = [pictures_of(run.result, run.passes[i], cells) for i in shown]
+    chosen = worst(by_pass, MOST_PASSES)
+    cells = min(CELLS, int((PIXELS / (3 * len(chosen))) ** 0.5))
+    pictures = [pictures_of(run.result, shown(run, run.passes[i]), cells) for i in chosen]
     scale = color_scale(np.concatenate([part.measured.ravel() for part in pictures]))
     data = {
         "day": str(run.start),
@@ -110,15 +107,15 @@ def maps(comparison: Comparison, run: Run) -> dict[str, str]:
         "linear": float(scale.linear_width),
         "top": float(scale.vmax or 1.0),
         "colors": table_of_colors(scale),
-        "first": shown.index(max(shown, key=lambda i: by_pass[i])),
-        "passes": [one_map(run, comparison, i, part) for i, part in zip(shown, pictures, strict=True)],
+        "first": chosen.index(max(chosen, key=lambda i: by_pass[i])),
+        "passes": [one_map(run, comparison, i, part) for i, part in zip(chosen, pictures, strict=True)],
     }
     chips = (
-        chip(run, i, at, part, by_pass[i], scale) for at, (i, part) in enumerate(zip(shown, pictures, strict=True))
+        chip(run, i, at, part, by_pass[i], scale) for at, (i, part) in enumerate(zip(chosen, pictures, strict=True))
     )
     more = (
-        f"Shown are the {len(shown)} passes that fit worst, of {len(run.passes)}."
-        if len(shown) < len(run.passes)
+        f"Shown are the {len(chosen)} passes that fit worst, of {len(run.passes)}."
+        if len(chosen) < len(run.passes)
         else ""
     )
     return {"maps": json_text(data), "chips": "".join(chips), "scale": svg(scale_figure(scale, NARROW)), "more": more}
@@ -138,10 +135,10 @@ def region_row(region: Region, index: int, run: Run, total: float) -> str:
 def region_table(comparison: Comparison, run: Run) -> str:
     """Where the model fails, as a table."""
     if not comparison.regions:
-        return "<p>Nothing stands out: no gain, delay, shift or offset of any channels in any passes, and no power."
-    above = max(comparison.split.chi2 - comparison.split.noise, 1.0)
-    rows = "".join(region_row(region, i, run, above) for i, region in enumerate(comparison.regions))
-    head = "<th>what is wrong</th><th>x, m</th><th>size</th><th>chi²</th><th>% of the excess</th>"
+        return "<p>Nothing stands out: no gain, delay, shift or offset of any channels in any passes, and no power.</p>"
+    total = comparison.split.chi2
+    rows = "".join(region_row(region, i, run, total) for i, region in enumerate(comparison.regions))
+    head = "<th>what is wrong</th><th>x, m</th><th>size</th><th>chi²</th><th>% of all</th>"
     table = f'<table class="regions"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
     return f'<div class="wide-table">{table}</div>'
 
@@ -159,7 +156,7 @@ def key_figures(comparison: Comparison) -> list[tuple[str, str, str]]:
             f"noise alone leaves {comparison.noise_floor:.3f}",
         ),
         ("Above the noise", f"{100 * words.excess(comparison):.1f} %", f"of {split.samples:,} samples"),
-        ("Largest one cause", share, words.NAMES[name] if name else "explains a fifth of the excess"),
+        ("Largest one cause", share, words.NAMES[name] if name else "explains a fifth of that"),
         ("Regions that fail", str(len(comparison.regions)), "noise makes one in under 5 of 100 surveys"),
     ]
 
@@ -171,34 +168,28 @@ def split_text(comparison: Comparison) -> str:
     return (
         f"Of chi², {noise:.1f} % is noise. The rest is shared out by least squares: a gain and a shift of each "
         "channel, a gain and a delay of each pass, and for each lane any shape that travels with the vehicles, "
-        f"averaged over the orders of taking them in; what their {sum(split.freedom.values())} numbers would explain of noise is "
-        "subtracted."
+        f"averaged over the orders of taking them in; what their {sum(split.freedom.values())} numbers would "
+        "explain of noise is subtracted."
     )
 
 
-def render(comparison: Comparison, run: Run) -> str:
+def render(comparison: Comparison, run: Run, wide: dict[str, Figure] | None = None) -> str:
     """The comparison as one HTML page that needs no other file.
 
     Parameters
     ----------
     comparison : of `run`
     run : as `solver.run.folder.read_run` reads it
+    wide : its figures where they are drawn already, see `figures_of`
     """
     template = Template(files("solver.criticism.comparison").joinpath("template.html").read_text(encoding="utf-8"))
     figures = "".join(
         f"<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd><dd>{escape(note)}</dd></div>"
         for label, value, note in key_figures(comparison)
     )
-    both = {
-        "split": lambda width: split_figure(comparison, width),
-        "stack": lambda width: stack_figure(comparison.stack, width),
-        "channels": lambda width: channel_figure(comparison, run, width),
-        "power": lambda width: power_figure(comparison, run, width),
-        "spectrum": lambda width: spectrum_figure(comparison.power.spectrum, run, width),
-    }
+    wide, narrow = wide or figures_of(comparison, run, WIDE), figures_of(comparison, run, NARROW)
     drawn = {
-        name: f'<div class="wide">{svg(draw(WIDE))}</div><div class="narrow">{svg(draw(NARROW))}</div>'
-        for name, draw in both.items()
+        name: f'<div class="wide">{svg(wide[name])}</div><div class="narrow">{svg(narrow[name])}</div>' for name in wide
     }
     return template.substitute(
         maps(comparison, run),

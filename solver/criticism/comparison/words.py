@@ -165,7 +165,10 @@ def verdict(comparison: Comparison, run: Run) -> str:
     above = excess(comparison)
     if above <= SLIGHT and not comparison.regions:
         return "What the model leaves is noise, as far as it can be told: no place, vehicle or time stands out."
-    parts = [f"The misfit is {100 * max(above, 0.0):.1f} % above the noise."]
+    if above <= SLIGHT:
+        parts = ["The misfit as a whole is hardly more than that of noise, but some of it stands out."]
+    else:
+        parts = [f"The misfit is {100 * above:.1f} % above the noise."]
     name = largest_source(comparison)
     if name:
         share = comparison.split.explained[name] / (comparison.split.chi2 - comparison.split.noise)
