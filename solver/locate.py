@@ -16,7 +16,7 @@ from solver.effects.plugins import catalogue
 from solver.fit import METHODS, FitResult, Prior, Problem
 from solver.fit.held_out import FOLDS, held_out_chi2
 from solver.matched_filter import initialize
-from solver.pose import bent_ends, near, pose, shortened, start_route, straight_part
+from solver.pose import bent_ends, near, pose, shortened, start_route, straight_part, with_slow_errors
 from solver.processing import decimated
 from solver.site import Site
 from solver.trajectory import Pass, smooth_passes
@@ -154,7 +154,7 @@ def locate(
     starts = [start_route(rough, y, anchors)[keep] for y in sides]
     posed = [pose(record, passes, anchors, start, rough.channel[keep], prior) for start in starts]
     curved = "curved_gauge" in effects
-    problems = [replace(one, effects=tuple(more), curved=curved) for one in posed]
+    problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved)) for one in posed]
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
     with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:

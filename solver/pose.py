@@ -8,7 +8,9 @@ import torch
 
 from solver.anchors import Anchor
 from solver.das import DASRecord
+from solver.effects.trajectory import EFFECTS as TRAJECTORY
 from solver.fit import FitResult, Prior, Problem
+from solver.fit.least_squares import SLOW_ERROR, SPLINE_VARIANCE
 from solver.matched_filter import Initialization
 from solver.model import Traffic
 from solver.noise import noise_level, quiet
@@ -24,6 +26,9 @@ TAIL = 4.0
 #: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times
 #: that of the other channels, is a bend that the model does not hold for.
 TURN, EXCESS = 0.2, 1.2
+
+#: Where tracks in view are this uncertain, m, their slow errors are fitted too.
+UNCERTAIN = 0.05
 
 
 def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, warnings: list[str]) -> list[Anchor]:
@@ -108,6 +113,22 @@ def pose(
         sampling_rate=record.sampling_rate,
         law=noise_law((strain_rate / noise)[:, alive], still[:, alive], record.sampling_rate),
     )
+
+
+def track_sigma(passes: Sequence[Pass]) -> float:
+    """Uncertainty of the tracks in view by their own account, m: the median over passes."""
+    spread = [float(np.sqrt((one.sigma[one.in_view] ** 2).mean())) for one in passes if one.in_view.any()]
+    return float(np.median(spread)) if spread else 0.0
+
+
+def with_slow_errors(problem: Problem) -> Problem:
+    """The problem with each track's slow error among what is fitted, where the tracks are uncertain enough."""
+    sigma = track_sigma(problem.passes)
+    if sigma < UNCERTAIN or any(one.name == SLOW_ERROR for one in problem.effects):
+        return problem
+    effect = next(one for one in TRAJECTORY if one.name == SLOW_ERROR)
+    prior = replace(problem.prior, jitter=sigma / SPLINE_VARIANCE**0.5)
+    return replace(problem, effects=(*problem.effects, effect), prior=prior)
 
 
 def around(passes: Sequence[Pass], samples: int, margin: int) -> np.ndarray:

@@ -31,6 +31,8 @@ ENOUGH = 0.2
 PER_PASS = ("amplitude", "along", "across", "wheelbase", "front_share")
 #: What is wrong with a whole track: the passes together tell how large it is.
 TRACK_ERRORS = ("along", "across")
+#: Effect that fits the slow error of each track, and the variance of a cubic spline of unit coefficients.
+SLOW_ERROR, SPLINE_VARIANCE = "track_jitter", 0.48
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,8 @@ class MapFit:
         spread = np.zeros(self.extension.size)
         for slot in self.extension.slots:
             grid = slot.parameter.grid
-            spread[slot.where] = max(grid) - min(grid) if len(grid) > 1 else slot.parameter.plausible
+            plausible = max(grid) - min(grid) if len(grid) > 1 else slot.parameter.plausible
+            spread[slot.where] = p.prior.jitter if slot.effect.name == SLOW_ERROR else plausible
         mean = State(route, Vehicles.of(p.passes), torch.tensor(nu, dtype=torch.float64), numbers).vector()
         flat = np.concatenate([np.full(route.numel(), np.inf), *(sd[name] for name in PER_PASS), [nu_sd], spread])
         return mean, torch.from_numpy(flat)
@@ -278,11 +281,16 @@ class MapFit:
         return torch.cat(columns, 0).permute(1, 2, 0)
 
     def track_variance(self, local: Sensitivities) -> Tensor:
-        """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel]."""
+        """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel].
+
+        Where the tracks' slow errors are fitted, only what is beyond these counts.
+        """
         traffic = self.problem.traffic
+        fitted = any(one.name == SLOW_ERROR for one in self.extension.effects)
+        slow = SPLINE_VARIANCE * self.problem.prior.jitter**2 if fitted else 0.0
         # The sigmas are of x and y; the shifts are along and across the heading.
         cosine, sine = (traffic.heading**2).unbind(-1)
-        x, y = (traffic.sigma**2).unbind(-1)
+        x, y = (traffic.sigma**2 - slow).clamp_min(0.0).unbind(-1)
         along = local.by["along"] ** 2 * (cosine * x + sine * y)[:, None]
         across = local.by["across"] ** 2 * (sine * x + cosine * y)[:, None]
         chosen = self.extension.chosen

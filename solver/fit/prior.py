@@ -25,6 +25,7 @@ class Prior:
     poisson_ratio : mean and sd
     along, across : size of a whole track's errors along travel and sideways, m; the passes themselves correct it, see
         `track_precision`
+    jitter : sd of the coefficients of each track's slow error, where that is in the model (`track_jitter`), m
     """
 
     depth: tuple[float, float] = (0.9, 0.3)
@@ -35,6 +36,7 @@ class Prior:
     poisson_ratio: tuple[float, float] = (0.25, 0.03)
     along: float = 0.5
     across: float = 0.05
+    jitter: float = 0.3
 
 
 #: Passes' worth of belief in the expected size of the tracks' errors.

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from solver.fit.least_squares import MapFit
 from solver.fit.result import FitResult
-from solver.pose import bent_ends
+from solver.model import Traffic
+from solver.pose import bent_ends, track_sigma, with_slow_errors
 
 GAUGE, COUNT = 10, 60
 
@@ -57,3 +59,29 @@ def test_neither_a_turn_nor_a_misfit_alone_is_a_bend(straight: FitResult) -> Non
 
 def test_a_fiber_of_two_gauge_lengths_is_not_shortened(straight: FitResult) -> None:
     assert bent_ends(failing(turned(straight)), COUNT // 2) == slice(0, COUNT)
+
+
+def uncertain(problem, sigma: float):
+    """The problem with tracks of that sigma, m."""
+    passes = [replace(one, sigma=np.full_like(one.sigma, sigma)) for one in problem.passes]
+    return replace(problem, passes=passes, traffic=Traffic.of(passes, problem.traffic.samples))
+
+
+def test_slow_errors_of_tracks_are_fitted_where_these_are_uncertain(case) -> None:
+    sure, unsure = uncertain(case.problem, 0.02), uncertain(case.problem, 0.2)
+    assert track_sigma(unsure.passes) == pytest.approx(0.2)
+    assert with_slow_errors(sure) is sure
+    more = with_slow_errors(unsure)
+    assert [one.name for one in more.effects] == ["track_jitter"]
+    assert with_slow_errors(more) is more
+    fit = MapFit(more)
+    slow = fit.sd[len(fit.sd) - fit.extension.size :]
+    # The spline that the coefficients make has the tracks' own sigma, and none of it is counted as noise again.
+    spread = fit.extension.scopes.rows["track"] ** 2 @ slow[: fit.extension.size // 2] ** 2
+    assert float(spread.median()) == pytest.approx(0.04, rel=0.1)
+    state = fit.start()
+    local = fit.path.sensitivities(
+        fit.fiber(state, fit.values(state)), state.vehicles, state.poisson_ratio, fit.values(state)
+    )
+    assert float(fit.track_variance(local).max()) < 1e-9
+    assert float(MapFit(unsure).track_variance(local).max()) > 1
