@@ -305,7 +305,10 @@ def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tens
         nu = nu + ground.poisson_change(point)[..., None]
     across = point[..., None, :2] - wheels
     offset = torch.cat([across, point[..., None, 2:].expand(*across.shape[:-1], 1)], -1)
-    motion = beside(load.share, 1)[..., None] * ground.response(offset, velocity, nu)
+    motion = ground.response(offset, velocity, nu)
+    if ground.radiation is not None:
+        motion = motion + ground.radiation(offset, velocity, beside(load.trajectory.time[..., None], 1))
+    motion = beside(load.share, 1)[..., None] * motion
     if load.share_rate is not None:
         motion = motion + beside(load.share_rate, 1)[..., None] * ground.settlement(offset, nu)
     if load.thrust is not None:

@@ -107,6 +107,7 @@ class Description:
             g.settlement is BASE.ground.settlement,
             g.compliance is None,
             g.poisson_change is None,
+            g.radiation is None,
             c.gain is BASE.cable.gain,
             c.vertical is BASE.cable.vertical,
             c.path_integral is BASE.cable.path_integral,

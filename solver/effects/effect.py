@@ -126,8 +126,8 @@ def effect(
     for p in parameters:
         if p.scope not in SCOPES:
             raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is none of {', '.join(SCOPES)}")
-        if p.scope in ("pass", "road", "track") and stage not in ("trajectory", "load"):
-            raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is for effects on trajectory or load")
+        if p.scope in ("pass", "road", "track") and stage not in ("trajectory", "load", "ground"):
+            raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is for effects on trajectory, load or ground")
         if not p.is_shape and not p.lower <= p.null <= p.upper:
             raise ValueError(f"effect {name}, {p.name}: the null {p.null:g} is outside {p.lower:g} to {p.upper:g}")
 

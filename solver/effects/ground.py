@@ -183,6 +183,40 @@ def maxwell_flow(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     return ground.filtered(lambda s: 1 + p["rate"] / s)
 
 
+#: m; the trough of a car some meters beside a gauge of 10 m strains it at about its speed over this length cubed.
+TROUGH = 7.5
+#: m; where the wave's strength is told, and within what distance it grows no more.
+FAR, NEAR = 10.0, 3.0
+
+
+@effect(
+    "rayleigh_wave",
+    "ground",
+    [
+        Parameter("sine", "1", 0.02, lower=-0.5, upper=0.5, scope="track"),
+        Parameter("cosine", "1", 0.02, lower=-0.5, upper=0.5, scope="track"),
+        Parameter("frequency", "Hz", 0.2, lower=1.5, upper=20, grid=tuple(np.arange(2.2, 12.3, 0.4).round(2).tolist())),
+        Parameter("speed", "m/s", 30.0, lower=60, upper=400, grid=(160.0,)),
+    ],
+    physics="Vehicles radiate surface waves, far, weak and fast: r^-1/2 cos(w (t - r / c)).",
+    source="Lamb 1904, Phil. Trans. A 203, 1; Richart, Hall and Woods 1970, Vibrations of Soils, section 3.",
+)
+def rayleigh_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Radial motion; 1 strains the ground 10 m away about as fast as the trough beside the vehicle."""
+    omega = 2 * torch.pi * p["frequency"]
+
+    def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
+        across = offset[..., :2]
+        r = (across.square().sum(-1) + NEAR**2).sqrt()
+        phase = omega * (time - r / p["speed"])
+        wave = p["sine"].reshape(time.shape) * torch.sin(phase) + p["cosine"].reshape(time.shape) * torch.cos(phase)
+        strength = velocity.norm(dim=-1) / TROUGH**3 * p["speed"] / omega * (FAR / r).sqrt()
+        moved = (strength * wave / r)[..., None] * across
+        return torch.cat([moved, torch.zeros_like(moved[..., :1])], -1)
+
+    return replace(ground, radiation=radiation)
+
+
 EFFECTS = (
     poisson_ratio,
     poisson_gradient,
@@ -194,4 +228,5 @@ EFFECTS = (
     viscoelastic_lag,
     kelvin_voigt_lag,
     maxwell_flow,
+    rayleigh_wave,
 )
