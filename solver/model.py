@@ -360,7 +360,8 @@ def wheel_responses(
 def bend_strain_rate(motion: Tensor, fiber: Fiber) -> Tensor:
     """What the turning of the fiber within its gauge adds to the strain rate [row, channel] of the two ends.
 
-    `motion` [row, channel, station, 3] is the ground's velocity at the inner stations. The strain averaged over a gauge is the integral of t . du/ds = [t . u] - integral of u . dt/ds, over its length.
+    `motion` [row, channel, station, 3] is the ground's velocity at the inner stations. The strain averaged over a gauge
+    is the integral of t . du/ds = [t . u] - integral of u . dt/ds, over its length.
     """
     slope, bend = fiber.inner_slope, fiber.inner_bend
     assert slope is not None and bend is not None

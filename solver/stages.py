@@ -144,8 +144,8 @@ class Ground:
     settlement : (offset, Poisson's ratio) -> displacement [..., 3] of a unit load
     compliance : strain here over that of the base model
     poisson_change : added to Poisson's ratio here
-    radiation : (offset [..., 3], velocity [..., 2], time [row, 1, ...], s) -> velocity [..., 3] of the waves that a unit
-        load sends out; None: no such waves
+    radiation : (offset [..., 3], velocity [..., 2], time [row, 1, ...], s) -> velocity [..., 3] of the ground in the
+        waves that a unit load sends out; None: no such waves
     transfers : of time filters
     """
 

@@ -110,9 +110,8 @@ def generic_time_filter(interrogator: Interrogator, p: Values, survey: Surroundi
 
     def transfer(s: Tensor) -> Tensor:
         step = s / survey.sampling_rate
-        late = sum(p[f"late_{lag}"] * torch.exp(-lag * step) for lag in TAPS)
-        early = sum(p[f"early_{lag}"] * torch.exp(lag * step) for lag in TAPS)
-        return 1 + late + early
+        shares = [p[f"late_{lag}"] * torch.exp(-lag * step) + p[f"early_{lag}"] * torch.exp(lag * step) for lag in TAPS]
+        return 1 + torch.stack(shares).sum(0)
 
     return interrogator.filtered(transfer)
 

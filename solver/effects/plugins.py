@@ -5,12 +5,13 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
+from types import ModuleType
 
 from solver.effects.catalogue import built_in
 from solver.effects.effect import Effect
 from vision.contract import InputError
 
-#: Entry-point group: `[project.entry-points."roadfiber.effects"] name = "package.module"`.
+#: Entry-point group: `[project.entry-points."roadfiber.effects"] name = "package.module"`, or "package.module:effect".
 GROUP = "roadfiber.effects"
 
 
@@ -41,25 +42,41 @@ def load_plugin(path: Path) -> list[Effect]:
 
 
 def installed() -> list[Effect]:
-    """Effects of installed packages that declare the entry point `roadfiber.effects`."""
-    found = []
-    for point in entry_points(group=GROUP):
-        module = point.load()
-        found += [value for value in vars(module).values() if isinstance(value, Effect)]
-    return found
-
-
-def catalogue(plugins: Sequence[Path] = ()) -> dict[str, Effect]:
-    """All effects by name: built in, installed and from `plugins`.
+    """Effects of installed packages that declare the entry point `roadfiber.effects`: a module of them, or one.
 
     Raises
     ------
     InputError
-        If two have the same name.
+        If one cannot be loaded.
     """
+    found = []
+    for point in entry_points(group=GROUP):
+        try:
+            loaded = point.load()
+        except Exception as error:
+            raise InputError(
+                f"entry point {point.name} ({point.value}): {type(error).__name__}: {error}; "
+                "mend or uninstall the package"
+            ) from error
+        values = vars(loaded).values() if isinstance(loaded, ModuleType) else [loaded]
+        found += [value for value in values if isinstance(value, Effect)]
+    return found
+
+
+def catalogue(plugins: Sequence[Path] = ()) -> dict[str, Effect]:
+    """All effects by name: built in, installed and from `plugins`; those that are not built in are verified.
+
+    Raises
+    ------
+    InputError
+        If two have the same name, or one breaks a promise, see `solver.effects.verify`.
+    """
+    from solver.effects.verify import verify
+
     effects = dict(built_in())
     for one in [*installed(), *(one for path in plugins for one in load_plugin(path))]:
         if one.name in effects:
             raise InputError(f"effect {one.name}: is in the catalogue already; give yours another name")
+        verify(one)
         effects[one.name] = one
     return effects

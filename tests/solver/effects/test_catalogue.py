@@ -1,0 +1,220 @@
+"""Every effect of the catalogue keeps the promises of effects, and every row of the catalogue's list is there."""
+
+import math
+from dataclasses import replace
+from itertools import product
+from zlib import crc32
+
+import numpy as np
+import pytest
+import torch
+
+from solver.criticism.score import Scorer
+from solver.effects import Effect
+from solver.effects.catalogue import FAMILIES, built_in, families_of, find
+from solver.effects.trial_survey import Trial, trial_survey
+from solver.effects.verify import plausible, verify
+from solver.extension import Extension
+from solver.fit.derivatives import derivative
+from solver.observation import BASE
+from vision.contract import InputError
+
+EVERY = pytest.mark.parametrize("name", built_in())
+
+#: Rows of the catalogue as the field names them -> effects that cover them; those marked "fault" are mended in the data.
+ROWS = {
+    "wheel_layout": ["wheel_layout"],
+    "front_share": ["front_share"],
+    "long_vehicle": ["long_vehicle"],
+    "dynamic_load": ["dynamic_load"],
+    "road_bump": ["road_bump"],
+    "braking": ["braking"],
+    "grade_drag": ["grade_drag"],
+    "camber": ["camber"],
+    "poisson_ratio": ["poisson_ratio"],
+    "poisson_gradient": ["poisson_gradient"],
+    "stiffness_contrast": ["stiffness_contrast"],
+    "layered_ground": ["layered_ground"],
+    "pavement": ["pavement"],
+    "gibson_soil": ["gibson_soil"],
+    "moving_load": ["moving_load"],
+    "viscoelastic_lag": ["viscoelastic_lag", "kelvin_voigt_lag", "maxwell_flow"],
+    "rayleigh_wave": ["rayleigh_wave"],
+    "channel_coupling": ["channel_coupling"],
+    "shear_lag": ["shear_lag"],
+    "conduit_slip": ["conduit_slip"],
+    "slack_spool": ["slack_spool"],
+    "sloping_fiber": ["sloping_fiber"],
+    "curved_gauge": ["curved_gauge"],
+    "channel_stretch": ["channel_stretch"],
+    "channel_wander": ["channel_wander"],
+    "gauge_length": ["gauge_length"],
+    "pulse_width": ["pulse_width"],
+    "time_averaging": ["time_averaging"],
+    "highpass": ["highpass"],
+    "lowpass": ["lowpass", "lowpass_zero_phase"],
+    "saturation": ["saturation"],
+    "cycle_skips": "fault",
+    "common_mode": ["common_mode"],
+    "fk_filter, median_filter": ["fk_filter", "median_filter"],
+    "clock_offset, clock_drift": ["clock_offset", "clock_drift"],
+    "track_bias": ["track_bias"],
+    "track_offset, track_rotation, track_scale": ["track_offset", "track_rotation", "track_scale"],
+    "track_bend": ["track_bend"],
+    "track_jitter": ["track_jitter"],
+    "unseen_vehicle": "fault",
+}
+
+
+def trial(name: str) -> Trial:
+    return Trial(built_in()[name], *trial_survey())
+
+
+def shapes(effect: Effect) -> list[dict[str, float]]:
+    """All that the search tries; of long grids every third."""
+    grids = [p.grid if len(p.grid) < 9 else p.grid[::3] for p in effect.shapes]
+    return [dict(zip((p.name for p in effect.shapes), values, strict=True)) for values in product(*grids)]
+
+
+def away(one: Trial) -> torch.Tensor:
+    """Numbers [number] off null and off the grid, within bounds; never twice the same for one parameter's numbers."""
+    rng = np.random.default_rng(crc32(one.effect.name.encode()))
+    numbers = one.numbers()
+    for slot in one.extension.slots:
+        p, count = slot.parameter, slot.where.stop - slot.where.start
+        middle = p.grid[len(p.grid) // 2] if p.is_shape else p.null
+        reach = p.plausible if p.is_shape else plausible(p) - p.null
+        numbers[slot.where] = middle + reach * torch.from_numpy(rng.uniform(0.2, 0.9, count))
+    return one.extension.bounded(numbers)
+
+
+@EVERY
+def test_an_effect_is_absent_at_null_whatever_its_shape(name):
+    one = trial(name)
+    base = one.base()
+    for shape in shapes(one.effect):
+        torch.testing.assert_close(one.map(one.numbers(shape)), base, rtol=0, atol=4e-15 * float(base.abs().max()))
+
+
+@EVERY
+@pytest.mark.parametrize("start", ["null", "away"])
+def test_derivatives_are_those_of_finite_differences(name, start):
+    one = trial(name)
+    numbers = one.numbers() if start == "null" else away(one)
+    seen = one.seen(numbers)
+    rng = np.random.default_rng(1)
+    for slot in one.extension.slots:
+        if start == "null" and slot.parameter.is_shape:
+            continue
+        columns = derivative(seen, slot, numbers)
+        assert columns.isfinite().all()
+        direction = torch.zeros_like(numbers)
+        direction[slot.where] = torch.from_numpy(rng.uniform(0.5, 1.5, len(columns)))
+        step = 1e-5 * slot.parameter.plausible * direction
+        numeric = (one.map(numbers + step) - one.map(numbers - step)) / (2e-5 * slot.parameter.plausible)
+        exact = torch.einsum("n,nsc->sc", direction[slot.where], columns)
+        if start == "null":
+            assert exact.abs().max() > 1e-4 * one.base().abs().max() / slot.parameter.plausible
+        assert (exact - numeric).abs().max() < 2e-5 * exact.abs().max() + 1e-9 * one.base().abs().max()
+
+
+@pytest.fixture(scope="module")
+def scorer() -> Scorer:
+    return Scorer(*trial_survey())
+
+
+@EVERY
+def test_shortcuts_give_the_same_derivatives(scorer, name):
+    extension: Extension = scorer.fit.problem.extension([built_in()[name]])
+    seen, numbers = scorer.seen(extension), scorer.numbers(extension, {})
+    for slot in extension.slots:
+        if not slot.parameter.is_shape:
+            long = derivative(replace(seen, short=None), slot, numbers)
+            torch.testing.assert_close(
+                derivative(seen, slot, numbers), long, rtol=0, atol=1e-9 * float(long.abs().max())
+            )
+
+
+@EVERY
+def test_an_effect_changes_one_stage(name):
+    one = trial(name)
+    values, (fit, state) = one.extension.local(away(one)), trial_survey()
+    vehicles = state.vehicles.rows(fit.path.traffic)
+    per_row = replace(vehicles, **{key: value[:, None] for key, value in vars(vehicles).items()})
+    base, changed = fit.path.loads(per_row, {}), one.path.loads(per_row, values)
+    moved = {f for f in ("position", "velocity", "heading") if not same(base.trajectory, changed.trajectory, f)}
+    assert bool(moved) == (one.effect.stage == "trajectory")
+    if one.effect.stage != "trajectory":
+        loaded = {f for f in ("position", "share", "share_rate", "thrust") if not same(base, changed, f)}
+        assert bool(loaded) == (one.effect.stage == "load")
+    described = one.path.described(values)
+    assert (described.ground is not BASE.ground) == (one.effect.stage == "ground")
+    assert (described.processing is not BASE.processing) == (one.effect.stage == "processing")
+    plain = replace(BASE.cable, distance=one.around.distance)
+    assert differ(described.cable, plain) == (one.effect.stage == "cable")
+    instrument = replace(BASE.interrogator, gauge_length=fit.problem.gauge_length)
+    assert differ(described.interrogator, instrument) == (one.effect.stage == "interrogator")
+
+
+def differ(one, other) -> bool:
+    return any(value is not getattr(other, field) for field, value in vars(one).items())
+
+
+def same(one, other, field: str) -> bool:
+    a, b = getattr(one, field), getattr(other, field)
+    return (a is None and b is None) or (a is not None and b is not None and a.shape == b.shape and torch.equal(a, b))
+
+
+@EVERY
+def test_parameters_are_declared_soundly(name):
+    one = built_in()[name]
+    assert one.physics.endswith(".") and len(one.source) > 10 and one.amplitudes
+    for p in one.parameters:
+        assert p.unit in ("1", "m", "m^2", "s", "1/s", "Hz", "m/s", "1/m", "s^2/m^2", "g", "degree")
+        assert 0 < p.plausible < math.inf and p.lower < p.upper
+        if p.is_shape:
+            assert list(p.grid) == sorted(set(p.grid)) and p.lower <= p.grid[0] and p.grid[-1] <= p.upper
+            steps = np.diff(p.grid)
+            assert len(p.grid) == 1 or p.plausible < 8 * steps.max()
+        else:
+            assert p.lower <= p.null - p.plausible or p.null + p.plausible <= p.upper
+
+
+def test_built_in_effects_pass_what_users_effects_must():
+    for name in ("track_bend", "wheel_layout", "rayleigh_wave", "conduit_slip", "saturation", "median_filter"):
+        verify(built_in()[name])
+
+
+def test_every_row_of_the_list_is_covered():
+    covered = {name for names in ROWS.values() if names != "fault" for name in names}
+    assert covered == {name for name, one in built_in().items() if not one.generic}
+
+
+def test_every_row_can_be_hidden_by_the_independent_simulator():
+    from solver.simulator.known import KNOWN
+
+    rows = {name.strip() for row in ROWS for name in row.split(",")}
+    assert rows - set(KNOWN) <= {"track_offset", "track_rotation", "track_scale"}
+
+
+def test_families_name_known_effects():
+    for members in FAMILIES.values():
+        assert set(members) <= set(built_in()) and len(members) > 1
+    assert families_of("time_averaging") == ("blur", "lag")
+
+
+def test_an_unknown_name_is_told_near_ones():
+    with pytest.raises(InputError, match=r"did you mean .*clock_offset.*lists all"):
+        find("clock_ofset", built_in())
+
+
+def test_effects_add_up(scorer):
+    """Several effects in one model: each at null leaves the others as they are."""
+    fit, state = trial_survey()
+    names = ["clock_offset", "braking", "moving_load", "shear_lag", "highpass", "common_mode"]
+    together = fit.problem.extension([built_in()[name] for name in names])
+    values = together.local(together.numbers({"clock_offset": {"offset": 0.3}}))
+    path = replace(fit.path, extension=together)
+    made = path.strain_rate(fit.fiber_at(path, state.coefficients, values), state.vehicles, state.poisson_ratio, values)
+    alone = trial("clock_offset")
+    torch.testing.assert_close(made, alone.map(alone.numbers({"offset": 0.3})), rtol=0, atol=1e-13)
