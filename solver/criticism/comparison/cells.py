@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
+from solver.criticism.comparison.changes import Change, linear, shifted, transposed
 from solver.run.contents import Run
 from solver.trajectory import Pass
 from solver.whitening import Whitener, blocks_of
@@ -144,7 +144,7 @@ class Cells:
     late : change if it came 1 s later
     place : change if it were felt 1 m farther along the fiber
     offset : change by a constant of one noise sigma
-    raw : the four changes by name, not whitened, 1/s
+    changes : the four by name, of any size and not whitened
     whiten : raw [sample, channel], 1/s, and the whole blocks of samples it is of -> whitened and weighted
     level : [channel], mean square of the residual where only noise is
     spread : scatter of sums of its squares relative to that of white noise, as a ratio of variances
@@ -157,7 +157,7 @@ class Cells:
     late: Array
     place: Array
     offset: Array
-    raw: dict[str, Array]
+    changes: dict[str, Change]
     whiten: Callable[[Array, slice], Array]
     level: Array
     spread: float
@@ -181,39 +181,23 @@ def cells_of(run: Run) -> Cells:
 
     residual = whiten(np.where(there, result.measured - result.model, 0.0))
     distance = result.distance[np.searchsorted(result.channel, result.fitted_channel)]
-    raw = {
-        "gain": result.model,
-        "late": -by_time(result.model, run.time, blocks_of(result.samples)),
-        "place": -slope(result.model.T, distance).T,
-        "offset": np.broadcast_to(result.noise, residual.shape),
+    changes = {
+        "gain": linear(result.model),
+        "late": shifted(result.model, run.time, blocks_of(result.samples)),
+        "place": transposed(shifted(result.model.T, distance, [slice(0, len(distance))])),
+        "offset": linear(np.broadcast_to(result.noise, residual.shape)),
     }
     level, spread = noise_of(residual, there, approach.gap > FAR, run.facts["noise_floor"])
     return Cells(
         approach,
         there,
         residual,
-        **{name: whiten(change) for name, change in raw.items()},
-        raw=raw,
+        **{name: whiten(change.slope(0.0)) for name, change in changes.items()},
+        changes=changes,
         whiten=whiten,
         level=level,
         spread=spread,
     )
-
-
-def slope(values: Array, at: Array) -> Array:
-    """Derivative of smooth values [point, ...] at ascending `at` [point]; 0 where there are fewer than four points.
-
-    >>> slope(np.arange(5.0) ** 2, np.arange(5.0)).round(6).tolist()
-    [0.0, 2.0, 4.0, 6.0, 8.0]
-    """
-    if len(at) < 4:
-        return np.zeros_like(values)
-    return np.asarray(CubicSpline(at, values, axis=0)(at, 1))
-
-
-def by_time(values: Array, time: Array, blocks: list[slice]) -> Array:
-    """Time derivative [sample, channel] of values within blocks of consecutive samples."""
-    return np.concatenate([slope(values[block], time[block]) for block in blocks])
 
 
 def noise_of(

@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 
 #: Probability that noise makes any region, shared by the scans of changes, of power, and of power far from vehicles.
 FALSE_ALARM = 0.04
-MOST, TRIED = 10, 32
+MOST, TRIED = 10, 24
+STEPS = 4  # most that an estimate takes
 #: What each kind of change is measured in.
 UNITS = {"gain": "1", "late": "s", "place": "m", "offset": "noise sigma", "power": "1", "shape": "1", "unseen": "1"}
 #: Width of the bins of distance ahead, m, and how far they reach.
@@ -135,11 +136,21 @@ class Search:
         found = {}
         for name, field in fields.items():
             sums = self.change_sums(field)
+            if name == "place":
+                # In one direction a shift along the fiber is a delay, and is called that.
+                sums = sums[0] * self.both_ways, sums[1]
             if name == "offset":
                 sums = sums[0], sums[1] * self.slow  # larger information, smaller statistic
             found[name] = fitted(widest(sums, power=False), sums, power=False)
         name = max(found, key=lambda key: found[key].z)
         return (name, found[name]) if found[name].z > limit else None
+
+    @cached_property
+    def both_ways(self) -> Array:
+        """Which groups [group, 1] have passes that go up and down the channels, or are all there are: 1, else 0."""
+        forward = self.cells.approach.forward
+        mixed = [len(g) > 1 and (len(set(forward[g])) == 2 or len(g) == len(forward)) for g in self.groups]
+        return np.array(mixed, float)[:, None]
 
     @cached_property
     def slow(self) -> float:
@@ -155,24 +166,31 @@ class Search:
         return float(max(ratios))
 
     def take_change(self, name: str, window: Window) -> Region:
-        """Estimate a change by least squares, and take what it explains out of the residual."""
+        """Estimate a change by least squares (Gauss and Newton), and take what it explains out of the residual."""
         cells, where = self.cells, self.within(window, self.columns)
-        column = self.exactly(name, where)
-        information = float((column**2).sum())
-        amount = float((column * self.residual).sum()) / information
-        self.residual = self.residual - amount * column
+        change, amount = cells.changes[name], 0.0
+        for _ in range(STEPS):
+            column = self.exactly(change.slope(amount), where)
+            information = float((column**2).sum())
+            left = self.residual - self.exactly(change.by(amount), where)
+            step = float((column * left).sum()) / information
+            amount += step
+            if abs(step) < 0.1 * np.sqrt(cells.floor / information):
+                break
+        before = float((self.residual**2).sum())
+        self.residual = self.residual - self.exactly(change.by(amount), where)
         return replace(
             self.region(name, window, where),
             channels=self.channels(window.first, window.last),
             x=self.place(window.first, window.last),
             amount=amount,
             sigma=float(np.sqrt(cells.floor / information)),
-            chi2=amount**2 * information,
+            chi2=before - float((self.residual**2).sum()),
         )
 
-    def exactly(self, name: str, where: NDArray[np.bool_]) -> Array:
-        """What a change in some cells alone does to the whitened data [sample, channel]."""
-        return self.cells.whiten(np.where(where, self.cells.raw[name], 0.0), slice(None))
+    def exactly(self, raw: Array, where: NDArray[np.bool_]) -> Array:
+        """What a change [sample, channel] in some cells alone does to the whitened data [sample, channel]."""
+        return self.cells.whiten(np.where(where, raw, 0.0), slice(None))
 
     # ---- power -------------------------------------------------------------------------------------------------------
 

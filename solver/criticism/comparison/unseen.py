@@ -17,6 +17,10 @@ MOST = 24
 #: Patches closer than this belong together, s and channels.
 APART = (3.0, 20)
 
+#: Speeds that are tried, m/s along the fiber, and the width of the lines that are summed, m.
+SPEEDS = np.concatenate([-np.geomspace(45, 2, 60), np.geomspace(2, 45, 60)])
+LINE = 2.0
+
 
 @dataclass(frozen=True)
 class Patch:
@@ -109,19 +113,30 @@ def joined(boxes: list[Box], margin: tuple[int, int]) -> list[list[Box]]:
     return groups
 
 
-def speed_of(where: NDArray[np.bool_], energy: Array, time: Array, distance: Array) -> float | None:
-    """Speed along the fiber, m/s, of power that moves in a straight line; None where it does not.
+def speed_of(where: NDArray[np.bool_], residual: Array, time: Array, distance: Array, level: float) -> float | None:
+    """Speed along the fiber, m/s, of what moves there; None where nothing moves.
 
-    Weighted regression of place on time; the line must explain most of the places.
+    Slant stack: samples on lines of one speed are summed, as signals of what moves at it add up and noise does not.
+
+    Parameters
+    ----------
+    where : [sample, channel] bool, the patch
+    residual : [sample, channel], whitened
+    time : [sample], s
+    distance : [channel], m along the fiber
+    level : mean square of the residual's noise
     """
     rows, columns = np.nonzero(where)
-    weight = np.maximum(energy[where] - 4.0, 0.0)
-    if weight.sum() <= 0 or (weight > 0).sum() < 6:
-        return None
-    t, s = time[rows], distance[columns]
-    t, s = t - np.average(t, weights=weight), s - np.average(s, weights=weight)
-    tt, ts, ss = (float(weight @ (a * b)) for a, b in ((t, t), (t, s), (s, s)))
-    return ts / tt if tt > 0 and ss > 0 and ts**2 > 0.5 * tt * ss else None
+    t, s, values = time[rows] - time[rows].mean(), distance[columns], residual[where] / np.sqrt(level)
+    coherence = []
+    for speed in SPEEDS:
+        line = np.floor((s - speed * t) / LINE).astype(int)
+        line -= line.min()
+        number = np.bincount(line)
+        energy = np.bincount(line, values) ** 2 / np.maximum(number, 1)
+        coherence.append(float(power_statistic(energy.sum(), np.array(float((number > 0).sum())))))
+    best = int(np.argmax(coherence))
+    return float(SPEEDS[best]) if coherence[best] > threshold(len(SPEEDS), 1e-3) else None
 
 
 def unseen_windows(
@@ -146,6 +161,6 @@ def unseen_windows(
             where[slice(*box.rows), slice(*box.columns)] = True
         where &= use
         columns = (min(b.columns[0] for b in group), max(b.columns[1] for b in group) - 1)
-        speed = speed_of(where, residual**2, run.time, distance)
+        speed = speed_of(where, residual, run.time, distance, cells.floor)
         patches.append(Patch(where, columns, max(b.z for b in group), speed))
     return patches

@@ -1,0 +1,59 @@
+"""What could be wrong with a model: the derivative at no change, and the whole of a change of some size."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Change:
+    """A family of changes of the data [sample, channel], 1/s, by one number.
+
+    Parameters
+    ----------
+    by : amount -> what is added to the data
+    slope : amount -> its derivative by the amount
+    """
+
+    by: Callable[[float], Array]
+    slope: Callable[[float], Array]
+
+
+def linear(field: Array) -> Change:
+    """Amounts of a field, such as the model itself (a gain) or a constant.
+
+    >>> linear(np.ones((1, 2))).by(0.5).tolist()
+    [[0.5, 0.5]]
+    """
+    return Change(lambda amount: amount * field, lambda amount: field)
+
+
+def shifted(values: Array, at: Array, blocks: list[slice]) -> Change:
+    """A shift toward larger `at` [point] of smooth values [point, ...], in blocks that are smooth for themselves.
+
+    Nothing comes in at a block's end but what is there; blocks of fewer than four points are left as they are.
+
+    >>> at = np.arange(6.0)
+    >>> shifted(at[:, None] ** 2, at, [slice(0, 6)]).by(1.0)[2:, 0].round(6).tolist()
+    [-3.0, -5.0, -7.0, -9.0]
+    """
+    smooth = [(block, CubicSpline(at[block], values[block], axis=0)) for block in blocks if len(at[block]) >= 4]
+
+    def evaluated(amount: float, derivative: int) -> Array:
+        out = np.zeros_like(values)
+        for block, spline in smooth:
+            where = np.clip(at[block] - amount, at[block][0], at[block][-1])
+            out[block] = spline(where) - values[block] if derivative == 0 else -spline(where, derivative)
+        return out
+
+    return Change(lambda amount: evaluated(amount, 0), lambda amount: evaluated(amount, 1))
+
+
+def transposed(change: Change) -> Change:
+    """The same change with rows and columns exchanged."""
+    return Change(lambda amount: change.by(amount).T, lambda amount: change.slope(amount).T)
