@@ -1,4 +1,4 @@
-"""`roadfiber simulate` and `roadfiber compare`."""
+"""`roadfiber simulate`, `roadfiber compare` and `roadfiber effects`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -89,3 +89,31 @@ def compare(
     for region in comparison.regions:
         print(f"  {region_words(region, located)}")
     print(f"page: {folder / 'compare.html'}")
+
+
+@app.command()
+def effects(
+    name: Annotated[str | None, typer.Argument(help="One effect, in detail.")] = None,
+    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with effects of yours; may repeat.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON: a list, or one effect's object.")] = False,
+) -> None:
+    """List the effects that a model can be given, stage by stage, or verify and show your own.
+
+    Each with its parameters (unit, plausible size, null, bounds, scope), physics, source and what it is confounded with.
+    A plugin's effects are verified: exactly absent at null, in one stage, with a derivative that is right and not zero.
+
+    Example: `roadfiber effects gauge_length` or `roadfiber effects --plugin mine.py`
+    """
+    from solver.effects.listing import listed, one_of, print_details, print_list
+    from solver.effects.plugins import catalogue
+
+    every = listed(catalogue(plugin or []))
+    chosen = None if name is None else one_of(every, name)
+    if as_json:
+        import json
+
+        print(json.dumps(every if chosen is None else chosen, indent=1))
+    elif chosen is None:
+        print_list(every)
+    else:
+        print_details(chosen, every)

@@ -48,7 +48,7 @@ def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
         Parameter("length", "m", 2.0, lower=4, upper=60, grid=(8.0, 13.0, 20.0, 35.0)),
     ],
     physics="The fiber slips in its conduit and feels only the mean strain between the points that hold it.",
-    source="EFFECTS.md; Winkler 1867: a cable without friction.",
+    source="Equilibrium: where nothing grips it, the tension of a fiber, and so its strain, is the same all along.",
 )
 def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Channels within the free length show its mean; place is from the middle of the channels, along the fiber."""
@@ -86,7 +86,7 @@ def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     "cable",
     [Parameter("vertical_share", "1", 0.5, null=1.0, lower=0, upper=2)],
     physics="Where the fiber slopes, vertical motion stretches it too; a loose cable follows that less.",
-    source="DESIGN.md: displacement projected on the tangent, all three components.",
+    source="Displacement projected on the tangent, all three components: t . u.",
 )
 def sloping_fiber(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """The fiber follows this share of the ground's vertical motion."""

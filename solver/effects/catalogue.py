@@ -1,10 +1,16 @@
 """All effects that are known, the users' own among them."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cache
+from typing import TypeVar
 
 from solver.effects import cable, generic, ground, interrogator, load, processing, trajectory
 from solver.effects.effect import Effect
 from vision.contract import InputError
+
+Known = TypeVar("Known")
 
 STAGE_MODULES = (trajectory, load, ground, cable, interrogator, processing, generic)
 
@@ -30,6 +36,48 @@ FAMILIES: dict[str, tuple[str, ...]] = {
 }
 
 
+@dataclass(frozen=True)
+class FaultKind:
+    """What may be wrong with a survey and is no change to a stage: it is found and mended in the survey itself.
+
+    Parameters
+    ----------
+    name, stage, physics, source : as of an effect
+    unit : of its size
+    plausible : smallest and largest usual size
+    """
+
+    name: str
+    stage: str
+    physics: str
+    source: str
+    unit: str
+    plausible: tuple[float, float]
+
+
+FAULTS = {
+    one.name: one
+    for one in (
+        FaultKind(
+            "unseen_vehicle",
+            "load",
+            "A vehicle passed that the trajectories lack; its weight is relative to a typical one.",
+            "Superposition of Boussinesq loads; searched with a matched filter (Turin 1960, IRE Trans. IT-6, 311).",
+            "1",
+            (0.1, 2.0),
+        ),
+        FaultKind(
+            "cycle_skips",
+            "interrogator",
+            "The unwrapped phase jumped by whole turns at some samples; they are left out of the fit.",
+            "Itoh 1982, Appl. Opt. 21, 2470: unwrapping fails where the phase moves by more than pi a sample.",
+            "1",
+            (1e-4, 1e-2),
+        ),
+    )
+}
+
+
 @cache
 def built_in() -> dict[str, Effect]:
     """Effects of the catalogue by name, in the order of the stages; generic ones last."""
@@ -45,8 +93,8 @@ def families_of(name: str) -> tuple[str, ...]:
     return tuple(family for family, members in FAMILIES.items() if name in members)
 
 
-def find(name: str, catalogue: dict[str, Effect]) -> Effect:
-    """Look an effect up.
+def find(name: str, catalogue: Mapping[str, Known]) -> Known:
+    """Look an effect, or what is known of it, up by its name.
 
     Raises
     ------
@@ -54,6 +102,6 @@ def find(name: str, catalogue: dict[str, Effect]) -> Effect:
         If there is none of that name.
     """
     if name not in catalogue:
-        near = [other for other in catalogue if name[:4] in other] or list(catalogue)
+        near = get_close_matches(name, catalogue, 3) or [other for other in catalogue if name[:4] in other] or catalogue
         raise InputError(f"effect {name}: not known; did you mean {', '.join(near)}? `roadfiber effects` lists all")
     return catalogue[name]

@@ -34,7 +34,7 @@ def spread(second: Tensor) -> tuple[Tensor, Tensor]:
         Parameter("track_squared", "m^2", 2.5, lower=0, upper=6.5, scope="pass"),
     ],
     physics="Vehicles stand on axles and wheels, not on a point: the load is spread along and across the lane.",
-    source="EFFECTS.md; class means are makers' data sheets, see solver.load.",
+    source="Superposition of Boussinesq loads; class means are makers' data sheets, see solver.load.",
     told_from="pulse width, if there is one type of vehicle only",
 )
 def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:

@@ -15,6 +15,12 @@ from vision.contract import InputError
 GROUP = "roadfiber.effects"
 
 
+def effects_in(module: ModuleType) -> list[Effect]:
+    """Effects that a module defines, each once; built-in ones that it imports are not its own."""
+    found = {id(value): value for value in vars(module).values() if isinstance(value, Effect)}
+    return [value for value in found.values() if built_in().get(value.name) is not value]
+
+
 def load_plugin(path: Path) -> list[Effect]:
     """Read the effects that a file defines at its top level.
 
@@ -35,7 +41,7 @@ def load_plugin(path: Path) -> list[Effect]:
         spec.loader.exec_module(module)
     except Exception as error:
         raise InputError(f"--plugin {path}: {type(error).__name__}: {error}; mend the file") from error
-    found = [value for value in vars(module).values() if isinstance(value, Effect)]
+    found = effects_in(module)
     if not found:
         raise InputError(f"--plugin {path}: defines no effect; decorate a function with @effect(...) of solver.effects")
     return found
@@ -58,8 +64,7 @@ def installed() -> list[Effect]:
                 f"entry point {point.name} ({point.value}): {type(error).__name__}: {error}; "
                 "mend or uninstall the package"
             ) from error
-        values = vars(loaded).values() if isinstance(loaded, ModuleType) else [loaded]
-        found += [value for value in values if isinstance(value, Effect)]
+        found += [loaded] if isinstance(loaded, Effect) else effects_in(loaded)
     return found
 
 

@@ -17,7 +17,7 @@ Values = Mapping[str, Tensor]
     "trajectory",
     [Parameter("offset", "s", 0.2, lower=-5, upper=5)],
     physics="The interrogator's clock is ahead of the trajectories' by the same time in all passes.",
-    source="DESIGN.md: video and DAS are stamped by clocks of their own; two speeds tell it from a shift of the fiber.",
+    source="Video and DAS are stamped by clocks of their own; two speeds tell it from a shift of the fiber.",
     told_from="other lags: the vehicle's reference point, an averaging interval, a viscous ground",
 )
 def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:

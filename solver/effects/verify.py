@@ -1,4 +1,4 @@
-"""Whether an effect keeps the promises of effects, tried on a tiny survey; what it breaks is said with how to mend it."""
+"""Whether an effect keeps the promises of effects, tried on a tiny survey; errors say how to mend it."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

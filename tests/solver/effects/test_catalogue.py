@@ -21,7 +21,7 @@ from vision.contract import InputError
 
 EVERY = pytest.mark.parametrize("name", built_in())
 
-#: Rows of the catalogue as the field names them -> effects that cover them; those marked "fault" are mended in the data.
+#: Rows of the catalogue as the field names them -> effects that cover them; a "fault" is mended in the survey.
 ROWS = {
     "wheel_layout": ["wheel_layout"],
     "front_share": ["front_share"],
