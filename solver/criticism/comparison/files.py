@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from solver.criticism.comparison.contents import Comparison
-from solver.criticism.comparison.figures import figures_of, map_figure
+from solver.criticism.comparison.figures import figures_of
+from solver.criticism.comparison.maps import map_figure
 from solver.criticism.comparison.page import WIDE, render
 from solver.criticism.comparison.power import Powers
 from solver.criticism.comparison.split import SOURCES

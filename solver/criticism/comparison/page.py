@@ -13,13 +13,8 @@ from numpy.typing import NDArray
 
 from solver.criticism.comparison import words
 from solver.criticism.comparison.contents import Comparison
-from solver.criticism.comparison.figures import (
-    CELLS,
-    figures_of,
-    path_of,
-    shown,
-    touches,
-)
+from solver.criticism.comparison.figures import figures_of
+from solver.criticism.comparison.maps import CELLS, path_of, shown, touches
 from solver.criticism.comparison.regions import Region
 from solver.run.contents import Run
 from solver.run.report.drawing import coarse, color_map, color_scale, data_uri, svg

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 #: Width of the bins of speed, km/h.
 SPEED_WIDTH = 10.0
+FEWEST = 30  # samples that a mean is told of
 #: Most frequencies and wavenumbers of the spectrum.
 FREQUENCIES, WAVENUMBERS = 48, 65
 
@@ -92,9 +93,9 @@ def powers(cells: Cells, index: NDArray[np.int64], labels: Sequence[str]) -> Pow
 
 
 def present(cells: Cells, index: NDArray[np.int64], labels: Sequence[str]) -> Powers:
-    """The same without values that no cell has."""
+    """The same without values that hardly any cell has."""
     every = powers(cells, index, labels)
-    kept = np.flatnonzero(every.samples)
+    kept = np.flatnonzero(every.samples >= FEWEST)
     chosen = [labels[int(i)] for i in kept]
     return Powers(chosen, every.chi2[kept], every.samples[kept], every.sigma[kept])
 

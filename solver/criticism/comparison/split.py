@@ -1,6 +1,6 @@
 """Whose the misfit is: the channels', the passes', the kernel's, nobody's, or the noise's."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from math import comb
@@ -12,13 +12,14 @@ from scipy.linalg import cho_factor, cho_solve
 from solver.criticism.comparison.cells import Cells, lanes
 from solver.criticism.comparison.stack import strength
 from solver.run.contents import Run
-from solver.whitening import blocks_of
+from solver.whitening import LONGEST, blocks_of
 
 Array = NDArray[np.float64]
 
 #: Places where the kernel is free, m ahead of the vehicle; it is straight between them.
 SPACING = 1.25
 KNOTS = np.arange(-25.0, 25.1, SPACING)
+CELLS = 400_000  # that are whitened at once, which keeps the columns below 300 MB
 SOURCES = ("channel gain", "channel shift", "pass gain", "pass shift", "kernel")
 
 
@@ -70,8 +71,10 @@ def crossed(one: Columns, other: Columns) -> Array:
     return np.asarray(flat.reshape(one.count, other.count))
 
 
-def kernel_columns(drive: Array, cells: Cells, block: slice) -> Array:
-    """Whitened columns [lane and knot, sample, channel] of one block: hats of the distance ahead, times strength.
+def kernel_columns(drive: Array, cells: Cells, block: slice, skip: int) -> Array:
+    """Whitened columns [lane and knot, sample, channel] of a block but its first `skip` samples.
+
+    A column is the strength of the lane's vehicles times a hat of the distance ahead.
 
     A fiber beside one lane hears another shape than beside the other, so each lane has a kernel of its own.
     """
@@ -82,8 +85,20 @@ def kernel_columns(drive: Array, cells: Cells, block: slice) -> Array:
     for number in range(len(names)):
         own = np.where((owner >= 0) & (lane[owner] == number), strong, 0.0)
         hats = (np.clip(1 - np.abs(ahead - knot) / SPACING, 0, None) for knot in KNOTS)
-        columns += [cells.whiten(own * hat, block) for hat in hats]
+        columns += [cells.whiten(own * hat, block)[skip:] for hat in hats]
     return np.array(columns)
+
+
+def chunks(blocks: list[slice], rows: int) -> Iterator[tuple[slice, int]]:
+    """Pieces of blocks of about so many rows, and how many rows at the start only serve as the noise's memory.
+
+    >>> [(piece.start, piece.stop, skip) for piece, skip in chunks([slice(0, 150)], 100)]
+    [(0, 100, 0), (60, 150, 40)]
+    """
+    for block in blocks:
+        for first in range(block.start, block.stop, rows):
+            skip = min(LONGEST, first - block.start)
+            yield slice(first - skip, min(first + rows, block.stop)), skip
 
 
 def normal_equations(run: Run, cells: Cells) -> tuple[Array, Array, list[slice]]:
@@ -99,9 +114,11 @@ def normal_equations(run: Run, cells: Cells) -> tuple[Array, Array, list[slice]]
     counts = [*(count for *_, count in plans), len(KNOTS) * len(lanes(cells.approach)[1])]
     ends = np.cumsum([0, *counts])
     matrix, right = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1])
-    for block in blocks_of(run.result.samples):
+    for block, skip in chunks(blocks_of(run.result.samples), max(4 * LONGEST, CELLS // owner.shape[1])):
+        kernel = kernel_columns(drive, cells, block, skip).reshape(counts[-1], -1)
+        block = slice(block.start + skip, block.stop)
+        residual = cells.residual[block].ravel()
         parts = [Columns(field[block].ravel(), labels[block].ravel(), count) for field, labels, count in plans]
-        kernel, residual = kernel_columns(drive, cells, block).reshape(counts[-1], -1), cells.residual[block].ravel()
         alone = [Columns(row, np.zeros(len(residual), int), 1) for row in (*kernel, residual)]
         rows = [[*(crossed(a, b) for b in parts), np.hstack([crossed(a, k) for k in alone])] for a in parts]
         upper = np.vstack([np.hstack(row) for row in rows])

@@ -13,10 +13,11 @@ from typer.testing import CliRunner
 import solver.cli
 from solver.criticism import comparison
 from solver.criticism.comparison import compare, render, write_comparison
+from solver.criticism.comparison import split as split_module
 from solver.criticism.comparison.cells import cells_of, noise_of, on_fiber
 from solver.criticism.comparison.power import periodogram, power_of
 from solver.criticism.comparison.regions import regions_of
-from solver.criticism.comparison.split import SOURCES, fair_shares, split_of
+from solver.criticism.comparison.split import SOURCES, fair_shares, normal_equations, split_of
 from solver.criticism.comparison.stack import stack_of
 from solver.criticism.comparison.windows import ladder, power_statistic, threshold, widest
 from solver.criticism.comparison.words import clock, region_words, size_words
@@ -194,6 +195,14 @@ def test_the_misfit_is_given_to_its_source(change, source):
     above = split.chi2 - split.noise
     assert split.explained[source] > 0.7 * above
     assert sum(split.explained.values()) + split.noise + split.unexplained == pytest.approx(split.chi2)
+
+
+def test_the_split_of_a_long_run_in_pieces_is_that_of_the_whole(gain_run, monkeypatch):
+    cells = cells_of(gain_run)
+    whole = normal_equations(gain_run, cells)
+    monkeypatch.setattr(split_module, "CELLS", 170 * CHANNELS)
+    for part, other in zip(normal_equations(gain_run, cells)[:2], whole[:2], strict=True):
+        np.testing.assert_allclose(part, other, atol=1e-9 * np.abs(other).max())
 
 
 def test_fair_shares_add_up():
