@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from solver.anchor_check import contradiction
 from solver.anchors import Anchor, read_anchors
 from solver.das import DASRecord, read_das
 from solver.effects.catalogue import find
@@ -16,7 +17,17 @@ from solver.effects.plugins import catalogue
 from solver.fit import METHODS, FitResult, Prior, Problem
 from solver.fit.held_out import FOLDS, held_out_chi2
 from solver.matched_filter import initialize
-from solver.pose import bent_ends, near, pose, shortened, start_route, straight_part, with_slow_errors
+from solver.pose import (
+    bent_ends,
+    near,
+    pose,
+    shortened,
+    silent,
+    start_route,
+    straight_part,
+    view_of,
+    with_slow_errors,
+)
 from solver.processing import decimated
 from solver.site import Site
 from solver.trajectory import Pass, smooth_passes
@@ -100,6 +111,19 @@ def fit_straight(result: FitResult, problem: Problem, method: str, warnings: lis
     return result, problem
 
 
+def fit_agreeing(result: FitResult, problem: Problem, method: str, warnings: list[str]) -> tuple[FitResult, Problem]:
+    """Fit again without anchors that all others and the tracks contradict; where nothing tells which, say so."""
+    while found := contradiction(problem, result):
+        warnings.append(found.sentence)
+        if len(found.suspects) > 1 or len(problem.anchors) < 2:
+            break
+        warnings[-1] += "; it is left out"
+        rest = [one for one in problem.anchors if one not in found.suspects]
+        again, problem = fit_sides([replace(shortened(problem, slice(None), result), anchors=rest)], method)
+        result = replace(again, ambiguous_side=result.ambiguous_side)
+    return result, problem
+
+
 def apart(one: FitResult, other: FitResult) -> bool:
     """Whether two routes differ by more than their own uncertainty."""
     shift = np.abs(one.route[:, 1] - other.route[:, 1])
@@ -148,6 +172,8 @@ def locate(
     with timed(timings, "match"):
         rough = initialize(record, passes, depth=ground.depth[0], poisson_ratio=ground.poisson_ratio)
     anchors = near(anchors, rough.active, record.channel_spacing, warnings)
+    if nothing := silent(record, view_of(rough, passes)):
+        warnings.append(nothing)
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
     keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing))
     sides = [rough.lateral] if anchors else [rough.lateral, rough.mirror]
@@ -157,9 +183,12 @@ def locate(
     problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved)) for one in posed]
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
+        result, problem = fit_agreeing(result, problem, method, warnings)
+    if not result.converged:
+        warnings.append("the fit did not converge: do not rely on this route; check tracks, clocks and anchors")
     with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:
         again = shortened(problem, slice(None), result)
         held_out = held_out_chi2(again, advance) if method == "spline" else None
     if all(one.vehicle_class == "vehicle" for one in passes):
         effects = [name for name in effects if name != "wheel_layout"]
-    return Located(site, record, passes, anchors, again, result, held_out, effects, warnings, timings)
+    return Located(site, record, passes, list(problem.anchors), again, result, held_out, effects, warnings, timings)

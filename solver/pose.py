@@ -27,6 +27,10 @@ TAIL = 4.0
 #: that of the other channels, is a bend that the model does not hold for.
 TURN, EXCESS = 0.2, 1.2
 
+#: An anchor farther along the road from the matched filter's line, m, is around a bend, or wrong.
+OFF_LINE = 5.0
+#: Positions out of view go on from the last ones in view: they err alike over many samples, which weigh as one.
+UNSEEN = 3.0
 #: Where tracks in view are this uncertain, m, their slow errors are fitted too.
 UNCERTAIN = 0.05
 
@@ -41,14 +45,34 @@ def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, war
     return used
 
 
+def view_of(rough: Initialization, passes: Sequence[Pass]) -> np.ndarray:
+    """First and last channel [2] in view, by the matched filter's line."""
+    x = np.concatenate([one.position[one.in_view, 0] for one in passes])
+    x0, slope = rough.x_of_channel
+    return np.asarray(np.sort((np.array([x.min(), x.max()]) - x0) / slope))
+
+
+def silent(record: DASRecord, ends: np.ndarray) -> str | None:
+    """Say which channels between `ends` [2] record nothing; None where all do.
+
+    What a channel repeats for more than half of the time is nothing.
+    """
+    inside = (record.channel >= ends[0]) & (record.channel <= ends[1])
+    changes = np.diff(record.strain_rate[:, inside], axis=0)
+    dead = record.channel[inside][~((np.abs(changes) > 0).mean(0) > 0.5)]
+    if not len(dead):
+        return None
+    runs = np.split(dead, np.flatnonzero(np.diff(dead) != 1) + 1)
+    names = ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
+    return f"channels {names} record nothing; the route there hangs on their neighbors"
+
+
 def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int) -> slice:
     """Active channels to fit: without the last gauge length where the fiber leaves the road before the view ends.
 
     A gauge across a sharp bend feels both legs; the end-point difference of the base model does not hold there.
     """
-    x = np.concatenate([one.position[one.in_view, 0] for one in passes])
-    x0, slope = rough.x_of_channel
-    ends = np.sort((np.array([x.min(), x.max()]) - x0) / slope)
+    ends = view_of(rough, passes)
     leaves = (rough.active[0] - ends[0] > gauge / 2, ends[1] - rough.active[1] > gauge / 2)
     first, stop = gauge * leaves[0], len(rough.channel) - gauge * leaves[1]
     return slice(first, stop) if stop - first > 2 * gauge else slice(None)
@@ -66,19 +90,25 @@ def nearby(one: Pass, route: np.ndarray, reach: float = FELT) -> Pass | None:
     )
 
 
+def guessed_less(one: Pass) -> Pass:
+    """The pass with its positions out of view weighing less."""
+    return replace(one, sigma=np.where(one.in_view[:, None], 1.0, UNSEEN) * one.sigma)
+
+
 def start_route(rough: Initialization, lateral: np.ndarray, anchors: Sequence[Anchor]) -> np.ndarray:
     """Rough route [channel, 3] through the matched filter's line, moved onto the anchors where there are any."""
     route = np.column_stack([rough.route[:, 0], lateral, rough.route[:, 2]])
     if not anchors:
         return route
-    at = [a.channel for a in anchors]
-    for axis, name in enumerate("xyz"):
-        miss = np.array([getattr(a, name) for a in anchors]) - np.interp(at, rough.channel, route[:, axis])
-        # Lateral position and depth of the anchors are better than any start; x keeps the slope of the line.
-        if axis:
-            route[:, axis] = np.interp(rough.channel, at, [getattr(a, name) for a in anchors])
-        else:
-            route[:, axis] += miss.mean()
+    at = np.array([a.channel for a in anchors])
+    # Lateral position and depth of the anchors are better than any start; x keeps the slope of the line.
+    for axis, name in enumerate("yz", 1):
+        route[:, axis] = np.interp(rough.channel, at, [getattr(a, name) for a in anchors])
+    x0, slope = rough.x_of_channel
+    miss = np.array([a.x for a in anchors]) - (x0 + slope * at)
+    on_line = np.abs(miss) < OFF_LINE
+    if on_line.any():
+        route[:, 0] += miss[on_line].mean()
     return route
 
 
@@ -96,7 +126,7 @@ def pose(
     still = quiet(len(strain_rate), route, passes)
     noise = noise_level(strain_rate, still)
     alive = np.isfinite(noise) & (noise > 0)
-    passes = [part for one in passes if (part := nearby(one, route)) is not None]
+    passes = [guessed_less(part) for one in passes if (part := nearby(one, route)) is not None]
     traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))
     return Problem(
         record=strain_rate[:, alive],

@@ -81,11 +81,18 @@ class MapFit:
     problem : the survey and the effects in its model
     knot_spacing : of the route, m
     known_ground : leave all but the vehicles as it is
+    span : ends of the route, distance along the fiber, m; those of the problem where None
     """
 
-    def __init__(self, problem: Problem, knot_spacing: float = KNOT_SPACING, known_ground: bool = False):
+    def __init__(
+        self,
+        problem: Problem,
+        knot_spacing: float = KNOT_SPACING,
+        known_ground: bool = False,
+        span: tuple[float, float] | None = None,
+    ):
         self.problem = problem
-        self.basis = SplineBasis(*problem.span, knot_spacing)
+        self.basis = SplineBasis(*(span or problem.span), knot_spacing)
         self.path = problem.path
         self.extension = self.path.extension
         self.measured = problem.measured
