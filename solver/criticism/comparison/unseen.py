@@ -20,6 +20,7 @@ APART = (3.0, 20)
 #: Speeds that are tried, m/s along the fiber, and the width of the lines that are summed, m.
 SPEEDS = np.concatenate([-np.geomspace(45, 2, 60), np.geomspace(2, 45, 60)])
 LINE = 2.0
+SHORTEST = 1.5  # seconds over which something must be seen to move
 
 
 @dataclass(frozen=True)
@@ -127,6 +128,8 @@ def speed_of(where: NDArray[np.bool_], residual: Array, time: Array, distance: A
     level : mean square of the residual's noise
     """
     rows, columns = np.nonzero(where)
+    if not len(rows) or time[rows[-1]] - time[rows[0]] < SHORTEST:
+        return None
     t, s, values = time[rows] - time[rows].mean(), distance[columns], residual[where] / np.sqrt(level)
     coherence = []
     for speed in SPEEDS:
