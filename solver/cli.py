@@ -99,7 +99,7 @@ def effects(
 ) -> None:
     """List the effects that a model can be given, stage by stage, or verify and show your own.
 
-    Each with its parameters (unit, plausible size, null, bounds, scope), physics, source and what it is confounded with.
+    Each with its parameters (unit, plausible size, null, bounds, scope), physics, source, and what it is taken for.
     A plugin's effects are verified: exactly absent at null, in one stage, with a derivative that is right and not zero.
 
     Example: `roadfiber effects gauge_length` or `roadfiber effects --plugin mine.py`

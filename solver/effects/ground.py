@@ -193,16 +193,16 @@ FAR, NEAR = 10.0, 3.0
     "rayleigh_wave",
     "ground",
     [
-        Parameter("sine", "1", 0.02, lower=-0.5, upper=0.5, scope="track"),
-        Parameter("cosine", "1", 0.02, lower=-0.5, upper=0.5, scope="track"),
-        Parameter("frequency", "Hz", 0.2, lower=1.5, upper=20, grid=tuple(np.arange(2.2, 12.3, 0.4).round(2).tolist())),
+        Parameter("sine", "1", 0.02, lower=-0.5, upper=0.5, scope="pass"),
+        Parameter("cosine", "1", 0.02, lower=-0.5, upper=0.5, scope="pass"),
+        Parameter("frequency", "Hz", 0.2, lower=1.5, upper=20, grid=(3.0, 6.0, 10.0)),
         Parameter("speed", "m/s", 30.0, lower=60, upper=400, grid=(160.0,)),
     ],
     physics="Vehicles radiate surface waves, far, weak and fast: r^-1/2 cos(w (t - r / c)).",
     source="Lamb 1904, Phil. Trans. A 203, 1; Richart, Hall and Woods 1970, Vibrations of Soils, section 3.",
 )
 def rayleigh_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
-    """Radial motion; 1 strains the ground 10 m away about as fast as the trough beside the vehicle."""
+    """Radial motion, each vehicle's of its own phase; 1 strains the ground 10 m away about as fast as the trough beside the vehicle."""
     omega = 2 * torch.pi * p["frequency"]
 
     def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:

@@ -79,7 +79,9 @@ def catalogue(plugins: Sequence[Path] = ()) -> dict[str, Effect]:
     from solver.effects.verify import verify
 
     effects = dict(built_in())
-    for one in [*installed(), *(one for path in plugins for one in load_plugin(path))]:
+    # A run folder keeps a copy of the plugin it was made with: the same file again is not another.
+    files = {path.read_bytes() if path.is_file() else path: path for path in map(Path, plugins)}
+    for one in [*installed(), *(one for path in files.values() for one in load_plugin(path))]:
         if one.name in effects:
             raise InputError(f"effect {one.name}: is in the catalogue already; give yours another name")
         verify(one)

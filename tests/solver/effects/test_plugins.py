@@ -62,6 +62,12 @@ def test_a_name_that_is_taken_is_refused(tmp_path):
         catalogue([written(tmp_path, name="highpass")])
 
 
+def test_a_copy_of_a_plugin_is_the_same_plugin(tmp_path):
+    copy = tmp_path / "plugin-1.py"
+    copy.write_text(written(tmp_path).read_text())
+    assert list(catalogue([copy, tmp_path / "mine.py"])) == [*built_in(), "grip"]
+
+
 def test_a_plugin_is_verified(tmp_path):
     with pytest.raises(InputError, match=r"effect grip: not absent at share = 0: .* 0\.1 of its largest"):
         catalogue([written(tmp_path, null="1.1")])
