@@ -11,6 +11,7 @@ import typer
 
 import calib.cli
 import solver.cli
+import solver.criticism.cli
 import vision.cli
 from vision.contract.errors import InputError
 
@@ -32,7 +33,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(calib.cli.app, name="calibrate")
-for group in (vision.cli.app, solver.cli.app):
+for group in (vision.cli.app, solver.cli.app, solver.criticism.cli.app):
     app.registered_commands += group.registered_commands
 
 

@@ -1,6 +1,7 @@
 """Noise audit: whether the noise is what the whitening takes it for. Without that no test means what it says."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import torch
@@ -117,7 +118,7 @@ def stretches(use: NDArray[np.bool_]) -> list[slice]:
     total = np.cumsum(use.sum(1))
     parts = min(PARTS, int(total[-1] // 200))
     edges = [0, *np.searchsorted(total, total[-1] * np.arange(1, parts) / max(parts, 1)).tolist(), len(use)]
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if use[a:b].any()]
+    return [slice(a, b) for a, b in pairwise(edges) if use[a:b].any()]
 
 
 def signal_growth(residual: NDArray[np.float64], model: NDArray[np.float64]) -> float:

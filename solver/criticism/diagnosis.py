@@ -30,6 +30,8 @@ CLOSE, ALIKE = 6.0, 0.95
 LEFT = 0.12
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
+#: What a whole track may be off without being an effect, m.
+ALONG, ACROSS = 0.3, 0.08
 #: How many enter the race of full fits.
 RACERS = 7
 
@@ -223,7 +225,7 @@ def diagnose(
     effects: Sequence[Effect],
     held_out: bool = True,
     advance: Advance = lambda n: None,
-) -> tuple[Diagnosis, "Findings"]:
+) -> Diagnosis:
     """Say what a survey's model lacks.
 
     Parameters
@@ -236,8 +238,11 @@ def diagnose(
 
     Returns
     -------
-    diagnosis, and what `add` starts from
+    diagnosis
     """
+    # A size of the tracks' errors that is fitted takes up whatever shifts all passes: here it is what it should be.
+    strict = replace(problem.prior, along=ALONG, across=ACROSS, belief=1e3)
+    problem = replace(problem, prior=strict)
     fit, state = converged(problem, state)
     at = fit.linearized(state)
     noise = fit.problem.noise
@@ -246,44 +251,20 @@ def diagnose(
         problem = replace(problem, signal_noise=check.signal_noise)
         fit, state = converged(problem, state)
     bench = Bench.of(fit, state, effects, advance)
-    nothing = Findings(fit, state, {}, {})
     if not check.passed:
         words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(check.faults)
         listed = tuple(replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table)
-        return Diagnosis("inconclusive", words, listed, check, bench.scorer.stress), nothing
+        return Diagnosis("inconclusive", words, listed, check, bench.scorer.stress)
     good = bench.scorer.at.weights.good
     before = loss(fit, state, good)
     tried = race(fit, state, racers(bench.table), before, good, advance)
-    listed = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
-    listed += [fault_candidate(fault) for fault in bench.faults]
-    listed.sort(key=lambda c: (-c.refitted if c.evidence > FOUND else 0, -c.evidence))
-    listed.sort(key=lambda c: -c.evidence)
-    found = Findings(
-        fit, state, tried | {}, {fault.name: fault for fault in bench.faults}, {s.effect.name: s for s in bench.table}
-    )
-    if bench.scorer.stress > CONVERGED and (not tried or listed[0].evidence < FOUND):
+    ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
+    ranked += [fault_candidate(fault) for fault in bench.faults]
+    ranked.sort(key=lambda c: -c.evidence)
+    if bench.scorer.stress > CONVERGED and ranked[0].evidence < FOUND:
         words = f"the fit has not converged ({bench.scorer.stress:.1f} sigmas are left along what it fits)"
-        return Diagnosis("inconclusive", words, tuple(listed), check, bench.scorer.stress), found
-    return judge(bench, listed, tried, check, effects, held_out, advance), found
-
-
-@dataclass(frozen=True)
-class Findings:
-    """What a diagnosis leaves for `add`.
-
-    Parameters
-    ----------
-    fit, state : converged, without any candidate
-    refits : by effect, those fitted in full
-    faults : by name
-    scores : by effect
-    """
-
-    fit: MapFit
-    state: State
-    refits: Mapping[str, Refit]
-    faults: Mapping[str, Fault]
-    scores: Mapping[str, Score] = None  # type: ignore[assignment]
+        return Diagnosis("inconclusive", words, tuple(ranked), check, bench.scorer.stress)
+    return judge(bench, ranked, tried, check, effects, held_out, advance)
 
 
 def judge(
@@ -315,7 +296,7 @@ def judge(
     left = 0.0
     if first.effect in tried:
         winner = tried[first.effect]
-        again = Bench.of(winner.fit, winner.solution.state, effects, advance)
+        again = Bench.of(winner.fit, winner.solution.state, suspects(bench.table, effects), advance)
         rest = [s for s in again.table if s.evidence > FOUND]
         left = rest[0].evidence if rest else 0.0
         doubt = [s for s in rest if s.fall > LEFT * max(first.delta_chi2, 1.0)]
@@ -346,6 +327,12 @@ def judge(
     first = replace(first, confounded_with=twins)
     words, separate = missing_words(first, bench, left)
     return Diagnosis("missing-effect", words, order(listed, first), check, stress, separate, left)
+
+
+def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:
+    """Effects that may be missing beside the winner: those that showed, and the stand-ins for the unknown."""
+    shown = {s.effect.name for s in table if s.evidence > FOUND}
+    return [one for one in effects if one.name in shown or one.generic]
 
 
 def order(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, ...]:
@@ -406,7 +393,9 @@ def missing_words(first: Candidate, bench: Bench, left: float) -> tuple[str, str
 
 def unknown_words(first: Candidate, physical: Sequence[Candidate]) -> str:
     """Verdict on something unknown."""
-    words = f"an unknown effect acts at the {first.stage} stage: no effect of the catalogue explains what {first.effect} does"
+    words = (
+        f"an unknown effect acts at the {first.stage} stage: nothing in the catalogue explains what {first.effect} does"
+    )
     if physical:
         words += (
             f"; nearest is {physical[0].effect}, with {100 * physical[0].delta_chi2 / first.delta_chi2:.0f} % of it"

@@ -5,12 +5,13 @@ Each is searched for in the residual, and mended in the survey itself: a pass mo
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from solver.fit.least_squares import MapFit, State
+from solver.fit.least_squares import HUBER, MapFit, State
 from solver.fit.problem import Problem
 from solver.model import Fiber, Traffic, Vehicles
 from solver.trajectory import Pass
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 #: Speeds that an unseen vehicle is searched at, m/s, and how far from the middle of the view it is followed, m.
 SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
 REACH = 90.0
+#: Sigmas by which a sample that jumped differs from its neighbors.
+JUMP = 8.0
 #: s; a vehicle of the trajectories that passes the middle within this time is not unseen.
 KNOWN = 1.5
 
@@ -109,6 +112,17 @@ def passing_times(problem: Problem) -> list[tuple[int, float]]:
     return times
 
 
+class Peak(NamedTuple):
+    """A match: in sigmas, weight and its sigma relative to a typical car, time of passing, s, direction, speed, m/s."""
+
+    snr: float
+    weight: float
+    sigma: float
+    time: float
+    way: int
+    speed: float
+
+
 def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
     """Search the whole record for one more vehicle: matched filter over speed, direction, lane and time."""
     problem = fit.problem
@@ -118,7 +132,7 @@ def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
     white = whiten(torch.from_numpy(rest)).numpy()
     white = np.clip(white, -8, 8)
     known = passing_times(problem)
-    best: tuple[float, float, float, float, int, float] | None = None
+    best: Peak | None = None
     trials = 0
     for way, y in lanes(problem):
         for speed in SPEEDS:
@@ -135,18 +149,19 @@ def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
             trials += int(free.sum())
             snr = np.where(free, match / np.sqrt(energy), -np.inf)
             peak = int(snr.argmax())
-            if best is None or snr[peak] > best[0]:
-                best = (float(snr[peak]), float(match[peak] / energy), energy**-0.5, float(time[peak]), way, speed)
+            if best is None or snr[peak] > best.snr:
+                best = Peak(float(snr[peak]), float(match[peak] / energy), energy**-0.5, float(time[peak]), way, speed)
     if best is None:
         return None
-    snr, weight, sigma, time, way, speed = best
-    y = dict(lanes(problem))[way]
+    found, lane = best, dict(lanes(problem))[best.way]
 
     def mend(survey: Problem) -> Problem:
-        return with_pass(survey, straight(survey, speed, way, y, time, len(survey.record)))
+        return with_pass(survey, straight(survey, found.speed, found.way, lane, found.time, len(survey.record)))
 
-    words = f"a vehicle the trajectories lack passes the middle at {time:.1f} s, {way * speed * 3.6:+.0f} km/h along x"
-    return Fault("unseen_vehicle", "load", max(snr, 0.0) ** 2, 3, trials, weight, sigma, "1", 6 * sigma, words, mend)
+    speed_x = found.way * found.speed * 3.6
+    words = f"a vehicle the trajectories lack passes the middle at {found.time:.1f} s, {speed_x:+.0f} km/h along x"
+    fall, least = max(found.snr, 0.0) ** 2, 6 * found.sigma
+    return Fault("unseen_vehicle", "load", fall, 3, trials, found.weight, found.sigma, "1", least, words, mend)
 
 
 def correlate(values: Array, shape: Array) -> Array:
@@ -172,13 +187,15 @@ def find_cycle_skips(fit: MapFit, state: State, good: NDArray[np.float64]) -> Fa
     for axis in (0, 1):
         for step in (1, -1):
             near |= np.roll(bad, step, axis)
-    alone = bad & ~near
-    count, total = int(bad.sum()), int(measured.sum())
-    # One in ten million samples of white noise lies as far out.
-    if alone.sum() < 5 or alone.sum() < 0.5 * count:
-        return None
     residual = fit.residual(state).numpy()
-    fall = float((residual[bad] ** 2 - 1).sum())
+    around = np.stack([np.roll(residual, step, axis) for axis in (0, 1) for step in (1, -1)])
+    jumps = bad & ~near & (np.abs(residual - np.median(around, 0)) > JUMP)
+    bad = jumps
+    count, total = int(jumps.sum()), int(measured.sum())
+    if count < 4:
+        return None
+    # What the robust likelihood charges for so many samples.
+    fall = count * float(2 * HUBER * JUMP - HUBER**2)
     at = fit.problem.traffic.samples
 
     def mend(survey: Problem) -> Problem:

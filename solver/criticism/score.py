@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.effects.effect import Effect
-from solver.extension import Extension
+from solver.extension import Extension, Values
 from solver.fit.derivatives import Seen, Short, derivative
 from solver.fit.least_squares import Linearized, MapFit, State
 from solver.model import Fiber, wheel_responses
@@ -91,7 +91,7 @@ class Scorer:
         path = replace(self.fit.path, extension=extension)
         state = self.state
 
-        def fiber(values: dict) -> Fiber:
+        def fiber(values: Values) -> Fiber:
             return self.fit.fiber_at(path, state.coefficients, values)
 
         if key not in self._seen:

@@ -118,7 +118,7 @@ def shift_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> T
         trajectory = path.trajectory(vehicles, changed(value))
         return trajectory.position, trajectory.velocity, trajectory.heading
 
-    (_, _, heading), (move, faster, turn) = jvp(driven, (here,), (torch.ones_like(here),))
+    (_, _, heading), (move, faster, turn) = jvp(driven, (here,), (torch.ones_like(here),))[:2]
     if bool(faster.any() | turn.any()):
         return None
     right = torch.stack([-heading[..., 1], heading[..., 0]], -1)
@@ -154,7 +154,7 @@ def compliance_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor)
     ground = seen.path.described(changed(here)).ground
     if ground.compliance is None or replace(BASE, ground=replace(ground, compliance=None)).in_rows:
         return None
-    value, tangent = jvp(softness, (here,), (torch.ones_like(here),))
+    value, tangent = jvp(softness, (here,), (torch.ones_like(here),))[:2]
     return seen.rows * tangent / value
 
 
@@ -169,7 +169,7 @@ def place_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> T
     cable = seen.path.described(changed(here)).cable
     if replace(BASE, cable=replace(cable, gain=BASE.cable.gain)).in_rows:
         return None
-    (_, gain), (move, louder) = jvp(place, (here,), (torch.ones_like(here),))
+    (_, gain), (move, louder) = jvp(place, (here,), (torch.ones_like(here),))[:2]
     return short.distance * move + seen.rows * louder / gain
 
 

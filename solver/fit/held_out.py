@@ -37,7 +37,7 @@ def shared_numbers(fit: MapFit, state: State, new: MapFit) -> torch.Tensor:
 
 
 def carried(fit: MapFit, state: State, chosen: np.ndarray, new: MapFit) -> State:
-    """A state of all passes as a start for a fit of those `chosen`; what is smooth along each pass starts at its null."""
+    """A state of all passes as a start for a fit of those `chosen`; what is smooth along a pass begins at null."""
     numbers = shared_numbers(fit, state, new)
     for old, slot in zip(fit.extension.slots, new.extension.slots, strict=True):
         if slot.parameter.scope == "pass":
@@ -82,7 +82,8 @@ def held_out_chi2(
         end = solve(unseen, unseen.start_at(ground.coefficients, ground.poisson_ratio, numbers)).state
         alone = own_samples(problem, group)
         weights = unseen.normal(end)[2]
-        misfit += float((unseen.whitened(end, weights)[alone] ** 2).sum())
+        # What held-out passes must be shifted or changed by is misfit too, by its prior: a clock that is off shows there.
+        misfit += float((unseen.whitened(end, weights)[alone] ** 2).sum()) + unseen.prior_cost(end)
         freedom += float((weights.good * weights.soft)[alone].sum()) - int(unseen.free.sum())
         advance(1)
     return misfit / freedom if freedom > 0 else None

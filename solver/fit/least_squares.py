@@ -224,7 +224,9 @@ class MapFit:
         for name in TRACK_ERRORS:
             where = self.block(name)
             if bool(self.free[where].all()):
-                precision[where] = track_precision(getattr(state.vehicles, name), getattr(self.problem.prior, name))
+                precision[where] = track_precision(
+                    getattr(state.vehicles, name), getattr(self.problem.prior, name), self.problem.prior.belief
+                )
         return precision
 
     def block(self, name: str) -> slice:
@@ -240,7 +242,9 @@ class MapFit:
             where = self.block(name)
             if bool(self.free[where].all()):
                 sd[where] = torch.inf
-                tracks += track_cost(getattr(state.vehicles, name), getattr(self.problem.prior, name))
+                tracks += track_cost(
+                    getattr(state.vehicles, name), getattr(self.problem.prior, name), self.problem.prior.belief
+                )
         shift = (state.vector() - self.mean)[self.free] / sd[self.free]
         return float((shift**2).sum()) + tracks
 

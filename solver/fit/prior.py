@@ -25,6 +25,7 @@ class Prior:
     poisson_ratio : mean and sd
     along, across : size of a whole track's errors along travel and sideways, m; the passes themselves correct it, see
         `track_precision`
+    belief : passes' worth of belief in `along` and `across`
     jitter : sd of the coefficients of each track's slow error, where that is in the model (`track_jitter`), m
     """
 
@@ -36,32 +37,31 @@ class Prior:
     poisson_ratio: tuple[float, float] = (0.25, 0.03)
     along: float = 0.5
     across: float = 0.05
+    belief: float = 2.0
     jitter: float = 0.3
 
 
-#: Passes' worth of belief in the expected size of the tracks' errors.
-BELIEF = 2.0
 #: Least depth that a route is expected to have, and sd of that limit, m.
 SHALLOW, SHALLOW_SD = 0.2, 0.02
 
 
-def track_precision(errors: Tensor, size: float) -> Tensor:
+def track_precision(errors: Tensor, size: float, belief: float) -> Tensor:
     """Precision [], 1/m^2, of the prior on every pass's error, given the errors [pass], m, of all.
 
-    The size of the errors is not known, only expected: scaled-inverse-chi-square with `BELIEF` degrees of freedom.
+    The size of the errors is not known, only expected: scaled-inverse-chi-square with `belief` degrees of freedom.
     Integrated over it the passes' errors are jointly Student-t (O'Hagan 1979, J. R. Stat. Soc. B 41, 358), which pulls
     on each as a Gaussian of this precision does: tracks that are all off loosen each other.
 
     >>> none, far = torch.zeros(6, dtype=torch.float64), torch.ones(6, dtype=torch.float64)
-    >>> [round(float(track_precision(errors, 0.05)) ** -0.5, 3) for errors in (none, far)]
+    >>> [round(float(track_precision(errors, 0.05, 2.0)) ** -0.5, 3) for errors in (none, far)]
     [0.025, 0.867]
     """
-    return (BELIEF + len(errors)) / (BELIEF * size**2 + (errors**2).sum())
+    return (belief + len(errors)) / (belief * size**2 + (errors**2).sum())
 
 
-def track_cost(errors: Tensor, size: float) -> float:
+def track_cost(errors: Tensor, size: float, belief: float) -> float:
     """-2 ln of that Student-t density of errors [pass], m, but for a constant."""
-    return float((BELIEF + len(errors)) * torch.log1p((errors**2).sum() / (BELIEF * size**2)))
+    return float((belief + len(errors)) * torch.log1p((errors**2).sum() / (belief * size**2)))
 
 
 @dataclass(frozen=True)

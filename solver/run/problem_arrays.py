@@ -67,7 +67,9 @@ def problem_from(
     look_up : effect by its name
     """
     passes = passes_from(arrays, "fitted_pass")
-    known = {name: tuple(value) if isinstance(value, list) else value for name, value in facts["prior"].items()}
+    known: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in facts["prior"].items()
+    }
     return Problem(
         record=arrays["record"].astype(np.float64),
         noise=torch.from_numpy(arrays["noise"]),

@@ -8,7 +8,7 @@ import torch
 
 from solver.cable import SplineBasis
 from solver.fit.least_squares import MapFit, decrement, huber, solve
-from solver.fit.prior import BELIEF, Prior, anchor_rows, shape_rows, track_cost, track_precision
+from solver.fit.prior import Prior, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.spline import fit_spline
 from solver.model import Traffic
 
@@ -80,10 +80,10 @@ def test_prior_on_track_errors_by_finite_differences(case) -> None:
     """The gradient of the Student-t cost is that of the Gaussian whose precision is taken."""
     errors = torch.tensor([0.4, -0.1, 0.2, 0.0], dtype=torch.float64, requires_grad=True)
     size = 0.05
-    cost = (BELIEF + 4) * torch.log1p((errors**2).sum() / (BELIEF * size**2))
-    assert float(cost.detach()) == pytest.approx(track_cost(errors.detach(), size))
+    cost = (2.0 + 4) * torch.log1p((errors**2).sum() / (2.0 * size**2))
+    assert float(cost.detach()) == pytest.approx(track_cost(errors.detach(), size, 2.0))
     (gradient,) = torch.autograd.grad(cost, errors)
-    torch.testing.assert_close(gradient, 2 * track_precision(errors.detach(), size) * errors.detach())
+    torch.testing.assert_close(gradient, 2 * track_precision(errors.detach(), size, 2.0) * errors.detach())
 
 
 def test_tracks_that_are_off_loosen_each_other(case) -> None:

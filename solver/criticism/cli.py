@@ -1,0 +1,227 @@
+"""`roadfiber diagnose`, `add`, `ladder` and `explain`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from solver.criticism.diagnosis import Diagnosis
+    from solver.criticism.growth import Grown, Rung
+    from solver.run.contents import Run
+
+app = typer.Typer()
+
+RunFolder = Annotated[Path, typer.Argument(help="A run folder that `roadfiber locate` or `add` wrote.")]
+Plugins = Annotated[list[Path] | None, typer.Option("--plugin", help="File with effects of your own; may be repeated.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")]
+
+
+def plugins_of(folder: Path, more: list[Path] | None) -> list[Path]:
+    """Files of users' effects: those in a run folder, and more."""
+    return [*sorted(folder.glob("plugin-*.py")), *(more or [])]
+
+
+def diagnosed(run: "Run", plugins: list[Path]) -> "Diagnosis":
+    """Diagnose a run, with a progress bar."""
+    from solver.criticism.diagnosis import RACERS
+    from solver.criticism.diagnosis import diagnose as diagnose_problem
+    from solver.criticism.growth import state_of
+    from solver.effects.plugins import catalogue
+    from solver.fit.least_squares import MapFit
+    from vision.contract import progress
+
+    effects = list(catalogue(plugins).values())
+    state = state_of(MapFit(run.problem), run.result.vector)
+    with progress("testing effects", len(effects) + 2 * RACERS) as advance:
+        return diagnose_problem(run.problem, state, effects=effects, advance=advance)
+
+
+def in_words(diagnosis: "Diagnosis", folder: Path) -> str:
+    """What `diagnose` prints."""
+    lines = [f"{diagnosis.verdict}: {diagnosis.words}"]
+    if diagnosis.separate:
+        lines.append(f"what would tell them apart: {diagnosis.separate}")
+    for c in diagnosis.candidates[:6]:
+        full = "" if c.refitted else " (predicted)"
+        size = f"{c.estimate:.3g} +- {c.sigma:.2g} {c.unit}"
+        lines.append(f"  {c.effect:22s} {c.verdict:12s} chi2 falls by {c.delta_chi2:8.0f}{full}; size {size}")
+    lines.append(f"page: {folder / 'diagnosis.html'}")
+    return "\n".join(lines)
+
+
+@app.command()
+def diagnose(run: RunFolder, plugin: Plugins = None, as_json: AsJson = False) -> None:
+    """Say which physical effect the model of a run lacks, if any.
+
+    Audits the noise, tests every effect of the catalogue (and your own), fits the best in full, and writes
+    diagnosis.json and diagnosis.html into the run folder. The verdict is adequate, missing-effect, unknown-effect or
+    inconclusive, with what the survey cannot tell apart and the smallest size it would have shown.
+
+    Example: `roadfiber diagnose runs/main-street --plugin my_effects.py`
+    """
+    from solver.criticism.files import write_diagnosis
+    from solver.run import read_run
+
+    located = read_run(run)
+    diagnosis = diagnosed(located, plugins_of(run, plugin))
+    write_diagnosis(run, diagnosis, located.facts["name"])
+    print((run / "diagnosis.json").read_text(encoding="utf-8") if as_json else in_words(diagnosis, run))
+
+
+def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tuple[Run, list[Grown]]":
+    """Add effects one after another; refuse one that passes held out do not want."""
+    import time
+
+    from solver.criticism.growth import grow, state_of, with_growth
+    from solver.effects.plugins import catalogue
+    from solver.fit.least_squares import MapFit
+    from vision.contract import InputError, progress
+
+    begun = time.perf_counter()
+    known = catalogue(plugins)
+    fit = MapFit(run.problem)
+    state = state_of(fit, run.result.vector)
+    effects, steps = list(run.facts["effects"]), []
+    with progress("fitting with more effects", 8 * len(names)) as advance:
+        for name in names:
+            step = grow(fit, state, name, known, advance)
+            if not step.better and not force:
+                before, after = step.held_out
+                raise InputError(
+                    f"{name}: chi2 per degree of freedom of held-out passes goes from {before:.3f} to {after:.3f}; "
+                    "not kept (--force keeps it all the same)"
+                )
+            fit, state = step.fit, step.state
+            effects.append(name)
+            steps.append(step)
+    return with_growth(run, steps[-1], effects, time.perf_counter() - begun), steps
+
+
+def climbed(before: "Run", folder: Path, after: "Run", out: Path) -> "list[Rung]":
+    """The ladder of a run that has grown out of another."""
+    from solver.criticism.files import read_ladder
+    from solver.criticism.growth import first_rung, next_rung
+    from solver.run import read_run
+
+    rungs = read_ladder(folder) or [first_rung(before, folder)]
+    source = Path(rungs[0].run)
+    first = read_run(source) if source != folder and (source / "fit.json").is_file() else before
+    return [*rungs, next_rung(before, after, first, out)]
+
+
+@app.command()
+def add(
+    run: RunFolder,
+    effects: Annotated[list[str], typer.Argument(help="Names of effects; `roadfiber effects` lists them.")],
+    out: Annotated[Path, typer.Option("--out", help="Run folder to write.")],
+    plugin: Plugins = None,
+    force: Annotated[bool, typer.Option("--force", help="Keep it even if held-out passes fit no better.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Add effects to the model of a run, fit everything again, and extend the error ladder.
+
+    Refuses an effect with which passes held out fit no better. The run you start from stays as it is.
+
+    Example: `roadfiber add runs/main-street gauge_length --out runs/main-street-2`
+    """
+    from solver.criticism.files import write_ladder
+    from solver.run import check_target, read_run
+    from solver.run.folder import write_files
+    from vision.contract import InputError
+
+    if out.resolve() == run.resolve():
+        raise InputError(f"--out {out}: is the run you start from; give the name of a new folder")
+    check_target(out)
+    before = read_run(run)
+    plugins = plugins_of(run, plugin)
+    after, steps = grown(before, effects, plugins, force)
+    write_files(out, after, plugins)
+    rungs = climbed(before, run, after, out)
+    write_ladder(out, rungs, after.facts["name"])
+    if as_json:
+        print((out / "ladder.json").read_text(encoding="utf-8"))
+        return
+    for name, step in zip(effects, steps, strict=True):
+        held = [f"{value:.3f}" if value is not None else "-" for value in step.held_out]
+        print(f"{name}: held-out chi2 per degree of freedom {held[0]} -> {held[1]}")
+    print(f"chi2 per degree of freedom {rungs[-2].chi2_per_dof:.3f} -> {rungs[-1].chi2_per_dof:.3f}")
+    print(f"the route moved by up to {rungs[-1].route_change:.2f} m")
+    print(f"page: {out / 'ladder.html'}")
+
+
+@app.command()
+def ladder(runs: Annotated[list[Path], typer.Argument(help="Run folders.")], as_json: AsJson = False) -> None:
+    """Draw the error ladder of runs: misfit against rungs, the noise floor, and how far the route moved.
+
+    Example: `roadfiber ladder runs/main-street-2`
+    """
+    from solver.criticism.files import read_ladder, write_ladder
+    from solver.criticism.growth import first_rung
+    from solver.run import read_run
+
+    for folder in runs:
+        run = read_run(folder)
+        rungs = read_ladder(folder) or [first_rung(run, folder)]
+        write_ladder(folder, rungs, run.facts["name"])
+        if as_json:
+            print((folder / "ladder.json").read_text(encoding="utf-8"))
+            continue
+        for rung in rungs:
+            held = "-" if rung.held_out_chi2_per_dof is None else f"{rung.held_out_chi2_per_dof:.3f}"
+            names = ", ".join(rung.effects) or "as published"
+            print(f"chi2/dof {rung.chi2_per_dof:.3f}  held out {held}  moved {rung.route_change:.2f} m  {names}")
+        print(f"page: {folder / 'ladder.html'}")
+
+
+@app.command()
+def explain(
+    run: RunFolder,
+    out: Annotated[Path, typer.Option("--out", help="Run folder to write: the last rung, with the story.")],
+    plugin: Plugins = None,
+    rungs: Annotated[int, typer.Option(min=1, max=8, help="Effects to add at most.")] = 4,
+) -> None:
+    """Diagnose, add, and again until the model is adequate; tell the story.
+
+    Writes the last rung's run folder with explain.html and ladder.html; nothing is added that held-out passes do not
+    want.
+
+    Example: `roadfiber explain runs/main-street --out runs/main-street-explained`
+    """
+    from solver.criticism.files import read_ladder, write_diagnosis, write_ladder, write_story
+    from solver.criticism.growth import first_rung, next_rung, state_of, with_growth
+    from solver.criticism.growth import grow as grow_by
+    from solver.criticism.pages import Chapter
+    from solver.effects.plugins import catalogue
+    from solver.fit.least_squares import MapFit
+    from solver.run import check_target, read_run
+    from solver.run.folder import write_files
+
+    check_target(out)
+    plugins = plugins_of(run, plugin)
+    first = current = read_run(run)
+    climb = read_ladder(run) or [first_rung(current, run)]
+    chapters: list[Chapter] = []
+    for _ in range(rungs + 1):
+        diagnosis = diagnosed(current, plugins)
+        print(f"{diagnosis.verdict}: {diagnosis.words}", flush=True)
+        name = diagnosis.candidates[0].effect if diagnosis.candidates else ""
+        if diagnosis.verdict != "missing-effect" or len(chapters) == rungs:
+            chapters.append(Chapter(diagnosis, "Nothing more was added."))
+            break
+        fit = MapFit(current.problem)
+        step = grow_by(fit, state_of(fit, current.result.vector), name, catalogue(plugins))
+        if not step.better:
+            chapters.append(Chapter(diagnosis, f"{name} was tried, and passes held out fit no better."))
+            break
+        effects = [*current.facts["effects"], name]
+        after = with_growth(current, step, effects, 0.0)
+        climb.append(next_rung(current, after, first, out))
+        chapters.append(Chapter(diagnosis, f"{name} was added; the route moved {climb[-1].route_change:.2f} m."))
+        print(f"added {name}: chi2 per degree of freedom {climb[-2].chi2_per_dof:.3f} -> {climb[-1].chi2_per_dof:.3f}")
+        current = after
+    write_files(out, current, plugins)
+    write_diagnosis(out, chapters[-1].diagnosis, current.facts["name"])
+    write_ladder(out, climb, current.facts["name"])
+    write_story(out, chapters, climb, current.facts["name"])
+    print(f"story: {out / 'explain.html'}")

@@ -1,0 +1,205 @@
+"""A model that grows: add an effect to a run, rung by rung, and see whether passes held out agree."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from solver.criticism.refit import Refit, loss, race
+from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle
+from solver.criticism.score import Scorer
+from solver.effects.catalogue import find
+from solver.effects.effect import Effect
+from solver.fit.held_out import held_out_chi2
+from solver.fit.least_squares import MapFit, State, solve
+from solver.fit.posterior import assemble
+from solver.fit.result import FitResult
+from solver.model import Vehicles
+from solver.run.contents import Run
+from solver.run.facts import strict
+from solver.run.problem_arrays import problem_facts
+from vision.contract import InputError
+
+FAULTS: Mapping[str, Callable[[MapFit, State], Fault | None]] = {
+    "unseen_vehicle": find_unseen_vehicle,
+    "cycle_skips": lambda fit, state: find_cycle_skips(fit, state, fit.linearized(state).weights.good.numpy()),
+}
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One model on the error ladder.
+
+    Parameters
+    ----------
+    effects : in the model
+    chi2_per_dof, held_out_chi2_per_dof, noise_floor : misfit of the fit, of passes it has not seen, and of noise alone
+    route_change : largest way that the route moved from the rung before, m
+    route_change_from_first : and from the first rung, m
+    run : folder of the rung
+    """
+
+    effects: tuple[str, ...]
+    chi2_per_dof: float
+    held_out_chi2_per_dof: float | None
+    noise_floor: float | None
+    route_change: float
+    route_change_from_first: float
+    run: str
+
+
+def state_of(fit: MapFit, vector: NDArray[np.float64]) -> State:
+    """The state that a run's vector describes."""
+    route = torch.zeros(fit.basis.size, 3, dtype=torch.float64)
+    nu = torch.tensor(fit.problem.prior.poisson_ratio[0], dtype=torch.float64)
+    empty = State(route, Vehicles.of(fit.problem.passes), nu, fit.extension.numbers())
+    if len(vector) != len(empty.vector()):
+        raise InputError("the run was fitted by another version of roadfiber; run `roadfiber locate` again")
+    return empty.moved(torch.from_numpy(np.array(vector)))
+
+
+@dataclass(frozen=True)
+class Grown:
+    """A run's fit with more in its model.
+
+    Parameters
+    ----------
+    fit, state : converged
+    added : names, in order
+    held_out : chi2 per degree of freedom of held-out passes before and after; None where there are too few passes
+    """
+
+    fit: MapFit
+    state: State
+    added: tuple[str, ...]
+    held_out: tuple[float | None, float | None]
+
+    @property
+    def better(self) -> bool:
+        """Whether passes held out agree that it is better."""
+        before, after = self.held_out
+        return before is None or after is None or after < before
+
+
+def grow(
+    fit: MapFit,
+    state: State,
+    name: str,
+    catalogue: Mapping[str, Effect],
+    advance: Callable[[int], None] = lambda n: None,
+) -> Grown:
+    """Add one effect, or mend one fault, and fit everything again.
+
+    Parameters
+    ----------
+    fit, state : converged, without it
+    name : of the effect or fault
+    catalogue : effects by name
+
+    Raises
+    ------
+    InputError
+        If there is no such effect, it is in the model already, or it does nothing in this survey.
+    """
+    before = held_out_chi2(fit.problem, advance, at=(fit, state))
+    if name in FAULTS:
+        new, end = mended(fit, state, name)
+        after = before if name == "cycle_skips" else held_out_chi2(new.problem, advance, at=(new, end))
+        if name == "cycle_skips":
+            before = None
+        return Grown(new, end, (name,), (before, after))
+    effect = find(name, dict(catalogue))
+    if name in {one.name for one in fit.problem.effects}:
+        raise InputError(f"{name}: is in the model already; choose another effect")
+    refit = fitted_with(fit, state, effect, advance)
+    new, end = refit.fit, refit.solution.state
+    after = held_out_chi2(new.problem, advance, at=(new, end))
+    return Grown(new, end, (name,), (before, after))
+
+
+def mended(fit: MapFit, state: State, name: str) -> tuple[MapFit, State]:
+    """The survey with a fault mended, fitted again."""
+    fault = FAULTS[name](fit, state)
+    if fault is None:
+        raise InputError(f"{name}: nothing of the kind is in this survey's residual")
+    new = MapFit(fault.mend(fit.problem))
+    numbers = state.numbers if len(state.numbers) == new.extension.size else None
+    start = new.start_at(state.coefficients, state.poisson_ratio, numbers)
+    return new, solve(new, start, iterations=60).state
+
+
+def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[int], None]) -> Refit:
+    """A full fit with one more effect, from its score estimate."""
+    scorer = Scorer(fit, state)
+    scores = sorted(scorer.scores(effect), key=lambda s: s.evidence)
+    if not scores or not scores[-1].freedom:
+        raise InputError(f"{effect.name}: does nothing in this survey; nothing to add")
+    good = scorer.at.weights.good
+    result = race(fit, state, scores[-1:], loss(fit, state, good), good, advance)[effect.name]
+    end = solve(result.fit, result.solution.state, iterations=60)
+    return replace(result, solution=end)
+
+
+def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) -> Run:
+    """The run as it is with more in its model."""
+    result = assemble(
+        grown.fit.problem, grown.fit, grown.state, method="spline", iterations=0, seconds=seconds, converged=True
+    )
+    result = replace(result, ambiguous_side=run.result.ambiguous_side)
+    at = np.isin(result.channel, grown.fit.problem.channel)
+    problem = replace(grown.fit.problem, start=result.route[at])
+    facts = run.facts | {
+        "effects": list(effects),
+        "parameters": {name: asdict(parameter) for name, parameter in result.parameters.items()},
+        "chi2": result.chi2,
+        "chi2_per_dof": result.chi2_per_dof,
+        "held_out_chi2_per_dof": grown.held_out[1],
+        "iterations": result.iterations,
+        "seconds": seconds,
+        "problem": problem_facts(problem),
+    }
+    checked: dict[str, Any] = strict(facts)
+    known = {one.track_id for one in run.passes}
+    passes = run.passes + [one for one in problem.passes if one.track_id not in known]
+    return replace(run, result=result, problem=problem, facts=checked, passes=passes)
+
+
+def apart(one: FitResult, other: FitResult) -> float:
+    """Largest distance between two routes over the channels that both constrain, m."""
+    common = np.intersect1d(one.channel[one.constrained], other.channel[other.constrained])
+    if not len(common):
+        return float("nan")
+    first, second = (r.route[np.searchsorted(r.channel, common)] for r in (one, other))
+    return float(np.linalg.norm(first - second, axis=1).max())
+
+
+def first_rung(run: Run, folder: Path) -> Rung:
+    """The rung that a located fiber is by itself."""
+    facts = run.facts
+    return Rung(
+        tuple(facts["effects"]),
+        run.result.chi2_per_dof,
+        facts["held_out_chi2_per_dof"],
+        facts["noise_floor"],
+        0.0,
+        0.0,
+        str(folder),
+    )
+
+
+def next_rung(before: Run, after: Run, first: Run, folder: Path) -> Rung:
+    """The rung of a run that has grown."""
+    facts = after.facts
+    return Rung(
+        tuple(facts["effects"]),
+        after.result.chi2_per_dof,
+        facts["held_out_chi2_per_dof"],
+        facts["noise_floor"],
+        apart(before.result, after.result),
+        apart(first.result, after.result),
+        str(folder),
+    )

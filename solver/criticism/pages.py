@@ -1,0 +1,211 @@
+"""Pages of a diagnosis, of the error ladder and of the story of both; they open offline."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from solver.criticism.diagnosis import FOUND, Candidate, Diagnosis
+from solver.criticism.growth import Rung
+from solver.run.report.drawing import canvas, place, svg
+from solver.run.report.page import resource
+
+PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<title>{title}</title>
+<style>
+{style}
+</style>
+</head>
+<body>
+<main>
+{body}
+</main>
+</body>
+</html>
+"""
+
+VERDICTS = {
+    "adequate": "The model is adequate",
+    "missing-effect": "An effect is missing",
+    "unknown-effect": "Something unknown acts",
+    "inconclusive": "The survey cannot say",
+}
+SHOWN = 12
+
+
+def page(title: str, body: str) -> str:
+    """A whole page."""
+    return PAGE.format(title=escape(title), style=resource("style.css"), body=body)
+
+
+def size(value: float, digits: int = 3) -> str:
+    """A number as a page shows it."""
+    return f"{value:.{digits}g}" if np.isfinite(value) else "-"
+
+
+def row(candidate: Candidate) -> str:
+    """A line of the table of effects."""
+    gain = candidate.held_out_gain
+    cells = [
+        escape(candidate.effect),
+        candidate.stage,
+        candidate.verdict,
+        f"{candidate.delta_chi2:.0f}" + ("" if candidate.refitted else " (predicted)"),
+        f"{size(candidate.estimate)} &plusmn; {size(candidate.sigma, 2)} {escape(candidate.unit.replace('1', ''))}",
+        f"{100 * candidate.retained_share:.0f} %",
+        size(candidate.detectable_size, 2),
+        "-" if gain is None else f"{gain:+.3f}",
+        escape(", ".join(candidate.confounded_with)) or "-",
+    ]
+    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+
+
+HEAD = (
+    "effect",
+    "stage",
+    "verdict",
+    "fall of chi2",
+    "size of it",
+    "left by the route",
+    "smallest that would show",
+    "held-out gain",
+    "not told from",
+)
+
+
+def table(candidates: Sequence[Candidate]) -> str:
+    """The best effects."""
+    head = "".join(f"<th>{name}</th>" for name in HEAD)
+    rows = "\n".join(row(c) for c in candidates[:SHOWN])
+    return f'<div style="overflow-x:auto"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+
+
+def evidence_figure(candidates: Sequence[Candidate]) -> Figure:
+    """Bars of the fall of chi2, best effects first."""
+    best = [c for c in candidates if c.delta_chi2 > 0][:SHOWN]
+    figure = canvas(720, 40 + 22 * max(len(best), 1))
+    axes = place(figure, "evidence", 170, 10, 520, 22 * max(len(best), 1))
+    places = np.arange(len(best))
+    colors = ["0.6" if c.generic else "C0" for c in best]
+    axes.barh(places, [max(c.delta_chi2, 1.0) for c in best], color=colors, height=0.62)
+    axes.set_yticks(places, [c.effect for c in best])
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    axes.axvline(2 * FOUND, color="C3", linewidth=1)
+    axes.set_xlabel("fall of chi2 (log); right of the line it is more than chance; gray: stand-ins for the unknown")
+    return figure
+
+
+def power_table(candidates: Sequence[Candidate]) -> str:
+    """What the survey would have shown of effects that are not there."""
+    absent = sorted((c for c in candidates if c.verdict != "present" and not c.generic), key=lambda c: c.effect)
+    cells = [
+        f"<tr><td>{escape(c.effect)}</td><td>{c.verdict}</td><td>{size(c.detectable_size, 2)}"
+        f" {escape(c.unit.replace('1', ''))}</td></tr>"
+        for c in absent
+    ]
+    head = "<tr><th>effect</th><th>verdict</th><th>smallest size that would have shown</th></tr>"
+    return f"<table><thead>{head}</thead><tbody>{''.join(cells)}</tbody></table>"
+
+
+def audit_words(diagnosis: Diagnosis) -> str:
+    """The noise audit in a sentence."""
+    a = diagnosis.audit
+    if a.faults:
+        return "The noise audit failed: " + escape("; ".join(a.faults)) + "."
+    return (
+        f"The noise audit passed: {a.samples} quiet samples, whitened variance {a.variance:.2f}, largest correlation "
+        f"in time {a.in_time:+.3f}, between channels {a.across:+.3f}. Before whitening neighboring samples correlate "
+        f"by {a.memory:.2f}, and {100 * a.common_share:.0f} % of the noise is common to all channels."
+    )
+
+
+def diagnosis_body(diagnosis: Diagnosis, name: str) -> str:
+    """A diagnosis as a part of a page."""
+    words = escape(diagnosis.words[:1].upper() + diagnosis.words[1:])
+    separate = ""
+    if diagnosis.separate:
+        separate = f"<p>What would tell them apart: {escape(diagnosis.separate)}.</p>"
+    return f"""<header><p>{escape(name)}</p><h1>{VERDICTS[diagnosis.verdict]}</h1><p>{words}</p>{separate}</header>
+<section><h2>Candidates</h2>{svg(evidence_figure(diagnosis.candidates))}{table(diagnosis.candidates)}</section>
+<section><h2>Noise</h2><p>{audit_words(diagnosis)}</p></section>"""
+
+
+def diagnosis_page(diagnosis: Diagnosis, name: str) -> str:
+    """diagnosis.html."""
+    power = f"<section><h2>What could have hidden</h2>{power_table(diagnosis.candidates)}</section>"
+    return page(f"{name}: diagnosis", diagnosis_body(diagnosis, name) + power)
+
+
+def ladder_figure(rungs: Sequence[Rung]) -> Figure:
+    """Misfit and held-out misfit against the rungs with the noise floor, and how far the route moved."""
+    figure = canvas(720, 420)
+    upper = place(figure, "misfit", 60, 20, 620, 220)
+    lower = place(figure, "route", 60, 270, 620, 90)
+    x = np.arange(len(rungs))
+    upper.plot(x, [r.chi2_per_dof for r in rungs], "o-", color="C0", label="fitted passes")
+    held = [np.nan if r.held_out_chi2_per_dof is None else r.held_out_chi2_per_dof for r in rungs]
+    upper.plot(x, held, "s--", color="C1", label="passes held out")
+    floor = rungs[-1].noise_floor
+    if floor is not None:
+        upper.axhline(floor, color="0.5", linewidth=1)
+        upper.text(len(rungs) - 0.5, floor, " noise floor", va="bottom", ha="right", color="0.4")
+    upper.set_ylabel("chi2 per degree of freedom")
+    upper.set_xticks(x, [""] * len(rungs))
+    upper.legend(frameon=False)
+    lower.bar(x, [r.route_change for r in rungs], color="C2", width=0.5)
+    lower.set_ylabel("route moved, m")
+    news = [[name for name in after.effects if name not in before.effects] for before, after in pairwise(rungs)]
+    lower.set_xticks(x, ["start", *(f"+ {', '.join(names)}" for names in news)])
+    for axes in (upper, lower):
+        axes.set_xlim(-0.5, len(rungs) - 0.5)
+    return figure
+
+
+def ladder_body(rungs: Sequence[Rung]) -> str:
+    """The ladder as a part of a page."""
+    head = "<tr><th>model</th><th>chi2/dof</th><th>held out</th><th>route moved, m</th><th>since the first, m</th></tr>"
+    rows = "".join(
+        f"<tr><td>{escape(', '.join(r.effects) or 'as published')}</td><td>{r.chi2_per_dof:.3f}</td>"
+        f"<td>{'-' if r.held_out_chi2_per_dof is None else f'{r.held_out_chi2_per_dof:.3f}'}</td>"
+        f"<td>{r.route_change:.2f}</td><td>{r.route_change_from_first:.2f}</td></tr>"
+        for r in rungs
+    )
+    return f"{svg(ladder_figure(rungs))}<table><thead>{head}</thead><tbody>{rows}</tbody></table>"
+
+
+def ladder_page(rungs: Sequence[Rung], name: str) -> str:
+    """ladder.html."""
+    return page(
+        f"{name}: error ladder", f"<header><p>{escape(name)}</p><h1>Error ladder</h1></header>{ladder_body(rungs)}"
+    )
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """A diagnosis and what was done about it."""
+
+    diagnosis: Diagnosis
+    done: str
+
+
+def story_page(chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) -> str:
+    """explain.html: every diagnosis, what was done about it, and the ladder."""
+    body = f"<header><p>{escape(name)}</p><h1>What the model lacked</h1></header>"
+    body += f"<section><h2>Error ladder</h2>{ladder_body(rungs)}</section>"
+    for number, chapter in enumerate(chapters, 1):
+        diagnosis = chapter.diagnosis
+        words = escape(diagnosis.words[:1].upper() + diagnosis.words[1:])
+        body += (
+            f"<section><h2>{number}. {VERDICTS[diagnosis.verdict]}</h2><p>{words}</p>"
+            f"<p>{escape(chapter.done)}</p>{table(diagnosis.candidates[:6])}</section>"
+        )
+    return page(f"{name}: what the model lacked", body)
