@@ -97,7 +97,7 @@ def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float) -> 
 
     Notes
     -----
-    Products of quiet samples are averaged over all pairs of channels at every lag: those of two channels hold the
+    Products of quiet samples are averaged over pairs of channels at every lag: those of two channels far apart hold the
     common mode alone, those of one channel hold both parts. Samples beyond 5 sigma are left out.
     """
     use = still & np.isfinite(record) & (np.abs(np.nan_to_num(record)) < 5)
@@ -105,13 +105,13 @@ def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float) -> 
     count = use.astype(float)
     lags = int(np.clip(round(MEMORY * sampling_rate), 4, LONGEST)) + 1
     lags = min(lags, max(1, len(record) // 8))
-    total, number = value.sum(1), count.sum(1)
+    number = count.sum(1)
+    far, far_count = beyond_neighbors(value), beyond_neighbors(count)
     both, common = np.zeros(lags), np.zeros(lags)
     for lag in range(lags):
         ahead, behind = slice(lag, None), slice(None, len(value) - lag)
         alone, pairs = (value[ahead] * value[behind]).sum(), (count[ahead] * count[behind]).sum()
-        crossed = (total[ahead] * total[behind]).sum() - alone
-        cross_pairs = (number[ahead] * number[behind]).sum() - pairs
+        crossed, cross_pairs = (value[ahead] * far[behind]).sum(), (count[ahead] * far_count[behind]).sum()
         both[lag] = alone / max(pairs, 1.0)
         common[lag] = crossed / max(cross_pairs, 1.0)
     if both[0] <= 0 or use.sum() < 50 * lags:
@@ -123,11 +123,30 @@ def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float) -> 
     return NoiseLaw(positive(own), positive(common) if common[0] > 0 else common, across(value, count, common[0]))
 
 
+def reach_of(channels: int) -> int:
+    """How many neighbors on either side noise may be shared with."""
+    return min(SPATIAL_LAGS, channels // 4)
+
+
+def beyond_neighbors(value: Array) -> Array:
+    """Sum [sample, channel] over all channels but each one and its neighbors.
+
+    >>> beyond_neighbors(np.ones((1, 8))).tolist()
+    [[5.0, 4.0, 3.0, 3.0, 3.0, 3.0, 4.0, 5.0]]
+    """
+    channels = value.shape[1]
+    reach = reach_of(channels)
+    summed = np.pad(np.cumsum(value, 1), ((0, 0), (1, 0)))
+    at = np.arange(channels)
+    near = summed[:, np.minimum(at + reach + 1, channels)] - summed[:, np.maximum(at - reach, 0)]
+    return np.asarray(summed[:, -1:] - near)
+
+
 def across(value: Array, count: Array, common: float) -> Array:
     """Correlation [lag] of the own noise between channels; 1 alone where neighbors are independent."""
     variance = float((value**2).sum() / max(count.sum(), 1.0)) - common
     result = np.ones(1)
-    for lag in range(1, min(SPATIAL_LAGS, value.shape[1] // 4) + 1):
+    for lag in range(1, reach_of(value.shape[1]) + 1):
         pairs = (count[:, lag:] * count[:, :-lag]).sum()
         mean = (value[:, lag:] * value[:, :-lag]).sum() / max(pairs, 1.0)
         result = np.append(result, (mean - common) / variance)

@@ -202,7 +202,7 @@ FAR, NEAR = 10.0, 3.0
     source="Lamb 1904, Phil. Trans. A 203, 1; Richart, Hall and Woods 1970, Vibrations of Soils, section 3.",
 )
 def rayleigh_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
-    """Radial motion, each vehicle's of its own phase; 1 strains the ground 10 m away about as fast as the trough beside the vehicle."""
+    """Radial motion of a phase of each vehicle's own; 1 strains the ground 10 m away as its trough does nearby."""
     omega = 2 * torch.pi * p["frequency"]
 
     def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
