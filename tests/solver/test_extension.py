@@ -1,0 +1,142 @@
+"""Effects' numbers: how they spread over rows and channels, where they are in the vector, and their bounds."""
+
+import numpy as np
+import pytest
+import torch
+
+from solver.effects import Parameter, effect
+from solver.effects.catalogue import built_in
+from solver.effects.trial_survey import Trial, trial_survey
+from solver.extension import NONE, SMOOTH, SMOOTH_TRACK
+
+
+def extension(*names: str):
+    return trial_survey()[0].problem.extension([built_in()[name] for name in names])
+
+
+@pytest.fixture(scope="module")
+def traffic():
+    return trial_survey()[0].problem.traffic
+
+
+def test_one_number_is_the_same_everywhere():
+    one = extension("clock_offset")
+    assert one.size == 1 and one.local(torch.tensor([0.3]).double())["clock_offset"]["offset"].shape == ()
+
+
+def test_a_number_per_pass_is_that_of_each_row_s_pass(traffic):
+    one = extension("dynamic_load")
+    numbers = one.numbers()
+    assert one.size == 2 * traffic.passes + 1
+    numbers[: traffic.passes] = torch.arange(traffic.passes) + 1.0
+    local = one.local(numbers)["dynamic_load"]
+    assert torch.equal(local["sine"], traffic.pass_index.double()[:, None] + 1)
+    assert not local["cosine"].any() and local["frequency"].ndim == 0
+
+
+def test_smooth_numbers_are_splines_that_can_be_constant_and_straight(traffic):
+    one = extension("channel_coupling")
+    assert one.scopes is not None and one.surroundings is not None
+    basis, s = one.scopes.fiber, one.surroundings.distance
+    torch.testing.assert_close(basis.sum(1), torch.ones(len(s), dtype=torch.float64))
+    assert basis.shape[1] == round(float(s.max() - s.min()) / SMOOTH) + 3
+    straight = torch.linalg.lstsq(basis, s[:, None]).solution
+    torch.testing.assert_close(basis @ straight, s[:, None])
+
+
+def test_road_numbers_depend_on_the_place_alone(traffic):
+    one = extension("track_bend")
+    numbers = torch.from_numpy(np.random.default_rng(0).normal(size=one.size))
+    y = one.local(numbers)["track_bend"]["y"][:, 0].numpy()
+    x = traffic.position[:, 0].numpy()
+    order = np.argsort(x)
+    # Vehicles that pass one another are given one value there, and beyond the fiber that at its end.
+    assert np.abs(np.diff(y[order])).max() < 1.5 * np.diff(x[order]).max()
+    low = x < trial_survey()[0].problem.start[:, 0].min()
+    assert low.sum() > 2 and np.ptp(y[low]) < 1e-12
+
+
+def test_track_numbers_are_each_pass_s_own(traffic):
+    one = extension("generic_load")
+    assert one.scopes is not None
+    spread = one.scopes.rows["track"]
+    torch.testing.assert_close(spread.sum(1), torch.ones(len(spread), dtype=torch.float64))
+    for column in spread.T:
+        assert len(traffic.pass_index[column != 0].unique()) <= 1
+    since = one.clock(traffic)[1]
+    wanted = sum(round(float(since[traffic.pass_index == k].max()) / SMOOTH_TRACK) + 3 for k in range(5))
+    assert one.size == one.scopes.count("track") == wanted
+
+
+def test_clocks_run_from_the_record_s_start_and_from_each_pass_s(traffic):
+    problem = trial_survey()[0].problem
+    time, since = extension("clock_drift").clock(traffic)
+    first = problem.passes[2].rows[0] / problem.sampling_rate
+    mine = traffic.pass_index == 2
+    assert float(time[mine][0]) == first and float(since[mine][0]) == 0
+    torch.testing.assert_close(time[mine] - first, since[mine])
+
+
+def test_the_vector_begins_at_null_and_holds_what_it_is_given():
+    one = extension("sloping_fiber", "viscoelastic_lag", "clock_offset")
+    assert one.numbers().tolist() == [1.0, 0.0, 0.8, 0.0]
+    given = one.numbers({"viscoelastic_lag": {"time": 3.2, "creep": 0.1}, "clock_offset": {"offset": -0.2}})
+    assert given.tolist() == [1.0, 0.1, 3.2, -0.2]
+    assert [slot.parameter.name for slot in one.slots] == ["vertical_share", "creep", "time", "offset"]
+
+
+def test_numbers_are_kept_within_their_bounds():
+    one = extension("viscoelastic_lag", "wheel_layout")
+    far = torch.full((one.size,), -9.0, dtype=torch.float64)
+    assert one.bounded(far)[:2].tolist() == [0.0, 0.01] and one.bounded(far)[2:].max() == 0
+    assert one.bounded(-far * 100)[0] == 3.0
+
+
+def test_effects_of_a_stage_act_in_turn():
+    def doubled(name):
+        return effect(name, "load", [Parameter("a", "1", 1.0)], physics="-", source="-")
+
+    first = doubled("first")(lambda load, p, survey: load.modulated(1 + p["a"], 0 * p["a"]))
+    second = doubled("second")(lambda load, p, survey: load.modulated(2 + p["a"], 0 * p["a"]))
+    one = trial_survey()[0].problem.extension([first, second])
+    load = Trial(first, *trial_survey()).given()
+    values = one.local(torch.tensor([2.0, 1.0], dtype=torch.float64))
+    torch.testing.assert_close(one.changed("load", load, values).share, 9 * load.share)
+    assert one.changed("cable", 5, values) == 5
+
+
+def test_what_is_no_stage_is_refused():
+    wrong = effect("wrong", "load", [Parameter("a", "1", 1.0)], physics="-", source="-")(lambda load, p, survey: 3)
+    one = trial_survey()[0].problem.extension([wrong])
+    with pytest.raises(ValueError, match=r"effect wrong: its function must return the load stage .* returned int"):
+        one.changed("load", None, one.local(one.numbers()))
+
+
+def test_neighbors_beyond_the_ends_are_computed_where_channels_mix():
+    plain, mixing = extension("channel_coupling"), extension("shear_lag")
+    assert plain.surroundings is not None and mixing.surroundings is not None and mixing.chosen is not None
+    assert plain.chosen is None and len(plain.surroundings.distance) == 24
+    assert len(mixing.surroundings.distance) == 32
+    torch.testing.assert_close(mixing.surroundings.distance[mixing.chosen], plain.surroundings.distance)
+
+
+def test_no_effect_has_no_numbers():
+    assert NONE.size == 0 and NONE.local(NONE.numbers()) == {}
+    assert NONE.described({}, 8.0).interrogator.gauge_length == 8.0
+    assert extension().surroundings is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"stage": "fibre"}, "stage 'fibre' is none of trajectory"),
+        ({"parameters": [Parameter("a", "1", 1.0, scope="lane")]}, "scope 'lane' is none of one"),
+        ({"parameters": [Parameter("a", "1", 1.0, scope="pass")]}, "scope 'pass' is for effects on trajectory"),
+        ({"parameters": [Parameter("a", "1", 1.0, null=2.0, upper=1.0)]}, "the null 2 is outside -inf to 1"),
+        ({"parameters": [Parameter("a", "1", 1.0, grid=(1.0,))]}, "at least one parameter with a null"),
+    ],
+)
+def test_declarations_that_cannot_hold_are_refused(changes, words):
+    told = {"name": "mine", "stage": "cable", "parameters": [Parameter("a", "1", 1.0)], "physics": "-", "source": "-"}
+    with pytest.raises(ValueError, match=f"effect mine.*{words}"):
+        effect(**(told | changes))
