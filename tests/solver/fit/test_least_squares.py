@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from solver.cable import SplineBasis
-from solver.fit.least_squares import MapFit, decrement, huber, solve
+from solver.fit.least_squares import PATIENCE, MapFit, decrement, huber, solve
 from solver.fit.prior import Prior, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.spline import fit_spline
 from solver.model import Traffic
@@ -74,6 +74,18 @@ def test_a_route_that_is_pulled_out_of_the_ground_converges(case) -> None:
 def test_out_of_steps_is_not_converged(case) -> None:
     fit = MapFit(case.problem)
     assert not solve(fit, fit.start(), iterations=1).converged
+
+
+def test_a_fit_on_the_wrong_side_is_given_up(case) -> None:
+    fit = MapFit(case.problem)
+    route = fit.start().coefficients
+    mirrored = route * torch.tensor([1.0, -1.0, 1.0], dtype=torch.float64)
+    wrong = fit.start_at(mirrored, torch.tensor(0.25, dtype=torch.float64))
+    end = solve(fit, wrong, hopeless=1.2 * float(fit.measured.sum()))
+    assert PATIENCE <= end.iterations < 20 and not end.converged
+    right = solve(fit, fit.start(), hopeless=1.2 * float(fit.measured.sum()))
+    assert right.converged
+    torch.testing.assert_close(fit.state_of(right.state.vector()).vector(), right.state.vector())
 
 
 def test_prior_on_track_errors_by_finite_differences(case) -> None:
