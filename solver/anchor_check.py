@@ -51,11 +51,11 @@ def without(problem: Problem, result: FitResult, anchor: Anchor) -> LeftOut:
     rest = replace(problem, anchors=[a for a in problem.anchors if a is not anchor])
     # The same span, so that costs compare.
     fit = MapFit(rest, span=problem.span)
-    start = fit.start()
-    end = solve(fit, start.moved(torch.from_numpy(result.vector))).state
+    found = solve(fit, fit.state_of(torch.from_numpy(result.vector)))
+    end = found.state
     at = fit.basis.at(problem.distance_of([anchor.channel]))
     place = (at @ end.coefficients.numpy())[0]
-    cost = fit.linearized(end).misfit + fit.belief(end)
+    cost = found.at.misfit + fit.belief(end)
     return LeftOut(anchor, cost, float(np.linalg.norm(place - [anchor.x, anchor.y, anchor.z])))
 
 

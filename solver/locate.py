@@ -8,14 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 
 from solver.anchor_check import contradiction
 from solver.anchors import Anchor, read_anchors
 from solver.das import DASRecord, read_das
 from solver.effects.catalogue import find
 from solver.effects.plugins import catalogue
-from solver.fit import METHODS, FitResult, Prior, Problem
+from solver.fit import METHODS, FitResult, Prior, Problem, fit_spline
 from solver.fit.held_out import FOLDS, held_out_chi2
+from solver.fit.least_squares import MapFit
 from solver.matched_filter import initialize
 from solver.pose import (
     bent_ends,
@@ -40,6 +42,8 @@ if TYPE_CHECKING:
 EFFECTS = ("wheel_layout", "curved_gauge")
 #: Chi2 by which one side of the road must beat the other before the side counts as known (3 sigma).
 DECISIVE = 9.0
+#: Chi2 beyond that of the first side from which the other is not followed to its end.
+HOPELESS = 100.0
 
 
 @dataclass
@@ -87,10 +91,15 @@ def timed(timings: dict[str, float], name: str) -> Iterator[None]:
 def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Problem]:
     """Fit every start; the best is returned, marked ambiguous where another fits about as well elsewhere."""
     fit, steps = METHODS[method]
-    ends = []
+    ends: list[tuple[FitResult, Problem]] = []
     for problem in problems:
         with progress("fitting the route", steps) as advance:
-            ends.append((fit(problem, advance), problem))
+            if ends and method == "spline":
+                first = ends[0][0]
+                found = fit_spline(problem, advance, hopeless=first.chi2 + HOPELESS * max(1.0, first.chi2_per_dof))
+            else:
+                found = fit(problem, advance)
+            ends.append((found, problem))
     ends.sort(key=lambda end: end[0].chi2)
     (best, problem), others = ends[0], ends[1:]
     # Where the model leaves more than noise, so much more must a rival be worse to be ruled out.
@@ -188,7 +197,9 @@ def locate(
         warnings.append("the fit did not converge: do not rely on this route; check tracks, clocks and anchors")
     with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:
         again = shortened(problem, slice(None), result)
-        held_out = held_out_chi2(again, advance) if method == "spline" else None
+        fit = MapFit(again)
+        ended = (fit, fit.state_of(torch.from_numpy(result.vector)))
+        held_out = held_out_chi2(again, advance, at=ended) if method == "spline" else None
     if all(one.vehicle_class == "vehicle" for one in passes):
         effects = [name for name in effects if name != "wheel_layout"]
     return Located(site, record, passes, list(problem.anchors), again, result, held_out, effects, warnings, timings)

@@ -82,7 +82,7 @@ def held_out_chi2(
         end = solve(unseen, unseen.start_at(ground.coefficients, ground.poisson_ratio, numbers)).state
         alone = own_samples(problem, group)
         weights = unseen.normal(end)[2]
-        # What held-out passes must be shifted or changed by is misfit too, by its prior: a clock that is off shows there.
+        # What held-out passes are shifted or changed by is misfit too: a clock that is off shows there.
         misfit += float((unseen.whitened(end, weights)[alone] ** 2).sum()) + unseen.prior_cost(end)
         freedom += float((weights.good * weights.soft)[alone].sum()) - int(unseen.free.sum())
         advance(1)

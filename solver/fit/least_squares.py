@@ -28,6 +28,8 @@ SPIKE = 7.0
 SHALLOWEST = 0.02
 #: A step that would gain less than this in sigmas, over all parameters together, is not worth taking.
 ENOUGH = 0.2
+#: Steps before a fit may be given up, and falls as predicted that it may hope for.
+PATIENCE = 5
 PER_PASS = ("amplitude", "along", "across", "wheelbase", "front_share")
 #: What is wrong with a whole track: the passes together tell how large it is.
 TRACK_ERRORS = ("along", "across")
@@ -115,6 +117,12 @@ class MapFit:
         state = State(route, Vehicles.of(self.problem.passes), nu, numbers)
         every = self.measured.double()
         return self.settled(state, Weights(every, every))
+
+    def state_of(self, vector: Tensor) -> State:
+        """The state of a vector [parameter], as `State.vector` gives it."""
+        route = torch.zeros(self.basis.size, 3, dtype=torch.float64)
+        nu = torch.zeros((), dtype=torch.float64)
+        return State(route, Vehicles.of(self.problem.passes), nu, self.extension.numbers()).moved(vector)
 
     def bounded(self, state: State) -> State:
         """The same state with the effects' numbers within their bounds."""
@@ -394,23 +402,39 @@ def near_noise(residual: Tensor, measured: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Solution:
-    """Where Levenberg-Marquardt ended, how many steps it took and whether it converged."""
+    """Where Levenberg-Marquardt ended, how many steps it took, whether it converged, and the problem there."""
 
     state: State
     iterations: int
     converged: bool
+    at: Linearized
 
 
-def solve(fit: MapFit, state: State, iterations: int = 40, advance: Callable[[int], None] = lambda n: None) -> Solution:
+def solve(
+    fit: MapFit,
+    state: State,
+    iterations: int = 40,
+    advance: Callable[[int], None] = lambda n: None,
+    hopeless: float = float("inf"),
+) -> Solution:
     """Levenberg-Marquardt (Marquardt 1963) until the Newton decrement is small.
 
     The decrement, sqrt(g' H^-1 g) with gradient g and normal matrix H, is the length of the next step in posterior
     sigmas and the norm of what is left of the residual along all that is fitted: nothing else is called converged.
+
+    Parameters
+    ----------
+    iterations : at most
+    advance : called with 1 before each step
+    hopeless : chi2; a fit that is not about to come below it is given up
     """
     free, damping, taken = fit.free, 1e-3, 0
     at, matrix, right = linear(fit, state)
     cost = at.misfit + fit.belief(state)
-    while not (converged := decrement(matrix, right) < ENOUGH) and taken < iterations and damping < 1e8:
+    while not (converged := (left := decrement(matrix, right)) < ENOUGH) and taken < iterations and damping < 1e8:
+        # A quadratic misfit would fall by the decrement squared; this one by a few times that at most.
+        if taken >= PATIENCE and at.misfit - PATIENCE * left**2 > hopeless:
+            break
         taken += 1
         advance(1)
         step = torch.zeros_like(fit.mean)
@@ -426,7 +450,7 @@ def solve(fit: MapFit, state: State, iterations: int = 40, advance: Callable[[in
         state, damping = candidate, max(damping / 8, 1e-9)
         at, matrix, right = linear(fit, state)
         cost = at.misfit + fit.belief(state)
-    return Solution(state, taken, converged)
+    return Solution(state, taken, converged, at)
 
 
 def linear(fit: MapFit, state: State) -> tuple[Linearized, Tensor, Tensor]:

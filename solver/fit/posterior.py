@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.fit.least_squares import PER_PASS, MapFit, State
+from solver.fit.least_squares import PER_PASS, Linearized, MapFit, State
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 
@@ -38,20 +38,20 @@ class Posterior:
     chi2_per_dof: float
 
     @classmethod
-    def at(cls, fit: MapFit, state: State) -> "Posterior":
-        """Linearize the problem at `state`."""
-        matrix, _, weights = fit.normal(state)
+    def at(cls, fit: MapFit, state: State, near: Linearized) -> "Posterior":
+        """The posterior of a problem that is linearized `near` its end."""
+        matrix, _, weights = fit.normal_of(state, near)
         covariance = torch.linalg.inv(matrix)
         prior_part = covariance @ fit.prior_matrix(state) @ covariance
         shape_part = covariance @ fit.shape_matrix(state.coefficients) @ covariance
-        chi2 = float((fit.whitened(state, weights) ** 2).sum())
+        chi2 = near.misfit
         freedom = float((weights.good * weights.soft).sum() - torch.trace((covariance - prior_part) @ matrix))
         per_dof = chi2 / max(freedom, 1.0)
         # Unmodeled physics is at least as wrong as the misfit it leaves in the data or at the anchors (Birge ratio).
         missed = fit.route_rows(state.coefficients)[1].residual
         scale = max(1.0, per_dof, float((missed**2).sum()) / max(len(missed), 1))
         weight = weights.good * weights.soft
-        return cls(covariance * scale, prior_part * scale, shape_part * scale, weight, fit.model(state), chi2, per_dof)
+        return cls(covariance * scale, prior_part * scale, shape_part * scale, weight, near.model, chi2, per_dof)
 
 
 def route_covariance(fit: MapFit, covariance: Tensor, distance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -96,9 +96,10 @@ def assemble(
     iterations: int,
     seconds: float,
     converged: bool,
+    near: Linearized | None = None,
 ) -> FitResult:
-    """What a fit that ended in `state` reports."""
-    posterior = Posterior.at(fit, state)
+    """What a fit that ended in `state` reports; `near` is the problem linearized there, where that is known."""
+    posterior = Posterior.at(fit, state, near or fit.linearized(state))
     channel = problem.route_channel
     distance = problem.distance_of(channel)
     route = fit.basis.at(distance) @ state.coefficients.numpy()

@@ -9,13 +9,16 @@ from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 
 
-def fit_spline(problem: Problem, advance: Callable[[int], None] = lambda n: None) -> FitResult:
+def fit_spline(
+    problem: Problem, advance: Callable[[int], None] = lambda n: None, *, hopeless: float = float("inf")
+) -> FitResult:
     """Fit a spline route to a survey.
 
     Parameters
     ----------
     problem : the survey
     advance : called with 1 after each step
+    hopeless : chi2 that a fit must be about to reach, or it is given up
 
     Returns
     -------
@@ -25,7 +28,7 @@ def fit_spline(problem: Problem, advance: Callable[[int], None] = lambda n: None
     """
     begun = time.perf_counter()
     fit = MapFit(problem)
-    end = solve(fit, fit.start(), advance=advance)
+    end = solve(fit, fit.start(), advance=advance, hopeless=hopeless)
     return assemble(
         problem,
         fit,
@@ -34,4 +37,5 @@ def fit_spline(problem: Problem, advance: Callable[[int], None] = lambda n: None
         iterations=end.iterations,
         seconds=time.perf_counter() - begun,
         converged=end.converged,
+        near=end.at,
     )
