@@ -380,7 +380,8 @@ def missing_words(first: Candidate, bench: Bench, left: float) -> tuple[str, str
     """Verdict on a missing effect, and what survey would tell its twins apart."""
     fault = next((f for f in bench.faults if f.name == first.effect), None)
     what = fault.words if fault else f"{first.effect} is missing at the {first.stage} stage"
-    size = f"; size {number(first.estimate)} {first.unit}".replace(" 1", "") + f" +- {number(first.sigma)}"
+    unit = "" if first.unit == "1" else f" {first.unit}"
+    size = f"; size {number(first.estimate)} +- {number(first.sigma)}{unit}"
     words = f"{what}{size}; adding it lowers chi2 by {first.delta_chi2:.0f}"
     if left > FOUND:
         words += "; more is missing beside it: add it and diagnose again"

@@ -51,6 +51,11 @@ def size(value: float, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if np.isfinite(value) else "-"
 
 
+def unit(name: str) -> str:
+    """A unit as a page shows it; nothing for a pure number."""
+    return "" if name == "1" else name
+
+
 def row(candidate: Candidate) -> str:
     """A line of the table of effects."""
     gain = candidate.held_out_gain
@@ -59,7 +64,7 @@ def row(candidate: Candidate) -> str:
         candidate.stage,
         candidate.verdict,
         f"{candidate.delta_chi2:.0f}" + ("" if candidate.refitted else " (predicted)"),
-        f"{size(candidate.estimate)} &plusmn; {size(candidate.sigma, 2)} {escape(candidate.unit.replace('1', ''))}",
+        f"{size(candidate.estimate)} &plusmn; {size(candidate.sigma, 2)} {escape(unit(candidate.unit))}",
         f"{100 * candidate.retained_share:.0f} %",
         size(candidate.detectable_size, 2),
         "-" if gain is None else f"{gain:+.3f}",
@@ -91,7 +96,7 @@ def table(candidates: Sequence[Candidate]) -> str:
 def evidence_figure(candidates: Sequence[Candidate]) -> Figure:
     """Bars of the fall of chi2, best effects first."""
     best = [c for c in candidates if c.delta_chi2 > 0][:SHOWN]
-    figure = canvas(720, 40 + 22 * max(len(best), 1))
+    figure = canvas(720, 70 + 22 * max(len(best), 1))
     axes = place(figure, "evidence", 170, 10, 520, 22 * max(len(best), 1))
     places = np.arange(len(best))
     colors = ["0.6" if c.generic else "C0" for c in best]
@@ -109,7 +114,7 @@ def power_table(candidates: Sequence[Candidate]) -> str:
     absent = sorted((c for c in candidates if c.verdict != "present" and not c.generic), key=lambda c: c.effect)
     cells = [
         f"<tr><td>{escape(c.effect)}</td><td>{c.verdict}</td><td>{size(c.detectable_size, 2)}"
-        f" {escape(c.unit.replace('1', ''))}</td></tr>"
+        f" {escape(unit(c.unit))}</td></tr>"
         for c in absent
     ]
     head = "<tr><th>effect</th><th>verdict</th><th>smallest size that would have shown</th></tr>"
