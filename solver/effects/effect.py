@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 from torch import Tensor
 
-from solver.stages import STAGES, Surroundings
+from solver.stages import STAGES, Load, Surroundings
 
 #: What a parameter may be: one number, one per pass, or smooth along the fiber, the road, or each pass.
 SCOPES = ("one", "pass", "fiber", "road", "track")
@@ -52,6 +53,29 @@ Change = Callable[[Any, Mapping[str, Tensor], Surroundings], Any]
 
 
 @dataclass(frozen=True)
+class Heard:
+    """What a fit leaves unexplained, and what it was recorded from.
+
+    Parameters
+    ----------
+    residual : [sample, channel], in units of the noise; 0 where not measured
+    load : forces on the road of the model that was fitted; its trajectory's time is in s
+    sample_index : [row], which sample
+    middle, slope : [channel, 3], places of the gauges, m, and the fiber's direction there
+    """
+
+    residual: Tensor
+    load: Load
+    sample_index: Tensor
+    middle: Tensor
+    slope: Tensor
+
+
+#: Shapes worth trying, and how many they were chosen from.
+Proposal = tuple[list[dict[str, float]], int]
+
+
+@dataclass(frozen=True)
 class Effect:
     """An effect of the catalogue, or a user's own.
 
@@ -66,6 +90,7 @@ class Effect:
     source : paper, book or standard
     told_from : what it is confounded with, in words
     generic : a stand-in for something unknown, no physical effect
+    seek : finds the shapes worth trying in what was heard, where a grid fine enough would be too large; else None
     """
 
     name: str
@@ -76,6 +101,7 @@ class Effect:
     source: str
     told_from: str = ""
     generic: bool = False
+    seek: Callable[[Heard], Proposal] | None = None
 
     def parameter(self, name: str) -> Parameter:
         """Look a parameter up."""
@@ -91,6 +117,19 @@ class Effect:
         """Parameters with a null."""
         return tuple(p for p in self.parameters if not p.is_shape)
 
+    def tried(self, hear: Callable[[], Heard]) -> Proposal:
+        """Shapes to try: those that it seeks in what `hear` gives, else all of the grids.
+
+        >>> from solver.effects.catalogue import built_in
+        >>> built_in()["lowpass"].tried(lambda: None)
+        ([{'corner': 0.7}, {'corner': 1.0}, {'corner': 1.4}, {'corner': 2.0}], 4)
+        """
+        if self.seek is not None:
+            return self.seek(hear())
+        names = [p.name for p in self.shapes]
+        shapes = [dict(zip(names, values, strict=True)) for values in product(*(p.grid for p in self.shapes))]
+        return shapes, len(shapes)
+
 
 def effect(
     name: str,
@@ -101,12 +140,13 @@ def effect(
     source: str,
     told_from: str = "",
     generic: bool = False,
+    seek: Callable[[Heard], Proposal] | None = None,
 ) -> Callable[[Change], Effect]:
     """Make an effect of a function.
 
     Parameters
     ----------
-    name, stage, parameters, physics, source, told_from, generic : see `Effect`
+    name, stage, parameters, physics, source, told_from, generic, seek : see `Effect`
 
     Raises
     ------
@@ -132,6 +172,6 @@ def effect(
             raise ValueError(f"effect {name}, {p.name}: the null {p.null:g} is outside {p.lower:g} to {p.upper:g}")
 
     def make(change: Change) -> Effect:
-        return Effect(name, stage, tuple(parameters), change, physics, source, told_from, generic)
+        return Effect(name, stage, tuple(parameters), change, physics, source, told_from, generic, seek)
 
     return make

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from solver.effects.effect import Parameter, effect
+from solver.effects.waves import loudest_waves, sent_from
 from solver.half_space import (
     gibson_displacement_rate,
     layered_displacement_rate,
@@ -200,6 +201,7 @@ FAR, NEAR = 10.0, 3.0
     ],
     physics="Vehicles radiate surface waves, far, weak and fast: r^-1/2 cos(w (t - r / c)).",
     source="Lamb 1904, Phil. Trans. A 203, 1; Richart, Hall and Woods 1970, Vibrations of Soils, section 3.",
+    seek=loudest_waves,
 )
 def rayleigh_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Radial motion of a phase of each vehicle's own; 1 strains the ground 10 m away as its trough does nearby."""
@@ -208,7 +210,8 @@ def rayleigh_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
         across = offset[..., :2]
         r = (across.square().sum(-1) + NEAR**2).sqrt()
-        phase = omega * (time - r / p["speed"])
+        toward = (across * velocity).sum(-1) / r
+        phase = omega * (time - sent_from(r, toward, velocity.norm(dim=-1), p["speed"]) / p["speed"])
         wave = p["sine"].reshape(time.shape) * torch.sin(phase) + p["cosine"].reshape(time.shape) * torch.cos(phase)
         strength = velocity.norm(dim=-1) / TROUGH**3 * p["speed"] / omega * (FAR / r).sqrt()
         moved = (strength * wave / r)[..., None] * across
