@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 EFFECTS = ("wheel_layout", "curved_gauge")
 #: Chi2 by which one side of the road must beat the other before the side counts as known (3 sigma).
 DECISIVE = 9.0
+#: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it.
+EXPLAINED = 1.03
 #: Chi2 beyond that of the first side from which the other is not followed to its end.
 HOPELESS = 100.0
 
@@ -121,8 +123,12 @@ def fit_straight(result: FitResult, problem: Problem, method: str, warnings: lis
 
 
 def fit_agreeing(result: FitResult, problem: Problem, method: str, warnings: list[str]) -> tuple[FitResult, Problem]:
-    """Fit again without anchors that all others and the tracks contradict; where nothing tells which, say so."""
-    while found := contradiction(problem, result):
+    """Fit again without anchors that all others and the tracks contradict; where nothing tells which, say so.
+
+    Where the model does not explain the data, it and not an anchor may be wrong: all anchors stay, and what they miss
+    widens the sigmas.
+    """
+    while result.converged and result.chi2_per_dof < EXPLAINED and (found := contradiction(problem, result)):
         warnings.append(found.sentence)
         if len(found.suspects) > 1 or len(problem.anchors) < 2:
             break
