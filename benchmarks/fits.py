@@ -1,6 +1,6 @@
 """Both fits on the same simulated surveys: largest error along the view, honesty of the sigmas, seconds.
 
-    python benchmarks/fits.py --surveys 10 --snr 15
+    python benchmarks/fits.py --scenario street-blind --surveys 30 --methods spline
 
 The surveys come from the simulator, which shares no code with the signal path. Ratios within one run are what to quote.
 """
@@ -15,16 +15,18 @@ import pandas as pd
 
 from solver.fit import METHODS, FitResult
 from solver.locate import locate
-from solver.simulator import Scenario, Survey, simulate, write_survey
+from solver.simulator import Survey, simulate, write_survey
+from solver.simulator.scenario import read_scenario
 from solver.site import read_site
 
 
 def scored(survey: Survey, result: FitResult, seconds: float) -> dict[str, float]:
-    """Errors (m) along the view, errors in sigmas (rms; 1 is honest), seconds of fit and of the whole job."""
+    """Errors (m) along the view, errors in sigmas (rms; 1 is honest), shares within 1.96 sigma (0.95), seconds."""
     view = np.arange(survey.active[0], survey.active[1] + 1)
     here = np.isin(result.channel, view)
     error = result.route[here] - survey.route[result.channel[here]]
     in_sigmas = np.sqrt(((error / result.sigma[here]) ** 2).mean(0))
+    covered = (np.abs(error) < 1.96 * result.sigma[here]).mean(0)
     names = ("rms x / sigma", "rms y / sigma", "rms z / sigma")
     distance = np.linalg.norm(error, axis=1)
     return {
@@ -32,6 +34,7 @@ def scored(survey: Survey, result: FitResult, seconds: float) -> dict[str, float
         "largest error": distance.max(),
         "mean error": distance.mean(),
         **dict(zip(names, in_sigmas, strict=True)),
+        **{f"{axis} within": share for axis, share in zip("xyz", covered, strict=True)},
         "fit seconds": result.seconds,
         "all seconds": seconds,
     }
@@ -41,13 +44,14 @@ def main() -> None:
     """Run the comparison and print means over surveys."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--surveys", type=int, default=10)
-    parser.add_argument("--passes", type=int, default=8)
-    parser.add_argument("--snr", type=float, default=15.0, help="dB over the map of a pass")
+    parser.add_argument("--scenario", default="street", help="built-in name or TOML file")
+    parser.add_argument("--passes", type=int, help="the scenario's where not given")
+    parser.add_argument("--snr", type=float, help="dB over the map of a pass; the scenario's where not given")
     parser.add_argument("--methods", nargs="+", default=list(METHODS))
     options = parser.parse_args()
     rows = []
     for seed in range(options.surveys):
-        survey = simulate(Scenario(seed=seed, passes=options.passes, snr_db=options.snr))
+        survey = simulate(read_scenario(options.scenario, seed=seed, passes=options.passes, snr_db=options.snr))
         with tempfile.TemporaryDirectory() as folder:
             site = read_site(write_survey(survey, Path(folder) / "survey"))
             for method in options.methods:
