@@ -11,13 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.cable import STATION_WEIGHTS, GaugeEnds, axial, unit
+from solver.cable import STATION_OFFSETS, STATION_WEIGHTS, GaugeEnds, axial, unit
 from solver.extension import NONE, Extension, Values
 from solver.half_space.tangential import tangential_displacement_rate
 from solver.interrogator import gauge_strain_rate
 from solver.load import class_number, layout_of, wheel_loads
 from solver.observation import BASE, Description
-from solver.stages import Ground, Load, Trajectory
+from solver.stages import Field, Ground, Load, Trajectory
 from solver.trajectory import Pass
 
 
@@ -241,7 +241,7 @@ class SignalPath:
             share = 1.0 if self.curved else stages.cable.path_integral
             rate = rate + share * bend_strain_rate(motion(fiber.inner, True), fiber)
         if stages.ground.compliance is not None:
-            rate = rate * stages.ground.compliance((fiber.ahead + fiber.behind) / 2)
+            rate = rate * gauge_mean(stages.ground.compliance, fiber.ahead, fiber.behind)
         return amplitude * stages.cable.gain * rate
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
@@ -279,6 +279,15 @@ class SignalPath:
         leaves |= {f.name: getattr(local_vehicles, f.name) for f in fields(local_vehicles)}
         gradients = torch.autograd.grad(rate.sum(), list(leaves.values()), materialize_grads=True)
         return Sensitivities(rate.detach(), dict(zip(leaves, gradients, strict=True)))
+
+
+def gauge_mean(field: Field, ahead: Tensor, behind: Tensor) -> Tensor:
+    """Mean of a field of the ground along each gauge [..., channel], between its ends [..., channel, 3], m."""
+    weights = torch.from_numpy(STATION_WEIGHTS)
+    return sum(
+        weight * field(behind + (0.5 + float(offset)) * (ahead - behind))
+        for weight, offset in zip(weights, STATION_OFFSETS, strict=True)
+    )
 
 
 def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tensor, stations: bool = False) -> Tensor:

@@ -26,6 +26,8 @@ Advance = Callable[[int], None]
 FOUND = 8.0
 #: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
 CLOSE, ALIKE = 6.0, 0.95
+#: Share of the winner's evidence at which one of its own family is not ruled out.
+RIVAL = 0.8
 #: Share of the winner's fall of chi2 that may be left to others before the winner is doubted.
 LEFT = 0.12
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
@@ -354,8 +356,11 @@ def confounded(
     if first.effect in scores:
         mine = scores[first.effect]
         for name in sorted(family & set(scores)):
-            lost = name in tried and tried[name].evidence < first.evidence - max(CLOSE, 0.05 * first.evidence)
-            if not lost and similarity(bench.scorer, mine, scores[name]) > ALIKE:
+            # Laws of one family differ by little more than what any of them idealizes.
+            rival = tried[name].evidence if name in tried else -np.inf
+            if rival > RIVAL * first.evidence:
+                close.append(name)
+            elif name not in tried and similarity(bench.scorer, mine, scores[name]) > ALIKE:
                 close.append(name)
     # What the route hides is never named alone.
     for kind in ("depth", "rigid"):

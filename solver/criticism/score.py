@@ -106,7 +106,8 @@ class Scorer:
                 local.by["across"],
                 distance,
                 wheel_responses(path, here, state.vehicles, state.poisson_ratio, values),
-                (here.ahead + here.behind) / 2,
+                here.ahead,
+                here.behind,
             )
             alone = path.traffic.superpose(local.rate)
             self._seen[key] = Seen(path, fiber, state.vehicles, state.poisson_ratio, local.rate, alone, short)

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.func import jvp
 
 from solver.extension import Slot, Values
-from solver.model import Fiber, SignalPath, Vehicles, WheelResponses
+from solver.model import Fiber, SignalPath, Vehicles, WheelResponses, gauge_mean
 from solver.observation import BASE
 
 
@@ -44,14 +44,15 @@ class Short:
     along, across : [row, computed channel], by a shift of the vehicle along travel and to its right, 1/m
     distance : [row, computed channel], by a shift of the channel along the fiber, 1/m
     wheels : by the strength of each wheel
-    middle : [computed channel, 3], middle of each gauge, m
+    ahead, behind : [computed channel, 3], ends of each gauge, m
     """
 
     along: Tensor
     across: Tensor
     distance: Tensor
     wheels: WheelResponses
-    middle: Tensor
+    ahead: Tensor
+    behind: Tensor
 
 
 def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values: Values) -> Tensor:
@@ -149,7 +150,8 @@ def compliance_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor)
 
     def softness(value: Tensor) -> Tensor:
         compliance = seen.path.described(changed(value)).ground.compliance
-        return torch.ones_like(short.middle[:, 0]) if compliance is None else compliance(short.middle)
+        one = torch.ones_like(short.ahead[:, 0])
+        return one if compliance is None else gauge_mean(compliance, short.ahead, short.behind)
 
     ground = seen.path.described(changed(here)).ground
     if ground.compliance is None or replace(BASE, ground=replace(ground, compliance=None)).in_rows:
