@@ -2,6 +2,7 @@
 
     python benchmarks/blind.py --trials 40                    # locate each; errors and chi2 by kind
     python benchmarks/blind.py --trials 40 --write blind      # write the surveys with truth.json, and no more
+    python benchmarks/blind.py --trials 40 --diagnose         # diagnose each too, and judge
     python benchmarks/blind.py --score blind                  # once each has its run/diagnosis.json
 
 Trial n is the same survey everywhere. The generator shares no code with the signal path or the catalogue.
@@ -144,6 +145,28 @@ def tried(seed: int, kind: str | None) -> dict[str, object]:
     return scored(survey, located, time.perf_counter() - begun)
 
 
+def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
+    """Simulate, locate and diagnose one trial, and judge what the diagnosis says."""
+    from dataclasses import asdict
+
+    from solver.criticism.diagnosis import diagnose
+    from solver.effects.catalogue import built_in
+
+    scenario = draw_trial(seed, kind)
+    survey = simulate(scenario)
+    with tempfile.TemporaryDirectory() as folder:
+        site = write_survey(survey, Path(folder) / "survey")
+        truth = json.loads((site.parent / "truth.json").read_text(encoding="utf-8"))
+        located = locate(read_site(site))
+        begun = time.process_time()
+        found = diagnose(located.problem, effects=list(built_in().values()))
+    first = found.candidates[0].effect if found.candidates else "none"
+    said = {"verdict": found.verdict, "first": first, "cpu seconds": round(time.process_time() - begun, 1)}
+    facts = {"seed": seed, "kind": kind_of(scenario.name), "hidden": truth["hidden_effect"]}
+    errors = {"largest error": round(float(scored(survey, located, 0.0)["largest error"]), 3)}  # type: ignore[arg-type]
+    return facts | errors | said | judged(truth, asdict(found))
+
+
 def main() -> None:
     """Run trials, or write them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -152,6 +175,7 @@ def main() -> None:
     parser.add_argument("--kind", choices=list(KINDS), help="all trials of one kind")
     parser.add_argument("--write", type=Path, metavar="DIR", help="write the surveys there, numbered, and no more")
     parser.add_argument("--score", type=Path, metavar="DIR", help="judge the diagnoses of written trials, and no more")
+    parser.add_argument("--diagnose", action="store_true", help="diagnose each too, and judge what is said")
     options = parser.parse_args()
     if options.score:
         table = judge_all(options.score)
@@ -170,6 +194,13 @@ def main() -> None:
             )
         return
     rows = []
+    if options.diagnose:
+        for seed in seeds:
+            rows.append(diagnosed(seed, options.kind))
+            print(rows[-1], flush=True)
+        table = pd.DataFrame(rows)
+        print(table.groupby("kind")[[c for c in ("right", "wrong", "stage") if c in table]].mean().round(3).to_string())
+        return
     for seed in seeds:
         rows.append(tried(seed, options.kind))
         print(

@@ -358,9 +358,8 @@ def confounded(
         for name in sorted(family & set(scores)):
             # Laws of one family differ by little more than what any of them idealizes.
             rival = tried[name].evidence if name in tried else -np.inf
-            if rival > RIVAL * first.evidence:
-                close.append(name)
-            elif name not in tried and similarity(bench.scorer, mine, scores[name]) > ALIKE:
+            alike = name not in tried and similarity(bench.scorer, mine, scores[name]) > ALIKE
+            if alike or rival > RIVAL * first.evidence:
                 close.append(name)
     # What the route hides is never named alone.
     for kind in ("depth", "rigid"):
