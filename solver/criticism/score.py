@@ -8,16 +8,15 @@ Philos. Soc. 44, 50; the projection is that of Neyman 1959, C(alpha) tests).
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.effects.effect import Effect
+from solver.effects.effect import Effect, Heard
 from solver.extension import Extension, Values
-from solver.fit.derivatives import Seen, Short, derivative
+from solver.fit.derivatives import Seen, Short, derivative, per_row
 from solver.fit.least_squares import Linearized, MapFit, State
 from solver.model import Fiber, wheel_responses
 
@@ -133,20 +132,27 @@ class Scorer:
     def scores(self, effect: Effect) -> Iterator[Score]:
         """The best shape of an effect, with separate and with shared numbers of passes."""
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
-        shapes = [
-            dict(zip((p.name for p in effect.shapes), values, strict=True))
-            for values in product(*(p.grid for p in effect.shapes))
-        ]
+        shapes, trials = effect.tried(lambda: self.heard(extension))
         best: dict[bool, Score] = {}
         if not self.columns(effect, shapes[0], extension)[0].any():
             return
         for shape in shapes:
             columns, counts = self.columns(effect, shape, extension)
             for shared, matrix in self.spreads(effect, columns, counts):
-                score = self.score(effect, shape, shared, matrix, len(shapes))
+                score = self.score(effect, shape, shared, matrix, trials)
                 if shared not in best or score.fall > best[shared].fall:
                     best[shared] = score
         yield from best.values()
+
+    def heard(self, extension: Extension) -> Heard:
+        """What the fit leaves, for effects that seek their shapes in it."""
+        seen, numbers = self.seen(extension), self.numbers(extension, {})
+        values = extension.local(numbers)
+        load = seen.path.loads(per_row(seen), values)
+        fiber = self.fit.fiber(self.state, self.fit.values(self.state))
+        residual = self.at.residual.reshape(self.fit.data.shape)
+        middle, slope = (fiber.ahead + fiber.behind) / 2, fiber.ahead - fiber.behind
+        return Heard(residual, load, self.fit.problem.traffic.sample_index, middle, slope)
 
     def spreads(self, effect: Effect, columns: Tensor, counts: list[int]) -> Iterator[tuple[bool, Tensor]]:
         """The numbers as they are, and summed over passes where they are one per pass."""

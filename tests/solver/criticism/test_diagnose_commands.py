@@ -99,7 +99,7 @@ def test_two_effects_are_found_one_after_the_other(tmp_path: Path) -> None:
     assert "gauge_length was added" in page
 
 
-PLUGIN = '''
+PLUGIN = """
 from solver.effects import Parameter, effect
 
 
@@ -108,7 +108,7 @@ from solver.effects import Parameter, effect
 def wide_gauge(interrogator, p, survey):
     from dataclasses import replace
     return replace(interrogator, gauge_length=interrogator.gauge_length * (1 + p["relative"]))
-'''
+"""
 
 
 def test_add_extends_the_ladder_refuses_what_does_not_help_and_takes_a_user_effect(tmp_path: Path) -> None:
