@@ -133,7 +133,7 @@ def signal_growth(residual: NDArray[np.float64], model: NDArray[np.float64]) -> 
     square = np.minimum(rough**2, 16.0)
     signal = model[:, 2:-2] ** 2
     loud = signal > np.nanquantile(signal, 0.9)
-    quiet_level = float(np.nanmean(square[signal < np.nanquantile(signal, 0.5)]))
+    quiet_level = float(np.nanmean(square[signal <= np.nanquantile(signal, 0.5)]))
     excess = float(np.nanmean(square[loud])) / quiet_level - 1
     growth = excess / float(np.nanmean(signal[loud]))
     scatter = np.sqrt(2 / max(loud.sum(), 1)) * 2

@@ -1,4 +1,4 @@
-"""`roadfiber diagnose`, `add`, `ladder` and `explain`."""
+"""`roadfiber diagnose`, `add`, `clock`, `ladder` and `explain`."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -148,6 +148,39 @@ def add(
     print(f"chi2 per degree of freedom {rungs[-2].chi2_per_dof:.3f} -> {rungs[-1].chi2_per_dof:.3f}")
     print(f"the route moved by up to {rungs[-1].route_change:.2f} m")
     print(f"page: {out / 'ladder.html'}")
+
+
+@app.command()
+def clock(run: RunFolder, as_json: AsJson = False) -> None:
+    """Estimate the offset between the clocks of trajectories and DAS from a located run.
+
+    The offset that fits all passes best, with the route free to move along; two directions, or clearly different
+    speeds, tell it from a shift of the fiber. Put `clock_offset` under `[camera]` less this value, or correct the
+    trajectories' times by it.
+
+    Example: `roadfiber clock runs/main-street`
+    """
+    import json
+
+    from solver.criticism.diagnosis import converged, strict_tracks
+    from solver.criticism.growth import fitted_with, state_of
+    from solver.effects.catalogue import built_in
+    from solver.fit.least_squares import MapFit
+    from solver.run import read_run
+
+    located = read_run(run)
+    start = state_of(MapFit(located.problem), located.result.vector)
+    fit, state = converged(strict_tracks(located.problem), start)
+    found = fitted_with(fit, state, built_in()["clock_offset"], lambda n: None)
+    at = found.solution.state
+    covariance = found.fit.normal(at)[0].inverse()
+    offset, sigma = float(at.numbers[-1]), float(covariance[-1, -1].sqrt())
+    if as_json:
+        print(json.dumps({"clock_offset": offset, "sigma": sigma, "unit": "s"}))
+        return
+    print(f"the DAS clock is ahead of the trajectories' by {offset:+.3f} +- {sigma:.3f} s")
+    if abs(offset) < 3 * sigma:
+        print("that is no more than chance")
 
 
 @app.command()

@@ -142,6 +142,14 @@ class Bench:
         return cls(fit, state, scorer, table, [fault for fault in searches if fault is not None])
 
 
+def strict_tracks(problem: Problem) -> Problem:
+    """The problem with tracks trusted as they should be.
+
+    A size of the tracks' errors that is fitted takes up whatever shifts all passes.
+    """
+    return replace(problem, prior=replace(problem.prior, along=ALONG, across=ACROSS, belief=1e3))
+
+
 def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
     """Fit a survey, from a state if there is one."""
     fit = MapFit(problem)
@@ -242,9 +250,7 @@ def diagnose(
     -------
     diagnosis
     """
-    # A size of the tracks' errors that is fitted takes up whatever shifts all passes: here it is what it should be.
-    strict = replace(problem.prior, along=ALONG, across=ACROSS, belief=1e3)
-    problem = replace(problem, prior=strict)
+    problem = strict_tracks(problem)
     fit, state = converged(problem, state)
     at = fit.linearized(state)
     noise = fit.problem.noise

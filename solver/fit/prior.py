@@ -54,7 +54,7 @@ def track_precision(errors: Tensor, size: float, belief: float) -> Tensor:
 
     >>> none, far = torch.zeros(6, dtype=torch.float64), torch.ones(6, dtype=torch.float64)
     >>> [round(float(track_precision(errors, 0.05, 2.0)) ** -0.5, 3) for errors in (none, far)]
-    [0.025, 0.867]
+    [0.025, 0.866]
     """
     return (belief + len(errors)) / (belief * size**2 + (errors**2).sum())
 

@@ -87,6 +87,13 @@ def test_what_is_in_no_catalogue_is_called_unknown(tmp_path: Path, name: str, am
     assert found["verdict"] in ("unknown-effect", "inconclusive"), found["words"]
 
 
+def test_the_clocks_offset_is_estimated(tmp_path: Path) -> None:
+    folder = located(tmp_path, {"clock_offset": 0.2})
+    found = json.loads(run("clock", folder, "--json"))
+    assert found["clock_offset"] == pytest.approx(0.2, abs=4 * found["sigma"])
+    assert 0 < found["sigma"] < 0.03
+
+
 def test_two_effects_are_found_one_after_the_other(tmp_path: Path) -> None:
     folder = located(tmp_path, {"gauge_length": 0.15, "highpass": 0.1})
     said = run("explain", folder, "--out", tmp_path / "explained")

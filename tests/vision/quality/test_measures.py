@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.vision.quality.tables import tracks
+from made_tables import tracks
 from vision.jitter import LIMIT
 from vision.quality.measures import fragments, measure, shared_edges
 from vision.quality.route_effect import route_effect

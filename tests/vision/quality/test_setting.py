@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.vision.quality.tables import stamped, tracks, write
+from made_tables import stamped, tracks, write
 from vision.contract import InputError
 from vision.exchange import write_mot
 from vision.interpolate import BOX

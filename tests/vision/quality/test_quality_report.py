@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import roadfiber
-from tests.vision.quality.tables import stamped, tracks, write
+from made_tables import stamped, tracks, write
 from tests.vision.videos import write_video
 from vision.exchange import write_mot
 
