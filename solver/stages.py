@@ -33,6 +33,7 @@ class Surroundings:
     sampling_rate : Hz
     passes : number of passes
     middle : [2], middle of the stretch of road that was observed, m
+    largest : largest strain rate of the record, single jumps left aside, 1/s
     """
 
     distance: Tensor
@@ -41,6 +42,7 @@ class Surroundings:
     sampling_rate: float
     passes: int
     middle: Tensor
+    largest: float
 
 
 @dataclass(frozen=True)

@@ -152,6 +152,8 @@ class Scorer:
         fiber = self.fit.fiber(self.state, self.fit.values(self.state))
         residual = self.at.residual.reshape(self.fit.data.shape)
         middle, slope = (fiber.ahead + fiber.behind) / 2, fiber.ahead - fiber.behind
+        if (chosen := self.fit.extension.chosen) is not None:
+            middle, slope = middle[chosen], slope[chosen]
         return Heard(residual, load, self.fit.problem.traffic.sample_index, middle, slope)
 
     def spreads(self, effect: Effect, columns: Tensor, counts: list[int]) -> Iterator[tuple[bool, Tensor]]:

@@ -125,10 +125,10 @@ def generic_time_filter(interrogator: Interrogator, p: Values, survey: Surroundi
     generic=True,
 )
 def generic_nonlinearity(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
-    """Polynomial of the strain rate over its largest."""
+    """Polynomial of the strain rate over the largest of the record."""
 
     def bent(rate: Tensor) -> Tensor:
-        x = rate / rate.abs().max().detach()
+        x = rate / survey.largest
         return rate * (1 + p["quadratic"] * x + p["odd"] * x.abs() + p["cubic"] * x**2)
 
     return interrogator.through(bent)

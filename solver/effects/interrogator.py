@@ -128,17 +128,17 @@ def lowpass_zero_phase(interrogator: Interrogator, p: Values, survey: Surroundin
     "interrogator",
     [
         Parameter("share", "1", 1.0, lower=0, upper=1.2),
-        Parameter("level", "1", 0.05, lower=0.1, upper=1.0, grid=(0.3, 0.45, 0.6, 0.8)),
+        Parameter("level", "1", 0.05, lower=0.1, upper=1.5, grid=(0.4, 0.6, 0.75, 0.9, 1.0)),
     ],
     physics="Strain rates beyond the instrument's range are clipped.",
     source="Hartog 2017, An Introduction to Distributed Optical Fibre Sensors, section 6.",
     told_from="a gauge length that is wrong, in part",
 )
 def saturation(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
-    """Clipping at a level relative to the largest strain rate of the map."""
+    """Clipping at a level relative to the largest strain rate of the record."""
 
     def clipped(rate: Tensor) -> Tensor:
-        limit = p["level"] * rate.abs().max().detach()
+        limit = p["level"] * survey.largest
         return rate + p["share"] * (torch.minimum(torch.maximum(rate, -limit), limit) - rate)
 
     return interrogator.through(clipped)

@@ -66,7 +66,11 @@ def trial_survey() -> tuple[MapFit, State]:
     fit = MapFit(problem)
     state = fit.start()
     vehicles = replace(state.vehicles, amplitude=torch.tensor([1.0, 0.8, 1.5, 3.0, 4.0], dtype=torch.float64))
-    return fit, replace(state, vehicles=vehicles)
+    state = replace(state, vehicles=vehicles)
+    # Effects that clip ask how large the record is.
+    record = np.zeros_like(problem.record)
+    record[problem.traffic.samples] = fit.model(state).numpy()
+    return MapFit(replace(problem, record=record)), state
 
 
 def columns(vehicles: Vehicles) -> Vehicles:

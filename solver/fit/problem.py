@@ -99,6 +99,12 @@ class Problem:
         """The signal path of this survey's traffic, with its effects."""
         return SignalPath(self.traffic, self.gauge_length, self.extension(self.effects), self.curved)
 
+    @cached_property
+    def largest(self) -> float:
+        """Largest strain rate of the record, single jumps left aside, 1/s."""
+        size = np.abs(self.record[np.isfinite(self.record)])
+        return float(np.quantile(size, 0.9998)) if len(size) else 0.0
+
     def extension(self, effects: Sequence[Effect]) -> Extension:
         """Effects, ready to be put into the signal path."""
         if not effects:
@@ -125,6 +131,7 @@ class Problem:
             sampling_rate=self.sampling_rate,
             passes=self.traffic.passes,
             middle=torch.from_numpy((inside.min(0) + inside.max(0)) / 2),
+            largest=self.largest,
         )
         bare = Extension(time=time)
         road = float(self.start[:, 0].min()), float(self.start[:, 0].max())

@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-
 from made_tables import tracks
+
 from vision.jitter import LIMIT
 from vision.quality.measures import fragments, measure, shared_edges
 from vision.quality.route_effect import route_effect

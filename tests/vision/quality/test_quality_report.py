@@ -6,9 +6,9 @@ from html.parser import HTMLParser
 import matplotlib.image
 import numpy as np
 import pytest
+from made_tables import stamped, tracks, write
 
 import roadfiber
-from made_tables import stamped, tracks, write
 from tests.vision.videos import write_video
 from vision.exchange import write_mot
 

@@ -3,8 +3,8 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-
 from made_tables import stamped, tracks, write
+
 from vision.contract import InputError
 from vision.exchange import write_mot
 from vision.interpolate import BOX
