@@ -6,9 +6,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from solver.das import DASRecord
 from solver.trajectory import Pass
-from solver.whitening import NoiseLaw, Whitener
+from solver.whitening import Whitener
 
 REACH = 35.0
 ENOUGH = 20
@@ -51,42 +50,24 @@ def noise_level(strain_rate: NDArray[np.float64], still: NDArray[np.bool_]) -> N
     return np.asarray(1.4826 * np.ma.median(absolute, axis=0).filled(np.nan))
 
 
-def whitened_quiet(
-    record: DASRecord,
-    channel: NDArray[np.int64],
-    level: NDArray[np.float64],
-    law: NoiseLaw,
-    still: NDArray[np.bool_],
-) -> NDArray[np.float64]:
-    """Whitened samples [quiet sample] of a record with no vehicle near, neither now nor as far back as noise remembers.
+def whitened_noise(
+    strain_rate: NDArray[np.float64], still: NDArray[np.bool_], whiten: Whitener
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """A whole record [sample, channel] whitened, and where that is noise alone, [sample, channel] bool.
+
+    What is not noise is set to 0 first, so that a vehicle near one channel is not heard in all through the common mode;
+    samples after it are left out for as long as the noise remembers well.
 
     Parameters
     ----------
-    channel : [channel], numbers of those wanted
-    level : [channel], standard deviation of their noise, 1/s
+    strain_rate : [sample, channel], 1/s; NaN where not measured
     still : [sample, channel] bool, see `quiet`
+    whiten : of all its samples and channels
     """
-    white, alone = whitened_record(record, channel, level, law, still)
-    return white[alone]
-
-
-def whitened_record(
-    record: DASRecord,
-    channel: NDArray[np.int64],
-    level: NDArray[np.float64],
-    law: NoiseLaw,
-    still: NDArray[np.bool_],
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """The record [sample, channel] whitened, and where that is noise alone, [sample, channel] bool.
-
-    What is not noise is set to 0 first, so that a vehicle near one channel is not heard in all through the common mode.
-    """
-    strain_rate = record.strain_rate[:, np.searchsorted(record.channel, channel)]
+    level = whiten.level.numpy()
     noise = still & np.isfinite(strain_rate) & (np.abs(np.nan_to_num(strain_rate)) < 7 * level)
-    whiten = Whitener(torch.from_numpy(level), np.arange(len(strain_rate)), channel, law)
     white = whiten(torch.from_numpy(np.where(noise, strain_rate, 0.0))).numpy()
-    memory = len(law.own)
-    near = np.cumsum(np.vstack([np.zeros((1, noise.shape[1])), ~noise]), 0)
-    first = np.maximum(np.arange(1, len(noise) + 1) - memory, 0)
-    alone = near[1:] - near[first] == 0
-    return white, alone & (noise.mean(1) > 0.5)[:, None]
+    gone = np.cumsum(np.vstack([np.zeros((1, noise.shape[1])), ~noise]), 0)
+    # The oldest samples weigh least: a quarter of the memory holds nearly all that is remembered.
+    first = np.maximum(np.arange(1, len(noise) + 1) - max(1, len(whiten.law.own) // 4), 0)
+    return white, gone[1:] - gone[first] == 0

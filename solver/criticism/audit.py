@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from solver.fit.problem import Problem
-from solver.noise import quiet
+from solver.noise import quiet, whitened_noise
 from solver.whitening import Whitener
 
 #: Fewer quiet samples than this say too little about the noise to rank effects by it.
@@ -51,20 +50,6 @@ class NoiseAudit:
         return not self.faults
 
 
-def quiet_whitened(problem: Problem) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """The record [row, channel] whitened, and where that is noise alone now and as far back as it remembers."""
-    level = problem.noise.numpy()
-    record = problem.record
-    still = quiet(len(record), problem.start, problem.passes)
-    noise = still & np.isfinite(record) & (np.abs(np.nan_to_num(record)) < 7 * level)
-    whiten = Whitener(problem.noise, np.arange(len(record)), problem.channel, problem.law)
-    white = whiten(torch.from_numpy(np.where(noise, record, 0.0))).numpy()
-    gone = np.cumsum(np.vstack([np.zeros((1, noise.shape[1])), ~noise]), 0)
-    # The last samples of memory weigh least; a tenth of it is enough for a correlation that falls.
-    first = np.maximum(np.arange(1, len(noise) + 1) - max(1, len(problem.law.own) // 4), 0)
-    return white, gone[1:] - gone[first] == 0
-
-
 def correlation(value: NDArray[np.float64], use: NDArray[np.bool_], lag: int, axis: int) -> float:
     """Mean product of samples `lag` apart along an axis, both of them in use."""
     value, use = np.where(use, value, 0.0), use.astype(float)
@@ -82,7 +67,9 @@ def audit(problem: Problem, residual: NDArray[np.float64], model: NDArray[np.flo
     problem : the survey
     residual, model : [sample, channel], in noise sigmas, of the fit; where noise grows with the signal it shows here
     """
-    white, use = quiet_whitened(problem)
+    still = quiet(len(problem.record), problem.start, problem.passes)
+    whiten = Whitener(problem.noise, np.arange(len(problem.record)), problem.channel, problem.law)
+    white, use = whitened_noise(problem.record, still, whiten)
     count = int(use.sum())
     if count < ENOUGH:
         nan = float("nan")

@@ -8,6 +8,7 @@ import typer
 if TYPE_CHECKING:
     from solver.criticism.diagnosis import Diagnosis
     from solver.criticism.growth import Grown, Rung
+    from solver.fit.least_squares import State
     from solver.run.contents import Run
 
 app = typer.Typer()
@@ -22,19 +23,25 @@ def plugins_of(folder: Path, more: list[Path] | None) -> list[Path]:
     return [*sorted(folder.glob("plugin-*.py")), *(more or [])]
 
 
+def state_of(run: "Run") -> "State":
+    """Where the fit of a run ended."""
+    import torch
+
+    from solver.fit.least_squares import MapFit
+
+    return MapFit(run.problem).state_of(torch.from_numpy(run.result.vector))
+
+
 def diagnosed(run: "Run", plugins: list[Path]) -> "Diagnosis":
     """Diagnose a run, with a progress bar."""
     from solver.criticism.diagnosis import RACERS
     from solver.criticism.diagnosis import diagnose as diagnose_problem
-    from solver.criticism.growth import state_of
     from solver.effects.plugins import catalogue
-    from solver.fit.least_squares import MapFit
     from vision.contract import progress
 
     effects = list(catalogue(plugins).values())
-    state = state_of(MapFit(run.problem), run.result.vector)
     with progress("testing effects", len(effects) + 2 * RACERS) as advance:
-        return diagnose_problem(run.problem, state, effects=effects, advance=advance)
+        return diagnose_problem(run.problem, state_of(run), effects=effects, advance=advance)
 
 
 def in_words(diagnosis: "Diagnosis", folder: Path) -> str:
@@ -73,7 +80,7 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
     """Add effects one after another; refuse one that passes held out do not want."""
     import time
 
-    from solver.criticism.growth import grow, state_of, with_growth
+    from solver.criticism.growth import grow, with_growth
     from solver.effects.plugins import catalogue
     from solver.fit.least_squares import MapFit
     from vision.contract import InputError, progress
@@ -81,7 +88,7 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
     begun = time.perf_counter()
     known = catalogue(plugins)
     fit = MapFit(run.problem)
-    state = state_of(fit, run.result.vector)
+    state = state_of(run)
     effects, steps = list(run.facts["effects"]), []
     with progress("fitting with more effects", 8 * len(names)) as advance:
         for name in names:
@@ -92,7 +99,7 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
                     f"{name}: chi2 per degree of freedom of held-out passes goes from {before:.3f} to {after:.3f}; "
                     "not kept (--force keeps it all the same)"
                 )
-            fit, state = step.fit, step.state
+            fit, state = step.fit, step.solution.state
             effects.append(name)
             steps.append(step)
     return with_growth(run, steps[-1], effects, time.perf_counter() - begun), steps
@@ -163,14 +170,12 @@ def clock(run: RunFolder, as_json: AsJson = False) -> None:
     import json
 
     from solver.criticism.diagnosis import converged, strict_tracks
-    from solver.criticism.growth import fitted_with, state_of
+    from solver.criticism.growth import fitted_with
     from solver.effects.catalogue import built_in
-    from solver.fit.least_squares import MapFit
     from solver.run import read_run
 
     located = read_run(run)
-    start = state_of(MapFit(located.problem), located.result.vector)
-    fit, state = converged(strict_tracks(located.problem), start)
+    fit, state = converged(strict_tracks(located.problem), state_of(located))
     found = fitted_with(fit, state, built_in()["clock_offset"], lambda n: None)
     at = found.solution.state
     covariance = found.fit.normal(at)[0].inverse()
@@ -221,8 +226,10 @@ def explain(
 
     Example: `roadfiber explain runs/main-street --out runs/main-street-explained`
     """
+    import time
+
     from solver.criticism.files import read_ladder, write_diagnosis, write_ladder, write_story
-    from solver.criticism.growth import first_rung, next_rung, state_of, with_growth
+    from solver.criticism.growth import first_rung, next_rung, with_growth
     from solver.criticism.growth import grow as grow_by
     from solver.criticism.pages import Chapter
     from solver.effects.plugins import catalogue
@@ -242,13 +249,13 @@ def explain(
         if diagnosis.verdict != "missing-effect" or len(chapters) == rungs:
             chapters.append(Chapter(diagnosis, "Nothing more was added."))
             break
-        fit = MapFit(current.problem)
-        step = grow_by(fit, state_of(fit, current.result.vector), name, catalogue(plugins))
+        begun = time.perf_counter()
+        step = grow_by(MapFit(current.problem), state_of(current), name, catalogue(plugins))
         if not step.better:
             chapters.append(Chapter(diagnosis, f"{name} was tried, and passes held out fit no better."))
             break
         effects = [*current.facts["effects"], name]
-        after = with_growth(current, step, effects, 0.0)
+        after = with_growth(current, step, effects, time.perf_counter() - begun)
         climb.append(next_rung(current, after, first, out))
         chapters.append(Chapter(diagnosis, f"{name} was added; the route moved {climb[-1].route_change:.2f} m."))
         print(f"added {name}: chi2 per degree of freedom {climb[-2].chi2_per_dof:.3f} -> {climb[-1].chi2_per_dof:.3f}")

@@ -13,7 +13,7 @@ from scipy.stats import chi2 as chi2_law
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.refit import Refit, loss, race
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle
-from solver.criticism.score import G, Score, Scorer, score_all, similarity
+from solver.criticism.score import Score, Scorer, evidence, score_all, similarity
 from solver.effects.catalogue import FAMILIES, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
@@ -156,14 +156,10 @@ def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
     return fit, solve(fit, fit.start() if state is None else state, iterations=60).state
 
 
-def evidence_of(fault: Fault) -> float:
-    """Ln of the Bayes factor of a fault."""
-    return G / (2 * (1 + G)) * fault.fall - fault.freedom / 2 * np.log1p(G) - np.log(fault.trials)
-
-
 def fault_candidate(fault: Fault) -> Candidate:
     """What is said of a fault of the survey."""
-    found = evidence_of(fault) > FOUND and (fault.name != "unseen_vehicle" or fault.estimate > 5 * fault.sigma)
+    strength = evidence(fault.fall, fault.freedom, fault.trials)
+    found = strength > FOUND and (fault.name != "unseen_vehicle" or fault.estimate > 5 * fault.sigma)
     return Candidate(
         effect=fault.name,
         stage=fault.stage,
@@ -171,7 +167,7 @@ def fault_candidate(fault: Fault) -> Candidate:
         verdict="present" if found else "excluded",
         delta_chi2=fault.fall,
         predicted=fault.fall,
-        evidence=float(evidence_of(fault)),
+        evidence=strength,
         p_value=min(1.0, fault.trials * float(chi2_law.sf(fault.fall, fault.freedom))),
         estimate=fault.estimate,
         sigma=fault.sigma,
@@ -187,13 +183,14 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
     """What is said of an effect by its score and, where there was one, its full fit."""
     parameter = score.effect.amplitudes[0]
     sigma = float(np.nanmedian(score.sigma)) if len(score.sigma) else float("nan")
-    evidence = score.evidence if tried is None else tried.evidence
+    strength = score.evidence if tried is None else tried.evidence
     estimate = float(score.estimate[0]) if tried is None else float(tried.estimate[0])
     if score.freedom > 1:
         numbers = score.estimate if tried is None else tried.estimate
         estimate = float(np.sqrt(np.mean(np.asarray(numbers) ** 2)))
-    detectable = 5 * sigma
-    if evidence > FOUND:
+    # Where nothing is left of an effect no size of it would show.
+    detectable = 5 * sigma if sigma < 1e3 * parameter.plausible else float("inf")
+    if strength > FOUND:
         verdict = "present"
     elif detectable > 3 * parameter.plausible:
         verdict = "inconclusive"
@@ -208,7 +205,7 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
         verdict=verdict,
         delta_chi2=score.fall if tried is None else tried.fall,
         predicted=score.fall,
-        evidence=float(evidence),
+        evidence=strength,
         p_value=min(1.0, score.trials * float(chi2_law.sf(score.fall, score.freedom))),
         estimate=estimate,
         sigma=sigma,
@@ -286,9 +283,7 @@ def judge(
 ) -> Diagnosis:
     """The verdict on a ranked list."""
     stress = bench.scorer.stress
-    present = [
-        c for c in listed if c.verdict == "present" and (c.refitted or c.effect in {f.name for f in bench.faults})
-    ]
+    present = [c for c in listed if c.verdict == "present" and (c.refitted or is_fault(bench, c))]
     if not present:
         weakest = power_words(listed)
         words = f"nothing is missing that this survey could show. {weakest}"
@@ -305,9 +300,9 @@ def judge(
     if first.effect in tried:
         winner = tried[first.effect]
         again = Bench.of(winner.fit, winner.solution.state, suspects(bench.table, effects), advance)
-        rest = [s for s in again.table if s.evidence > FOUND]
-        left = rest[0].evidence if rest else 0.0
-        doubt = [s for s in rest if s.fall > LEFT * max(first.delta_chi2, 1.0)]
+        others = [s for s in again.table if s.evidence > FOUND]
+        left = others[0].evidence if others else 0.0
+        doubt = [s for s in others if s.fall > LEFT * max(first.delta_chi2, 1.0)]
         if doubt:
             second = race(
                 winner.fit,
@@ -323,7 +318,7 @@ def judge(
                     f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
                     f"acts at the {best.effect.stage} stage ({best.effect.physics.rstrip('.').lower()})"
                 )
-                stand_in = replace(score_candidate(next(s for s in doubt if s.effect is best.effect), best))
+                stand_in = score_candidate(next(s for s in doubt if s.effect is best.effect), best)
                 ordered = (stand_in, *(c for c in listed if c.effect != stand_in.effect))
                 return Diagnosis("unknown-effect", words, ordered, check, stress, left=left)
         if held_out:
@@ -334,7 +329,16 @@ def judge(
                 return Diagnosis("inconclusive", words, order(listed, first), check, stress, left=left)
     first = replace(first, confounded_with=twins)
     words, separate = missing_words(first, bench, left)
-    return Diagnosis("missing-effect", words, order(listed, first), check, stress, separate, left)
+    # Whatever else lowers the misfit may do so in the winner's place: that is open until the winner is in the model.
+    rest = [
+        replace(c, verdict="inconclusive") if c.verdict == "present" and not is_fault(bench, c) else c for c in listed
+    ]
+    return Diagnosis("missing-effect", words, order(rest, first), check, stress, separate, left)
+
+
+def is_fault(bench: Bench, candidate: Candidate) -> bool:
+    """Whether a candidate is a fault of the survey, and no effect."""
+    return any(fault.name == candidate.effect for fault in bench.faults)
 
 
 def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:

@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
 
 from solver.criticism.refit import Refit, loss, race
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle
@@ -15,10 +13,9 @@ from solver.criticism.score import Scorer
 from solver.effects.catalogue import find
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
-from solver.fit.least_squares import MapFit, State, solve
+from solver.fit.least_squares import MapFit, Solution, State, solve
 from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
-from solver.model import Vehicles
 from solver.run.contents import Run
 from solver.run.facts import strict
 from solver.run.problem_arrays import problem_facts
@@ -52,30 +49,18 @@ class Rung:
     run: str
 
 
-def state_of(fit: MapFit, vector: NDArray[np.float64]) -> State:
-    """The state that a run's vector describes."""
-    route = torch.zeros(fit.basis.size, 3, dtype=torch.float64)
-    nu = torch.tensor(fit.problem.prior.poisson_ratio[0], dtype=torch.float64)
-    empty = State(route, Vehicles.of(fit.problem.passes), nu, fit.extension.numbers())
-    if len(vector) != len(empty.vector()):
-        raise InputError("the run was fitted by another version of roadfiber; run `roadfiber locate` again")
-    return empty.moved(torch.from_numpy(np.array(vector)))
-
-
 @dataclass(frozen=True)
 class Grown:
     """A run's fit with more in its model.
 
     Parameters
     ----------
-    fit, state : converged
-    added : names, in order
-    held_out : chi2 per degree of freedom of held-out passes before and after; None where there are too few passes
+    fit, solution : with it
+    held_out : chi2 per degree of freedom of held-out passes before and after; None where it cannot be compared
     """
 
     fit: MapFit
-    state: State
-    added: tuple[str, ...]
+    solution: Solution
     held_out: tuple[float | None, float | None]
 
     @property
@@ -108,20 +93,19 @@ def grow(
     before = held_out_chi2(fit.problem, advance, at=(fit, state))
     if name in FAULTS:
         new, end = mended(fit, state, name)
-        after = before if name == "cycle_skips" else held_out_chi2(new.problem, advance, at=(new, end))
         if name == "cycle_skips":
-            before = None
-        return Grown(new, end, (name,), (before, after))
+            # Samples are taken out and no model changes: there is nothing that held-out passes could compare.
+            return Grown(new, end, (None, before))
+        return Grown(new, end, (before, held_out_chi2(new.problem, advance, at=(new, end.state))))
     effect = find(name, dict(catalogue))
     if name in {one.name for one in fit.problem.effects}:
         raise InputError(f"{name}: is in the model already; choose another effect")
     refit = fitted_with(fit, state, effect, advance)
-    new, end = refit.fit, refit.solution.state
-    after = held_out_chi2(new.problem, advance, at=(new, end))
-    return Grown(new, end, (name,), (before, after))
+    after = held_out_chi2(refit.fit.problem, advance, at=(refit.fit, refit.solution.state))
+    return Grown(refit.fit, refit.solution, (before, after))
 
 
-def mended(fit: MapFit, state: State, name: str) -> tuple[MapFit, State]:
+def mended(fit: MapFit, state: State, name: str) -> tuple[MapFit, Solution]:
     """The survey with a fault mended, fitted again."""
     fault = FAULTS[name](fit, state)
     if fault is None:
@@ -129,7 +113,7 @@ def mended(fit: MapFit, state: State, name: str) -> tuple[MapFit, State]:
     new = MapFit(fault.mend(fit.problem))
     numbers = state.numbers if len(state.numbers) == new.extension.size else None
     start = new.start_at(state.coefficients, state.poisson_ratio, numbers)
-    return new, solve(new, start, iterations=60).state
+    return new, solve(new, start, iterations=60)
 
 
 def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[int], None]) -> Refit:
@@ -147,7 +131,13 @@ def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[in
 def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) -> Run:
     """The run as it is with more in its model."""
     result = assemble(
-        grown.fit.problem, grown.fit, grown.state, method="spline", iterations=0, seconds=seconds, converged=True
+        grown.fit.problem,
+        grown.fit,
+        grown.solution.state,
+        method="spline",
+        iterations=grown.solution.iterations,
+        seconds=seconds,
+        converged=grown.solution.converged,
     )
     result = replace(result, ambiguous_side=run.result.ambiguous_side)
     at = np.isin(result.channel, grown.fit.problem.channel)
@@ -158,6 +148,7 @@ def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) 
         "chi2": result.chi2,
         "chi2_per_dof": result.chi2_per_dof,
         "held_out_chi2_per_dof": grown.held_out[1],
+        "converged": result.converged,
         "iterations": result.iterations,
         "seconds": seconds,
         "problem": problem_facts(problem),

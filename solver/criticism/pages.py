@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from solver.criticism.diagnosis import FOUND, Candidate, Diagnosis
 from solver.criticism.growth import Rung
-from solver.run.report.drawing import canvas, place, svg
+from solver.run.report.drawing import canvas, place, styled, svg
 from solver.run.report.page import resource
 
 PAGE = """<!doctype html>
@@ -93,6 +93,7 @@ def table(candidates: Sequence[Candidate]) -> str:
     return f'<div style="overflow-x:auto"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
 
 
+@styled
 def evidence_figure(candidates: Sequence[Candidate]) -> Figure:
     """Bars of the fall of chi2, best effects first."""
     best = [c for c in candidates if c.delta_chi2 > 0][:SHOWN]
@@ -150,6 +151,7 @@ def diagnosis_page(diagnosis: Diagnosis, name: str) -> str:
     return page(f"{name}: diagnosis", diagnosis_body(diagnosis, name) + power)
 
 
+@styled
 def ladder_figure(rungs: Sequence[Rung]) -> Figure:
     """Misfit and held-out misfit against the rungs with the noise floor, and how far the route moved."""
     figure = canvas(720, 420)

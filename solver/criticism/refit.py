@@ -5,12 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.criticism.score import G, Score
+from solver.criticism.score import Score, evidence
 from solver.effects.effect import Effect
 from solver.fit.least_squares import HUBER, MapFit, Solution, State, solve
 from solver.fit.problem import Problem
+
+#: Steps of each round of the race, and how many go on after it.
+ROUNDS = ((4, 4), (5, 3), (20, 3))
 
 
 def loss(fit: MapFit, state: State, good: Tensor) -> float:
@@ -36,7 +40,7 @@ class Refit:
     fit, solution : with it
     fall : how far the robust misfit fell
     evidence : ln of the Bayes factor, from that fall
-    estimate : its numbers
+    estimate : [number], its numbers without its shape's
     """
 
     effect: Effect
@@ -44,12 +48,18 @@ class Refit:
     solution: Solution
     fall: float
     evidence: float
-    estimate: np.ndarray
+    estimate: NDArray[np.float64]
 
 
 def with_effect(problem: Problem, effect: Effect) -> Problem:
     """The same survey with one more effect in its model."""
     return replace(problem, effects=(*problem.effects, effect))
+
+
+def amplitudes(fit: MapFit, state: State) -> NDArray[np.float64]:
+    """Numbers [number] of the last effect in the model, those of its shape left out."""
+    slots = [s for s in fit.extension.slots if s.effect is fit.extension.effects[-1] and not s.parameter.is_shape]
+    return np.concatenate([state.numbers[slot.where].numpy() for slot in slots])
 
 
 def started(fit: MapFit, state: State, score: Score) -> State:
@@ -113,6 +123,10 @@ def race(
     falls: dict[str, float] = {}
     running = list(fits)
     favorite = scores[0].effect.name
+
+    def standing(name: str) -> float:
+        return evidence(falls[name], by_name[name].freedom, by_name[name].trials)
+
     for steps, kept in ROUNDS:
         for name in running:
             if name not in solutions or not solutions[name].converged:
@@ -120,7 +134,7 @@ def race(
                 states[name] = solutions[name].state
                 falls[name] = before - loss(fits[name], states[name], good)
             advance(1)
-        running.sort(key=lambda name: -evidence(falls[name], by_name[name]))
+        running.sort(key=standing, reverse=True)
         # One with many numbers starts slowly: the favorite of the score test runs to the end.
         running = list(dict.fromkeys([*running[:kept], favorite]))
     return {
@@ -129,17 +143,8 @@ def race(
             fits[name],
             solutions[name],
             falls[name],
-            evidence(falls[name], by_name[name]),
-            states[name].numbers[len(state.numbers) :].numpy(),
+            standing(name),
+            amplitudes(fits[name], states[name]),
         )
         for name in fits
     }
-
-
-#: Steps of each round of the race, and how many go on after it.
-ROUNDS = ((4, 4), (5, 3), (20, 3))
-
-
-def evidence(fall: float, score: Score) -> float:
-    """Ln of the Bayes factor for a fall of the misfit in full."""
-    return float(G / (2 * (1 + G)) * fall - score.freedom / 2 * np.log1p(G) - np.log(score.trials))

@@ -26,6 +26,15 @@ G = 30.0
 INVISIBLE = 1e-6
 
 
+def evidence(fall: float, freedom: int, trials: int) -> float:
+    """Ln of the Bayes factor for a fall of chi2 by so many numbers (g-prior), less the ln of the shapes tried.
+
+    >>> round(evidence(20.0, 1, 1), 2), round(evidence(20.0, 1, 10), 2)
+    (7.96, 5.66)
+    """
+    return float(G / (2 * (1 + G)) * fall - freedom / 2 * np.log1p(G) - np.log(trials))
+
+
 @dataclass(frozen=True)
 class Score:
     """What the score test says of one effect, or of one way to spread its parameters.
@@ -57,7 +66,7 @@ class Score:
     @property
     def evidence(self) -> float:
         """Ln of the Bayes factor against the model without the effect (g-prior), less the ln of shapes tried."""
-        return G / (2 * (1 + G)) * self.fall - self.freedom / 2 * np.log1p(G) - np.log(self.trials)
+        return evidence(self.fall, self.freedom, self.trials)
 
 
 class Scorer:

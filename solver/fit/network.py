@@ -21,6 +21,7 @@ from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.model import Fiber, SignalPath, Vehicles
+from solver.regularizers import anchor_loss, angle_loss, curvature_loss, depth_loss, length_loss
 
 LATENT = HIDDEN = 128
 LEARNING_RATE = 0.005
@@ -88,23 +89,16 @@ def regularizers(problem: Problem, line: Polyline, route: Tensor) -> Tensor:
     route : [node, 3], m
     """
     prior, spacing = problem.prior, float(line.nodes[1] - line.nodes[0])
-    segment = route.diff(dim=0)
-    length = segment.norm(dim=1)
-    direction = segment / length[:, None]
-    turn = 1 - (direction[1:] * direction[:-1]).sum(1)
-    bend = direction.diff(dim=0) / spacing
     # The priors are per independent stretch of the fiber, about a gauge length; nodes are denser.
     per_node = spacing / problem.gauge_length
-    loss = per_node * (2 * turn / (prior.curvature * spacing) ** 2).sum()
-    loss = loss + per_node * ((length / spacing - 1) ** 2).sum() / STRETCH**2
-    loss = loss + per_node * (bend[:, 2] ** 2).sum() / prior.depth_curvature**2
-    loss = loss + ((route[:, 2].mean() - prior.depth[0]) / prior.depth[1]) ** 2
+    loss = per_node * angle_loss(route) / (prior.curvature * spacing) ** 2
+    loss = loss + per_node * length_loss(route, spacing) / STRETCH**2
+    loss = loss + per_node * curvature_loss(route, spacing, slice(2, 3)) / prior.depth_curvature**2
+    loss = loss + depth_loss(route, *prior.depth)
     at = torch.from_numpy(line.at(problem.anchor_distance)) @ route
-    for place, anchor in zip(at, problem.anchors, strict=True):
-        known = torch.tensor([anchor.x, anchor.y, anchor.z], dtype=torch.float64)
-        sigma = torch.tensor([anchor.sigma_xy, anchor.sigma_xy, anchor.sigma_z], dtype=torch.float64)
-        loss = loss + (((place - known) / sigma) ** 2).sum()
-    return loss
+    known = torch.tensor([[a.x, a.y, a.z] for a in problem.anchors], dtype=torch.float64).reshape(-1, 3)
+    sigma = torch.tensor([[a.sigma_xy, a.sigma_xy, a.sigma_z] for a in problem.anchors], dtype=torch.float64)
+    return loss + anchor_loss(at, known, sigma.reshape(-1, 3))
 
 
 def train(

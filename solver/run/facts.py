@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from solver.anchors import Anchor
 from solver.das import DASRecord
@@ -16,10 +17,11 @@ from solver.das.files import checksum
 from solver.fit.least_squares import HUBER
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
-from solver.noise import quiet, whitened_quiet
+from solver.noise import quiet, whitened_noise
 from solver.run.problem_arrays import problem_facts
 from solver.site import Site
 from solver.trajectory import Pass
+from solver.whitening import Whitener
 
 FORMAT = "roadfiber run 1"
 PACKAGES = ("roadfiber", "torch", "numpy", "scipy", "dascore", "pandas", "pyproj", "matplotlib")
@@ -51,7 +53,10 @@ def noise_floor(result: FitResult, record: DASRecord, passes: Sequence[Pass]) ->
     """
     at = np.searchsorted(result.channel, result.fitted_channel)
     still = quiet(len(record.strain_rate), result.route[at], passes)
-    size = np.abs(whitened_quiet(record, result.fitted_channel, result.noise, result.law, still))
+    samples, channel = np.arange(len(record.strain_rate)), result.fitted_channel
+    whiten = Whitener(torch.from_numpy(result.noise), samples, channel, result.law)
+    white, alone = whitened_noise(record.strain_rate[:, np.searchsorted(record.channel, channel)], still, whiten)
+    size = np.abs(white[alone])
     return float(np.mean(size * np.minimum(size, HUBER))) if len(size) >= ENOUGH_QUIET else float("nan")
 
 
