@@ -10,12 +10,12 @@ from vision.vehicles import VehicleShape
 
 Array = NDArray[np.float64]
 
-ROUNDS = 8
+ROUNDS = 4  # of a fit, which goes on from where the last one of the same vehicle ended
 LONGEST_STEP = 4.0  # m, per round
 HUBER = 2.0  # sd beyond which an edge is trusted less (an occluded side)
 EVIDENCE = 4.0  # fixes' worth of what a track tells of the size: a detector errs alike on all images of one vehicle
 SETTLED = 3e-3  # m
-STEP = 1e-3  # m, of the difference quotients
+EDGES, AXES = np.arange(4), np.array([0, 1, 0, 1])  # left, top, right, bottom, and the image's axis each is along
 
 
 @dataclass(frozen=True)
@@ -38,26 +38,36 @@ class BodyFit:
 
 def project_bodies(camera: Pinhole, corners: Array, position: Array, heading: Array) -> Array:
     """Pixels [n, k, 2] of bodies `corners` [k, 3] standing at positions [n, 2] with headings [n]."""
-    cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    x = position[:, :1] + cos * corners[:, 0] - sin * corners[:, 1]
-    y = position[:, 1:] + sin * corners[:, 0] + cos * corners[:, 1]
-    return camera.project(np.stack([x, y, np.broadcast_to(corners[:, 2], x.shape)], axis=-1))
+    return seen_from(camera, corners[None], position, turns(heading))[0]
+
+
+def turns(heading: Array) -> Array:
+    """Matrices [n, 3, 3] that turn a body (x ahead, y right, z down) to headings [n], rad."""
+    cos, sin, zero, one = np.cos(heading), np.sin(heading), np.zeros_like(heading), np.ones_like(heading)
+    return np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]]).transpose(2, 0, 1)
+
+
+def seen_from(camera: Pinhole, corners: Array, position: Array, turn: Array) -> tuple[Array, Array, Array]:
+    """See corners [n or 1, k, 3], m, of bodies at positions [n, 2], turned by `turn` [n, 3, 3].
+
+    Returns
+    -------
+    pixels [n, k, 2], ideal pixels [n, k, 2] (those of a lens without distortion), and depths [n, k, 1], NaN behind the
+    camera
+    """
+    to_image = camera.matrix[:, :3] @ turn
+    shift = position @ camera.matrix[:, :2].T + camera.matrix[:, 3]
+    image = corners @ np.swapaxes(to_image, 1, 2) + shift[:, None]
+    depth = np.where(image[..., 2:] > 0, image[..., 2:], np.nan)
+    ideal = image[..., :2] / depth
+    pixels = ideal if camera.lens is None else camera.lens.distort(ideal).reshape(ideal.shape)
+    return pixels, ideal, depth
 
 
 def silhouette_boxes(camera: Pinhole, corners: Array, position: Array, heading: Array) -> Array:
     """Boxes [n, 4] around bodies, px; as `project_bodies`."""
     pixels = project_bodies(camera, corners, position, heading)
     return np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1)
-
-
-def seen_edges(pixels: Array, image_size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Which edges of the boxes around bodies [n, k, 2] are made by a corner inside the image [n, 4].
-
-    The others are not where a detector draws them: it bounds what is left of the body inside the image.
-    """
-    inside = ((pixels >= 0) & (pixels <= np.array(image_size))).all(axis=2)
-    corner = np.concatenate([pixels.argmin(axis=1), pixels.argmax(axis=1)], axis=1)
-    return np.asarray(np.take_along_axis(inside, corner, axis=1))
 
 
 def fit_body(
@@ -68,6 +78,7 @@ def fit_body(
     sigma: Array,
     position: Array,
     heading: Array,
+    guess: Array | None = None,
 ) -> BodyFit:
     """Fit ground positions, and the size all fixes share, to the edges of boxes.
 
@@ -79,6 +90,7 @@ def fit_body(
     sigma : [n, 4], sd of every edge, px; infinite for an edge that is not seen
     position : [n, 2], first guess, m
     heading : [n], rad from +x toward +y
+    guess : (3,), first guess of the size, m; the class's where None
 
     Notes
     -----
@@ -89,50 +101,62 @@ def fit_body(
     """
     prior, alike = np.array(shape.size), max(1.0, len(boxes) / EVIDENCE)
     precision = np.diag(np.array(shape.deviation) ** -2.0)
-    position, size = position.copy(), prior.copy()
+    position, size, turn = position.copy(), np.copy(prior if guess is None else guess), turns(heading)
     for _ in range(ROUNDS):
-        residual, by_position, by_size = _linearize(camera, shape, boxes, position, heading, size)
-        seen = seen_edges(project_bodies(camera, shape.corners(size), position, heading), image_size)
+        residual, by_position, by_size, seen = _linearize(camera, image_size, shape, boxes, position, turn, size)
         weight = seen * sigma**-2.0 * np.minimum(1.0, HUBER / np.maximum(np.abs(residual / sigma), 1e-9))
         # A whisper of prior (10 m) keeps a fix with one visible edge solvable.
-        near = np.einsum("nei,ne,nej->nij", by_position, weight, by_position) + 0.01 * np.eye(2)
-        cross = np.einsum("nei,ne,nej->nij", by_position, weight, by_size)
-        pull = np.einsum("nei,ne,ne->ni", by_position, weight, residual)
+        pulled, stretched = weight[..., None] * by_position, weight[..., None] * by_size
+        near = _transposed(pulled) @ by_position + 0.01 * np.eye(2)
+        cross = _transposed(pulled) @ by_size
+        pull = (_transposed(pulled) @ residual[..., None])[..., 0]
         inverse = np.linalg.inv(near)
-        far = np.einsum("nei,ne,nej->ij", by_size, weight, by_size)
-        reduced = precision + (far - np.einsum("nia,nij,njb->ab", cross, inverse, cross)) / alike
-        size_pull = np.einsum("nei,ne,ne->i", by_size, weight, residual)
-        size_pull = (size_pull - np.einsum("nia,nij,nj->a", cross, inverse, pull)) / alike
+        spread = inverse @ cross
+        far = (stretched[..., :, None] * by_size[..., None, :]).sum(axis=(0, 1))
+        reduced = precision + (far - (_transposed(cross) @ spread).sum(axis=0)) / alike
+        size_pull = (stretched * residual[..., None]).sum(axis=(0, 1))
+        size_pull = (size_pull - (_transposed(spread) @ pull[..., None])[..., 0].sum(axis=0)) / alike
         size_step = np.linalg.solve(reduced, size_pull + precision @ (prior - size))
-        step = np.einsum("nij,nj->ni", inverse, pull - cross @ size_step)
+        step = (inverse @ (pull - cross @ size_step)[..., None])[..., 0]
         size = size + size_step
         length = np.linalg.norm(step, axis=1, keepdims=True)
         position = position + step * np.minimum(1.0, LONGEST_STEP / np.maximum(length, 1e-9))
         if length.max() < SETTLED:
             break
-    spread = inverse @ cross
-    covariance = inverse + spread @ np.linalg.inv(reduced) @ spread.transpose(0, 2, 1)
+    covariance = inverse + spread @ np.linalg.inv(reduced) @ _transposed(spread)
     seen &= np.isfinite(sigma)
     misfit = np.sqrt((seen * (residual / sigma) ** 2).sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
     return BodyFit(position, covariance, size, misfit)
 
 
-def _linearize(
-    camera: Pinhole, shape: VehicleShape, boxes: Array, position: Array, heading: Array, size: Array
-) -> tuple[Array, Array, Array]:
-    """Residuals [n, 4], their slopes over position [n, 4, 2] and over size [n, 4, 3], px and px/m.
+def _transposed(matrices: Array) -> Array:
+    return np.swapaxes(matrices, -1, -2)
 
-    All are zero where a guess reaches behind the camera: such a fix stays where it is, with the prior's sigma.
+
+def _linearize(
+    camera: Pinhole,
+    image_size: tuple[int, int],
+    shape: VehicleShape,
+    boxes: Array,
+    position: Array,
+    turn: Array,
+    size: Array,
+) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Residuals [n, 4], their slopes over position [n, 4, 2] and over size [n, 4, 3], px and px/m; which edges count.
+
+    An edge moves as the corner that makes it. One that is made by a corner outside the image does not count: a detector
+    bounds what is left of the body inside. All are zero where a guess reaches behind the camera: such a fix stays where
+    it is, with the prior's sigma.
     """
-    here = silhouette_boxes(camera, shape.corners(size), position, heading)
-    moved = [
-        silhouette_boxes(camera, shape.corners(size), position + STEP * axis, heading) - here for axis in np.eye(2)
-    ]
-    grown = [
-        silhouette_boxes(camera, shape.corners(size + STEP * axis), position, heading) - here for axis in np.eye(3)
-    ]
-    slopes = np.stack(moved + grown, axis=-1) / STEP
-    behind = ~np.isfinite(slopes).all(axis=(1, 2))
-    residual = boxes - here
+    pixels, ideal, depth = seen_from(camera, shape.corners(size)[None], position, turn)
+    which = np.concatenate([pixels.argmin(axis=1), pixels.argmax(axis=1)], axis=1)
+    row = np.arange(len(boxes))[:, None]
+    extreme = pixels[row, which]
+    seen = ((extreme >= 0) & (extreme <= np.array(image_size))).all(axis=2)
+    residual = boxes - extreme[:, EDGES, AXES]
+    by_place = camera.slope(ideal[row, which], depth[row, which])[:, EDGES, AXES]
+    by_size = (by_place @ turn) * shape.corners(np.ones(3))[which]
+    slopes = np.concatenate([by_place[..., :2], by_size], axis=2)
+    behind = ~(np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(residual).all(axis=1))
     residual[behind], slopes[behind] = 0.0, 0.0
-    return residual, slopes[..., :2], slopes[..., 2:]
+    return residual, slopes[..., :2], slopes[..., 2:], np.asarray(seen)

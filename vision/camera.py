@@ -100,6 +100,16 @@ class Pinhole:
         ideal = image[..., :2] / depth
         return ideal if self.lens is None else self.lens.distort(ideal).reshape(ideal.shape)
 
+    def slope(self, ideal: Array, depth: Array) -> Array:
+        """Derivative [..., 2, 3], px/m, of the pixels of points by the points, which lie at `ideal` pixels [..., 2].
+
+        Of m = P (X, 1): du/dX = (P_1 - u P_3) / m_3 (the quotient rule), with m_3 = `depth` [..., 1].
+        """
+        slope = (self.matrix[:2, :3] - ideal[..., None] * self.matrix[2, :3]) / depth[..., None]
+        if self.lens is None:
+            return np.asarray(slope)
+        return np.asarray(self.lens.jacobian(ideal).reshape(*ideal.shape, 2) @ slope)
+
 
 class Calibration(BaseModel):
     """What a fixed camera sees of the road plane.

@@ -186,7 +186,7 @@ def _positions(
         if camera is None:
             position, covariance = contact_positions(calibration, shape, boxes, sigma, heading)
             continue
-        fit = fit_body(camera, calibration.image_size, shape, boxes, sigma, position, heading)
+        fit = fit_body(camera, calibration.image_size, shape, boxes, sigma, position, heading, size)
         position, covariance, size = fit.position, fit.covariance, fit.size
         covariance = covariance * np.maximum(fit.misfit, 1.0)[:, None, None] ** 2
         covariance[fit.misfit > WORST_MISFIT] = np.nan

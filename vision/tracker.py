@@ -129,13 +129,15 @@ class Tracker:
         strong = scores >= self.strong
         owner = np.full(len(boxes), -1)  # the track row of each detection
         associate(cost, np.arange(len(tracks)), np.flatnonzero(strong), owner)
-        left = np.flatnonzero(~np.isin(np.arange(len(tracks)), owner))
+        free = np.ones(len(tracks), bool)
+        free[owner[owner >= 0]] = False
+        left = np.flatnonzero(free)
         weak = np.where(overlaps >= AGREEING, cost, FORBIDDEN)
         associate(weak, left, np.flatnonzero(~strong), owner)
         tracks = correct(tracks, measured, looks, owner, time)
         new = np.flatnonzero(strong & (owner < 0))
         owner[new] = len(tracks) + np.arange(len(new))
-        tracks = self._start(tracks, measured[new], looks[new], time)
+        tracks = self._start(tracks, measured[new], looks[new], time) if len(new) else tracks
         identity = np.where(owner >= 0, tracks.identity[owner], 0) if len(tracks) else np.zeros(len(boxes), np.int64)
         self.tracks, self.time = tracks, time
         return identity

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.cache import checksum, keep_arrays, kept_arrays
 from vision.contract.errors import InputError
-from vision.contract.progress import progress
+from vision.timestamps import SAME, clock, frame_times, open_capture
 
 log = logging.getLogger("roadfiber.video")
 
@@ -35,7 +35,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Video:
-    """A video that was decoded once from end to end, so its length and times are facts.
+    """A video whose frames were counted and timed, so its length is not what its header claims.
 
     Parameters
     ----------
@@ -75,26 +75,39 @@ class Video:
         return list(self.frames_at(np.unique(np.linspace(0, len(self) - 1, count).round().astype(int))))
 
     def frames_at(self, wanted: NDArray[np.intp]) -> Iterator[Frame]:
-        """Decode the frames at these places of `index` and `time`, which increase."""
-        capture = _open(self.path)
-        position = -1
+        """Decode the frames at these places of `index` and `time`, which increase; damaged ones are left out."""
+        return (frame for frame in self.decoded(wanted) if frame is not None)
+
+    def decoded(self, wanted: NDArray[np.intp]) -> Iterator[Frame | None]:
+        """Decode the frame at each of these places of `index` and `time`, which increase; None for a damaged one.
+
+        Raises InputError, where the file ends before them.
+        """
+        capture, now, damaged = open_capture(self.path), -np.inf, 0
         for place in wanted:
-            # Grabbing is exact where seeking is not (key frames, variable rates).
-            while position < self.index[place]:
-                grabbed = capture.grab()
-                position += 1
-            image = capture.retrieve()[1] if grabbed else None
-            if image is None:
-                raise InputError(f"{self.path}: changed while it was read; wait until the recording is finished")
-            yield Frame(int(self.index[place]), float(self.time[place]), image)
-        capture.release()
+            refused = 0
+            # Grabbing is exact where seeking is not (key frames, variable rates); damaged packets are refused singly.
+            while now < self.time[place] - SAME:
+                if capture.grab():
+                    now = clock(capture)
+                elif (refused := refused + 1) > len(self):
+                    raise InputError(
+                        f"{self.path}: decodes to {max(now, 0.0):.1f} s of {self.time[-1]:.1f} s; it changed while it "
+                        "was read, or is damaged: wait until the recording is finished, or copy it again"
+                    )
+            here = abs(now - self.time[place]) < SAME
+            image = capture.retrieve()[1] if here else None
+            damaged += image is None
+            yield None if image is None else Frame(int(self.index[place]), float(self.time[place]), image)
+        if damaged:
+            log.warning("%s: %d frames are damaged and left out", self.path, damaged)
 
 
 def open_video(path: str | Path, cache: Path | None = None) -> Video:
-    """Decode a file once and return what is in it.
+    """Count and time a file's frames (`vision.timestamps`) and return what is in it.
 
-    The timestamp of a frame is the presentation time the container holds for it (OpenCV's FFmpeg backend
-    gives it after `grab`). A frame whose time does not increase is left out and counted in the log.
+    The timestamp of a frame is the presentation time the container holds for it. A frame whose time does not increase
+    is left out and counted in the log.
 
     Parameters
     ----------
@@ -111,9 +124,9 @@ def open_video(path: str | Path, cache: Path | None = None) -> Video:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a video file")
-    capture = _open(path)
+    capture = open_capture(path)
     rate, claimed = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
-    raw, shape = _scan(capture, int(max(claimed, 0))) if cache is None else _kept_scan(path, cache, capture, claimed)
+    raw, shape = frame_times(path) if cache is None else _kept_times(path, cache)
     if not len(raw):
         raise InputError(f"{path}: no frame decodes; the file is empty or damaged, export the video again")
     increasing = raw > np.maximum.accumulate(np.concatenate([[-np.inf], raw[:-1]]))
@@ -127,41 +140,14 @@ def open_video(path: str | Path, cache: Path | None = None) -> Video:
     return Video(path, width, height, np.flatnonzero(increasing), raw[increasing], created)
 
 
-def _open(path: Path) -> Any:
-    import cv2
-
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # a refused file is our line to say
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    if not capture.isOpened():
-        raise InputError(f"{path}: not a video, or damaged; give a file that FFmpeg reads (mp4, mkv, avi, ...)")
-    return capture
-
-
-def _scan(capture: Any, claimed: int) -> tuple[NDArray[np.float64], tuple[int, int]]:
-    """Grab every frame; return all times, s, and (height, width)."""
-    import cv2
-
-    times: list[float] = []
-    shape = (0, 0)
-    with progress("reading timestamps", claimed or None) as advance:
-        while capture.grab():
-            if not times:
-                shape = capture.retrieve()[1].shape[:2]
-            times.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
-            advance(1)
-    capture.release()
-    return np.array(times, float), shape
-
-
-def _kept_scan(path: Path, cache: Path, capture: Any, claimed: float) -> tuple[NDArray[np.float64], tuple[int, int]]:
-    """`_scan`, or what it gave for the same file before."""
+def _kept_times(path: Path, cache: Path) -> tuple[NDArray[np.float64], tuple[int, int]]:
+    """`frame_times`, or what it gave for the same file before."""
     place = cache / "timestamps" / f"{checksum(path)}.npz"
     kept = kept_arrays(place)
     if kept is None:
-        time, shape = _scan(capture, int(max(claimed, 0)))
+        time, shape = frame_times(path)
         kept = {"time": time, "shape": np.array(shape)}
         keep_arrays(place, kept)
-    capture.release()
     height, width = (int(side) for side in kept["shape"])
     return np.asarray(kept["time"], float), (height, width)
 

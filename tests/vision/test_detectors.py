@@ -1,6 +1,7 @@
 """Every layout on a synthetic graph with a known answer, what networks are shown, names, and real models."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from tests.vision.layout_graphs import BOX, BUS, CENTERED, GRAPHS, IMAGE, PERSON
 from tests.vision.videos import write_video
 from vision.contract.errors import InputError
 from vision.detectors import LAYOUTS, load_detector
+from vision.detectors.images import fit_image
 from vision.detectors.layout import Graph
 from vision.detectors.names import COCO, COCO_IDS
 from vision.video import open_video
@@ -148,6 +150,35 @@ def test_what_the_network_is_shown(layout, tmp_path, clip):
     assert shown.shape == ((1, 416, 416, 3) if layout == "ssd" else (1, 3, 416, 416))
     mean = shown.mean(axis=(0, 1, 2) if layout == "ssd" else (0, 2, 3), dtype=float)
     np.testing.assert_allclose(mean, COLORS[layout], rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("layout", ["yolov8", "yolox", "nanodet", "ssd", "rtdetr"])
+def test_images_of_several_shapes_do_not_mix(layout, tmp_path, clip):
+    """Buffers are used again: what one image left beside the next must not be seen."""
+    model, shown = GRAPHS[layout](tmp_path / "m.onnx"), []
+
+    class Watched:
+        def __init__(self, session):
+            self.session = session
+
+        def __getattr__(self, name):
+            return getattr(self.session, name)
+
+        def run(self, names, feeds):
+            shown.append(next(iter(feeds.values())).copy())
+            return self.session.run(names, feeds)
+
+    rng = np.random.default_rng(0)
+    images = [rng.integers(0, 256, (*shape, 3), dtype=np.uint8) for shape in [(312, 624), (500, 300), (416, 416)]]
+    used = load_detector(model).prepare(clip)
+    used = replace(used, session=Watched(used.session))
+    for image in [*images, *images[::-1]]:
+        used.detect_all([image, image])
+        canvas, _ = fit_image(image, used.size, used.layout.fitting, used.layout.fill)
+        expected = used.image.tensors([canvas], used.layout.normalization)[used.image.names[0]]
+        for tensor in shown:
+            np.testing.assert_array_equal(tensor, expected)
+        shown.clear()
 
 
 def test_yolov8_sees_rgb_from_0_to_1(tmp_path):

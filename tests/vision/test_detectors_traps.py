@@ -13,7 +13,7 @@ from tests.vision.layout_graphs import BUS, CENTERED, GRAPHS, IMAGE
 from tests.vision.videos import write_video
 from vision.contract.errors import InputError
 from vision.detectors import LAYOUTS, load_detector, session
-from vision.detectors.images import BGR_BYTES
+from vision.detectors.images import BGR_BYTES, fit_image
 from vision.detectors.session import ACCELERATORS, open_session
 from vision.video import open_video
 
@@ -172,7 +172,8 @@ def test_a_real_model_quantized(shared_data, tmp_path):
     video = open_video(shared_data / "video" / "abhishek-verma-github_highway.mp4")
     whole = write_decoded_yolox(tmp_path / "m.onnx", shared_data / "models" / "yolox_nano.onnx", 416)
     detector = load_detector(whole)
-    shown = iter([{"images": BGR_BYTES.tensor(detector._fit(frame.image)[0])} for frame in video.sample(2)])
+    fitted = (fit_image(frame.image, detector.size, "corner", 114)[0] for frame in video.sample(2))
+    shown = iter([{"images": BGR_BYTES.tensor(canvas)} for canvas in fitted])
 
     class Frames:
         def get_next(self):

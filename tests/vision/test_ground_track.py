@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pandas as pd
 import pytest
 
 from tests.vision.test_camera import look
-from vision.body_fit import fit_body, project_bodies, silhouette_boxes
+from vision.body_fit import _linearize, fit_body, project_bodies, silhouette_boxes, turns
 from vision.camera import Calibration
 from vision.ground_track import WORST_SIGMA, edge_sigma, ground_tracks, headings, hidden_edges, placeable, scatter_share
 from vision.interpolate import BOX
@@ -307,3 +309,24 @@ def test_a_lens_that_bends_the_picture_is_taken_into_account():
     straight = Calibration(image_size=SIZE, homography=VIEWS["across"][0])
     without = ground_tracks(table.assign(**{"class": "car"}), straight)
     assert np.abs(without[["x", "y"]].to_numpy() - place[without["frame"]]).max() > 0.3
+
+
+@pytest.mark.parametrize("lens", [None, Lens(focal=(800, 800), center=(630, 365), distortion=(-0.2, 0.05, 1e-3, 0, 0))])
+def test_edges_move_as_the_corners_that_make_them(lens):
+    camera = replace(Calibration(image_size=SIZE, homography=VIEWS["oblique"][0]).pinhole(), lens=lens)
+    shape, size = SHAPES["van"], np.array([5.4, 2.0, 2.2])
+    ground, heading = np.array([[25.0, 0.5], [40.0, -3.0], [18.0, -1.0]]), np.array([0.1, 3.0, 1.2])
+    boxes, turn = np.zeros((3, 4)), turns(heading)
+    residual, by_position, by_size, seen = _linearize(camera, SIZE, shape, boxes, ground, turn, size)
+
+    def edges(place, size):
+        return silhouette_boxes(camera, shape.corners(size), place, heading)
+
+    np.testing.assert_allclose(-residual, edges(ground, size), atol=1e-9)
+    assert seen.dtype == bool and seen.shape == (3, 4)
+    for axis, step in enumerate(1e-5 * np.eye(2)):
+        numeric = (edges(ground + step, size) - edges(ground - step, size)) / 2e-5
+        np.testing.assert_allclose(by_position[..., axis], numeric, rtol=1e-5, atol=1e-5)
+    for axis, step in enumerate(1e-5 * np.eye(3)):
+        numeric = (edges(ground, size + step) - edges(ground, size - step)) / 2e-5
+        np.testing.assert_allclose(by_size[..., axis], numeric, rtol=1e-5, atol=1e-5)

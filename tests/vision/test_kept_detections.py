@@ -47,11 +47,11 @@ def clip(tmp_path_factory):
 def work(monkeypatch):
     """Places of the frames that were detected, and of those that were decoded, in turn."""
     done = {"detected": 0, "decoded": [], "prepared": 0, "scanned": 0}
-    detect_all, frames_at, prepare, scan = (
+    detect_all, decoded, prepare, scan = (
         OnnxDetector.detect_all,
-        Video.frames_at,
+        Video.decoded,
         OnnxDetector.prepare,
-        vision.video._scan,
+        vision.video.frame_times,
     )
 
     def count_detect(self, images):
@@ -60,7 +60,7 @@ def work(monkeypatch):
         return found
 
     def count_frames(self, wanted):
-        for frame in frames_at(self, wanted):
+        for frame in decoded(self, wanted):
             done["decoded"].append(frame.index)
             yield frame
 
@@ -74,8 +74,8 @@ def work(monkeypatch):
 
     monkeypatch.setattr(OnnxDetector, "detect_all", count_detect)
     monkeypatch.setattr(OnnxDetector, "prepare", count_prepare)
-    monkeypatch.setattr(Video, "frames_at", count_frames)
-    monkeypatch.setattr(vision.video, "_scan", count_scan)
+    monkeypatch.setattr(Video, "decoded", count_frames)
+    monkeypatch.setattr(vision.video, "frame_times", count_scan)
     return done
 
 
@@ -133,10 +133,10 @@ def test_a_run_that_is_cut_short_goes_on(clip, model, tmp_path, work, monkeypatc
         for now in looks:
             if now.index == 20:
                 raise KeyboardInterrupt
-    assert work["detected"] == 24, "frames are detected four at a time"
+    assert work["detected"] == 32, "frames are detected sixteen at a time"
     work.update(detected=0, decoded=[])
     rest = see(clip, model, tmp_path)
-    assert work["decoded"] == list(range(24, FRAMES)) and work["detected"] == FRAMES - 24
+    assert work["decoded"] == list(range(32, FRAMES)) and work["detected"] == FRAMES - 32
     assert same(rest, see(clip, model, None))
 
 
@@ -149,7 +149,7 @@ def test_a_run_that_is_killed_keeps_whole_chunks(clip, model, tmp_path, work, mo
     looks.close()
     monkeypatch.undo()
     names = [path.name for path in sorted(tmp_path.glob("detections/*/*"))]
-    assert names == ["00000000-00000007-8.npz", "00000008-00000015-8.npz"]
+    assert names == ["00000000-00000015-16.npz"]
     kept = Kept.of(tmp_path, open_video(clip), load_detector(model))
     assert sorted(kept.found) == list(range(16))
     assert same(see(clip, model, tmp_path), see(clip, model, None))
@@ -177,6 +177,21 @@ def test_other_options_are_another_look(clip, model, tmp_path, work):
     see(clip, model, tmp_path, classes=["bus"])
     see(clip, model, tmp_path, names=["a", "b", "truck"])
     assert work["detected"] == 3 * FRAMES and len(list(tmp_path.glob("detections/*"))) == 3
+
+
+def test_nothing_is_found_in_damaged_frames(clip, model, monkeypatch):
+    usual, decoded = see(clip, model, None), Video.decoded
+    torn = {3, 4, 17}
+
+    def tear(self, wanted):
+        return (None if frame.index in torn else frame for frame in decoded(self, wanted))
+
+    monkeypatch.setattr(Video, "decoded", tear)
+    looks = see(clip, model, None)
+    assert [now.index for now in looks] == list(range(FRAMES))
+    assert all(len(now.found) == 0 for now in looks if now.index in torn)
+    whole = [[now for now in some if now.index not in torn] for some in (usual, looks)]
+    assert same(*whole)
 
 
 def test_content_counts_not_names(clip, model, tmp_path, work):

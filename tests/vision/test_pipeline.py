@@ -240,7 +240,7 @@ def test_a_car_that_leaves_is_not_the_one_that_comes_from_the_vanishing_point():
         def __len__(self):
             return 120
 
-        def frames_at(self, wanted):
+        def decoded(self, wanted):
             return (Frame(k, float(self.time[k]), np.full((1, 1), k)) for k in wanted)
 
     class Known:

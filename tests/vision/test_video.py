@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from tests.vision.videos import numbered_images, set_creation_time, set_frame_durations, write_video
+from vision import timestamps
 from vision.contract.errors import InputError
 from vision.video import open_video
 
@@ -45,6 +46,65 @@ def test_repeated_timestamps_are_left_out(clip, caplog):
     assert (np.diff(video.time) > 0).all()
     frames = list(video.frames())
     assert len(frames) == len(video) and [f.index for f in frames] == video.index.tolist()
+
+
+@pytest.fixture
+def decodings(monkeypatch):
+    """Files that were decoded from end to end for their timestamps."""
+    done, decode = [], timestamps.decoded_times
+    monkeypatch.setattr(timestamps, "decoded_times", lambda path, claimed: done.append(path) or decode(path, claimed))
+    return done
+
+
+def test_packets_tell_the_times_without_decoding(clip, decodings):
+    set_frame_durations(clip, [256, 768] * 15)
+    time, shape = timestamps.frame_times(clip)
+    assert not decodings and shape == (48, 64)
+    np.testing.assert_array_equal(time, timestamps.decoded_times(clip, 30))
+
+
+@pytest.mark.parametrize(
+    ("time", "claimed", "credible"),
+    [
+        ([0.0, 0.16, 0.08, 0.04, 0.12], 5, True),  # as frames predicted both ways are stored
+        ([0.0, 0.04, 0.08], 4, False),
+        ([0.0, 0.04, 0.04], 3, False),
+        ([1.0, *np.arange(0, 1, 0.04)], 26, False),
+    ],
+)
+def test_which_packets_are_believed(time, claimed, credible):
+    assert timestamps.plausible(np.array(time), claimed) == credible
+
+
+def test_packets_that_the_frames_contradict_are_not_believed(clip, decodings, monkeypatch):
+    late = timestamps.packet_times(clip) + np.where(np.arange(30) < 25, 0, 0.01)
+    monkeypatch.setattr(timestamps, "packet_times", lambda path: late)
+    assert timestamps.frame_times(clip)[0][-1] == pytest.approx(29 / 25)
+    assert decodings == [clip]
+
+
+def test_damaged_frames_are_left_out(tmp_path, caplog):
+    path = write_video(tmp_path / "damaged.mp4", numbered_images(60))
+    data = bytearray(path.read_bytes())
+    start, end = data.find(b"mdat") + 4, data.find(b"moov") - 4
+    hole = slice(start + 3 * (end - start) // 10, start + 5 * (end - start) // 10)
+    data[hole] = bytes(hole.stop - hole.start)
+    path.write_bytes(data)
+    video = open_video(path)
+    frames = list(video.frames())
+    assert len(video) == 60 and 45 <= len(frames) < 60 and f"{60 - len(frames)} frames are damaged" in caplog.text
+    late = [frame for frame in frames if frame.index >= 40]
+    assert len(late) == 20
+    for frame in late:
+        assert frame.time == video.time[frame.index] == pytest.approx(frame.index / 25)
+        assert frame.image.mean() / 4 == pytest.approx(frame.index, abs=1.5)
+
+
+def test_a_file_that_shrinks_while_it_is_read(clip):
+    video = open_video(clip)
+    write_video(clip, numbered_images(10))
+    with pytest.raises(InputError, match=r"decodes to 0\.4 s of 1\.2 s; it changed while it was read"):
+        list(video.frames())
 
 
 def test_creation_time(clip):

@@ -1,6 +1,7 @@
 """An image into the network's input, and boxes back out of it."""
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -22,30 +23,43 @@ class Placement:
         return np.asarray((boxes - offset) / scale, np.float64)
 
 
-def fit_image(
-    image: NDArray[np.uint8], size: tuple[int, int], fitting: Fitting, fill: int
-) -> tuple[NDArray[np.uint8], Placement]:
-    """Lay an image [h, w, 3] into `size` (width, height), padding with `fill`; say where it went.
+@cache
+def window_of(shape: tuple[int, int], size: tuple[int, int], fitting: Fitting) -> tuple[tuple[slice, slice], Placement]:
+    """Where an image of a shape (height, width) goes in an input of `size` (width, height): rows, columns; placement.
 
     "center" and "corner" (top left) keep its proportions, "stretch" does not.
-    """
-    import cv2
 
-    height, width = image.shape[:2]
-    if fitting == "stretch":
-        inner = size
-    else:
+    >>> window_of((360, 640), (416, 416), "corner")[0]
+    (slice(0, 234, None), slice(0, 416, None))
+    """
+    height, width = shape
+    inner = size
+    if fitting != "stretch":
         ratio = min(size[0] / width, size[1] / height)
         inner = (max(round(width * ratio), 1), max(round(height * ratio), 1))
     left, top = ((size[0] - inner[0]) // 2, (size[1] - inner[1]) // 2) if fitting == "center" else (0, 0)
-    placement = Placement((inner[0] / width, inner[1] / height), (left, top))
+    window = (slice(top, top + inner[1]), slice(left, left + inner[0]))
+    return window, Placement((inner[0] / width, inner[1] / height), (left, top))
+
+
+def fit_image(
+    image: NDArray[np.uint8], size: tuple[int, int], fitting: Fitting, fill: int
+) -> tuple[NDArray[np.uint8], Placement]:
+    """Lay an image [h, w, 3] into `size` (width, height), padding with `fill`; say where it went."""
+    window, placement = window_of(image.shape[:2], size, fitting)
     canvas = np.full((size[1], size[0], 3), fill, np.uint8)
-    window = canvas[top : top + inner[1], left : left + inner[0]]
-    if inner == (width, height):
-        window[:] = image
-    else:
-        cv2.resize(image, inner, dst=window)
+    shrink(image, canvas[window])
     return canvas, placement
+
+
+def shrink(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+    """Scale an image [h, w, 3] into `out` [h', w', 3]."""
+    import cv2
+
+    if image.shape == out.shape:
+        out[:] = image
+    else:
+        cv2.resize(image, out.shape[1::-1], dst=out)
 
 
 @dataclass(frozen=True)
@@ -55,14 +69,6 @@ class Normalization:
     order: Literal["RGB", "BGR"]
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
     deviation: tuple[float, float, float] = (1.0, 1.0, 1.0)
-
-    def planes(self, canvas: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Image [h, w, 3] BGR -> [3, h, w] in the network's order, still bytes."""
-        import cv2
-
-        planes = np.empty((3, *canvas.shape[:2]), np.uint8)
-        cv2.split(canvas, list(planes if self.order == "BGR" else planes[::-1]))
-        return planes
 
     def tensor(self, canvas: NDArray[np.uint8], dtype: type = np.float32, channels_last: bool = False) -> NDArray[Any]:
         """Image [h, w, 3] BGR, 0-255 -> [1, 3, h, w], or [1, h, w, 3].
@@ -76,20 +82,22 @@ class Normalization:
         self.fill(canvas, out, channels_last)
         return out
 
-    def fill(self, canvas: NDArray[np.uint8], out: NDArray[Any], channels_last: bool = False) -> None:
-        """Write the tensor of an image into `out`; one that takes bytes gets them as they are, and normalizes itself.
+    def fill(self, image: NDArray[np.uint8], out: NDArray[Any], channels_last: bool = False) -> None:
+        """Write an image [h, w, 3] BGR into `out` [1, 3, h, w]; bytes stay as they are: such a network normalizes.
 
         Room for a tensor costs more than filling it where it is asked for anew with every frame.
         """
+        import cv2
+
         target = out[0].transpose(2, 0, 1) if channels_last else out[0]
-        planes = self.planes(canvas)
-        scale = 1 / np.array(self.deviation, np.float32)[:, None, None]
-        if out.dtype == np.uint8 or (not any(self.mean) and (scale == 1).all()):
-            target[:] = planes
-        elif not any(self.mean):
-            np.multiply(planes, scale, out=target, casting="same_kind")
-        else:
-            np.multiply(planes - np.array(self.mean, np.float32)[:, None, None], scale, out=target, casting="same_kind")
+        planes = cv2.split(image) if self.order == "BGR" else cv2.split(image)[::-1]
+        for plane, mean, deviation, channel in zip(planes, self.mean, self.deviation, target, strict=True):
+            if out.dtype == np.uint8 or (mean == 0 and deviation == 1):
+                channel[:] = plane
+                continue
+            np.multiply(plane, np.float32(1 / deviation), out=channel, casting="same_kind")
+            if mean:
+                channel -= np.float32(mean / deviation)
 
 
 RGB_UNIT = Normalization("RGB", deviation=(255.0, 255.0, 255.0))

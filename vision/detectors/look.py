@@ -14,7 +14,8 @@ from vision.detectors.onnx_detector import OnnxDetector
 from vision.video import Frame, Video
 
 CHUNK = 250  # frames after which detections are written: some seconds of work
-BURST = 4  # frames that are decoded before they are detected, see `OnnxDetector.detect_all`
+BURST = 16  # frames that are decoded before they are detected, see `OnnxDetector.detect_all`
+NOTHING = Detections(np.zeros((0, 4)), np.zeros(0), np.zeros(0, str))
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def look(
     places = np.arange(0, len(video), every)
     missing = places[[int(index) not in known for index in video.index[places]]]
     ready = detector.prepare(video) if len(missing) else detector
-    frames = video.frames_at(places if images else missing)
+    frames = video.decoded(places if images else missing)
     fresh: list[tuple[int, Detections]] = []
     try:
         for burst in np.split(places, range(BURST, len(places), BURST)):
@@ -82,29 +83,38 @@ def _burst(
     video: Video,
     detector: Detector,
     places: NDArray[np.intp],
-    frames: Iterator[Frame],
+    frames: Iterator[Frame | None],
     known: Mapping[int, Detections],
     images: bool,
 ) -> list[Look]:
-    """Look at some frames, given by their places in the video, taking from `frames` those that must be decoded."""
+    """Look at some frames, given by their places in the video, taking from `frames` those that must be decoded.
+
+    Nothing is found in a damaged frame.
+    """
     indices = [int(index) for index in video.index[places]]
     missing = [index for index in indices if index not in known]
     shown: dict[int, NDArray[np.uint8]] = {}
+    damaged: list[int] = []
     decoding = 0.0
 
     def unknown() -> Iterator[NDArray[np.uint8]]:
         nonlocal decoding
-        for _ in indices if images else missing:
+        for index in indices if images else missing:
             begun = perf_counter()
             frame = next(frames)
             decoding += perf_counter() - begun
+            if frame is None:
+                damaged.append(index)
+                continue
             if images:
-                shown[frame.index] = frame.image
-            if frame.index not in known:
+                shown[index] = frame.image
+            if index not in known:
                 yield frame.image
 
     begun = perf_counter()
-    found = dict(zip(missing, _detect_all(detector, unknown()), strict=True))
+    answers = _detect_all(detector, unknown())
+    whole = [index for index in missing if index not in damaged]
+    found = dict.fromkeys(missing, NOTHING) | dict(zip(whole, answers, strict=True))
     detecting = perf_counter() - begun - decoding
     return [
         Look(

@@ -13,7 +13,7 @@ from vision.boxes import area, suppress
 from vision.cache import checksum
 from vision.contract.errors import InputError
 from vision.detectors.detections import Detections
-from vision.detectors.images import Placement, fit_image
+from vision.detectors.images import Placement, fit_image, shrink, window_of
 from vision.detectors.layout import Candidates, Graph, Layout, Size
 from vision.detectors.layouts import choose_layout, no_detector
 from vision.detectors.names import class_names, wanted_classes
@@ -24,7 +24,7 @@ FLOOR = 0.1  # lowest score handed on; the tracker continues tracks, but starts 
 LARGEST = 0.5  # share of the image; small models call an empty road one huge car
 BACKGROUND_FRAMES = 50
 LISTENING_FRAMES = 5  # looked at before a graph whose scores were all zero is called mute
-REVISION = 1  # of what `detect` makes of a graph's answer: raise it when that changes, and kept detections lapse
+REVISION = 2  # of what `detect` makes of a graph's answer: raise it when that changes, and kept detections lapse
 BUILT_IN = {"street": Path(__file__).parents[1] / "street_detector" / "street.onnx"}
 
 
@@ -45,7 +45,8 @@ class OnnxDetector:
     threshold : score above which a detection is believable on its own
     mute : whether all its scores were exactly zero in the dry run, though it answers for every place
     background : median image [height, width, 3] of the video at input size, for graphs that want one
-    feeds : what the graph takes, filled anew with every frame, so that one detector serves one thread
+    feeds, rooms : what the graph takes, by where the image lies in it, and scaled images: filled anew with every frame,
+        so that one detector serves one thread
     """
 
     path: Path
@@ -59,7 +60,8 @@ class OnnxDetector:
     threshold: float
     mute: bool = False
     background: NDArray[np.uint8] | None = None
-    feeds: dict[str, NDArray[Any]] = field(default_factory=dict, init=False, repr=False)
+    feeds: dict[Placement, dict[str, NDArray[Any]]] = field(default_factory=dict, init=False, repr=False)
+    rooms: dict[int, NDArray[np.uint8]] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -84,7 +86,8 @@ class OnnxDetector:
             )
         if len(self.image.names) == 1:
             return self
-        fitted = [self._fit(frame.image)[0] for frame in video.sample(BACKGROUND_FRAMES)]
+        fitting, fill = self.layout.fitting, self.layout.fill
+        fitted = [fit_image(frame.image, self.size, fitting, fill)[0] for frame in video.sample(BACKGROUND_FRAMES)]
         return replace(self, background=np.median(fitted, axis=0).astype(np.uint8))
 
     def detect(self, image: NDArray[np.uint8]) -> Detections:
@@ -96,24 +99,42 @@ class OnnxDetector:
 
         A network drives all else from the processor's cache; steps that find their code and tables there cost half.
         """
-        fitted = [(*self._fit(image), image.shape[0] * image.shape[1]) for image in images]
-        answers = [self._answer(canvas) for canvas, _, _ in fitted]
-        return [self._read(answer, place, whole) for answer, (_, place, whole) in zip(answers, fitted, strict=True)]
+        scaled = [(self._scaled(number, image), image.shape[:2]) for number, image in enumerate(images)]
+        answers = [self._answer(small, shape) for small, shape in scaled]
+        return [self._read(answer, shape) for answer, (_, shape) in zip(answers, scaled, strict=True)]
 
-    def _answer(self, canvas: NDArray[np.uint8]) -> list[NDArray[Any]]:
-        """Outputs of the graph for an image of its size."""
-        if not self.feeds:
-            canvases = [canvas] if self.background is None else [canvas, self.background]
-            self.feeds.update(self.image.tensors(canvases, self.layout.normalization))
-            self.feeds.update(side_feeds(self.session, self.image, self.size))
-        self.layout.normalization.fill(canvas, self.feeds[self.image.names[0]], self.image.channels_last)
-        return run(self.session, self.feeds, self.reads)
+    def _place(self, shape: tuple[int, int]) -> tuple[tuple[slice, slice], Placement]:
+        return window_of(shape, self.size, self.layout.fitting)
 
-    def _read(self, outputs: Sequence[NDArray[Any]], placement: Placement, whole: int) -> Detections:
+    def _scaled(self, number: int, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Image number `number` of a few, as large as the input shows it, in room that the next few will use again."""
+        (rows, columns), _ = self._place(image.shape[:2])
+        shape = (rows.stop - rows.start, columns.stop - columns.start, 3)
+        room = self.rooms.get(number)
+        if room is None or room.shape != shape:
+            room = self.rooms[number] = np.empty(shape, np.uint8)
+        shrink(image, room)
+        return room
+
+    def _answer(self, small: NDArray[np.uint8], shape: tuple[int, int]) -> list[NDArray[Any]]:
+        """Outputs of the graph for a scaled image that was of a shape (height, width)."""
+        (rows, columns), placement = self._place(shape)
+        if placement not in self.feeds:
+            empty = np.full((self.size[1], self.size[0], 3), self.layout.fill, np.uint8)
+            canvases = [empty] if self.background is None else [empty, self.background]
+            tensors = self.image.tensors(canvases, self.layout.normalization)
+            self.feeds[placement] = tensors | side_feeds(self.session, self.image, self.size)
+        feeds = self.feeds[placement]
+        tensor = feeds[self.image.names[0]]
+        window = tensor[:, rows, columns] if self.image.channels_last else tensor[:, :, rows, columns]
+        self.layout.normalization.fill(small, window, self.image.channels_last)
+        return run(self.session, feeds, self.reads)
+
+    def _read(self, outputs: Sequence[NDArray[Any]], shape: tuple[int, int]) -> Detections:
         found = self.layout.decode(outputs, self.size, self.wanted, FLOOR)
-        box = placement.to_image(found.box)
+        box = self._place(shape)[1].to_image(found.box)
         size = area(box)
-        plausible = np.flatnonzero((size > 0) & (size < LARGEST * whole))
+        plausible = np.flatnonzero((size > 0) & (size < LARGEST * shape[0] * shape[1]))
         kept = plausible[suppress(box[plausible], np.asarray(found.score[plausible], float))]
         return Detections(
             box[kept],
@@ -121,11 +142,9 @@ class OnnxDetector:
             np.array([self.names[place] for place in found.label[kept]], dtype=str),
         )
 
-    def _fit(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], Placement]:
-        return fit_image(image, self.size, self.layout.fitting, self.layout.fill)
-
     def _is_mute(self, image: NDArray[np.uint8]) -> bool:
-        return is_mute(self.layout, self._answer(self._fit(image)[0]), self.size, len(self.names))
+        answer = self._answer(self._scaled(0, image), image.shape[:2])
+        return is_mute(self.layout, answer, self.size, len(self.names))
 
 
 def load_detector(

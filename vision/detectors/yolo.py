@@ -28,9 +28,7 @@ LARGEST_LOGARITHM = 16.0  # of a width in cells; e^16 cells are no vehicle, and 
 def decode_yolov5(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: float) -> Candidates:
     """[1, n, 5 + classes]: center, size, px; objectness; class scores."""
     raw = outputs[0][0]
-    likely = np.flatnonzero(raw[:, 4] >= floor)  # scores of classes are at most one
-    best, score, label = best_of(raw[likely, 5:] * raw[likely, 4:5], wanted, floor)
-    rows = likely[best]
+    rows, score, label = best_likely(raw, wanted, floor)
     return Candidates(around(raw[rows, :2], raw[rows, 2:4]), score, label)
 
 
@@ -40,12 +38,20 @@ def decode_yolox(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: 
     Ge et al. 2021, YOLOX; `demo_postprocess` of its ONNX demo.
     """
     raw = outputs[0][0]
-    likely = np.flatnonzero(raw[:, 4] >= floor)
-    best, score, label = best_of(raw[likely, 5:] * raw[likely, 4:5], wanted, floor)
-    rows = likely[best]
+    rows, score, label = best_likely(raw, wanted, floor)
     corner, stride = cell_table(size, pyramid_of(len(raw), size))
     center = (raw[rows, :2] + corner[rows]) * stride[rows]
     return Candidates(around(center, np.exp(raw[rows, 2:4]) * stride[rows]), score, label)
+
+
+def best_likely(
+    raw: NDArray[np.floating], wanted: NDArray[np.intp], floor: float
+) -> tuple[NDArray[np.intp], NDArray[np.floating], NDArray[np.intp]]:
+    """`best_of` of rows [n, 5 + classes] whose classes' scores, at most one, still count times the objectness."""
+    likely = np.flatnonzero(raw[:, 4] >= floor)
+    scores = raw[np.ix_(likely, wanted + 5)] * raw[likely, 4:5]
+    best, score, place = best_of(scores, np.arange(len(wanted)), floor)
+    return likely[best], score, wanted[place]
 
 
 def decode_yolov8(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: float) -> Candidates:
