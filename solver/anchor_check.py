@@ -9,7 +9,8 @@ from scipy.stats import chi2
 
 from solver.anchors import Anchor
 from solver.fit import FitResult, Problem
-from solver.fit.least_squares import MapFit, solve
+from solver.fit.chain import Chain
+from solver.fit.least_squares import solve
 
 #: Chance that good anchors are called contradictory.
 ALARM = 1e-4
@@ -50,11 +51,10 @@ def without(problem: Problem, result: FitResult, anchor: Anchor) -> LeftOut:
     """Fit again without an anchor, from where the fit with it ended."""
     rest = replace(problem, anchors=[a for a in problem.anchors if a is not anchor])
     # The same span, so that costs compare.
-    fit = MapFit(rest, span=problem.span)
+    fit = Chain.of(rest, span=problem.span)
     found = solve(fit, fit.state_of(torch.from_numpy(result.vector)))
     end = found.state
-    at = fit.basis.at(problem.distance_of([anchor.channel]))
-    place = (at @ end.coefficients.numpy())[0]
+    place = fit.basis.along(end.coefficients.numpy(), problem.distance_of([anchor.channel]))[0]
     cost = found.at.misfit + fit.belief(end)
     return LeftOut(anchor, cost, float(np.linalg.norm(place - [anchor.x, anchor.y, anchor.z])))
 

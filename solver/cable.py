@@ -61,6 +61,20 @@ class SplineBasis:
         """Knots [intervals + 7], m, three beyond either end."""
         return np.asarray(self.start + self.step * np.arange(-DEGREE, self.intervals + DEGREE + 1), float)
 
+    def part(self, first: int, last: int) -> "SplineBasis":
+        """The same functions over the intervals `first` to `last`: of the coefficients from number `first` on.
+
+        >>> basis = SplineBasis(0.0, 100.0, 10.0)
+        >>> at = np.array([37.0])
+        >>> bool(np.allclose(basis.part(3, 5).at(at), basis.at(at)[:, 3:8]))
+        True
+        """
+        return SplineBasis(self.start + first * self.step, self.start + last * self.step, self.step)
+
+    def along(self, coefficients: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points [distance, ...] of the route with `coefficients` [coefficient, ...], without the whole matrix."""
+        return np.asarray(BSpline(self.knots, coefficients, DEGREE, extrapolate=True)(distance))
+
     def at(self, distance: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
         """Basis matrix [distance, coefficient], or its derivative with respect to distance."""
         spline = BSpline(self.knots, np.eye(self.size), DEGREE, extrapolate=True)
@@ -90,13 +104,21 @@ class SplineBasis:
     def interpolate(self, distance: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coefficients [coefficient, 3] of the smoothest route near points [point, 3] at those distances, m.
 
-        A stiff penalty on curvature settles what the points leave open.
+        A stiff penalty on curvature settles what the points leave open. Banded normal equations: linear in length.
         """
+        from scipy.linalg import solveh_banded
+        from scipy.sparse import diags_array, vstack
+
         grid = np.linspace(self.start, self.stop, 4 * self.size)
-        bending = 1e-3 * self.step**2 * self.at(grid, 2)
-        matrix = np.vstack([self.at(distance), bending])
-        target = np.vstack([points, np.zeros((len(grid), 3))])
-        return np.asarray(np.linalg.lstsq(matrix, target, rcond=None)[0], float)
+        design = BSpline.design_matrix(distance, self.knots, DEGREE, extrapolate=True)
+        # The second derivative of a cubic spline is piecewise linear between second differences of its coefficients.
+        bends = diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(self.intervals + 1, self.size))
+        between = BSpline.design_matrix(grid, self.knots[2:-2], 1, extrapolate=True)
+        matrix = vstack([design, 1e-3 * between @ bends]).tocsr()
+        target = np.vstack([points, np.zeros((len(grid), points.shape[1]))])
+        normal = (matrix.T @ matrix).todia()
+        band = np.array([normal.diagonal(-k).tolist() + [0.0] * k for k in range(DEGREE + 1)])
+        return np.asarray(solveh_banded(band, matrix.T @ target, lower=True), float)
 
 
 #: Gauss-Legendre stations within a gauge: offsets in gauge lengths from its middle, and weights that sum to 1.

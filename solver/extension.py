@@ -21,6 +21,8 @@ Values = Mapping[str, Mapping[str, Tensor]]
 
 #: Knot spacing of what is smooth along the fiber or the road, m, and along a pass, s.
 SMOOTH, SMOOTH_TRACK = 10.0, 2.0
+#: Effect that fits the slow error of each track.
+SLOW_ERROR = "track_jitter"
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ import torch
 from torch import Tensor
 
 from solver.cable import STATION_OFFSETS, STATION_WEIGHTS, GaugeEnds, axial, unit
-from solver.extension import NONE, Extension, Values
+from solver.closed_form import strain_rate_derivatives
+from solver.extension import NONE, SLOW_ERROR, Extension, Values
 from solver.half_space.tangential import tangential_displacement_rate
 from solver.interrogator import gauge_strain_rate
 from solver.load import class_number, layout_of, wheel_loads
@@ -259,15 +260,19 @@ class SignalPath:
     def sensitivities(
         self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values | None = None
     ) -> "Sensitivities":
-        """Strain rate of each row and its derivative by every local quantity, in one backward pass.
+        """Strain rate of each row and its derivative by every local quantity.
 
-        Each sample depends on its own copy of the local quantities only, so the gradient of the sum over samples
-        holds all derivatives. What acts on the whole map is not in them, see `observed`.
+        In closed form for the base model; else in one backward pass: each sample depends on its own copy of the
+        local quantities only, so the gradient of the sum over samples holds all derivatives. What acts on the whole map
+        is not in them, see `observed`.
         """
+        values = values or {}
+        if self.plain(fiber, values):
+            return self.plain_sensitivities(fiber, vehicles, poisson_ratio, values)
         shape = (len(self.traffic.pass_index), fiber.ahead.shape[-2])
 
         def leaf(x: Tensor, *tail: int) -> Tensor:
-            return x.expand(*shape, *tail).clone().requires_grad_()
+            return outermost(x.expand(*shape, *tail), len(tail)).requires_grad_()
 
         points = fiber.present()
         local_fiber = Fiber(**{name: leaf(x, *x.shape[1:]) for name, x in points.items()})
@@ -279,6 +284,25 @@ class SignalPath:
         leaves |= {f.name: getattr(local_vehicles, f.name) for f in fields(local_vehicles)}
         gradients = torch.autograd.grad(rate.sum(), list(leaves.values()), materialize_grads=True)
         return Sensitivities(rate.detach(), dict(zip(leaves, gradients, strict=True)))
+
+    def plain(self, fiber: Fiber, values: Values) -> bool:
+        """Whether single vehicles do to single channels what the base model says, but for shifts along their way."""
+        shifted = all(
+            one.stage not in ("trajectory", "load") or one.name == SLOW_ERROR for one in self.extension.effects
+        )
+        return shifted and fiber.ahead.ndim == 2 and not self.described(values).in_rows
+
+    def plain_sensitivities(
+        self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values
+    ) -> "Sensitivities":
+        """`sensitivities` of the base model, in closed form."""
+        per_row = vehicles.rows(self.traffic)
+        load = self.loads(Vehicles(*(getattr(per_row, f.name)[:, None] for f in fields(per_row))), values)
+        return Sensitivities(
+            *strain_rate_derivatives(
+                fiber.present(), load, per_row.amplitude, float(poisson_ratio), self.gauge_length, self.curved
+            )
+        )
 
 
 def gauge_mean(field: Field, ahead: Tensor, behind: Tensor) -> Tensor:
@@ -312,8 +336,7 @@ def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tens
     nu = poisson_ratio.reshape(*poisson_ratio.shape, *[1] * (1 + stations)) if poisson_ratio.ndim else poisson_ratio
     if ground.poisson_change is not None:
         nu = nu + ground.poisson_change(point)[..., None]
-    across = point[..., None, :2] - wheels
-    offset = torch.cat([across, point[..., None, 2:].expand(*across.shape[:-1], 1)], -1)
+    offset = offsets(point, wheels)
     motion = ground.response(offset, velocity, nu)
     if ground.radiation is not None:
         motion = motion + ground.radiation(offset, velocity, beside(load.trajectory.time[..., None], 1))
@@ -323,6 +346,23 @@ def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tens
     if load.thrust is not None:
         motion = motion + tangential_displacement_rate(offset, velocity, nu, beside(load.thrust, 2))
     return motion.sum(-2)
+
+
+def offsets(point: Tensor, wheels: Tensor) -> Tensor:
+    """Points [..., 3], z down, less wheels [..., wheel, 2] on the road: [..., wheel, 3], m.
+
+    Components and wheels are outermost in memory: all that is done to them, sums over wheels above all, then runs along
+    long rows, several times as fast.
+    """
+    at = wheels.movedim((-1, -2), (0, 1))
+    x, y = point[..., 0] - at[0], point[..., 1] - at[1]
+    return torch.stack([x, y, point[..., 2].expand(x.shape)]).movedim((0, 1), (-1, -2))
+
+
+def outermost(x: Tensor, axes: int) -> Tensor:
+    """A copy with its last axes outermost in memory, see `offsets`."""
+    last, first = tuple(range(-axes, 0)), tuple(range(axes))
+    return x.movedim(last, first).clone(memory_format=torch.contiguous_format).movedim(first, last)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,10 @@ import torch
 from solver.anchors import Anchor
 from solver.das import DASRecord
 from solver.effects.trajectory import EFFECTS as TRAJECTORY
+from solver.extension import SLOW_ERROR
 from solver.fit import FitResult, Prior, Problem
-from solver.fit.least_squares import SLOW_ERROR, SPLINE_VARIANCE
+from solver.fit.map_fit import SPLINE_VARIANCE
+from solver.fit.windows import is_long, nearby
 from solver.matched_filter import Initialization
 from solver.model import Traffic
 from solver.noise import noise_level, quiet
@@ -19,8 +21,6 @@ from solver.whitening import noise_law
 
 #: Anchors farther than this from the active channels, in meters of fiber, say nothing about them.
 ANCHOR_REACH = 50.0
-#: A vehicle farther than this from every fitted channel is not felt, m: under 1 % of its response when nearest.
-FELT = 25.0
 #: How long before and after each pass the record is looked at, s: what filters leave behind shows there.
 TAIL = 4.0
 #: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times
@@ -76,18 +76,6 @@ def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int) -> 
     leaves = (rough.active[0] - ends[0] > gauge / 2, ends[1] - rough.active[1] > gauge / 2)
     first, stop = gauge * leaves[0], len(rough.channel) - gauge * leaves[1]
     return slice(first, stop) if stop - first > 2 * gauge else slice(None)
-
-
-def nearby(one: Pass, route: np.ndarray, reach: float = FELT) -> Pass | None:
-    """The part of a pass within `reach` of the route [channel, 3], m; None where it never comes that near."""
-    distance = np.hypot(*(one.position[:, None, :] - route[None, :, :2]).transpose(2, 0, 1)).min(1)
-    near_rows = np.flatnonzero(distance <= reach)
-    if len(near_rows) < 2:
-        return None
-    keep = slice(near_rows[0], near_rows[-1] + 1)
-    return replace(
-        one, **{name: getattr(one, name)[keep] for name in ("rows", "position", "velocity", "sigma", "in_view")}
-    )
 
 
 def guessed_less(one: Pass) -> Pass:
@@ -152,9 +140,12 @@ def track_sigma(passes: Sequence[Pass]) -> float:
 
 
 def with_slow_errors(problem: Problem) -> Problem:
-    """The problem with each track's slow error among what is fitted, where the tracks are uncertain enough."""
+    """The problem with each track's slow error among what is fitted, where the tracks are uncertain enough.
+
+    On a long fiber each track has a shift of its own every few seconds already.
+    """
     sigma = track_sigma(problem.passes)
-    if sigma < UNCERTAIN or any(one.name == SLOW_ERROR for one in problem.effects):
+    if is_long(problem) or sigma < UNCERTAIN or any(one.name == SLOW_ERROR for one in problem.effects):
         return problem
     effect = next(one for one in TRAJECTORY if one.name == SLOW_ERROR)
     prior = replace(problem.prior, jitter=sigma / SPLINE_VARIANCE**0.5)

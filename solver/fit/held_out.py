@@ -1,14 +1,18 @@
 """How well a route found from some passes explains the passes it never saw."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import torch
 
+from solver.fit.chain import Chain, Link
 from solver.fit.least_squares import MapFit, State, solve
+from solver.fit.map_fit import vehicles_of
 from solver.fit.problem import Problem
-from solver.model import Traffic, Vehicles
+from solver.fit.windows import nearby
+from solver.model import Traffic
+from solver.trajectory import Pass
 
 FOLDS = 2
 
@@ -16,35 +20,40 @@ FOLDS = 2
 def part(problem: Problem, chosen: np.ndarray) -> Problem:
     """The same survey with the passes `chosen` only."""
     passes = [problem.passes[i] for i in chosen]
-    traffic = Traffic.of(passes)
-    return replace(problem, passes=passes, traffic=traffic)
+    return replace(problem, passes=passes, traffic=Traffic.of(passes))
 
 
-def own_samples(problem: Problem, chosen: np.ndarray) -> torch.Tensor:
-    """Samples [sample] of `part(problem, chosen)` in which no other vehicle is within reach."""
-    rest = np.concatenate([problem.passes[i].rows for i in range(len(problem.passes)) if i not in chosen])
-    mine = np.unique(np.concatenate([problem.passes[i].rows for i in chosen]))
-    return torch.from_numpy(~np.isin(mine, rest))
+def own_samples(link: Link, others: Sequence[Pass]) -> torch.Tensor:
+    """Samples [sample] of a link in which no other vehicle is within reach."""
+    problem = link.fit.problem
+    near = [found.rows for one in others if (found := nearby(one, problem.start)) is not None]
+    mine = np.unique(np.concatenate([one.rows for one in problem.passes]))
+    rest = np.concatenate([np.setdiff1d(problem.traffic.samples, mine), *near])
+    return torch.from_numpy(~np.isin(problem.traffic.samples, rest))
 
 
-def shared_numbers(fit: MapFit, state: State, new: MapFit) -> torch.Tensor:
+def shared_numbers(chain: Chain, state: State, new: Chain) -> torch.Tensor:
     """Numbers of the effects that all passes share, for a fit of other passes; those of single passes at their null."""
-    numbers = new.extension.numbers()
-    for old, slot in zip(fit.extension.slots, new.extension.slots, strict=True):
-        if slot.parameter.scope not in ("pass", "track"):
-            numbers[slot.where] = state.numbers[old.where]
+    numbers = new.prior.numbers.clone()
+    for slot, old, here in zip(chain.links[0].fit.extension.slots, chain.slots, new.slots, strict=True):
+        if slot.parameter.scope not in ("pass", "track") and len(old) == len(here):
+            numbers[here] = state.numbers[old]
     return numbers
 
 
-def carried(fit: MapFit, state: State, chosen: np.ndarray, new: MapFit) -> State:
-    """A state of all passes as a start for a fit of those `chosen`; what is smooth along a pass begins at null."""
-    numbers = shared_numbers(fit, state, new)
-    for old, slot in zip(fit.extension.slots, new.extension.slots, strict=True):
+def carried(chain: Chain, state: State, chosen: np.ndarray, new: Chain) -> State:
+    """A state of all passes as a start for a fit of those `chosen`; what is smooth along a pass begins at null.
+
+    On a long fiber, where vehicles have numbers in every stretch, they begin anew.
+    """
+    numbers = shared_numbers(chain, state, new)
+    if chain.long or new.long:
+        return new.start_at(state.coefficients, state.poisson_ratio, numbers)
+    keep = torch.from_numpy(chosen)
+    for slot, old, here in zip(chain.links[0].fit.extension.slots, chain.slots, new.slots, strict=True):
         if slot.parameter.scope == "pass":
-            numbers[slot.where] = state.numbers[old.where][torch.from_numpy(chosen)]
-    fields_of = vars(state.vehicles)
-    vehicles = Vehicles(**{name: value[torch.from_numpy(chosen)] for name, value in fields_of.items()})
-    return State(state.coefficients, vehicles, state.poisson_ratio, numbers)
+            numbers[here] = state.numbers[old][keep]
+    return State(state.coefficients, vehicles_of(state.vehicles, keep), state.poisson_ratio, numbers)
 
 
 def held_out_chi2(
@@ -52,7 +61,7 @@ def held_out_chi2(
     advance: Callable[[int], None] = lambda n: None,
     *,
     folds: int = FOLDS,
-    at: tuple[MapFit, State] | None = None,
+    at: tuple[MapFit | Chain, State] | None = None,
 ) -> float | None:
     """Chi2 per degree of freedom of held-out passes, each refitting only its own amplitude, shift and wheels.
 
@@ -75,15 +84,22 @@ def held_out_chi2(
     groups = [np.arange(first, count, min(folds, count)) for first in range(min(folds, count))]
     for group in groups:
         others = np.setdiff1d(np.arange(count), group)
-        seen = MapFit(part(problem, others))
-        ground = solve(seen, seen.start() if at is None else carried(*at, others, seen)).state
-        unseen = MapFit(part(problem, group), known_ground=True)
+        seen = Chain.of(part(problem, others))
+        start = seen.start()
+        if at is not None:
+            whole = at[0] if isinstance(at[0], Chain) else Chain.single(at[0])
+            start = carried(whole, at[1], others, seen)
+        ground = solve(seen, start).state
+        unseen = Chain.of(part(problem, group), known_ground=True)
         numbers = shared_numbers(seen, ground, unseen)
-        end = solve(unseen, unseen.start_at(ground.coefficients, ground.poisson_ratio, numbers)).state
-        alone = own_samples(problem, group)
-        weights = unseen.normal(end)[2]
+        end = solve(unseen, unseen.start_at(ground.coefficients, ground.poisson_ratio, numbers))
+        rest = [problem.passes[i] for i in others]
+        for link, model, weights in zip(unseen.links, end.at.models, end.at.weights, strict=True):
+            alone = own_samples(link, rest)
+            misfit += float((link.fit.whitened_of(model, weights)[alone] ** 2).sum())
+            freedom += float((weights.good * weights.soft)[alone].sum())
         # What held-out passes are shifted or changed by is misfit too: a clock that is off shows there.
-        misfit += float((unseen.whitened(end, weights)[alone] ** 2).sum()) + unseen.prior_cost(end)
-        freedom += float((weights.good * weights.soft)[alone].sum()) - int(unseen.free.sum())
+        misfit += unseen.prior.cost(end.state)
+        freedom -= int(unseen.free.sum())
         advance(1)
     return misfit / freedom if freedom > 0 else None

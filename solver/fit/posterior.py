@@ -1,65 +1,180 @@
 """From the end of a fit to what is reported: covariance, what data and not priors decided, parameters."""
 
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.fit.least_squares import PER_PASS, Linearized, MapFit, State
+from solver.fit.belief import RouteRows
+from solver.fit.chain import Chain, Visit
+from solver.fit.map_fit import MapFit
+from solver.fit.normal import Block, Reduced
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
+from solver.fit.state import PER_PASS, State
+from solver.trajectory import Pass
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 UNITS = {"amplitude": "m^2", "along": "m", "across": "m", "wheelbase": "m", "front_share": "1"}
 
 
+#: Knot intervals whose covariance is computed at once.
+INTERVALS = 8
+
+
 @dataclass(frozen=True)
 class Posterior:
-    """Gaussian approximation of the posterior at a state (Laplace).
+    """Gaussian approximation of the posterior at a visit (Laplace), from the factored normal equations.
 
     Parameters
     ----------
-    covariance : [free, free], scaled by the mean squared misfit of data or anchors where that is more than noise
-    prior_part : [free, free], the part of `covariance` that priors decide; the rest is data and anchors
-    shape_part : [free, free], the part of it that the prior on the route's shape decides
-    weight : [sample, channel], of each sample
-    model : [sample, channel], 1/s
-    chi2 : weighted misfit of the whitened residual
-    chi2_per_dof : the same over degrees of freedom
+    chain, visit : the fit and its end
     """
 
-    covariance: Tensor
-    prior_part: Tensor
-    shape_part: Tensor
-    weight: Tensor
-    model: Tensor
-    chi2: float
-    chi2_per_dof: float
+    chain: Chain
+    visit: Visit
 
-    @classmethod
-    def at(cls, fit: MapFit, state: State, near: Linearized) -> "Posterior":
-        """The posterior of a problem that is linearized `near` its end."""
-        matrix, _, weights = fit.normal_of(state, near)
-        covariance = torch.linalg.inv(matrix)
-        prior_part = covariance @ fit.prior_matrix(state) @ covariance
-        shape_part = covariance @ fit.shape_matrix(state.coefficients) @ covariance
-        chi2 = near.misfit
-        freedom = float((weights.good * weights.soft).sum() - torch.trace((covariance - prior_part) @ matrix))
-        per_dof = chi2 / max(freedom, 1.0)
-        # Unmodeled physics is at least as wrong as the misfit it leaves in the data or at the anchors (Birge ratio).
-        missed = fit.route_rows(state.coefficients)[1].residual
-        scale = max(1.0, per_dof, float((missed**2).sum()) / max(len(missed), 1))
-        weight = weights.good * weights.soft
-        return cls(covariance * scale, prior_part * scale, shape_part * scale, weight, near.model, chi2, per_dof)
+    @cached_property
+    def reduced(self) -> Reduced:
+        """The normal equations, factored."""
+        return self.visit.normal.reduced()
+
+    def columns(self, where: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Columns [shared, where] of the covariance of what all vehicles share, not scaled."""
+        unit = np.zeros((len(self.reduced.right), len(where)))
+        unit[where, np.arange(len(where))] = 1.0
+        return self.reduced.factor.solved(unit)
+
+    @cached_property
+    def shape(self) -> "csr_array":
+        """Normal matrix [shared, shared] of the prior on the route's shape alone."""
+        return self._sparse(
+            Block(3 * one.first, one.rows.jacobian.shape[1], np.zeros(0, int), gram(one))
+            for one in self.chain.prior.shape(self.visit.state.coefficients)
+            if not self.chain.prior.held
+        )
+
+    @cached_property
+    def priors(self) -> "csr_array":
+        """Normal matrix [shared, shared] of the priors on what is shared, anchors left out."""
+        precision = self.chain.prior.precision(self.visit.state)[self.chain.border].numpy()
+        border = Block(0, 0, np.arange(len(precision)), np.diag(precision))
+        return self.shape + self._sparse([border])
+
+    @cached_property
+    def through_vehicles(self) -> "csr_array":
+        """What the priors on the vehicles decide of what they share with the route, [shared, shared]."""
+        normal = self.visit.normal
+        sums = [np.zeros_like(one.matrix) for one in normal.blocks]
+        for part, (across, _) in zip(normal.parts, self.reduced.lifts, strict=True):
+            sums[part.stretch] += across.T @ (part.precision[:, None] * across)
+        return self._sparse(one.of(total) for one, total in zip(normal.blocks, sums, strict=True))
+
+    def _sparse(self, blocks: Iterable[Block]) -> "csr_array":
+        from scipy.sparse import coo_array
+
+        size, band = len(self.visit.normal.right), self.visit.normal.size
+        found = [(one.where(band), one.matrix) for one in blocks]
+        row = [np.repeat(where, len(where)) for where, _ in found]
+        column = [np.tile(where, len(where)) for where, _ in found]
+        values = [matrix.ravel() for _, matrix in found]
+        none: list[NDArray] = [np.zeros(0)]
+        index = np.concatenate(row or none).astype(int), np.concatenate(column or none).astype(int)
+        return coo_array((np.concatenate(values or none), index), shape=(size, size)).tocsr()
+
+    @cached_property
+    def own_covariance(self) -> list[NDArray[np.float64]]:
+        """Covariance [own, own] of the parameters of each link that no other has, not scaled."""
+        normal, found = self.visit.normal, []
+        inside: dict[int, NDArray[np.float64]] = {}
+        for part, (across, _) in zip(normal.parts, self.reduced.lifts, strict=True):
+            if part.stretch not in inside:
+                where = normal.blocks[part.stretch].where(normal.size)
+                inside[part.stretch] = self.columns(where)[where]
+            found.append(np.linalg.inv(part.own) + across @ inside[part.stretch] @ across.T)
+        return found
+
+    @cached_property
+    def _border_covariance(self) -> NDArray[np.float64]:
+        where = self.visit.normal.size + np.arange(self.visit.normal.border)
+        return self.columns(where)[where]
+
+    @cached_property
+    def decided(self) -> float:
+        """How many numbers data and anchors decide: all that are free, less what the priors decide of them."""
+        normal = self.visit.normal
+        free = len(normal.right) + sum(len(part.own) for part in normal.parts)
+        prior = sum(
+            float(np.diagonal(covariance) @ part.precision)
+            for covariance, part in zip(self.own_covariance, normal.parts, strict=True)
+        )
+        border = self.chain.prior.precision(self.visit.state)[self.chain.border].numpy()
+        prior += float(np.diagonal(self._border_covariance) @ border)
+        return free - prior - self._shape_trace
+
+    @cached_property
+    def _shape_trace(self) -> float:
+        total = 0.0
+        for one in self.chain.prior.shape(self.visit.state.coefficients):
+            if self.visit.normal.size:
+                where = np.arange(one.where.start, one.where.stop)
+                total += float((self.columns(where)[where] * gram(one)).sum())
+        return total
+
+    @cached_property
+    def chi2_per_dof(self) -> float:
+        """Weighted misfit over degrees of freedom."""
+        samples = sum(float((weights.good * weights.soft).sum()) for weights in self.visit.weights)
+        return self.visit.misfit / max(samples - self.decided, 1.0)
+
+    @cached_property
+    def scale(self) -> float:
+        """What all covariances are times: unmodeled physics is at least as wrong as the misfit it leaves.
+
+        In the data or at the anchors (Birge ratio).
+        """
+        missed = [one.rows.residual for one in self.chain.prior.anchored(self.visit.state.coefficients)]
+        square = sum(float((miss**2).sum()) for miss in missed)
+        return max(1.0, self.chi2_per_dof, square / max(sum(map(len, missed)), 1))
+
+    def route(self, distance: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Covariance [channel, 3, 3] at `distance` [channel], m, the prior's part of it, and that of shape alone."""
+        basis = self.chain.basis
+        out = tuple(np.full((len(distance), 3, 3), np.nan) for _ in range(3))
+        interval = np.clip((distance - basis.start) // basis.step, 0, basis.intervals - 1).astype(int)
+        for first in range(0, basis.intervals, INTERVALS):
+            here = (interval >= first) & (interval < first + INTERVALS)
+            part = basis.part(first, min(first + INTERVALS, basis.intervals))
+            where = np.arange(3 * first, 3 * (first + part.size))
+            if not here.any():
+                continue
+            columns, at = self.columns(where), part.at(distance[here])
+            decided = columns.T @ (self.priors @ columns) + columns.T @ (self.through_vehicles @ columns)
+            for total, block in zip(out, (columns[where], decided, columns.T @ (self.shape @ columns)), strict=True):
+                cube = block.reshape(part.size, 3, part.size, 3)
+                total[here] = self.scale * np.einsum("ci,iajb,cj->cab", at, cube, at, optimize=True)
+        return out
+
+    def sigmas(self) -> Tensor:
+        """Standard deviation [parameter] of all but the route; 0 where it is fixed."""
+        sigma = torch.zeros_like(self.chain.mean)
+        sigma[self.chain.border] = torch.from_numpy(np.sqrt(self.scale * np.diagonal(self._border_covariance)))
+        for where, covariance in zip(self.chain.own_places, self.own_covariance, strict=True):
+            sigma[where] = torch.from_numpy(np.sqrt(self.scale * np.diagonal(covariance)))
+        return sigma
 
 
-def route_covariance(fit: MapFit, covariance: Tensor, distance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance [channel, 3, 3] of route points at `distance` [channel], m, from that of the parameters."""
-    size = fit.basis.size
-    block = covariance[: 3 * size, : 3 * size].reshape(size, 3, size, 3).numpy()
-    basis = fit.basis.at(distance)
-    return np.einsum("ci,iajb,cj->cab", basis, block, basis, optimize=True)
+def gram(one: RouteRows) -> NDArray[np.float64]:
+    """Normal matrix of the rows of a prior."""
+    return np.asarray((one.rows.jacobian.T @ one.rows.jacobian).numpy())
 
 
 def lateral_share(route: NDArray[np.float64], total: NDArray[np.float64], prior: NDArray[np.float64]) -> NDArray:
@@ -70,44 +185,81 @@ def lateral_share(route: NDArray[np.float64], total: NDArray[np.float64], prior:
     return np.asarray(1 - across[1] / across[0])
 
 
-def parameters(problem: Problem, state: State, fit: MapFit, covariance: Tensor) -> dict[str, Parameter]:
-    """Every fitted number but the route's, by name."""
-    sigma = torch.zeros_like(fit.mean)
-    sigma[fit.free] = covariance.diagonal().sqrt()
-    names = [(f"{name}[{one.track_id}]", UNITS[name]) for name in PER_PASS for one in problem.passes]
+def names_of(chain: Chain) -> list[tuple[str, str]]:
+    """Name and unit of every fitted number but the route's."""
+    passes = legs(chain.passes)
+    names = [(f"{name}[{one}]", UNITS[name]) for name in PER_PASS for one in passes]
     names.append(("poisson_ratio", "1"))
-    for slot in fit.extension.slots:
-        name, count = f"{slot.effect.name}.{slot.parameter.name}", slot.where.stop - slot.where.start
+    for slot, place in zip(chain.links[0].fit.extension.slots, chain.slots, strict=True):
+        count = len(place)
+        name = f"{slot.effect.name}.{slot.parameter.name}"
         names += [(name if count == 1 else f"{name}[{i}]", slot.parameter.unit) for i in range(count)]
-    values = state.vector()
+    return names
+
+
+def legs(passes: Sequence[Pass]) -> list[str]:
+    """Names of vehicles; of one that is fitted in several stretches, with where it is in each.
+
+    >>> from types import SimpleNamespace
+    >>> legs([SimpleNamespace(track_id=name, position=np.full((1, 2), x)) for name, x in (("7", 3.2), ("7", 64.0))])
+    ['7 at x 3 m', '7 at x 64 m']
+    """
+    known = Counter(one.track_id for one in passes)
+    return [
+        one.track_id if known[one.track_id] == 1 else f"{one.track_id} at x {one.position[:, 0].mean():.0f} m"
+        for one in passes
+    ]
+
+
+def parameters(posterior: Posterior) -> dict[str, Parameter]:
+    """Every fitted number but the route's, by name."""
+    chain = posterior.chain
+    names, sigma, values = names_of(chain), posterior.sigmas(), posterior.visit.state.vector()
     first = len(values) - len(names)
     return {
-        name: Parameter(float(values[first + i]), float(sigma[first + i]), unit, bool(fit.free[first + i]))
+        name: Parameter(float(values[first + i]), float(sigma[first + i]), unit, bool(chain.free[first + i]))
         for i, (name, unit) in enumerate(names)
     }
 
 
+def maps(chain: Chain, visit: Visit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Model, 1/s, and weight of each sample [sample, channel] of a survey; NaN and 0 where nothing was fitted."""
+    problem = chain.problem
+    if not chain.long:
+        weights = visit.weights[0]
+        whole = torch.where(problem.measured, visit.models[0], torch.nan)
+        return whole.numpy(), (weights.good * weights.soft).numpy()
+    shape = len(problem.traffic.samples), len(problem.channel)
+    model: NDArray = np.full(shape, np.nan, np.float32)
+    weight: NDArray = np.zeros(shape, np.float32)
+    for link, part, weights in zip(chain.links, visit.models, visit.weights, strict=True):
+        row = np.searchsorted(problem.traffic.samples, link.fit.problem.traffic.samples)
+        column = np.searchsorted(problem.channel, link.fit.problem.channel)
+        model[np.ix_(row, column)] = torch.where(link.fit.measured, part, torch.nan).numpy()
+        weight[np.ix_(row, column)] = (weights.good * weights.soft).numpy()
+    return model, weight
+
+
 def assemble(
     problem: Problem,
-    fit: MapFit,
+    fit: MapFit | Chain,
     state: State,
     *,
     method: str,
     iterations: int,
     seconds: float,
     converged: bool,
-    near: Linearized | None = None,
+    near: Visit | None = None,
 ) -> FitResult:
-    """What a fit that ended in `state` reports; `near` is the problem linearized there, where that is known."""
-    posterior = Posterior.at(fit, state, near or fit.linearized(state))
-    channel = problem.route_channel
+    """What a fit that ended in `state` reports; `near` is the visit there, where that is known."""
+    chain = fit if isinstance(fit, Chain) else Chain.single(fit)
+    posterior = Posterior(chain, near or chain.visit(state))
+    state, channel = posterior.visit.state, problem.route_channel
     distance = problem.distance_of(channel)
-    route = fit.basis.at(distance) @ state.coefficients.numpy()
-    total = route_covariance(fit, posterior.covariance, distance)
-    prior = route_covariance(fit, posterior.prior_part, distance)
-    shape = route_covariance(fit, posterior.shape_part, distance)
+    route = chain.basis.along(state.coefficients.numpy(), distance)
+    total, prior, shape = posterior.route(distance)
     share = 1 - np.diagonal(prior, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
-    model = torch.where(problem.measured, posterior.model, torch.nan)
+    model, weight = maps(chain, posterior.visit)
     return FitResult(
         method=method,
         channel=channel,
@@ -116,16 +268,16 @@ def assemble(
         covariance=total,
         constrained=lateral_share(route, total, shape) > 0.5,
         data_share=share,
-        parameters=parameters(problem, state, fit, posterior.covariance),
+        parameters=parameters(posterior),
         vector=state.vector().numpy(),
         samples=problem.traffic.samples,
         fitted_channel=problem.channel,
         measured=problem.strain_rate.numpy(),
-        model=model.numpy(),
+        model=model,
         noise=problem.noise.numpy(),
-        weight=posterior.weight.numpy(),
+        weight=weight,
         law=problem.law,
-        chi2=posterior.chi2,
+        chi2=posterior.visit.misfit,
         chi2_per_dof=posterior.chi2_per_dof,
         ambiguous_side=False,
         iterations=iterations,

@@ -3,7 +3,8 @@
 import time
 from collections.abc import Callable
 
-from solver.fit.least_squares import MapFit, solve
+from solver.fit.chain import Chain
+from solver.fit.least_squares import solve
 from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
@@ -27,11 +28,11 @@ def fit_spline(
     See `solver.fit.least_squares` for what is minimized.
     """
     begun = time.perf_counter()
-    fit = MapFit(problem)
-    end = solve(fit, fit.start(), advance=advance, hopeless=hopeless)
+    chain = Chain.of(problem)
+    end = solve(chain, chain.start(), advance=advance, hopeless=hopeless)
     return assemble(
         problem,
-        fit,
+        chain,
         end.state,
         method="spline",
         iterations=end.iterations,

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from solver.cable import SplineBasis
-from solver.fit.least_squares import PATIENCE, MapFit, decrement, huber, solve
+from solver.fit.chain import Chain
+from solver.fit.least_squares import PATIENCE, MapFit, huber, solve
 from solver.fit.prior import Prior, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.spline import fit_spline
 from solver.model import Traffic
@@ -59,7 +60,9 @@ def test_the_end_is_a_minimum(case) -> None:
     end = solve(fit, fit.start())
     assert end.converged
     matrix, right, _ = fit.normal(end.state)
-    assert decrement(matrix, right) < 0.2
+    decrement = float(right @ torch.linalg.solve(matrix, right)) ** 0.5
+    assert decrement < 0.2
+    assert Chain.single(fit).visit(end.state).normal.decrement() == pytest.approx(decrement, rel=1e-6)
     assert end.iterations < 10
 
 

@@ -1,0 +1,163 @@
+"""What is believed of all that is fitted: means, standard deviations, and the cost of departing from them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from solver.anchors import Anchor
+from solver.cable import DEGREE, SplineBasis
+from solver.extension import SLOW_ERROR, Extension, Slot
+from solver.fit.prior import Prior, Rows, anchor_rows, shape_rows, track_cost, track_precision
+from solver.fit.state import PER_PASS, State
+from solver.load import layout_of
+from solver.model import Vehicles
+from solver.trajectory import Pass
+
+#: What is wrong with a whole track: the passes together tell how large it is.
+TRACK_ERRORS = ("along", "across")
+#: A longer route has a mean depth of its own every so many meters.
+OWN_DEPTH = 200.0
+
+
+def number_sd(slot: Slot, prior: Prior) -> float:
+    """Standard deviation of an effect's numbers before the data speak."""
+    grid = slot.parameter.grid
+    plausible = max(grid) - min(grid) if len(grid) > 1 else slot.parameter.plausible
+    return prior.jitter if slot.effect.name == SLOW_ERROR else plausible
+
+
+def spreads(extension: Extension, prior: Prior) -> Tensor:
+    """Standard deviations [number] of the numbers of effects."""
+    spread = torch.zeros(extension.size, dtype=torch.float64)
+    for slot in extension.slots:
+        spread[slot.where] = number_sd(slot, prior)
+    return spread
+
+
+@dataclass(frozen=True)
+class RouteRows:
+    """Rows of a prior on the coefficients from number `first` on."""
+
+    first: int
+    rows: Rows
+
+    @property
+    def where(self) -> slice:
+        """Which parameters they are of."""
+        return slice(3 * self.first, 3 * self.first + self.rows.jacobian.shape[1])
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Priors on a state.
+
+    Parameters
+    ----------
+    basis : of the route
+    prior : what was known before
+    passes : whose vehicles are fitted
+    anchors : known points of the fiber
+    anchor_distance : [anchor], m along the fiber
+    numbers, number_sd : [number], of the effects
+    held : whether all but the vehicles is left as it is
+    own : [number] bool, numbers that are of single passes
+    """
+
+    basis: SplineBasis
+    prior: Prior
+    passes: Sequence[Pass]
+    anchors: Sequence[Anchor]
+    anchor_distance: np.ndarray
+    numbers: Tensor
+    number_sd: Tensor
+    own: Tensor
+    held: bool = False
+
+    @cached_property
+    def mean(self) -> Tensor:
+        """[parameter]."""
+        route = torch.zeros(self.basis.size, 3, dtype=torch.float64)
+        nu = torch.tensor(self.prior.poisson_ratio[0], dtype=torch.float64)
+        return State(route, Vehicles.of(self.passes), nu, self.numbers).vector()
+
+    @cached_property
+    def sd(self) -> Tensor:
+        """[parameter]; inf for the route, whose prior is on its shape, 0 where a value is fixed."""
+        layouts = [layout_of(one.vehicle_class) for one in self.passes]
+        per_pass = {
+            "amplitude": [np.inf] * len(layouts),
+            "along": [self.prior.along] * len(layouts),
+            "across": [self.prior.across] * len(layouts),
+            "wheelbase": [layout.wheelbase_sd for layout in layouts],
+            "front_share": [layout.front_share_sd for layout in layouts],
+        }
+        route = np.full(3 * self.basis.size, 0.0 if self.held else np.inf)
+        nu = 0.0 if self.held else self.prior.poisson_ratio[1]
+        numbers = torch.where(self.own, self.number_sd, 0.0) if self.held else self.number_sd
+        return torch.from_numpy(np.concatenate([route, *(per_pass[name] for name in PER_PASS), [nu], numbers]))
+
+    @cached_property
+    def free(self) -> Tensor:
+        """[parameter] bool, what is fitted."""
+        return self.sd > 0
+
+    def block(self, name: str) -> slice:
+        """Where the vector of all parameters holds one quantity of the passes."""
+        first = 3 * self.basis.size + PER_PASS.index(name) * len(self.passes)
+        return slice(first, first + len(self.passes))
+
+    def precision(self, state: State) -> Tensor:
+        """Precision [parameter] of the priors; those on the tracks' errors depend on how large they all are."""
+        precision = self.sd**-2
+        for name in TRACK_ERRORS:
+            if bool(self.free[where := self.block(name)].all()) and self.passes:
+                size = getattr(self.prior, name)
+                precision[where] = track_precision(getattr(state.vehicles, name), size, self.prior.belief)
+        return precision
+
+    def cost(self, state: State) -> float:
+        """-2 ln of the prior density of all but the route, but for a constant."""
+        sd, tracks = self.sd.clone(), 0.0
+        for name in TRACK_ERRORS:
+            if bool(self.free[where := self.block(name)].all()) and self.passes:
+                sd[where] = torch.inf
+                tracks += track_cost(getattr(state.vehicles, name), getattr(self.prior, name), self.prior.belief)
+        shift = (state.vector() - self.mean)[self.free] / sd[self.free]
+        return float((shift**2).sum()) + tracks
+
+    @cached_property
+    def pieces(self) -> list[tuple[int, SplineBasis]]:
+        """First coefficient and basis of each stretch of the route that has a mean depth of its own."""
+        basis = self.basis
+        count = max(1, round((basis.stop - basis.start) / OWN_DEPTH))
+        cuts = np.linspace(0, basis.intervals, count + 1).round().astype(int).tolist()
+        return [(first, basis.part(first, last)) for first, last in pairwise(cuts)]
+
+    def shape(self, coefficients: Tensor) -> list[RouteRows]:
+        """Rows of the prior on the route's shape."""
+        return [
+            RouteRows(first, shape_rows(part, self.prior, coefficients[first : first + part.size]))
+            for first, part in self.pieces
+        ]
+
+    def anchored(self, coefficients: Tensor) -> list[RouteRows]:
+        """Rows of the anchors."""
+        basis, found = self.basis, []
+        if len(self.pieces) == 1:
+            return [RouteRows(0, anchor_rows(basis, self.anchors, self.anchor_distance, coefficients))]
+        for anchor, distance in zip(self.anchors, self.anchor_distance, strict=True):
+            first = int(np.clip((distance - basis.start) // basis.step, 0, basis.intervals - 1))
+            part = basis.part(first, first + 1)
+            near = coefficients[first : first + DEGREE + 1]
+            found.append(RouteRows(first, anchor_rows(part, [anchor], np.array([distance]), near)))
+        return found
+
+    def route_cost(self, coefficients: Tensor) -> float:
+        """-2 ln of the prior density of the route and of the anchors, but for a constant."""
+        every = [*self.shape(coefficients), *self.anchored(coefficients)]
+        return sum(float((one.rows.residual**2).sum()) for one in every)

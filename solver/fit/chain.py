@@ -1,0 +1,331 @@
+"""A survey of any length as a chain of small problems that share one route: linear in the length of the fiber.
+
+A camera's view is a chain of one. On a longer fiber each stretch and each crowd of vehicles in it is a problem of its
+own (`solver.fit.windows`), with the noise taken for independent between them; the route's spline runs through all.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from solver.cable import SplineBasis
+from solver.fit.belief import Belief, RouteRows
+from solver.fit.links import Link, linked
+from solver.fit.map_fit import KNOT_SPACING, SHALLOWEST, MapFit
+from solver.fit.normal import Block, Normal, Part
+from solver.fit.problem import Problem
+from solver.fit.state import PER_PASS, State, Weights
+from solver.fit.windows import parts
+
+T = TypeVar("T")
+THREADS = 2
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One link near a state.
+
+    Parameters
+    ----------
+    amplitude : [pass], that fit best
+    cost : misfit by the weights given
+    misfit : by the new `weights`
+    model : [sample, channel], 1/s
+    part : of the normal equations
+    shared, right : of the data, over what the stretch shares, [shared, shared] and [shared]
+    """
+
+    amplitude: Tensor
+    cost: float
+    misfit: float
+    weights: Weights
+    model: Tensor
+    part: Part
+    shared: np.ndarray
+    right: np.ndarray
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A chain near a state, its amplitudes settled.
+
+    Parameters
+    ----------
+    state : visited
+    cost : misfit by the weights of the visit before, and priors
+    misfit : chi2 of the whitened residual by its own weights
+    normal : equations there
+    weights, models : of each link
+    """
+
+    state: State
+    cost: float
+    misfit: float
+    normal: Normal
+    weights: list[Weights]
+    models: list[Tensor]
+
+
+@contextmanager
+def one_thread_each(many: bool) -> Iterator[None]:
+    """Where links are worked on side by side, each has one thread."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1 if many else before)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+class Chain:
+    """Small problems along one route, fitted together.
+
+    Parameters
+    ----------
+    links : of the whole survey
+    prior : on all that is fitted
+    problem : the whole survey
+    """
+
+    def __init__(self, problem: Problem, prior: Belief, links: Sequence[Link]):
+        self.problem, self.prior, self.links = problem, prior, list(links)
+        self.basis, self.passes = prior.basis, prior.passes
+        self.mean, self.sd, self.free = prior.mean, prior.sd, prior.free
+
+    @classmethod
+    def single(cls, fit: MapFit) -> "Chain":
+        """A chain of one."""
+        own = torch.ones(len(fit.mean), dtype=torch.bool)
+        own[: 3 * fit.basis.size] = False
+        after = 3 * fit.basis.size + len(PER_PASS) * len(fit.problem.passes)
+        own[after] = False
+        own[after + 1 :] = fit.prior.own
+        return cls(fit.problem, fit.prior, [Link(fit, 0, 0, torch.arange(len(fit.mean)), own)])
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        knot_spacing: float = KNOT_SPACING,
+        known_ground: bool = False,
+        span: tuple[float, float] | None = None,
+    ) -> "Chain":
+        """The chain of a survey; parameters as of `MapFit`."""
+        groups = parts(problem)
+        if len(groups) == 1 and groups[0][0] is problem:
+            return cls.single(MapFit(problem, knot_spacing, known_ground, span))
+        return cls(problem, *linked(problem, groups, SplineBasis(*(span or problem.span), knot_spacing), known_ground))
+
+    @property
+    def long(self) -> bool:
+        """Whether there is more than one link."""
+        return len(self.links) > 1
+
+    def each(self, work: Callable[[int], T]) -> Iterator[T]:
+        """Results of a work on each link, in order; links of a long chain side by side."""
+        numbers = range(len(self.links))
+        with one_thread_each(self.long):
+            if not self.long:
+                yield from map(work, numbers)
+                return
+            with ThreadPoolExecutor(THREADS) as pool:
+                yield from pool.map(work, numbers)
+
+    def part_of(self, state: State, link: Link) -> State:
+        """The state of one link."""
+        return link.fit.state_of(state.vector()[link.where])
+
+    def start(self) -> State:
+        """Begin at the rough route and the expected Poisson ratio, without any effect."""
+        route = torch.from_numpy(self.basis.interpolate(self.problem.distance, self.problem.start))
+        return self.start_at(route, torch.tensor(self.problem.prior.poisson_ratio[0], dtype=torch.float64))
+
+    def start_at(self, route: Tensor, nu: Tensor, numbers: Tensor | None = None) -> State:
+        """Vehicles of their class, with the amplitudes that fit a route [coefficient, 3] best."""
+        state = self.state_of(self.mean)
+        state = replace(
+            state, coefficients=route, poisson_ratio=nu, numbers=self.prior.numbers if numbers is None else numbers
+        )
+        vector = state.vector()
+
+        def amplitude(number: int) -> Tensor:
+            link = self.links[number]
+            every = link.fit.measured.double()
+            return link.fit.settled(link.fit.state_of(vector[link.where]), Weights(every, every)).vehicles.amplitude
+
+        return self.with_amplitudes(state, list(self.each(amplitude)))
+
+    def with_amplitudes(self, state: State, amplitudes: Sequence[Tensor]) -> State:
+        """The same state with the amplitudes [pass] of each link."""
+        return replace(state, vehicles=replace(state.vehicles, amplitude=torch.cat(list(amplitudes))))
+
+    def state_of(self, vector: Tensor) -> State:
+        """The state of a vector [parameter], as `State.vector` gives it."""
+        return State.of(vector, self.basis.size, self.passes)
+
+    @cached_property
+    def bounds(self) -> tuple[Tensor, Tensor]:
+        """Lowest and highest values [number] of the effects' numbers."""
+        lower, upper = (torch.full_like(self.prior.numbers, sign * torch.inf) for sign in (-1.0, 1.0))
+        first = len(self.mean) - len(self.prior.numbers)
+        for link in self.links:
+            extension = link.fit.extension
+            at = link.where[len(link.where) - extension.size :] - first
+            for slot in extension.slots:
+                lower[at[slot.where]], upper[at[slot.where]] = slot.parameter.lower, slot.parameter.upper
+        return lower, upper
+
+    def bounded(self, state: State) -> State:
+        """The same state with the effects' numbers within their bounds."""
+        return replace(state, numbers=state.numbers.clamp(*self.bounds))
+
+    def buried(self, state: State) -> bool:
+        """Whether the whole route is under the ground, where the half-space is."""
+        everywhere = self.problem.distance_of(self.problem.route_channel)
+        return bool(self.basis.along(state.coefficients[:, 2].numpy(), everywhere).min() > SHALLOWEST)
+
+    def belief(self, state: State) -> float:
+        """-2 ln of the prior density and of the anchors, but for a constant."""
+        return self.prior.cost(state) + self.prior.route_cost(state.coefficients)
+
+    @property
+    def size(self) -> int:
+        """How many of the route's parameters are fitted."""
+        return 0 if self.prior.held else 3 * self.basis.size
+
+    @cached_property
+    def border(self) -> Tensor:
+        """What all stretches share beside the route, among the chain's parameters."""
+        shared = torch.ones(len(self.mean), dtype=torch.bool)
+        shared[: 3 * self.basis.size] = False
+        for link in self.links:
+            shared[link.where[link.own]] = False
+        return torch.nonzero(shared & self.free).flatten()
+
+    @cached_property
+    def _places(self) -> list[tuple[Tensor, Tensor, np.ndarray]]:
+        """Of each link: its own free parameters, those it shares in the order of its block, and which of the border."""
+        rank = torch.full((len(self.mean),), -1)
+        rank[self.border] = torch.arange(len(self.border))
+        places = []
+        for link in self.links:
+            free = self.free[link.where]
+            own = torch.nonzero(link.own & free).flatten()
+            shared = torch.nonzero(~link.own & free).flatten()
+            border = rank[link.where[shared]]
+            places.append((own, shared, border[border >= 0].numpy()))
+        return places
+
+    @property
+    def own_places(self) -> list[Tensor]:
+        """Of each link, where the chain holds the free parameters that no other link has."""
+        return [link.where[own] for link, (own, _, _) in zip(self.links, self._places, strict=True)]
+
+    @cached_property
+    def slots(self) -> list[Tensor]:
+        """Where the chain's numbers hold each parameter of the effects."""
+        first, places = len(self.mean) - len(self.prior.numbers), []
+        for which, _ in enumerate(self.links[0].fit.extension.slots):
+            every = [
+                link.where[len(link.where) - link.fit.extension.size :][link.fit.extension.slots[which].where]
+                for link in self.links
+            ]
+            places.append(torch.unique(torch.cat(every)) - first)
+        return places
+
+    def _block(self, number: int, matrix: np.ndarray) -> Block:
+        link, border = self.links[number], self._places[number][2]
+        return Block(3 * link.first if self.size else 0, len(matrix) - len(border), border, matrix)
+
+    def look(self, number: int, state: State, before: Weights | None, precision: Tensor, shift: Tensor) -> Seen:
+        """One link near the chain's `state` [parameter]; with its amplitudes settled by the weights `before`."""
+        link = self.links[number]
+        fit, here = link.fit, self.part_of(state, link)
+        felt = fit.felt(here)
+        if before is not None:
+            here, felt = fit.resettled(here, felt, before)
+        at = fit.linearized(here, felt)
+        cost = at.misfit if before is None else float((fit.whitened_of(felt.model, before) ** 2).sum())
+        own, shared, _ = self._places[number]
+        jacobian = at.jacobian.index_select(1, torch.cat([own, shared]))
+        matrix, right = (jacobian.T @ jacobian).numpy(), (jacobian.T @ at.residual).numpy()
+        count, mine = len(own), link.where[own]
+        known = precision[mine].numpy()
+        part = Part(
+            matrix[:count, :count] + np.diag(known),
+            matrix[:count, count:],
+            right[:count] + known * shift[mine].numpy(),
+            known,
+            link.stretch,
+        )
+        weights = Weights(at.weights.good.bool(), at.weights.soft.float()) if self.long else at.weights
+        model = felt.model.float() if self.long else felt.model
+        amplitude = here.vehicles.amplitude
+        return Seen(amplitude, cost, at.misfit, weights, model, part, matrix[count:, count:], right[count:])
+
+    def visit(self, state: State, before: Sequence[Weights] | None = None) -> Visit:
+        """The chain near a state; with amplitudes that fit best by the weights of the visit `before`."""
+        precision, shift = self.prior.precision(state), self.mean - state.vector()
+        blocks: dict[int, Block] = {}
+        cost, misfit = 0.0, 0.0
+        right = np.zeros(self.size + len(self.border))
+        weights, models, own, amplitudes = [], [], [], []
+
+        def work(number: int) -> Seen:
+            return self.look(number, state, None if before is None else before[number], precision, shift)
+
+        for number, seen in enumerate(self.each(work)):
+            cost, misfit = cost + seen.cost, misfit + seen.misfit
+            block = self._block(number, seen.shared)
+            right[block.where(self.size)] += seen.right
+            if seen.part.stretch in blocks:
+                blocks[seen.part.stretch].matrix[...] += seen.shared
+            else:
+                blocks[seen.part.stretch] = block
+            weights.append(seen.weights)
+            models.append(seen.model)
+            own.append(seen.part)
+            amplitudes.append(seen.amplitude)
+        state = self.with_amplitudes(state, amplitudes)
+        known = self.known(state, precision)
+        right += self.pull(state, precision)
+        normal = Normal(self.size, len(self.border), [blocks[key] for key in sorted(blocks)], list(known), own, right)
+        return Visit(state, cost + self.belief(state), misfit, normal, weights, models)
+
+    def rows(self, state: State) -> list[RouteRows]:
+        """Rows of the priors on the route: its shape and its anchors; none where it is held."""
+        if self.prior.held:
+            return []
+        return [*self.prior.shape(state.coefficients), *self.prior.anchored(state.coefficients)]
+
+    def known(self, state: State, precision: Tensor) -> Iterator[Block]:
+        """Normal matrices of the priors on what is shared."""
+        none = np.zeros(0, int)
+        for one in self.rows(state):
+            matrix = (one.rows.jacobian.T @ one.rows.jacobian).numpy()
+            yield Block(3 * one.first, len(matrix), none, matrix)
+        yield Block(0, 0, np.arange(len(self.border)), np.diag(precision[self.border].numpy()))
+
+    def pull(self, state: State, precision: Tensor) -> np.ndarray:
+        """Right-hand side [shared] of the priors on what is shared."""
+        right = np.zeros(self.size + len(self.border))
+        for one in self.rows(state):
+            right[one.where] -= (one.rows.jacobian.T @ one.rows.residual).numpy()
+        right[self.size :] = (precision * (self.mean - state.vector()))[self.border].numpy()
+        return right
+
+    def stepped(self, state: State, step: tuple[np.ndarray, list[np.ndarray]]) -> State:
+        """The state after a step of `Normal.step`."""
+        vector, (shared, own) = state.vector().clone(), step
+        vector[: self.size] += torch.from_numpy(shared[: self.size])
+        vector[self.border] += torch.from_numpy(shared[self.size :])
+        for link, (mine, _, _), part in zip(self.links, self._places, own, strict=True):
+            vector[link.where[mine]] += torch.from_numpy(part)
+        return self.bounded(state.moved(vector))

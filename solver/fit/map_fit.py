@@ -1,0 +1,297 @@
+"""A maximum a posteriori problem over one stretch of fiber: model, residual, derivatives.
+
+What is minimized is |W (d - f)|^2 + sum(((theta - prior) / sd)^2) over route, amplitudes, track shifts, wheel layouts,
+Poisson ratio and what the effects in the model bring (Tarantola 2005, Inverse Problem Theory, eq. 3.51); W whitens the
+noise, Huber weights bound the pull of bad samples.
+"""
+
+from dataclasses import fields, replace
+
+import torch
+from torch import Tensor
+
+from solver.cable import GaugeEnds, SplineBasis
+from solver.extension import SLOW_ERROR, Values
+from solver.fit.belief import Belief, RouteRows, spreads
+from solver.fit.derivatives import Seen, derivative, observed_tangents
+from solver.fit.problem import Problem
+from solver.fit.robust import huber, near_noise
+from solver.fit.state import PER_PASS, Felt, Linearized, State, Weights
+from solver.model import Fiber, Sensitivities, SignalPath, Vehicles
+from solver.observation import BASE
+
+KNOT_SPACING = 10.0
+SHALLOWEST = 0.02
+#: Variance of a cubic spline of unit coefficients.
+SPLINE_VARIANCE = 0.48
+
+
+class MapFit:
+    """One maximum a posteriori problem.
+
+    Parameters
+    ----------
+    problem : the survey and the effects in its model
+    knot_spacing : of the route, m
+    known_ground : leave all but the vehicles as it is
+    span : ends of the route, distance along the fiber, m; those of the problem where None
+    ends : basis matrices at the gauges' ends, where they are known already
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        knot_spacing: float = KNOT_SPACING,
+        known_ground: bool = False,
+        span: tuple[float, float] | None = None,
+        ends: GaugeEnds | None = None,
+    ):
+        self.problem = problem
+        self.basis = SplineBasis(*(span or problem.span), knot_spacing)
+        self.path = problem.path
+        self.extension = self.path.extension
+        self.measured = problem.measured
+        self.data = torch.where(self.measured, problem.strain_rate, 0.0)
+        self.whiten = problem.whitener
+        self.ends = ends or GaugeEnds.of(self.basis, problem.distance, problem.gauge_length, problem.curved)
+        own = torch.zeros(self.extension.size, dtype=torch.bool)
+        for slot in self.extension.slots:
+            own[slot.where] = slot.parameter.scope in ("pass", "track")
+        self.prior = Belief(
+            self.basis,
+            problem.prior,
+            problem.passes,
+            problem.anchors,
+            problem.anchor_distance,
+            self.extension.numbers(),
+            spreads(self.extension, problem.prior),
+            own,
+            known_ground,
+        )
+        self.mean, self.sd, self.free = self.prior.mean, self.prior.sd, self.prior.free
+
+    def start(self) -> State:
+        """Begin at the rough route and the expected Poisson ratio, without any effect."""
+        route = torch.from_numpy(self.basis.interpolate(self.problem.distance, self.problem.start))
+        return self.start_at(route, torch.tensor(self.problem.prior.poisson_ratio[0], dtype=torch.float64))
+
+    def start_at(self, route: Tensor, nu: Tensor, numbers: Tensor | None = None) -> State:
+        """Vehicles of their class, with the amplitudes that fit a route [coefficient, 3] best."""
+        numbers = self.extension.numbers() if numbers is None else numbers
+        state = State(route, Vehicles.of(self.problem.passes), nu, numbers)
+        every = self.measured.double()
+        return self.settled(state, Weights(every, every))
+
+    def state_of(self, vector: Tensor) -> State:
+        """The state of a vector [parameter], as `State.vector` gives it."""
+        return State.of(vector, self.basis.size, self.problem.passes)
+
+    def bounded(self, state: State) -> State:
+        """The same state with the effects' numbers within their bounds."""
+        return replace(state, numbers=self.extension.bounded(state.numbers))
+
+    def values(self, state: State) -> Values:
+        """Values of the effects' parameters at each row and channel."""
+        return self.extension.local(state.numbers)
+
+    def ends_at(self, values: Values) -> GaugeEnds:
+        """Basis matrices at the gauges' ends, as effects move them."""
+        return self._ends_of(self.path, values)
+
+    def _ends_of(self, path: SignalPath, values: Values, derivative: int = 0) -> GaugeEnds:
+        stages = path.described(values)
+        cable, gauge = stages.cable, stages.interrogator.gauge_length
+        if path.extension.surroundings is None and not derivative:
+            return self.ends
+        within = path.curved or cable.path_integral is not BASE.cable.path_integral
+        return GaugeEnds.at(self.basis, cable.distance, gauge, within, derivative)
+
+    def fiber(self, state: State, values: Values) -> Fiber:
+        """The gauges' ends on the route of a state."""
+        return Fiber.of(self.ends_at(values), state.coefficients)
+
+    def fiber_at(self, path: SignalPath, coefficients: Tensor, values: Values, derivative: int = 0) -> Fiber:
+        """The gauges' ends on a route, in another path with more effects; or their derivative by distance."""
+        return Fiber.of(self._ends_of(path, values, derivative), coefficients)
+
+    def model(self, state: State) -> Tensor:
+        """Strain rate [sample, channel], 1/s."""
+        values = self.values(state)
+        return self.path.strain_rate(self.fiber(state, values), state.vehicles, state.poisson_ratio, values)
+
+    def felt(self, state: State) -> Felt:
+        """What the vehicles of a state do, with the local derivatives."""
+        values = self.values(state)
+        local = self.path.sensitivities(self.fiber(state, values), state.vehicles, state.poisson_ratio, values)
+        return Felt(values, local, self.path.observed(self.path.traffic.superpose(local.rate), values))
+
+    def settled(self, state: State, weights: Weights) -> State:
+        """The same state with the amplitudes that fit best: they enter linearly, so no step need search for them."""
+        values = self.values(state)
+        if self.path.described(values).nonlinear and bool((state.vehicles.amplitude != 1).any()):
+            # What clips is not linear; the steps themselves find the amplitudes.
+            return state
+        unit = replace(state.vehicles, amplitude=torch.ones_like(state.vehicles.amplitude))
+        fiber = self.fiber(state, values)
+        rows = self.path.rows(fiber, unit.rows(self.problem.traffic), state.poisson_ratio, values)
+        return replace(state, vehicles=replace(unit, amplitude=self.amplitudes(rows, values, weights)))
+
+    def resettled(self, state: State, felt: Felt, weights: Weights) -> tuple[State, Felt]:
+        """`settled`, and what is felt then, from what the vehicles do with other amplitudes."""
+        if self.path.described(felt.values).nonlinear:
+            return state, felt
+        alone = felt.local.by["amplitude"]
+        amplitude = self.amplitudes(alone, felt.values, weights)
+        share = (amplitude / state.vehicles.amplitude)[self.problem.traffic.pass_index]
+        by = {
+            name: part if name == "amplitude" else part * share.reshape(-1, *[1] * (part.ndim - 1))
+            for name, part in felt.local.by.items()
+        }
+        rate = felt.local.rate * share[:, None]
+        model = self.path.observed(self.path.traffic.superpose(rate), felt.values)
+        new = replace(state, vehicles=replace(state.vehicles, amplitude=amplitude))
+        return new, Felt(felt.values, Sensitivities(rate, by), model)
+
+    def amplitudes(self, rows: Tensor, values: Values, weights: Weights) -> Tensor:
+        """Amplitudes [pass] that fit best, by what each vehicle of unit amplitude does alone, [row, channel]."""
+        traffic = self.problem.traffic
+        alone = torch.zeros(traffic.passes, len(traffic.samples), rows.shape[1], dtype=torch.float64)
+        alone[traffic.pass_index, traffic.sample_index] = rows
+        alone = self.path.described(values).linear.observed(alone, traffic.samples) * weights.good
+        scale = weights.soft.sqrt()
+        columns = (self.whiten(alone.permute(1, 2, 0)) * scale[..., None]).flatten(0, 1)
+        data = (self.whiten(self.data * weights.good) * scale).flatten()
+        matrix = columns.T @ columns
+        # A vehicle that is not felt at all keeps an amplitude near zero.
+        matrix += 1e-12 * matrix.diagonal().max() * torch.eye(traffic.passes, dtype=torch.float64)
+        return torch.linalg.solve(matrix, columns.T @ data)
+
+    def precision(self, state: State) -> Tensor:
+        """Precision [parameter] of the priors; those on the tracks' errors depend on how large they all are."""
+        return self.prior.precision(state)
+
+    def block(self, name: str) -> slice:
+        """Where the vector of all parameters holds one quantity of the passes."""
+        return self.prior.block(name)
+
+    def prior_cost(self, state: State) -> float:
+        """-2 ln of the prior density of all but the route, but for a constant."""
+        return self.prior.cost(state)
+
+    def residual(self, state: State) -> Tensor:
+        """(measured - model) / noise, [sample, channel], 0 where not measured; not whitened."""
+        return torch.where(self.measured, self.data - self.model(state), 0.0) / self.problem.noise
+
+    def whitened(self, state: State, weights: Weights) -> Tensor:
+        """Whitened residual [sample, channel], with weights."""
+        return self.whitened_of(self.model(state), weights)
+
+    def whitened_of(self, model: Tensor, weights: Weights) -> Tensor:
+        """The same of a model [sample, channel], 1/s."""
+        difference = torch.where(self.measured, self.data - model, 0.0)
+        return self.whiten(difference * weights.good) * weights.soft.sqrt()
+
+    def route_columns(self, local: Sensitivities, values: Values) -> Tensor:
+        """Derivative of each row by the route's coefficients, [row, channel, coefficient, 3]."""
+        matrices = self.ends_at(values).matrices()
+        basis = torch.cat([m if m.ndim == 3 else m[:, None] for m in matrices.values()], 1)
+        by = [local.by[name] for name in matrices]
+        stacked = torch.cat([part if part.ndim == 4 else part[:, :, None] for part in by], 2)
+        rows, channels, points, _ = stacked.shape
+        columns = torch.bmm(stacked.permute(1, 0, 3, 2).reshape(channels, 3 * rows, points), basis)
+        return columns.reshape(channels, rows, 3, -1).permute(1, 0, 3, 2)
+
+    def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
+        """Derivative of the model by every parameter, [sample, channel, parameter], 1/s per unit."""
+        traffic = self.problem.traffic
+        size, passes = self.basis.size, traffic.passes
+        rows, channels = local.rate.shape
+        first = 3 * size + len(PER_PASS) * passes
+        out = torch.zeros(len(traffic.samples), channels, first + 1, dtype=torch.float64)
+        out[..., : 3 * size].index_add_(
+            0, traffic.sample_index, self.route_columns(local, values).reshape(rows, channels, -1)
+        )
+        for number, name in enumerate(PER_PASS):
+            column = 3 * size + number * passes + traffic.pass_index
+            out[traffic.sample_index, :, column] += local.by[name]
+        out[..., first] = traffic.superpose(local.by["poisson_ratio"])
+        if not self.extension.effects:
+            return out
+        alone = traffic.superpose(local.rate)
+        columns = observed_tangents(self.path, alone, out.permute(2, 0, 1), values).permute(1, 2, 0)
+        return torch.cat([columns, self.effect_columns(state, local, alone)], -1)
+
+    def effect_columns(self, state: State, local: Sensitivities, alone: Tensor) -> Tensor:
+        """Derivative of the model by the effects' numbers, [sample, channel, number]."""
+        seen = Seen(
+            self.path, lambda values: self.fiber(state, values), state.vehicles, state.poisson_ratio, local.rate, alone
+        )
+        columns = [derivative(seen, slot, state.numbers) for slot in self.extension.slots]
+        return torch.cat(columns, 0).permute(1, 2, 0)
+
+    def track_variance(self, local: Sensitivities) -> Tensor:
+        """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel].
+
+        Where the tracks' slow errors are fitted, only what is beyond these counts.
+        """
+        traffic = self.problem.traffic
+        fitted = any(one.name == SLOW_ERROR for one in self.extension.effects)
+        slow = SPLINE_VARIANCE * self.problem.prior.jitter**2 if fitted else 0.0
+        # The sigmas are of x and y; the shifts are along and across the heading.
+        cosine, sine = (traffic.heading**2).unbind(-1)
+        x, y = (traffic.sigma**2 - slow).clamp_min(0.0).unbind(-1)
+        along = local.by["along"] ** 2 * (cosine * x + sine * y)[:, None]
+        across = local.by["across"] ** 2 * (sine * x + cosine * y)[:, None]
+        chosen = self.extension.chosen
+        total = traffic.superpose(along + across)
+        return (total if chosen is None else total[:, chosen]) / self.problem.noise**2
+
+    def cost(self, state: State, weights: Weights) -> float:
+        """Weighted misfit plus priors."""
+        return float((self.whitened(state, weights) ** 2).sum()) + self.belief(state)
+
+    def belief(self, state: State) -> float:
+        """-2 ln of the prior density and of the anchors, but for a constant."""
+        return self.prior_cost(state) + self.prior.route_cost(state.coefficients)
+
+    def route_rows(self, coefficients: Tensor) -> list[RouteRows]:
+        """Rows of the priors on the route: its shape and its anchors."""
+        return [*self.prior.shape(coefficients), *self.prior.anchored(coefficients)]
+
+    def buried(self, state: State) -> bool:
+        """Whether the whole route is under the ground, where the half-space is."""
+        everywhere = self.problem.distance_of(self.problem.route_channel)
+        return bool(self.basis.along(state.coefficients[:, 2].numpy(), everywhere).min() > SHALLOWEST)
+
+    def normal(self, state: State) -> tuple[Tensor, Tensor, Weights]:
+        """Normal matrix [free, free], right-hand side [free] and weights of the samples."""
+        return self.normal_of(state, self.linearized(state))
+
+    def normal_of(self, state: State, at: Linearized) -> tuple[Tensor, Tensor, Weights]:
+        """The same of a problem that is linearized already."""
+        matrix, right = at.jacobian.T @ at.jacobian, at.jacobian.T @ at.residual
+        for one in self.route_rows(state.coefficients):
+            matrix[one.where, one.where] += one.rows.jacobian.T @ one.rows.jacobian
+            right[one.where] -= one.rows.jacobian.T @ one.rows.residual
+        free = self.free
+        precision = self.precision(state)[free]
+        shift = (self.mean - state.vector())[free]
+        return matrix[free][:, free] + torch.diag(precision), right[free] + precision * shift, at.weights
+
+    def linearized(self, state: State, felt: Felt | None = None) -> Linearized:
+        """The problem near a state: whitened, weighted residual and derivatives; `felt` there, where it is known."""
+        felt = felt or self.felt(state)
+        local, model = felt.local, felt.model
+        difference = torch.where(self.measured, self.data - model, 0.0)
+        tracks = self.track_variance(local) + self.problem.signal_noise * (model / self.problem.noise) ** 2
+        good = self.measured * near_noise(difference / self.problem.noise / (1 + tracks).sqrt(), self.measured)
+        residual = self.whiten(difference * good)
+        soft = self.measured / (1 + tracks)
+        soft = soft * huber(residual * soft.sqrt(), self.measured)
+        jacobian = self.whiten(self.jacobian(state, local, felt.values) * good[..., None]) * soft.sqrt()[..., None]
+        return Linearized(jacobian.flatten(0, 1), (residual * soft.sqrt()).flatten(), Weights(good, soft), model, local)
+
+
+def vehicles_of(vehicles: Vehicles, chosen: Tensor) -> Vehicles:
+    """Some of the vehicles [chosen]."""
+    return Vehicles(*(getattr(vehicles, f.name)[chosen] for f in fields(vehicles)))
