@@ -73,17 +73,21 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
     and 0.08 to 0.18 m across the road, and errors are 0.8 to 1.1 stated sigmas; along the road from a bridge they are
     1.3 sigmas at worst. The middle of the box's lower edge is off by 0.7 to 4 m along the road.
     """
-    import pandas as pd
-
-    tracks = tracks.reset_index(drop=True)
-    hidden = hidden_edges(tracks["frame"].to_numpy(), tracks[BOX].to_numpy(float))
-    groups = (track for _, track in tracks.groupby("track_id", sort=True))
-    placed = [part for track in groups if (part := _place(track, hidden[track.index], calibration))]
+    boxes, time = tracks[BOX].to_numpy(float), tracks["time"].to_numpy(float)
+    hidden = hidden_edges(tracks["frame"].to_numpy(), boxes)
+    usable = ~tracks["interpolated"].to_numpy(bool) & np.isfinite(calibration.to_ground(_contact(boxes))).all(axis=1)
+    # A box inside a nearer one is more often a second box of that vehicle than a vehicle behind it.
+    usable &= hidden.sum(axis=1) <= MOST_HIDDEN
+    names = tracks["class"].to_numpy()
+    placed = list[Placed]()
+    for indices in tracks.groupby("track_id", sort=True).indices.values():
+        rows = np.asarray(indices)
+        shape, good = SHAPES.get(names[rows[0]], SHAPES["vehicle"]), rows[usable[rows]]
+        part = _place(shape, rows, time[rows], good, time[good], boxes[good], hidden[good], calibration)
+        placed += [part] if part else []
     if not placed:
         return tracks.iloc[:0].assign(**dict.fromkeys(COLUMNS, np.zeros(0)))
-    smoothed = smooth([part.motion for part in placed])
-    parts = [_tabulate(part, motion, calibration) for part, motion in zip(placed, smoothed, strict=True)]
-    table = pd.concat(parts, ignore_index=True)
+    table = _tabulate(tracks, placed, smooth([part.motion for part in placed]), calibration)
     return table[~table["track_id"].astype(str).isin(ghosts(table))].reset_index(drop=True)
 
 
@@ -93,13 +97,13 @@ class Placed:
 
     Parameters
     ----------
-    rows : of the table, from the first to the last fix that could be placed
+    rows : [row], places in the table, from the first to the last fix that could be placed
     motion : what the fixes say, with their independent errors
     shared : [row, 2, 2], covariance of what all fixes have in common, m^2
     size : length, width, wheelbase of the vehicle, m
     """
 
-    rows: "pd.DataFrame"
+    rows: NDArray[np.intp]
     motion: Motion
     shared: Array
     size: tuple[float, float, float]
@@ -113,30 +117,33 @@ def placeable(boxes: Array, calibration: Calibration) -> NDArray[np.bool_]:
     return np.asarray(on_road & (coarsest * EDGE_BIAS < WORST_SIGMA))
 
 
-def _place(track: "pd.DataFrame", hidden: NDArray[np.bool_], calibration: Calibration) -> Placed | None:
-    boxes, time = track[BOX].to_numpy(float), track["time"].to_numpy(float)
-    on_road = np.isfinite(calibration.to_ground(_contact(boxes))).all(axis=1)
-    # A box inside a nearer one is more often a second box of that vehicle than a vehicle behind it.
-    apart = hidden.sum(axis=1) <= MOST_HIDDEN
-    usable = np.asarray(~track["interpolated"].to_numpy(bool) & on_road & apart)
-    boxes, time, hidden = boxes[usable], time[usable], hidden[usable]
+def _place(
+    shape: VehicleShape,
+    rows: NDArray[np.intp],
+    every: Array,
+    good: NDArray[np.intp],
+    time: Array,
+    boxes: Array,
+    hidden: NDArray[np.bool_],
+    calibration: Calibration,
+) -> Placed | None:
+    """Place a track of `rows` at times `every`; its usable rows `good` are at `time`, with boxes and hidden edges."""
     if len(time) < FEWEST_FIXES:
         return None
-    shape = SHAPES.get(track["class"].iloc[0], SHAPES["vehicle"])
     sigma = edge_sigma(time, boxes, calibration.image_size)
     sigma = np.where(hidden, np.hypot(sigma, HIDDEN_BIAS * _sizes(boxes)[:, None]), sigma)
     position, covariance, size = _positions(calibration, shape, time, boxes, sigma)
     with np.errstate(invalid="ignore"):
         deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    good = np.isfinite(position).all(axis=1) & (deviation.max(axis=1) < WORST_SIGMA)
-    if good.sum() < FEWEST_FIXES:
+    sure = np.isfinite(position).all(axis=1) & (deviation.max(axis=1) < WORST_SIGMA)
+    if sure.sum() < FEWEST_FIXES:
         return None
-    time, position, covariance = time[good], position[good], covariance[good]
-    rows = track[(track["time"] >= time[0]) & (track["time"] <= time[-1])]
+    good, time, position, covariance = good[sure], time[sure], position[sure], covariance[sure]
+    within = slice(int(np.searchsorted(rows, good[0])), int(np.searchsorted(rows, good[-1])) + 1)
+    rows, at = rows[within], every[within]
     share = scatter_share(time, position, covariance)
-    at = rows["time"].to_numpy(float)
     motion = Motion(at, np.full((len(at), 2), np.nan), np.tile(np.eye(2), (len(at), 1, 1)))
-    fixes = np.isin(at, time)
+    fixes = np.searchsorted(rows, good)
     motion.position[fixes] = position
     motion.covariance[fixes] = share * covariance + LEAST_NOISE**2 * np.eye(2)
     shared = max(1 - share, 0.0) * np.stack(
@@ -146,15 +153,25 @@ def _place(track: "pd.DataFrame", hidden: NDArray[np.bool_], calibration: Calibr
     return Placed(rows, motion, shared, (float(size[0]), float(size[1]), float(wheelbase)))
 
 
-def _tabulate(placed: Placed, smoothed: Motion, calibration: Calibration) -> "pd.DataFrame":
-    rows, motion = placed.rows, placed.motion
-    fixes = np.asarray(np.isfinite(motion.position).all(axis=1))
-    measured = [np.interp(motion.time, motion.time[fixes], motion.position[fixes, axis]) for axis in (0, 1)]
-    calibrated = np.nan_to_num(calibration.position_covariance(calibration.to_image(smoothed.position)))
-    total = smoothed.covariance + placed.shared + calibrated
-    sigma = np.sqrt(np.diagonal(total, axis1=1, axis2=2)).T
-    columns = dict(zip(COLUMNS, [*smoothed.position.T, *sigma, *placed.size, *measured], strict=True))
-    return rows.assign(**columns, interpolated=~fixes)
+def _tabulate(
+    tracks: "pd.DataFrame", placed: list[Placed], smoothed: list[Motion], calibration: Calibration
+) -> "pd.DataFrame":
+    """The rows of the tracks that could be placed, with `COLUMNS`."""
+    position = np.concatenate([motion.position for motion in smoothed])
+    covariance = np.concatenate([motion.covariance for motion in smoothed])
+    covariance += np.concatenate([part.shared for part in placed])
+    covariance += np.nan_to_num(calibration.position_covariance(calibration.to_image(position)))
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    size = np.repeat([part.size for part in placed], [len(part.rows) for part in placed], axis=0)
+    fixes = [np.asarray(np.isfinite(part.motion.position).all(axis=1)) for part in placed]
+    measured = [
+        [np.interp(part.motion.time, part.motion.time[seen], part.motion.position[seen, axis]) for axis in (0, 1)]
+        for part, seen in zip(placed, fixes, strict=True)
+    ]
+    values = [*position.T, *sigma.T, *size.T, *np.concatenate(measured, axis=1)]
+    table = tracks.iloc[np.concatenate([part.rows for part in placed])].reset_index(drop=True)
+    columns = dict(zip(COLUMNS, values, strict=True))
+    return table.assign(**columns, interpolated=~np.concatenate(fixes))
 
 
 def scatter_share(time: Array, position: Array, covariance: Array) -> float:
