@@ -34,10 +34,10 @@ JITTER, PIXEL = 0.015, 0.7  # sd of an edge from frame to frame, sizes of the bo
 HABIT, OFF = 0.015, 0.7  # and of what all edges of a vehicle share
 
 
-def drive(camera: Camera, kind: str, rng: np.random.Generator) -> pd.DataFrame:
-    """Boxes of one vehicle that drives by, with its true ground point."""
+def drive(camera: Camera, kind: str, rng: np.random.Generator, size: list[float] | None = None) -> pd.DataFrame:
+    """Boxes of one vehicle that drives by, with its true ground point; its size, m, is one of its class if None."""
     shape, direction = SHAPES[kind], rng.choice([-1.0, 1.0])
-    size = rng.normal(shape.size, shape.deviation)
+    size = rng.normal(shape.size, shape.deviation) if size is None else np.array(size)
     scale = np.array(SIZES[kind][:3]) / shape.size * size
     speed, y = direction * rng.uniform(6, 14), direction * rng.uniform(1.4, 2.1)
     start = -15.0 if direction > 0 else 65.0

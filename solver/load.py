@@ -1,6 +1,6 @@
 """Load stage: a vehicle becomes the forces of its wheels on the road."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -35,13 +35,22 @@ LAYOUTS = {
 }
 
 
-def layout_of(vehicle_class: str) -> WheelLayout:
+def layout_of(vehicle_class: str, wheelbase: tuple[float, float] | None = None) -> WheelLayout:
     """Return the class's wheel layout, or a point load for a class without one.
+
+    Parameters
+    ----------
+    wheelbase : that of this vehicle and its standard deviation, m, where they are known better than the class's
 
     >>> layout_of("car").wheelbase, layout_of("vehicle").wheelbase
     (2.65, 0.0)
+    >>> layout_of("car", (2.48, 0.06)).wheelbase
+    2.48
     """
-    return LAYOUTS.get(vehicle_class, POINT)
+    layout = LAYOUTS.get(vehicle_class, POINT)
+    if wheelbase is None or layout is POINT:
+        return layout
+    return replace(layout, wheelbase=wheelbase[0], wheelbase_sd=wheelbase[1])
 
 
 #: All classes that have a number: `CLASSES[class_number(name)]` is the name, or "vehicle" for any other.

@@ -119,8 +119,8 @@ class Vehicles:
 
     @classmethod
     def of(cls, passes: Sequence[Pass]) -> "Vehicles":
-        """Class defaults, unit amplitude, no shift."""
-        layouts = [layout_of(p.vehicle_class) for p in passes]
+        """Layouts of their class or their own wheelbase, unit amplitude, no shift."""
+        layouts = [layout_of(p.vehicle_class, p.wheelbase) for p in passes]
         zeros = torch.zeros(len(passes), dtype=torch.float64)
         columns = {
             name: torch.tensor([getattr(layout, name) for layout in layouts], dtype=torch.float64)

@@ -27,12 +27,14 @@ class BodyFit:
     position : [fix, 2], ground under the middle of the wheelbase, m
     covariance : [fix, 2, 2], m^2, of pixel noise and of the uncertain size
     size : length, width, height, m
+    size_covariance : [3, 3], m^2
     misfit : [fix], root mean square of the edges' residuals, sd
     """
 
     position: Array
     covariance: Array
     size: Array
+    size_covariance: Array
     misfit: Array
 
 
@@ -123,10 +125,11 @@ def fit_body(
         position = position + step * np.minimum(1.0, LONGEST_STEP / np.maximum(length, 1e-9))
         if length.max() < SETTLED:
             break
-    covariance = inverse + spread @ np.linalg.inv(reduced) @ _transposed(spread)
+    size_covariance = np.linalg.inv(reduced)
+    covariance = inverse + spread @ size_covariance @ _transposed(spread)
     seen &= np.isfinite(sigma)
     misfit = np.sqrt((seen * (residual / sigma) ** 2).sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
-    return BodyFit(position, covariance, size, misfit)
+    return BodyFit(position, covariance, size, size_covariance, misfit)
 
 
 def _transposed(matrices: Array) -> Array:

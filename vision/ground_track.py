@@ -35,7 +35,8 @@ WORST_MISFIT = 4.0  # sd; boxes that no vehicle of the class fills
 FEWEST_FIXES = 5
 TURNS = 6  # rounds, at most, of heading from positions and positions from headings
 STEADY = 0.01  # rad; change of heading that ends them
-COLUMNS = ("x", "y", "sigma_x", "sigma_y", "length", "width", "wheelbase", "x_measured", "y_measured")
+SIZE = ("length", "sigma_length", "width", "wheelbase", "sigma_wheelbase")
+COLUMNS = ("x", "y", "sigma_x", "sigma_y", *SIZE, "x_measured", "y_measured")
 
 
 def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataFrame":
@@ -54,10 +55,12 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
 
     Returns
     -------
-    table [fix] of the same columns and x, y, sigma_x, sigma_y, length, width, wheelbase, x_measured, y_measured (m):
-    x, y are smoothed (`vision.smoother`), also across missed frames; the measured ones are what each box alone says, on
-    a straight line where there is none. Fixes above the horizon, cut by too many borders or less certain than 1.5 m are
-    left out, and so are tracks with fewer than five of the rest and those inside another vehicle (`vision.footprints`).
+    table [fix] of the same columns and, in m, x, y, sigma_x, sigma_y, length, sigma_length, width, wheelbase,
+    sigma_wheelbase (both NaN where the vehicle's length was not seen well enough to say more than its class),
+    x_measured, y_measured: x, y are smoothed (`vision.smoother`), also across missed frames; the measured ones are what
+    each box alone says, on a straight line where there is none. Fixes above the horizon, cut by too many borders or
+    less certain than 1.5 m are left out, and so are tracks with fewer than five of the rest and those inside another
+    vehicle (`vision.footprints`).
 
     Notes
     -----
@@ -100,13 +103,13 @@ class Placed:
     rows : [row], places in the table, from the first to the last fix that could be placed
     motion : what the fixes say, with their independent errors
     shared : [row, 2, 2], covariance of what all fixes have in common, m^2
-    size : length, width, wheelbase of the vehicle, m
+    size : what `SIZE` names, of the vehicle, m
     """
 
     rows: NDArray[np.intp]
     motion: Motion
     shared: Array
-    size: tuple[float, float, float]
+    size: tuple[float, ...]
 
 
 def placeable(boxes: Array, calibration: Calibration) -> NDArray[np.bool_]:
@@ -132,7 +135,7 @@ def _place(
         return None
     sigma = edge_sigma(time, boxes, calibration.image_size)
     sigma = np.where(hidden, np.hypot(sigma, HIDDEN_BIAS * _sizes(boxes)[:, None]), sigma)
-    position, covariance, size = _positions(calibration, shape, time, boxes, sigma)
+    position, covariance, size, sigma_length = _positions(calibration, shape, time, boxes, sigma)
     with np.errstate(invalid="ignore"):
         deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     sure = np.isfinite(position).all(axis=1) & (deviation.max(axis=1) < WORST_SIGMA)
@@ -149,8 +152,8 @@ def _place(
     shared = max(1 - share, 0.0) * np.stack(
         [[np.interp(at, time, covariance[:, a, b]) for b in (0, 1)] for a in (0, 1)]
     ).transpose(2, 0, 1)
-    wheelbase = shape.wheelbase * size[0] / shape.size[0]
-    return Placed(rows, motion, shared, (float(size[0]), float(size[1]), float(wheelbase)))
+    length, width = float(size[0]), float(size[1])
+    return Placed(rows, motion, shared, (length, sigma_length, width, *shape.wheelbase_of(length, sigma_length)))
 
 
 def _tabulate(
@@ -190,11 +193,11 @@ def scatter_share(time: Array, position: Array, covariance: Array) -> float:
 
 def _positions(
     calibration: Calibration, shape: VehicleShape, time: Array, boxes: Array, sigma: Array
-) -> tuple[Array, Array, Array]:
-    """Positions [n, 2], m, covariances [n, 2, 2] (NaN where there is no answer), and size (3,) of the vehicle."""
+) -> tuple[Array, Array, Array, float]:
+    """Positions [n, 2], m, covariances [n, 2, 2] (NaN: no answer), size (3,) of the vehicle, sd of its length."""
     camera = calibration.pinhole()
     position, covariance = contact_positions(calibration, shape, boxes, sigma, np.zeros(len(time)))
-    size, heading = np.array(shape.size), np.full(len(time), np.inf)
+    size, sigma_length, heading = np.array(shape.size), shape.deviation[0], np.full(len(time), np.inf)
     whole: NDArray[np.bool_] = np.asarray(np.isfinite(sigma).all(axis=1))
     for _ in range(TURNS):
         before, heading = heading, headings(time, position, whole, WINDOW * shape.size[0])
@@ -205,10 +208,11 @@ def _positions(
             continue
         fit = fit_body(camera, calibration.image_size, shape, boxes, sigma, position, heading, size)
         position, covariance, size = fit.position, fit.covariance, fit.size
+        sigma_length = float(np.sqrt(fit.size_covariance[0, 0]))
         covariance = covariance * np.maximum(fit.misfit, 1.0)[:, None, None] ** 2
         covariance[fit.misfit > WORST_MISFIT] = np.nan
     known = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))[:, None]
-    return np.where(known, position, np.nan), covariance, size
+    return np.where(known, position, np.nan), covariance, size, sigma_length
 
 
 def hidden_edges(frame: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:

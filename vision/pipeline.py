@@ -19,7 +19,7 @@ from vision.contract.progress import progress
 from vision.contract.table import COLUMNS
 from vision.detectors import Detector, load_detector
 from vision.detectors.look import Look, look
-from vision.ground_track import ground_tracks, placeable
+from vision.ground_track import SIZE, ground_tracks, placeable
 from vision.interpolate import BOX, fill_frames, majority_class
 from vision.tracker import Tracker
 from vision.video import Video, open_video
@@ -34,7 +34,7 @@ PATIENCE = 1.0  # s without a fix after which a track ends, or
 PATIENT_FRAMES = 6  # looked-at frames, whichever is longer
 PIXEL_COLUMNS = ("time", "track_id", "class", *BOX, "confidence", "interpolated", "frame", "detected_class")
 EXTRA_COLUMNS = (
-    *("confidence", "interpolated", "length", "width", "wheelbase", "frame", *BOX, "detected_class"),
+    *("confidence", "interpolated", *SIZE, "frame", *BOX, "detected_class"),
     *("x_measured", "y_measured"),
 )
 
@@ -100,8 +100,9 @@ def track(
     Returns
     -------
     trajectory table [fix]: `time` datetime64[ns, UTC], `track_id` text, `class`, `x, y, sigma_x, sigma_y` (m; the
-    ground under the middle of the wheelbase, smoothed), `confidence`, `interpolated`, `length`, `width`, `wheelbase`
-    (m), `frame`, the box (px), `detected_class`, and `x_measured, y_measured` (m; what each box alone says)
+    ground under the middle of the wheelbase, smoothed), `confidence`, `interpolated`, `length`, `sigma_length`,
+    `width`, `wheelbase`, `sigma_wheelbase` (m; empty where no more is known than the class says), `frame`, the box
+    (px), `detected_class`, and `x_measured, y_measured` (m; what each box alone says)
 
     Raises
     ------

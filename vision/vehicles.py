@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+SAYS_MORE = 0.8  # share of the class's sd of length, at most, of one that was measured
+
 
 @dataclass(frozen=True)
 class VehicleShape:
@@ -19,6 +21,8 @@ class VehicleShape:
     wheelbase : m
     overhang : of the body ahead of the front axle, m
     outline : corners (along from 0 rear to 1 front, half width, height), as shares of the size; both sides are meant
+    axles : how the wheelbase goes with the length: at the length of `size`, m, per m, and the sd about that, m; None
+        where it does not (makers' data sheets: `benchmarks/wheelbase.py`)
     """
 
     size: tuple[float, float, float]
@@ -26,6 +30,7 @@ class VehicleShape:
     wheelbase: float
     overhang: float
     outline: tuple[tuple[float, float, float], ...]
+    axles: tuple[float, float, float] | None = None
 
     def corners(self, size: ArrayLike) -> Array:
         """Corners [corner, 3] of a vehicle of a size (3,), m: x ahead of the wheelbase's middle, y right, z down.
@@ -39,6 +44,17 @@ class VehicleShape:
         along, across, up = np.repeat([*wheels, *self.outline], 2, axis=0).T
         sides = np.resize([0.5, -0.5], len(along))
         return np.stack([along - 1 + front, across * sides, -up], axis=1) * np.asarray(size, float)
+
+    def wheelbase_of(self, length: float, sigma: float) -> tuple[float, float]:
+        """Wheelbase of a vehicle whose length was measured, and its sd, m; NaN where that says no more than the class.
+
+        >>> [round(value, 3) for value in SHAPES["car"].wheelbase_of(4.8, 0.1)]
+        [2.842, 0.059]
+        """
+        if self.axles is None or sigma > SAYS_MORE * self.deviation[0]:
+            return np.nan, np.nan
+        usual, slope, spread = self.axles
+        return usual + slope * (length - self.size[0]), float(np.hypot(spread, slope * sigma))
 
     def half_extent(self, heading: Array, direction: Array) -> Array:
         """Half of the footprint [n] along `direction` for headings [n], rad, both from +x toward +y; m."""
@@ -72,8 +88,8 @@ RIDER = (
 )
 
 SHAPES = {
-    "car": VehicleShape((4.4, 1.8, 1.5), (0.35, 0.08, 0.12), 2.65, 0.88, PASSENGER_CAR),
-    "van": VehicleShape((5.6, 2.0, 2.3), (0.5, 0.1, 0.25), 3.40, 0.95, PANEL_VAN),
+    "car": VehicleShape((4.4, 1.8, 1.5), (0.35, 0.08, 0.12), 2.65, 0.88, PASSENGER_CAR, (2.682, 0.40, 0.044)),
+    "van": VehicleShape((5.6, 2.0, 2.3), (0.5, 0.1, 0.25), 3.40, 0.95, PANEL_VAN, (3.530, 0.63, 0.175)),
     "truck": VehicleShape((8.0, 2.4, 3.2), (1.5, 0.15, 0.4), 4.60, 1.40, BOX_TRUCK),
     "bus": VehicleShape((12.0, 2.5, 3.1), (1.0, 0.06, 0.2), 5.90, 2.70, CITY_BUS),
     "motorcycle": VehicleShape((2.2, 0.8, 1.6), (0.2, 0.12, 0.15), 1.40, 0.40, RIDER),

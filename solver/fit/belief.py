@@ -88,7 +88,7 @@ class Belief:
     @cached_property
     def sd(self) -> Tensor:
         """[parameter]; inf for the route, whose prior is on its shape, 0 where a value is fixed."""
-        layouts = [layout_of(one.vehicle_class) for one in self.passes]
+        layouts = [layout_of(one.vehicle_class, one.wheelbase) for one in self.passes]
         per_pass = {
             "amplitude": [np.inf] * len(layouts),
             "along": [self.prior.along] * len(layouts),

@@ -43,6 +43,7 @@ class Pass:
     sigma : standard deviation of `position`, m [row, 2]; errors of neighboring rows are correlated
     in_view : between the first and the last fix, not extrapolated [row]
     length : of the vehicle, m, where the table says it
+    wheelbase : of the vehicle and its standard deviation, m, where the table says them; else its class's counts
     """
 
     track_id: str
@@ -53,6 +54,7 @@ class Pass:
     sigma: Array
     in_view: NDArray[np.bool_]
     length: float | None = None
+    wheelbase: tuple[float, float] | None = None
 
     @property
     def speed(self) -> float:
@@ -141,6 +143,7 @@ def whole_pass(
         sigma=np.sqrt(covariance[..., 0, 0]),
         in_view=(time[rows] >= track.time[0]) & (time[rows] <= track.time[-1]),
         length=track.length,
+        wheelbase=track.wheelbase,
     )
 
 

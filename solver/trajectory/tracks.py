@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.contract import WHEELBASE
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -33,6 +35,7 @@ class Track:
     time : s since the start of the record [fix]
     value, sigma : position and its standard deviation, m [fix, axis]
     length : of the vehicle, m, where the table says it
+    wheelbase : of the vehicle and its standard deviation, m, where the table says them
     """
 
     track_id: str
@@ -41,6 +44,7 @@ class Track:
     value: Array
     sigma: Array
     length: float | None = None
+    wheelbase: tuple[float, float] | None = None
 
 
 def tracks_of(table: "pd.DataFrame", start: np.datetime64) -> Iterator[Track]:
@@ -57,7 +61,21 @@ def tracks_of(table: "pd.DataFrame", start: np.datetime64) -> Iterator[Track]:
             value=fixes[["x", "y"]].to_numpy(float),
             sigma=fixes[["sigma_x", "sigma_y"]].to_numpy(float),
             length=float(lengths.median()) if len(lengths) else None,
+            wheelbase=wheelbase_of(fixes),
         )
+
+
+def wheelbase_of(fixes: "pd.DataFrame") -> tuple[float, float] | None:
+    """Return what the fixes of a track say of its wheelbase, and its standard deviation, m; None where they do not.
+
+    >>> import pandas as pd
+    >>> wheelbase_of(pd.DataFrame({"wheelbase": [2.8, None], "sigma_wheelbase": [0.06, None]}))
+    (2.8, 0.06)
+    """
+    if any(name not in fixes for name in WHEELBASE):
+        return None
+    known = fixes[[*WHEELBASE]].dropna()
+    return (float(known.iloc[:, 0].median()), float(known.iloc[:, 1].median())) if len(known) else None
 
 
 def part_of(track: Track, fixes: slice, track_id: str | None = None) -> Track:

@@ -287,9 +287,19 @@ def test_the_error_of_the_calibration_is_in_the_sigma():
     assert added.min() > 5e-4 and (found["sigma_y"] == exact["sigma_y"]).all()
 
 
-def test_the_wheelbase_goes_with_the_fitted_length():
-    found = place(drive("across", size=(4.9, 1.9, 1.7)), "across")
-    assert found["wheelbase"].iloc[0] == pytest.approx(2.65 * found["length"].iloc[0] / 4.4)
+@pytest.mark.parametrize("length", [3.8, 4.9])
+def test_the_wheelbase_goes_with_the_measured_length(length):
+    found = place(drive("across", size=(length, 1.8, 1.5), noise=0.7), "across").iloc[0]
+    assert found["length"] == pytest.approx(length, abs=3 * found["sigma_length"]) and found["sigma_length"] < 0.15
+    assert found["wheelbase"] == pytest.approx(2.682 + 0.4 * (found["length"] - 4.4))
+    assert found["sigma_wheelbase"] == pytest.approx(np.hypot(0.044, 0.4 * found["sigma_length"]))
+    assert found["sigma_wheelbase"] < 0.12, "better than the class"
+
+
+def test_a_wheelbase_that_says_no_more_than_the_class_is_left_out():
+    assert place(drive("across", label="bus"), "across")[["wheelbase", "sigma_wheelbase"]].isna().all(axis=None)
+    far = place(drive("along", noise=3.0, start=25.0), "along")
+    assert far["sigma_length"].iloc[0] > 0.28 and far["wheelbase"].isna().all()
 
 
 def test_a_lens_that_bends_the_picture_is_taken_into_account():

@@ -7,10 +7,11 @@ from vision.contract.errors import InputError
 from vision.contract.files import writing
 from vision.contract.frame import LocalFrame
 from vision.contract.progress import progress
-from vision.contract.table import COLUMNS, read_trajectories, write_trajectories
+from vision.contract.table import COLUMNS, WHEELBASE, read_trajectories, write_trajectories
 
 __all__ = [
     "COLUMNS",
+    "WHEELBASE",
     "InputError",
     "LocalFrame",
     "progress",

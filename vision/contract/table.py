@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = ("time", "track_id", "class", "x", "y", "sigma_x", "sigma_y")
+WHEELBASE = ("wheelbase", "sigma_wheelbase")  # of a track, m; optional, and empty where only the class is known
 GPS_COLUMNS = ("time", "track_id", "class", "latitude", "longitude", "sigma")
 SUFFIXES = (".csv", ".parquet", ".gpx")
 TEXT_COLUMNS = {"time": str, "track_id": str, "class": str}
@@ -110,6 +111,33 @@ def to_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> "p
     return rest.assign(x=x, y=y, sigma_x=table["sigma"], sigma_y=table["sigma"])
 
 
+def with_wheelbase(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
+    """Return `table` with the columns of `WHEELBASE`, where it has them, as numbers, NaN where they are empty.
+
+    Raises
+    ------
+    InputError
+        Where one is given without the other, is no number, or is not above 0.
+    """
+    import pandas as pd
+
+    for name in WHEELBASE:
+        if name not in table:
+            continue
+        numbers = pd.to_numeric(table[name], errors="coerce").astype(float)
+        bad = table[name].notna() & ~(numbers > 0)
+        if bad.any():
+            row = first_row(bad)
+            raise InputError(
+                f"{path}: row {row}: {name} is {str(table[name].iloc[row - 1])!r}; give m above 0 or nothing"
+            )
+        table = table.assign(**{name: numbers})
+    given = [table[name].notna() if name in table else table["class"].isna() for name in WHEELBASE]
+    if (lone := given[0] != given[1]).any():
+        raise InputError(f"{path}: row {first_row(lone)}: give both of {' and '.join(WHEELBASE)}, or neither")
+    return table
+
+
 def without_repeats(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
     """Drop rows that repeat another one; a vehicle at two places at once is an InputError."""
     table = table.drop_duplicates()
@@ -130,7 +158,7 @@ def read_one(path: Path, frame: LocalFrame | None) -> "pd.DataFrame":
     table = to_meters(table.assign(time=to_utc(table["time"], path)), frame, path)
     names = {name: table[name].astype(str).str.strip() for name in ("track_id", "class")}
     table = table.assign(track_id=names["track_id"], **{"class": names["class"].str.lower()})
-    return without_repeats(table, path)
+    return without_repeats(with_wheelbase(table, path), path)
 
 
 def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) -> "pd.DataFrame":
@@ -139,7 +167,8 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
     Parameters
     ----------
     paths : `.csv` or `.parquet` with the columns of `COLUMNS`, or GPS: `latitude, longitude, sigma` in place of
-        x, y, sigma_x, sigma_y; or `.gpx`. Further columns are kept.
+        x, y, sigma_x, sigma_y; or `.gpx`. `wheelbase, sigma_wheelbase` (m) say of a track what its class does not.
+        Further columns are kept.
     frame : local frame that GPS positions are projected into; not needed for meters
 
     Returns

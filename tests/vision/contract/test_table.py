@@ -202,3 +202,30 @@ def test_practice_surveys_read(shared_data):
         table = read_trajectories([path], FRAME)
         assert table["x"].between(-100, 200).all()
         assert 8 <= table["track_id"].nunique() <= 10
+
+
+@pytest.mark.parametrize(
+    ("header", "values", "complaint"),
+    [
+        ("wheelbase", "2.7", "give both of wheelbase and sigma_wheelbase"),
+        ("wheelbase,sigma_wheelbase", "2.7,", "give both of wheelbase and sigma_wheelbase"),
+        ("wheelbase,sigma_wheelbase", "long,0.1", "row 1: wheelbase is 'long'; give m above 0 or nothing"),
+        ("wheelbase,sigma_wheelbase", "2.7,0", "row 1: sigma_wheelbase is '0"),
+    ],
+)
+def test_wheelbases_that_cannot_be_used(header, values, complaint, tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text(f"{','.join(COLUMNS)},{header}\n2025-08-11T06:00:00Z,1,car,2.5,-1.5,0.1,0.2,{values}\n")
+    with pytest.raises(InputError, match=complaint):
+        read_trajectories([path])
+
+
+def test_wheelbases_come_and_go_by_track(tmp_path):
+    path = tmp_path / "t.csv"
+    rows = ["1,car,2.5,-1.5,0.1,0.2,2.48,0.06", "2,bus,9.5,-1.5,0.1,0.2,,"]
+    path.write_text(
+        f"{','.join(COLUMNS)},wheelbase,sigma_wheelbase\n" + "".join(f"2025-08-11T06:00:00Z,{row}\n" for row in rows)
+    )
+    table = read_trajectories([path])
+    assert table["wheelbase"].tolist()[0] == 2.48 and table["wheelbase"].isna().tolist() == [False, True]
+    assert table["sigma_wheelbase"].dtype == float
