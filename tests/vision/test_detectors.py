@@ -35,7 +35,8 @@ def assert_finds_the_bus(detector, atol=0.02):
 
 
 def test_every_layout_is_tested():
-    assert {layout.name for layout in LAYOUTS} - set(GRAPHS) == {"deim-imagenet"}, "which nothing shows"
+    hidden = {"deim-imagenet", "picodet-bgr", "picodet-nms-bgr"}
+    assert {layout.name for layout in LAYOUTS} - set(GRAPHS) == hidden, "which nothing shows"
 
 
 @pytest.mark.parametrize("layout", GRAPHS)
@@ -179,6 +180,20 @@ def test_images_of_several_shapes_do_not_mix(layout, tmp_path, clip):
         for tensor in shown:
             np.testing.assert_array_equal(tensor, expected)
         shown.clear()
+
+
+@pytest.mark.parametrize("layout", ["picodet", "picodet-nms"])
+def test_picodet_in_either_order_of_colors(layout, tmp_path):
+    """The makers' training code feeds RGB, their demo for onnxruntime BGR."""
+    model = GRAPHS[layout](tmp_path / "m.onnx")
+    shown = {}
+    for name in (layout, f"{layout}-bgr"):
+        detector = load_detector(model, layout=name)
+        assert_finds_the_bus(detector)
+        tensors = detector.image.tensors([RED], detector.layout.normalization)
+        shown[name] = tensors[detector.image.names[0]][0, :, 0, 0]
+    np.testing.assert_allclose(shown[layout], COLORS[layout], rtol=1e-4)
+    np.testing.assert_allclose(shown[f"{layout}-bgr"], COLORS[layout][::-1], rtol=1e-4)
 
 
 def test_yolov8_sees_rgb_from_0_to_1(tmp_path):

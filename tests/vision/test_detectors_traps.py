@@ -141,7 +141,7 @@ def clip(tmp_path_factory):
     return open_video(write_video(path, [IMAGE] * 3))
 
 
-DENSE = [layout.name for layout in LAYOUTS if layout.dense]
+DENSE = [layout.name for layout in LAYOUTS if layout.dense and layout.name in GRAPHS]
 
 
 @pytest.mark.parametrize("layout", DENSE)

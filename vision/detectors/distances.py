@@ -18,6 +18,7 @@ from vision.detectors.layout import (
     cell_count,
     cells,
     classes_along,
+    in_bgr,
     pyramid_of,
 )
 
@@ -100,6 +101,18 @@ def _level_classes(shapes: Shapes) -> int:
     return shapes[half][2] if shapes[0][2] == 4 * BINS else shapes[0][2]
 
 
+# PaddleDetection trains on RGB and stretches (ppdet's `Decode`, and deploy/third_engine/onnx/preprocess.py).
+PICODET = Layout(
+    "picodet",
+    "class scores [1,n,classes] and distances [1,n,32] for each of four strides",
+    partial(_has_levels, levels=4),
+    decode_levels,
+    classes=_level_classes,
+    dense=True,
+    fitting="stretch",
+    normalization=RGB_IMAGENET,
+)
+
 DISTANCES = (
     Layout(
         "nanodet",
@@ -121,15 +134,6 @@ DISTANCES = (
         fill=0,
         normalization=BGR_IMAGENET,
     ),
-    # PaddleDetection trains on RGB and stretches (its picodet readers, and deploy/third_engine/onnx/preprocess.py).
-    Layout(
-        "picodet",
-        "class scores [1,n,classes] and distances [1,n,32] for each of four strides",
-        partial(_has_levels, levels=4),
-        decode_levels,
-        classes=_level_classes,
-        dense=True,
-        fitting="stretch",
-        normalization=RGB_IMAGENET,
-    ),
+    PICODET,
+    in_bgr(PICODET),
 )

@@ -70,6 +70,15 @@ class Normalization:
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
     deviation: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
+    @property
+    def reversed(self) -> "Normalization":
+        """The same with the colors in the other order.
+
+        >>> RGB_IMAGENET.reversed == BGR_IMAGENET
+        True
+        """
+        return Normalization("BGR" if self.order == "RGB" else "RGB", self.mean[::-1], self.deviation[::-1])
+
     def tensor(self, canvas: NDArray[np.uint8], dtype: type = np.float32, channels_last: bool = False) -> NDArray[Any]:
         """Image [h, w, 3] BGR, 0-255 -> [1, 3, h, w], or [1, h, w, 3].
 

@@ -1,7 +1,7 @@
 """What a layout is: how to know a detector's graph, feed it and read its answer."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -91,6 +91,21 @@ class Layout:
     fill: int = 114
     normalization: Normalization = RGB_UNIT
     threshold: float = 0.4
+
+
+def in_bgr(layout: Layout) -> Layout:
+    """Return the layout for weights trained on blue, green, red, which a graph does not show: it must be named.
+
+    PaddleDetection trains PicoDet on red, green, blue, but its demos (deploy/third_engine/demo_onnxruntime) and what
+    was trained after them feed OpenCV's order, with mean and deviation in that order.
+    """
+    return replace(
+        layout,
+        name=f"{layout.name}-bgr",
+        graph=f"as {layout.name}, for weights trained on blue, green, red; by --layout only",
+        matches=lambda graph: False,
+        normalization=layout.normalization.reversed,
+    )
 
 
 @cache

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.detectors.images import RGB_BYTES, RGB_IMAGENET
-from vision.detectors.layout import Candidates, Graph, Layout, Outputs, Size, listed
+from vision.detectors.layout import Candidates, Graph, Layout, Outputs, Size, in_bgr, listed
 from vision.detectors.names import COCO_IDS
 from vision.detectors.queries import holds_rows, in_shares
 
@@ -40,6 +40,15 @@ def _is_paddle(graph: Graph) -> bool:
     return "scale_factor" in graph.inputs and graph.shapes[0][-1:] == (6,)
 
 
+PICODET_ROWS = Layout(
+    "picodet-nms",
+    "image and scale_factor -> [m,6] class, score, left, top, right, bottom (PicoDet with postprocessing)",
+    lambda graph: _is_paddle(graph) and "im_shape" not in graph.inputs,
+    decode_paddle_rows,
+    fitting="stretch",
+    normalization=RGB_IMAGENET,
+)
+
 LISTS = (
     Layout("roadfiber-street", "frame and background [1,3,h,w] -> [1,m,6]", _is_street, decode_rows),
     Layout(
@@ -48,14 +57,8 @@ LISTS = (
         _is_rows,
         decode_rows,
     ),
-    Layout(
-        "picodet-nms",
-        "image and scale_factor -> [m,6] class, score, left, top, right, bottom (PicoDet with postprocessing)",
-        lambda graph: _is_paddle(graph) and "im_shape" not in graph.inputs,
-        decode_paddle_rows,
-        fitting="stretch",
-        normalization=RGB_IMAGENET,
-    ),
+    PICODET_ROWS,
+    in_bgr(PICODET_ROWS),
     Layout(
         "paddle-rows",
         "the same with im_shape, colors from 0 to 1 (RT-DETR by PaddleDetection; PP-YOLOE+ by --layout)",
