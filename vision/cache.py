@@ -3,9 +3,11 @@
 import hashlib
 import logging
 import os
+import re
 import sys
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,12 +16,15 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.contract.errors import InputError
 from vision.contract.files import writing
 from vision.contract.progress import progress
 
 log = logging.getLogger("roadfiber.cache")
 
 BLOCK = 1 << 24  # bytes read at a time
+LIMIT = 1_000_000_000  # bytes that the folder may hold: some days of video at 25 frames/s
+KINDS = ("detections/*/*.npz", "timestamps/*.npz")  # what is kept, below the folder
 
 
 def cache_folder() -> Path:
@@ -75,8 +80,51 @@ def kept_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
         return None
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+            found = {name: arrays[name] for name in arrays.files}
     except (BadZipFile, EOFError, KeyError, OSError, ValueError, zlib.error):
         log.warning("%s: is damaged and made anew", path)
         path.unlink(missing_ok=True)
         return None
+    with suppress(OSError):  # a folder that can only be read
+        os.utime(path)  # used now, so it goes last
+    return found
+
+
+def prune(folder: Path, limit: int) -> int:
+    """Remove what was used longest ago until no more than `limit` bytes are kept; return how many went.
+
+    Parameters
+    ----------
+    folder : of the cache; only what roadfiber keeps in it counts
+    limit : bytes
+
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> _ = keep_arrays(folder / "timestamps" / "a.npz", {"time": np.zeros(9)})
+    >>> prune(folder, 1000), prune(folder, 10) > 0
+    (0, True)
+    """
+    files = list[tuple[int, int, Path]]()
+    for path in (path for kind in KINDS for path in folder.glob(kind)):
+        with suppress(FileNotFoundError):  # another run prunes, too
+            state = path.stat()
+            files.append((state.st_mtime_ns, state.st_size, path))
+    excess, gone = sum(size for _, size, _ in files) - limit, 0
+    for _, size, path in sorted(files):
+        if excess - gone <= 0:
+            break
+        with suppress(OSError):
+            path.unlink()
+            gone += size
+            path.parent.rmdir()  # which fails while others are in it
+    return gone
+
+
+def allowed() -> int:
+    """Bytes that may be kept: `LIMIT`, or what `ROADFIBER_CACHE_MB` says; InputError where that is no number."""
+    stated = os.environ.get("ROADFIBER_CACHE_MB")
+    if not stated:
+        return LIMIT
+    if not re.fullmatch(r"\d+(\.\d*)?", stated.strip()):
+        raise InputError(f"ROADFIBER_CACHE_MB is {stated!r}; give a number of megabytes")
+    return round(float(stated) * 1e6)

@@ -1,5 +1,6 @@
 """Detections and timestamps that are kept: what a second look costs, what a changed input or a damaged file does."""
 
+import os
 import sys
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 import vision.video
 from tests.vision.graphs import write_bright_spot_detector
 from tests.vision.videos import write_video
-from vision.cache import cache_folder, checksum, keep_arrays, kept_arrays
+from vision.cache import cache_folder, checksum, keep_arrays, kept_arrays, prune
 from vision.contract.errors import InputError
 from vision.detectors import OnnxDetector, load_detector
 from vision.detectors import look as looking
@@ -274,6 +275,42 @@ def test_arrays_are_kept_whole(tmp_path):
     assert kept_arrays(tmp_path / "deep" / "a.npz")["x"].tolist() == [0, 1, 2]
     assert kept_arrays(tmp_path / "b.npz") is None
     assert [path.name for path in (tmp_path / "deep").iterdir()] == ["a.npz"]
+
+
+def entry(folder, name, age):
+    """A file of a cache that was last used `age` s ago, and its size."""
+    path = folder / "detections" / name / "0.npz"
+    assert keep_arrays(path, {"x": np.random.default_rng(0).random(500)})
+    os.utime(path, (1e9 - age, 1e9 - age))
+    return path, path.stat().st_size
+
+
+def test_what_was_used_longest_ago_goes(tmp_path):
+    paths, sizes = zip(*(entry(tmp_path, name, age) for name, age in [("a", 30), ("b", 20), ("c", 10)]), strict=True)
+    mine = tmp_path / "notes.npz"
+    mine.write_bytes(bytes(10**6))
+    assert kept_arrays(paths[0]) is not None, "used again"
+    assert prune(tmp_path, sum(sizes)) == 0
+    assert prune(tmp_path, sum(sizes) - 1) == sizes[1]
+    assert [path.exists() for path in paths] == [True, False, True] and not paths[1].parent.exists()
+    assert prune(tmp_path, 0) == sizes[0] + sizes[2] and mine.exists(), "what is not roadfiber's stays"
+
+
+def test_a_look_keeps_within_the_limit(clip, model, tmp_path, work, monkeypatch):
+    see(clip, model, tmp_path)
+    (old,) = tmp_path.glob("detections/*/*.npz")
+    monkeypatch.setenv("ROADFIBER_CACHE_MB", str(1.5 * old.stat().st_size / 1e6))
+    os.utime(old, (1e9, 1e9))
+    (stamps,) = tmp_path.glob("timestamps/*.npz")
+    os.utime(stamps, (1e9, 1e9))
+    see(clip, model, tmp_path, classes=["bus"])
+    assert not old.exists() and len(list(tmp_path.glob("detections/*/*.npz"))) == 1
+    work.update(detected=0)
+    see(clip, model, tmp_path, classes=["bus"])
+    assert work["detected"] == 0, "the newest stays"
+    monkeypatch.setenv("ROADFIBER_CACHE_MB", "much")
+    with pytest.raises(InputError, match="ROADFIBER_CACHE_MB is 'much'; give a number of megabytes"):
+        see(clip, model, tmp_path)
 
 
 @pytest.mark.parametrize(

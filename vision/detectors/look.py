@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.cache import allowed, prune
 from vision.detectors.detections import Detections, Detector
 from vision.detectors.kept import Kept
 from vision.detectors.onnx_detector import OnnxDetector
@@ -60,6 +61,7 @@ def look(
     InputError, where the detector cannot be used on this video, or the video changed meanwhile.
     """
     kept = Kept.of(cache, video, detector) if cache is not None and isinstance(detector, OnnxDetector) else None
+    limit = allowed()
     known = kept.found if kept else {}
     places = np.arange(0, len(video), every)
     missing = places[[int(index) not in known for index in video.index[places]]]
@@ -75,8 +77,9 @@ def look(
                 kept.add(fresh)
                 fresh = []
     finally:
-        if kept:
+        if kept and cache is not None:
             kept.add(fresh)
+            prune(cache, limit)
 
 
 def _burst(
