@@ -16,6 +16,7 @@ from vision.scene.camera import Camera
 
 SIZE = (1280, 720)
 CLICK = 1.0  # px
+PLACES = 10  # where each calibration is judged
 ELLIPSE_95 = 5.991  # chi^2 of two degrees of freedom
 
 
@@ -40,6 +41,12 @@ class Rates:
     @property
     def ninety_five(self) -> float:
         return float(np.mean(np.array(self.distances) < ELLIPSE_95))
+
+    @property
+    def chance(self) -> float:
+        """Half of the 95 % interval of `ninety_five`: places of one camera err together, so cameras are what counts."""
+        by_camera = (np.array(self.distances).reshape(-1, PLACES) < ELLIPSE_95).mean(axis=1)
+        return float(1.96 * by_camera.std(ddof=1) / np.sqrt(len(by_camera)))
 
 
 def random_camera(rng: np.random.Generator) -> tuple[Camera, Lens]:
@@ -67,7 +74,7 @@ def see(camera: Camera, lens: Lens, ground: np.ndarray) -> np.ndarray:
 
 
 def survey(rng: np.random.Generator) -> tuple[Camera, Lens, ControlPoints, np.ndarray]:
-    """A camera, 8 to 20 marks on its road, and 10 other places between them."""
+    """A camera, 8 to 20 marks on its road, and `PLACES` others between them."""
     while True:
         camera, lens = random_camera(rng)
         ground = rng.uniform([-5, -10], [70, 10], (400, 2))
@@ -78,7 +85,7 @@ def survey(rng: np.random.Generator) -> tuple[Camera, Lens, ControlPoints, np.nd
         pixels = see(camera, lens, ground[:count]) + CLICK * rng.normal(size=(count, 2))
         if ((pixels > 0) & (pixels < SIZE)).all():
             marks = control_points(tuple(f"p{k}" for k in range(count)), pixels, ground[:count], CLICK)
-            return camera, lens, marks, ground[-10:]
+            return camera, lens, marks, ground[-PLACES:]
 
 
 def judge(rates: Rates, camera: Camera, lens: Lens, fit: GroundFit, ground: np.ndarray) -> None:
@@ -117,7 +124,7 @@ def main() -> None:
     rates = trial_rates(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
     print(f"{rates.cameras} cameras: {rates.chosen} fitted as camera, {rates.refused} refused, the rest as homography")
     print(f"positions: {rates.one_sigma:.1%} inside one sigma's ellipse (Gaussian 39.3 %)")
-    print(f"           {rates.ninety_five:.1%} inside the 95 % ellipse")
+    print(f"           {rates.ninety_five:.1%} ± {rates.chance:.1%} inside the 95 % ellipse")
     for name, deviations in rates.deviations.items():
         within = np.abs(deviations)
         print(f"{name:8} {np.mean(within < 1):.1%} within one sigma (68.3 %), {np.mean(within < 1.96):.1%} (95 %)")
