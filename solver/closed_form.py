@@ -14,8 +14,9 @@ from solver.cable import STATION_WEIGHTS
 from solver.stages import Load
 
 #: Values of one tensor that are worked on at once, so that all stay in the cache.
-BLOCK = 60_000
+BLOCK = 12_000
 BY_VEHICLE = ("along", "across", "wheelbase", "track", "front_share")
+INNER = ("inner", "inner_slope", "inner_bend")
 
 
 @dataclass(frozen=True)
@@ -24,8 +25,8 @@ class Felt:
 
     Parameters
     ----------
-    motion : [row, point, 3], velocity of the ground, 1/(m s)
-    by_point : [row, point, 3], derivative of its part along the direction by the point's place
+    motion : [3, row, point], velocity of the ground, 1/(m s)
+    by_point : [3, row, point], derivative of its part along the direction by the point's place
     by_poisson : [row, point], the same by Poisson's ratio
     along, across : [row, point], the same by a shift of the vehicle along travel and to its right
     wheelbase, track, front_share : [row, point], the same by the wheel layout; 0 for a vehicle of one wheel
@@ -62,7 +63,7 @@ def felt(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> 
     >>> at = torch.tensor([[3.0, 1.0, 0.9]], dtype=torch.float64)
     >>> from solver.ground import displacement_rate
     >>> load = Load(wheel, one, driven, torch.zeros(1, dtype=torch.long))
-    >>> bool(torch.allclose(felt(at, at, load, 0.25).motion[0], displacement_rate(at, v[0, 0], 0.25)))
+    >>> bool(torch.allclose(felt(at, at, load, 0.25).motion[:, 0, 0], displacement_rate(at, v[0, 0], 0.25)[0]))
     True
     """
     place, share = load.position[:, 0].permute(1, 0, 2), load.share[:, 0].T
@@ -74,7 +75,7 @@ def felt(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> 
         )
         for rows in (slice(first, first + count) for first in range(0, share.shape[1], count))
     ]
-    return Felt(*(torch.cat(parts) for parts in zip(*blocks, strict=True)))
+    return Felt(*(torch.cat(parts, -2) for parts in zip(*blocks, strict=True)))
 
 
 def felt_block(
@@ -108,7 +109,7 @@ def felt_block(
     reach = c * a1
     along = dx * x + dy * y
     speed = dx * vx + dy * vy
-    motion = torch.stack([vx * a + x * reach, vy * a + y * reach, c * b1], -1)
+    mx, my, mz = vx * a + x * reach, vy * a + y * reach, c * b1
     inner = along * a1 + dz * b1
     outer = speed * a1 + c * (along * a2 + dz * b2)
     gx = x * outer + vx * inner + dx * reach
@@ -120,14 +121,14 @@ def felt_block(
     hx, hy = (heading[:, axis, None] for axis in (0, 1))
     ahead, right = w * (gx * hx + gy * hy), w * (gy * hx - gx * hy)
     if len(share) == 4:
-        value = (motion * direction).sum(-1)
+        value = mx * dx + my * dy + mz * dz
         front = 0.5 * (value[2] + value[3] - value[0] - value[1])
         base = 0.5 * (ahead[0] + ahead[1] - ahead[2] - ahead[3])
         track = 0.5 * (right[1] - right[0] + right[3] - right[2])
     else:
         front = base = track = torch.zeros_like(ahead[0])
-    total = -(w[..., None] * motion).sum(0)
-    gradient = -torch.stack([(w * part).sum(0) for part in (gx, gy, gz)], -1)
+    total = -torch.stack([(w * part).sum(0) for part in (mx, my, mz)])
+    gradient = -torch.stack([(w * part).sum(0) for part in (gx, gy, gz)])
     return total, gradient, 2 * (w * ratio).sum(0), ahead.sum(0), right.sum(0), base, track, front
 
 
@@ -158,23 +159,28 @@ class GaugeDirections:
         return cls(ahead, -behind, -torch.from_numpy(STATION_WEIGHTS)[:, None] * turning)
 
 
+def dot(one: Tensor, other: Tensor) -> Tensor:
+    """Scalar product of vectors [3, ...]: components outermost in memory, so that all work runs along long rows."""
+    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+
+
 def by_slope(motion: Tensor, slope: Tensor) -> Tensor:
-    """Derivative [row, channel, 3] of the motion along the unit tangent, by the slope [channel, 3]."""
-    length = slope.norm(dim=-1, keepdim=True)
+    """Derivative [3, row, channel] of the motion along the unit tangent, by the slope [3, channel]."""
+    length = slope.norm(dim=0)
     tangent = slope / length
-    return (motion - (motion * tangent).sum(-1, keepdim=True) * tangent) / length
+    return (motion - dot(motion, tangent) * tangent[:, None]) / length
 
 
 def by_bend(motion: Tensor, slope: Tensor, bend: Tensor) -> tuple[Tensor, Tensor]:
-    """Derivatives [row, channel, station, 3] of minus the weighted motion along the turning, by slope and bend."""
-    length = slope.norm(dim=-1, keepdim=True)
+    """Derivatives [3, row, station, channel] of minus the weighted motion along the turning, by slope and bend."""
+    length = slope.norm(dim=0)
     tangent = slope / length
-    bent, moved = ((part * tangent).sum(-1, keepdim=True) for part in (bend, motion))
-    turned = ((motion * bend).sum(-1, keepdim=True) - bent * moved) / length
-    across = motion - moved * tangent
-    slopes = turned * tangent + (moved * (bend - bent * tangent) + bent * across) / length
+    bent, moved = dot(bend, tangent), dot(motion, tangent)
+    turned = (dot(motion, bend) - bent * moved) / length
+    across = motion - moved * tangent[:, None]
+    slopes = turned * tangent[:, None] + (moved * (bend - bent * tangent)[:, None] + bent * across) / length
     weights = torch.from_numpy(STATION_WEIGHTS)[:, None]
-    return weights * slopes / length, -weights * across / length
+    return weights / length * slopes, -weights / length * across
 
 
 def strain_rate_derivatives(
@@ -195,25 +201,27 @@ def strain_rate_derivatives(
     way = GaugeDirections.of((fiber["ahead_slope"], fiber["behind_slope"]), inner, gauge)
     places, ways = [fiber["ahead"], fiber["behind"]], [way.ahead, way.behind]
     if way.turning is not None:
-        places, ways = [*places, fiber["inner"].flatten(0, 1)], [*ways, way.turning.flatten(0, 1)]
+        # Station by station, each with all channels.
+        places, ways = [*places, *fiber["inner"].unbind(1)], [*ways, *way.turning.unbind(1)]
     here, count = felt(torch.cat(places), torch.cat(ways), load, poisson_ratio), len(fiber["ahead"])
 
     def gauges(values: Tensor) -> Tensor:
         """Sum over all points of each gauge, [row, channel]."""
-        ends = values[:, :count] + values[:, count : 2 * count]
-        return ends + values[:, 2 * count :].unflatten(1, (count, -1)).sum(-1) if inner else ends
+        return values.unflatten(1, (-1, count)).sum(1)
 
-    alone, strength = gauges((here.motion * torch.cat(ways)).sum(-1)), amplitude[:, None]
+    alone, strength = gauges(dot(here.motion, torch.cat(ways).T)), amplitude[:, None]
     by = {"amplitude": alone, "poisson_ratio": strength * gauges(here.by_poisson)}
     by |= {name: strength * gauges(getattr(here, name)) for name in BY_VEHICLE}
-    each = strength[..., None]
+    motion, by_point = strength * here.motion, strength * here.by_point
     for name, part, sign in (("ahead", slice(count), 1), ("behind", slice(count, 2 * count), -1)):
-        by[name] = each * here.by_point[:, part]
-        by[f"{name}_slope"] = sign / gauge * each * by_slope(here.motion[:, part], fiber[f"{name}_slope"])
+        by[name] = by_point[..., part].movedim(0, -1)
+        along = by_slope(motion[..., part], fiber[f"{name}_slope"].T)
+        by[f"{name}_slope"] = (sign / gauge * along).movedim(0, -1)
     if inner:
-        motion = here.motion[:, 2 * count :].unflatten(1, (count, -1))
-        by["inner"] = (each * here.by_point[:, 2 * count :]).unflatten(1, (count, -1))
-        by["inner_slope"], by["inner_bend"] = (each[..., None] * part for part in by_bend(motion, *inner))
+        within = motion[..., 2 * count :].unflatten(2, (-1, count))
+        slope, bend = (part.permute(2, 1, 0) for part in inner)
+        parts = (by_point[..., 2 * count :].unflatten(2, (-1, count)), *by_bend(within, slope, bend))
+        by |= {name: part.permute(1, 3, 2, 0) for name, part in zip(INNER, parts, strict=True)}
     for name in fiber.keys() - by.keys():
         by[name] = torch.zeros(*alone.shape, *fiber[name].shape[1:], dtype=alone.dtype)
     return strength * alone, by

@@ -12,24 +12,14 @@ import torch
 
 from solver.anchor_check import contradiction
 from solver.anchors import Anchor, read_anchors
+from solver.beginning import begin
 from solver.das import DASRecord, read_das
 from solver.effects.catalogue import find
 from solver.effects.plugins import catalogue
 from solver.fit import METHODS, FitResult, Prior, Problem, fit_spline
+from solver.fit.chain import Chain
 from solver.fit.held_out import FOLDS, held_out_chi2
-from solver.fit.least_squares import MapFit
-from solver.matched_filter import initialize
-from solver.pose import (
-    bent_ends,
-    near,
-    pose,
-    shortened,
-    silent,
-    start_route,
-    straight_part,
-    view_of,
-    with_slow_errors,
-)
+from solver.pose import bent_ends, pose, shortened, with_slow_errors
 from solver.processing import decimated
 from solver.site import Site
 from solver.trajectory import Pass, smooth_passes
@@ -185,15 +175,11 @@ def locate(
             passes = [replace(one, vehicle_class="vehicle") for one in passes]
     ground = site.ground
     with timed(timings, "match"):
-        rough = initialize(record, passes, depth=ground.depth[0], poisson_ratio=ground.poisson_ratio)
-    anchors = near(anchors, rough.active, record.channel_spacing, warnings)
-    if nothing := silent(record, view_of(rough, passes)):
-        warnings.append(nothing)
+        found = begin(
+            record, passes, anchors, depth=ground.depth[0], poisson_ratio=ground.poisson_ratio, warnings=warnings
+        )
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
-    keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing))
-    sides = [rough.lateral] if anchors else [rough.lateral, rough.mirror]
-    starts = [start_route(rough, y, anchors)[keep] for y in sides]
-    posed = [pose(record, passes, anchors, start, rough.channel[keep], prior) for start in starts]
+    posed = [pose(record, passes, found.anchors, start, found.channel, prior) for start in found.routes]
     curved = "curved_gauge" in effects
     problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved)) for one in posed]
     with timed(timings, "fit"):
@@ -203,8 +189,8 @@ def locate(
         warnings.append("the fit did not converge: do not rely on this route; check tracks, clocks and anchors")
     with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:
         again = shortened(problem, slice(None), result)
-        fit = MapFit(again)
-        ended = (fit, fit.state_of(torch.from_numpy(result.vector)))
+        chain = Chain.of(again)
+        ended = (chain, chain.state_of(torch.from_numpy(result.vector)))
         held_out = held_out_chi2(again, advance, at=ended) if method == "spline" else None
     if all(one.vehicle_class == "vehicle" for one in passes):
         effects = [name for name in effects if name != "wheel_layout"]

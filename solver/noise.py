@@ -11,6 +11,8 @@ from solver.whitening import Whitener
 
 REACH = 35.0
 ENOUGH = 20
+#: Channels that are worked on at once.
+CHANNELS = 100
 
 
 def quiet(samples: int, route: NDArray[np.float64], passes: Sequence[Pass], reach: float = REACH) -> NDArray[np.bool_]:
@@ -22,9 +24,13 @@ def quiet(samples: int, route: NDArray[np.float64], passes: Sequence[Pass], reac
     route : [channel, 2 or 3], rough positions, m
     """
     far = np.ones((samples, len(route)), bool)
-    for one in passes:
-        distance = np.hypot(*(one.position[:, None, :] - route[None, :, :2]).transpose(2, 0, 1))
-        far[one.rows] &= distance > reach
+    for first in range(0, len(route), CHANNELS):
+        part = route[first : first + CHANNELS, :2]
+        low, high = part.min(0) - reach, part.max(0) + reach
+        for one in passes:
+            near = ((one.position >= low) & (one.position <= high)).all(1)
+            distance = np.hypot(*(one.position[near, None, :] - part[None, :, :]).transpose(2, 0, 1))
+            far[one.rows[near], first : first + CHANNELS] &= distance > reach
     return far
 
 
@@ -43,11 +49,18 @@ def noise_level(strain_rate: NDArray[np.float64], still: NDArray[np.bool_]) -> N
     >>> noise_level(rate, np.ones_like(rate, bool)).round(10)
     array([1.9e-09, 1.9e-09, 2.0e-09])
     """
-    finite = np.isfinite(strain_rate)
-    use = still & finite
-    use = np.where(use.sum(0) >= ENOUGH, use, finite)
-    absolute = np.ma.masked_array(np.abs(strain_rate), ~use)
-    return np.asarray(1.4826 * np.ma.median(absolute, axis=0).filled(np.nan))
+    level = np.full(strain_rate.shape[1], np.nan)
+    for first in range(0, len(level), CHANNELS):
+        part = strain_rate[:, first : first + CHANNELS]
+        finite = np.isfinite(part)
+        use = still[:, first : first + CHANNELS] & finite
+        use = np.where(use.sum(0) >= ENOUGH, use, finite)
+        # NaN sort last, so that the middle of the first `count` is the median.
+        ordered = np.sort(np.where(use, np.abs(part), np.nan), axis=0)
+        count = use.sum(0)
+        middle = [np.take_along_axis(ordered, np.maximum(at, 0)[None], 0)[0] for at in ((count - 1) // 2, count // 2)]
+        level[first : first + CHANNELS] = np.where(count > 0, 1.4826 * (middle[0] + middle[1]) / 2, np.nan)
+    return level
 
 
 def whitened_noise(

@@ -21,6 +21,8 @@ from solver.whitening import noise_law
 
 #: Anchors farther than this from the active channels, in meters of fiber, say nothing about them.
 ANCHOR_REACH = 50.0
+#: Channels that the noise's law is learned from, in the middle of a long fiber.
+TYPICAL = 400
 #: How long before and after each pass the record is looked at, s: what filters leave behind shows there.
 TAIL = 4.0
 #: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times
@@ -110,14 +112,18 @@ def pose(
 ) -> Problem:
     """State the fitting problem over the active `channel` numbers, starting at `route` [channel, 3]."""
     column = np.searchsorted(record.channel, channel)
-    strain_rate = record.strain_rate[:, column]
+    whole = column[-1] - column[0] == len(column) - 1
+    # A view where it can be: on a long fiber a copy is a large part of the memory.
+    strain_rate = record.strain_rate[:, slice(column[0], column[-1] + 1) if whole else column]
     still = quiet(len(strain_rate), route, passes)
     noise = noise_level(strain_rate, still)
     alive = np.isfinite(noise) & (noise > 0)
+    kept = strain_rate if alive.all() else strain_rate[:, alive]
+    middle = slice(max(0, (int(alive.sum()) - TYPICAL) // 2), (int(alive.sum()) + TYPICAL) // 2)
     passes = [guessed_less(part) for one in passes if (part := nearby(one, route)) is not None]
     traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))
     return Problem(
-        record=strain_rate[:, alive],
+        record=kept,
         noise=torch.from_numpy(noise[alive]),
         channel=channel[alive],
         zero_distance=float(record.distance[0] - record.channel[0] * record.channel_spacing),
@@ -129,7 +135,7 @@ def pose(
         start=route[alive],
         prior=prior,
         sampling_rate=record.sampling_rate,
-        law=noise_law((strain_rate / noise)[:, alive], still[:, alive], record.sampling_rate),
+        law=noise_law(kept[:, middle] / noise[alive][middle], still[:, alive][:, middle], record.sampling_rate),
     )
 
 

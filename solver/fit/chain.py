@@ -153,14 +153,16 @@ class Chain:
         state = replace(
             state, coefficients=route, poisson_ratio=nu, numbers=self.prior.numbers if numbers is None else numbers
         )
-        vector = state.vector()
+        if self.long:
+            # The first visit settles them: to look twice at all stretches would be slow.
+            return replace(state, vehicles=replace(state.vehicles, amplitude=torch.ones_like(state.vehicles.amplitude)))
+        return self.links[0].fit.start_at(route, nu, state.numbers)
 
-        def amplitude(number: int) -> Tensor:
-            link = self.links[number]
-            every = link.fit.measured.double()
-            return link.fit.settled(link.fit.state_of(vector[link.where]), Weights(every, every)).vehicles.amplitude
-
-        return self.with_amplitudes(state, list(self.each(amplitude)))
+    def unsettled(self, state: State) -> list[Weights] | None:
+        """Weights to settle the amplitudes of a start by; None where they are settled."""
+        if not self.long or bool((state.vehicles.amplitude != 1).any()):
+            return None
+        return [Weights(link.fit.measured, link.fit.measured.float()) for link in self.links]
 
     def with_amplitudes(self, state: State, amplitudes: Sequence[Tensor]) -> State:
         """The same state with the amplitudes [pass] of each link."""

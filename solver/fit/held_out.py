@@ -10,17 +10,10 @@ from solver.fit.chain import Chain, Link
 from solver.fit.least_squares import MapFit, State, solve
 from solver.fit.map_fit import vehicles_of
 from solver.fit.problem import Problem
-from solver.fit.windows import nearby
-from solver.model import Traffic
+from solver.fit.windows import is_long, nearby, part
 from solver.trajectory import Pass
 
 FOLDS = 2
-
-
-def part(problem: Problem, chosen: np.ndarray) -> Problem:
-    """The same survey with the passes `chosen` only."""
-    passes = [problem.passes[i] for i in chosen]
-    return replace(problem, passes=passes, traffic=Traffic.of(passes))
 
 
 def own_samples(link: Link, others: Sequence[Pass]) -> torch.Tensor:
@@ -41,15 +34,20 @@ def shared_numbers(chain: Chain, state: State, new: Chain) -> torch.Tensor:
     return numbers
 
 
-def carried(chain: Chain, state: State, chosen: np.ndarray, new: Chain) -> State:
-    """A state of all passes as a start for a fit of those `chosen`; what is smooth along a pass begins at null.
+def legs(chain: Chain) -> list[tuple[int, str, int]]:
+    """What tells a vehicle in a stretch from all others: first channel, track, first row."""
+    return [
+        (int(link.fit.problem.channel[0]), one.track_id, int(one.rows[0]))
+        for link in chain.links
+        for one in link.fit.problem.passes
+    ]
 
-    On a long fiber, where vehicles have numbers in every stretch, they begin anew.
-    """
+
+def carried(chain: Chain, state: State, new: Chain) -> State:
+    """A state as a start for a fit of some of its passes; what is smooth along a pass begins at null."""
+    known = {leg: number for number, leg in enumerate(legs(chain))}
+    keep = torch.tensor([known[leg] for leg in legs(new)])
     numbers = shared_numbers(chain, state, new)
-    if chain.long or new.long:
-        return new.start_at(state.coefficients, state.poisson_ratio, numbers)
-    keep = torch.from_numpy(chosen)
     for slot, old, here in zip(chain.links[0].fit.extension.slots, chain.slots, new.slots, strict=True):
         if slot.parameter.scope == "pass":
             numbers[here] = state.numbers[old][keep]
@@ -81,18 +79,18 @@ def held_out_chi2(
     if count < 2:
         return None
     misfit = freedom = 0.0
+    whole = at and (at[0] if isinstance(at[0], Chain) else Chain.single(at[0]), at[1])
     groups = [np.arange(first, count, min(folds, count)) for first in range(min(folds, count))]
-    for group in groups:
+    # A long fiber has samples enough in one group, and a fit of it takes long.
+    for group in groups[:1] if is_long(problem) else groups:
         others = np.setdiff1d(np.arange(count), group)
         seen = Chain.of(part(problem, others))
-        start = seen.start()
-        if at is not None:
-            whole = at[0] if isinstance(at[0], Chain) else Chain.single(at[0])
-            start = carried(whole, at[1], others, seen)
-        ground = solve(seen, start).state
+        ground = solve(seen, carried(*whole, seen) if whole else seen.start()).state
         unseen = Chain.of(part(problem, group), known_ground=True)
-        numbers = shared_numbers(seen, ground, unseen)
-        end = solve(unseen, unseen.start_at(ground.coefficients, ground.poisson_ratio, numbers))
+        start = unseen.start_at(ground.coefficients, ground.poisson_ratio, shared_numbers(seen, ground, unseen))
+        if whole:
+            start = replace(start, vehicles=carried(*whole, unseen).vehicles)
+        end = solve(unseen, start)
         rest = [problem.passes[i] for i in others]
         for link, model, weights in zip(unseen.links, end.at.models, end.at.weights, strict=True):
             alone = own_samples(link, rest)

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from solver.fit.chain import Chain, Visit
 from solver.fit.map_fit import KNOT_SPACING, SPLINE_VARIANCE, MapFit
 from solver.fit.robust import HUBER, huber
@@ -12,6 +10,8 @@ from solver.fit.state import PER_PASS, Linearized, State, Weights
 
 #: A step that would gain less than this in sigmas, over all parameters together, is not worth taking.
 ENOUGH = 0.2
+#: Numbers that a fit of a camera's view has, about.
+USUAL = 100
 #: Steps before a fit may be given up, and falls as predicted that it may hope for.
 PATIENCE = 5
 
@@ -46,10 +46,10 @@ def solve(
     """
     chain = fit if isinstance(fit, Chain) else Chain.single(fit)
     damping, taken = 1e-3, 0
-    at = chain.visit(state)
-    cost = at.cost
-    # On a long fiber the steps of all stretches add up: each may end as far from its own minimum as a short fiber's.
-    enough = ENOUGH * max(1.0, np.sqrt(len(at.normal.blocks)))
+    at = chain.visit(state, chain.unsettled(state))
+    cost = at.misfit + chain.belief(at.state)
+    # On a long fiber the steps of thousands of numbers add up: each may be as far from its end as a short fiber's.
+    enough = ENOUGH * (float(chain.free.sum()) / USUAL) ** 0.5 if chain.long else ENOUGH
     while not (converged := (left := at.normal.decrement()) < enough) and taken < iterations and damping < 1e8:
         # A quadratic misfit would fall by the decrement squared; this one by a few times that at most.
         if taken >= PATIENCE and at.misfit - PATIENCE * left**2 > hopeless:

@@ -65,7 +65,9 @@ class Problem:
     @cached_property
     def strain_rate(self) -> Tensor:
         """Measured strain rate [sample, channel] at the traffic's samples, 1/s."""
-        return torch.from_numpy(self.record[self.traffic.samples])
+        samples = self.traffic.samples
+        whole = samples[-1] - samples[0] == len(samples) - 1
+        return torch.from_numpy(self.record[slice(samples[0], samples[-1] + 1) if whole else samples])
 
     def distance_of(self, channel: ArrayLike) -> NDArray[np.float64]:
         """Distance along the fiber, m, of channel numbers."""

@@ -3,11 +3,28 @@
 import time
 from collections.abc import Callable
 
+import numpy as np
+
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
+from solver.fit.state import State
+from solver.fit.windows import part
+
+#: Passes that a long fiber is fitted to first: they lead near, and all then need few steps.
+FIRST = 12
+
+
+def beginning(problem: Problem, chain: Chain, advance: Callable[[int], None]) -> State:
+    """Where to begin: the rough route, or on a long fiber with many passes where a fit of some of them ends."""
+    count = len(problem.passes)
+    if not chain.long or count < 2 * FIRST:
+        return chain.start()
+    few = Chain.of(part(problem, np.linspace(0, count - 1, FIRST).astype(int)))
+    end = solve(few, few.start(), advance=advance).state
+    return chain.start_at(end.coefficients, end.poisson_ratio)
 
 
 def fit_spline(
@@ -29,7 +46,7 @@ def fit_spline(
     """
     begun = time.perf_counter()
     chain = Chain.of(problem)
-    end = solve(chain, chain.start(), advance=advance, hopeless=hopeless)
+    end = solve(chain, beginning(problem, chain, advance), advance=advance, hopeless=hopeless)
     return assemble(
         problem,
         chain,

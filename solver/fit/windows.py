@@ -34,6 +34,12 @@ def nearby(one: Pass, route: NDArray[np.float64], reach: float = FELT) -> Pass |
     )
 
 
+def part(problem: Problem, chosen: NDArray[np.int64]) -> Problem:
+    """The same survey with the passes `chosen` only."""
+    passes = [problem.passes[i] for i in chosen]
+    return replace(problem, passes=passes, traffic=Traffic.of(passes))
+
+
 def is_long(problem: Problem) -> bool:
     """Whether a survey is fitted stretch by stretch."""
     return float(problem.distance[-1] - problem.distance[0]) > ONE_STRETCH

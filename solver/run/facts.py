@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from solver.anchors import Anchor
 from solver.das import DASRecord
@@ -25,6 +26,7 @@ from solver.whitening import Whitener
 
 FORMAT = "roadfiber run 1"
 PACKAGES = ("roadfiber", "torch", "numpy", "scipy", "dascore", "pandas", "pyproj", "matplotlib")
+CHANNELS = 400  # whose quiet samples are whitened at once
 ENOUGH_QUIET = 200  # samples; the mean square of fewer is uncertain by more than 10 %
 
 
@@ -51,13 +53,22 @@ def noise_floor(result: FitResult, record: DASRecord, passes: Sequence[Pass]) ->
     Mean square of the whitened quiet samples (no vehicle near), with the fit's own Huber weights; NaN where there are
     too few of them. Above 1 where the noise has heavy tails or is not stationary.
     """
-    at = np.searchsorted(result.channel, result.fitted_channel)
-    still = quiet(len(record.strain_rate), result.route[at], passes)
-    samples, channel = np.arange(len(record.strain_rate)), result.fitted_channel
-    whiten = Whitener(torch.from_numpy(result.noise), samples, channel, result.law)
+    squares, count = 0.0, 0
+    for first in range(0, len(result.fitted_channel), CHANNELS):
+        white = quiet_whitened(result, record, passes, slice(first, first + CHANNELS))
+        squares += float((white * np.minimum(white, HUBER)).sum())
+        count += len(white)
+    return squares / count if count >= ENOUGH_QUIET else float("nan")
+
+
+def quiet_whitened(result: FitResult, record: DASRecord, passes: Sequence[Pass], part: slice) -> NDArray[np.float64]:
+    """Sizes of the whitened samples of some fitted channels without a vehicle near."""
+    channel = result.fitted_channel[part]
+    still = quiet(len(record.strain_rate), result.route[np.searchsorted(result.channel, channel)], passes)
+    samples = np.arange(len(record.strain_rate))
+    whiten = Whitener(torch.from_numpy(result.noise[part]), samples, channel, result.law)
     white, alone = whitened_noise(record.strain_rate[:, np.searchsorted(record.channel, channel)], still, whiten)
-    size = np.abs(white[alone])
-    return float(np.mean(size * np.minimum(size, HUBER))) if len(size) >= ENOUGH_QUIET else float("nan")
+    return np.asarray(np.abs(white[alone]))
 
 
 def inputs_of(site: Site, record: DASRecord) -> list[dict[str, str]]:

@@ -25,9 +25,10 @@ from solver.trajectory import Pass
 from vision.contract import InputError, LocalFrame, writing
 
 # What of a FitResult are arrays, and so goes into data.npz; maps are stored in single precision, 1e-7 of their value.
+# What was measured is in the problem's record.
 ROUTE = ("channel", "distance", "route", "covariance", "constrained", "data_share")
 ARRAYS = (*ROUTE, "vector", "samples", "fitted_channel", "noise")
-MAPS = ("measured", "model", "weight")
+MAPS = ("model", "weight")
 
 
 def route_table(run: Run) -> str:
@@ -180,6 +181,7 @@ def read_run(folder: Path) -> Run:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         maps = {name: arrays[name].astype(np.float64) for name in MAPS}
+        maps["measured"] = arrays["record"][arrays["samples"]].astype(np.float64)
         parameters = {
             name: Parameter(number(p["value"]), number(p["sigma"]), p["unit"], p["free"])
             for name, p in facts["parameters"].items()

@@ -1,0 +1,83 @@
+"""Where a fit begins: channels and rough routes, on a street or along kilometers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.anchors import Anchor
+from solver.das import DASRecord
+from solver.matched_filter import initialize
+from solver.matched_filter.sections import ONE_SECTION, Found, extent, initialize_sections, joined, sides_of
+from solver.pose import near, silent, start_route, straight_part, view_of
+from solver.trajectory import Pass
+
+Array = NDArray[np.float64]
+#: Evidence, in standard deviations per section, from which a side that the widths tell is not doubted.
+TOLD = 3.0
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """Where to begin.
+
+    Parameters
+    ----------
+    channel : [channel], numbers of the channels to fit
+    routes : rough routes [channel, 3], m, of which any may lead to the fiber
+    anchors : within reach of the channels
+    """
+
+    channel: NDArray[np.int64]
+    routes: list[Array]
+    anchors: list[Anchor]
+
+
+def begin(
+    record: DASRecord,
+    passes: Sequence[Pass],
+    anchors: Sequence[Anchor],
+    *,
+    depth: float,
+    poisson_ratio: float,
+    warnings: list[str],
+) -> Beginning:
+    """Find channels and rough routes by the matched filter; a long road is looked at in sections.
+
+    Parameters
+    ----------
+    depth, poisson_ratio : believed
+    warnings : lines for the user are added: anchors out of reach, channels that record nothing
+
+    Raises
+    ------
+    InputError
+        If no vehicle is seen in the DAS where the trajectories say.
+    """
+    if extent(passes) > ONE_SECTION:
+        found = initialize_sections(record, passes, depth=depth, poisson_ratio=poisson_ratio)
+        return along_road(record, found, anchors, warnings)
+    rough = initialize(record, passes, depth=depth, poisson_ratio=poisson_ratio)
+    used = near(anchors, rough.active, record.channel_spacing, warnings)
+    if nothing := silent(record, view_of(rough, passes)):
+        warnings.append(nothing)
+    keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing))
+    sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
+    return Beginning(rough.channel[keep], [start_route(rough, y, used)[keep] for y in sides], used)
+
+
+def along_road(record: DASRecord, found: Sequence[Found], anchors: Sequence[Anchor], warnings: list[str]) -> Beginning:
+    """Join the sections of a long road; the other side is tried only where the widths leave it open."""
+    chosen, other, evidence = sides_of(found)
+    channel, route = joined(found, chosen)
+    used = near(anchors, (int(channel[0]), int(channel[-1])), record.channel_spacing, warnings)
+    if nothing := silent(record, channel[[0, -1]]):
+        warnings.append(nothing)
+    gaps = np.flatnonzero(np.diff(channel) > 1)
+    for gap in gaps:
+        warnings.append(
+            f"no vehicle is felt between channels {channel[gap]} and {channel[gap + 1]}; the rest alone tells the route"
+        )
+    routes = [route] if used or evidence > TOLD * len(found) else [route, joined(found, other)[1]]
+    return Beginning(channel, routes, used)
