@@ -1,0 +1,153 @@
+"""A chain of stretches is one problem: the same normal equations, steps and covariance as a dense one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from solver.fit.chain import Chain
+from solver.fit.least_squares import MapFit, solve
+from solver.fit.normal import Banded, Block, Factor, Normal, Part
+from solver.fit.posterior import Posterior
+from solver.fit.spline import fit_spline
+from solver.fit.windows import crowds, nearby, stretches
+
+RNG = np.random.default_rng(4)
+
+
+def positive(size: int) -> np.ndarray:
+    root = RNG.normal(size=(size, size + 3))
+    return root @ root.T
+
+
+@pytest.fixture(scope="module")
+def equations() -> tuple[Normal, np.ndarray, np.ndarray]:
+    """Three stretches of a route of 10 numbers, 2 that all share, two vehicles each; and the same in full."""
+    size, border = 10, np.arange(2)
+    blocks, parts = [], []
+    whole = np.zeros((12 + 3 * 2 * 3, 12 + 3 * 2 * 3))
+    own = 12
+    for stretch, first in enumerate((0, 3, 5)):
+        shared = np.concatenate([np.arange(first, first + 5), size + border])
+        total = np.zeros((7, 7))
+        for _ in range(2):
+            matrix = positive(10)
+            mine = np.arange(own, own + 3)
+            at = np.concatenate([mine, shared])
+            whole[np.ix_(at, at)] += matrix
+            parts.append(Part(matrix[:3, :3], matrix[:3, 3:], RNG.normal(size=3), np.full(3, 0.1), stretch))
+            total += matrix[3:, 3:]
+            own += 3
+        blocks.append(Block(first, 5, border, total))
+    right = RNG.normal(size=12)
+    every = np.concatenate([right, *(part.right for part in parts)])
+    return Normal(size, 2, blocks, [], parts, right), whole, every
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_steps_are_those_of_the_dense_equations(equations: tuple, damping: float) -> None:
+    normal, whole, right = equations
+    expected = np.linalg.solve(whole + damping * np.diag(np.diagonal(whole)), right)
+    shared, own = normal.step(damping)
+    np.testing.assert_allclose(np.concatenate([shared, *own]), expected, rtol=1e-8)
+
+
+def test_the_decrement_is_the_length_of_the_step_in_sigmas(equations: tuple) -> None:
+    normal, whole, right = equations
+    assert normal.decrement() == pytest.approx(float(right @ np.linalg.solve(whole, right)) ** 0.5)
+
+
+def test_a_banded_factor_solves(equations: tuple) -> None:
+    normal, _, _ = equations
+    matrix = Banded.of(normal.blocks, 10, 2)
+    dense = np.zeros((12, 12))
+    for block in normal.blocks:
+        where = block.where(10)
+        dense[np.ix_(where, where)] += block.matrix
+    right = RNG.normal(size=(12, 4))
+    np.testing.assert_allclose(Factor(matrix).solved(right), np.linalg.solve(dense, right), rtol=1e-8)
+
+
+@pytest.fixture
+def cut_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A street that counts as a long fiber, in stretches of some 35 m."""
+    monkeypatch.setattr("solver.fit.windows.ONE_STRETCH", 50.0)
+    monkeypatch.setattr("solver.fit.windows.STRETCH", 35.0)
+
+
+def dense(chain: Chain, visit) -> tuple[torch.Tensor, np.ndarray]:
+    """Normal matrix [free, free] of all links without any elimination, and the free parameters' numbers."""
+    matrix = torch.zeros(len(chain.mean), len(chain.mean), dtype=torch.float64)
+    for link in chain.links:
+        at = link.fit.linearized(chain.part_of(visit.state, link))
+        matrix[link.where[:, None], link.where] += at.jacobian.T @ at.jacobian
+    for one in chain.rows(visit.state):
+        matrix[one.where, one.where] += one.rows.jacobian.T @ one.rows.jacobian
+    matrix += torch.diag(torch.nan_to_num(chain.prior.precision(visit.state), posinf=0.0))
+    free = torch.nonzero(chain.free).flatten()
+    return matrix[free][:, free], free.numpy()
+
+
+def test_a_chain_has_the_covariance_of_the_dense_problem(case, cut_short: None) -> None:
+    chain = Chain.of(case.problem)
+    assert len(chain.links) > 2 * 3 - 1 and chain.long
+    end = solve(chain, chain.start())
+    assert end.converged
+    visit = chain.visit(end.state)
+    matrix, free = dense(chain, visit)
+    covariance = torch.linalg.inv(matrix).numpy()
+    posterior = Posterior(chain, visit)
+    sigma = posterior.sigmas().numpy()[free]
+    route = 3 * chain.basis.size
+    expected = np.sqrt(posterior.scale * np.diagonal(covariance))
+    np.testing.assert_allclose(sigma[route:], expected[route:], rtol=1e-4)
+    at = chain.basis.at(case.problem.distance)
+    block = covariance[:route, :route].reshape(chain.basis.size, 3, chain.basis.size, 3)
+    total = posterior.scale * np.einsum("ci,iajb,cj->cab", at, block, at)
+    np.testing.assert_allclose(posterior.route(case.problem.distance)[0], total, rtol=1e-4, atol=1e-9)
+
+
+def test_stretches_find_the_route_that_one_fit_finds(case, cut_short: None) -> None:
+    """Vehicles with numbers of their own in each stretch cost some precision, no truth."""
+    result = fit_spline(case.problem)
+    keep = np.isin(result.channel, case.problem.channel)
+    error = result.route[keep] - case.truth
+    assert result.converged and 0.9 < result.chi2_per_dof < 1.1
+    assert np.linalg.norm(error, axis=1).max() < 0.3
+    assert (np.abs(error) < 4 * result.sigma[keep]).all()
+    assert np.isnan(result.model).any() and (result.weight[np.isnan(result.model)] == 0).all()
+
+
+def test_prior_parts_are_shares_of_the_whole(case, cut_short: None) -> None:
+    chain = Chain.of(case.problem)
+    posterior = Posterior(chain, chain.visit(chain.start(), None))
+    total, prior, shape = posterior.route(case.problem.distance)
+    for part in (prior, shape):
+        ratio = np.diagonal(part, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
+        assert (ratio > -1e-9).all() and (ratio < 1 + 1e-9).all()
+    assert 0 < posterior.decided < float(chain.free.sum())
+
+
+def test_a_chain_of_one_is_the_problem_itself(case) -> None:
+    chain, fit = Chain.of(case.problem), MapFit(case.problem)
+    assert len(chain.links) == 1
+    torch.testing.assert_close(chain.start().vector(), fit.start().vector())
+    state = chain.start()
+    assert chain.visit(state).cost == pytest.approx(fit.linearized(state).misfit + fit.belief(state))
+
+
+def test_stretches_hold_each_channel_once(case, cut_short: None) -> None:
+    cuts = stretches(case.problem)
+    assert [cut.start for cut in cuts[1:]] == [cut.stop for cut in cuts[:-1]]
+    assert (cuts[0].start, cuts[-1].stop) == (0, len(case.problem.channel)) and len(cuts) == 3
+
+
+def test_only_the_near_part_of_a_pass_counts(case) -> None:
+    one, route = case.problem.passes[0], case.problem.start[:20]
+    near = nearby(one, route, 10.0)
+    assert near is not None
+    distance = np.hypot(*(near.position[[0, -1], None, :] - route[None, :, :2]).transpose(2, 0, 1)).min(1)
+    assert (distance <= 10.0).all() and len(near.rows) < len(one.rows)
+    assert nearby(replace(one, position=one.position + 500.0), route, 10.0) is None
+    assert sum(len(crowd) for crowd in crowds(case.problem.passes)) == len(case.problem.passes)

@@ -1,0 +1,94 @@
+"""A fiber of 600 m along a curving road: sections, one global fit, what is said of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.long_fiber import LongSurvey, made, written
+from solver.locate import Located, locate
+from solver.matched_filter.sections import (
+    extent,
+    heard,
+    initialize_sections,
+    joined,
+    sections_of,
+    sides_of,
+    sought,
+)
+from solver.run.folder import read_run
+from solver.site import read_site
+from solver.trajectory import Pass, smooth_passes
+
+
+@pytest.fixture(scope="module")
+def survey() -> LongSurvey:
+    return made(0.6, 6, 18.0, 3)
+
+
+@pytest.fixture(scope="module")
+def passes(survey: LongSurvey) -> list[Pass]:
+    return smooth_passes(survey.trajectories, survey.record)
+
+
+@pytest.fixture(scope="module")
+def located(survey: LongSurvey, tmp_path_factory: pytest.TempPathFactory) -> Located:
+    return locate(read_site(written(survey, tmp_path_factory.mktemp("long") / "survey")))
+
+
+def test_sections_unroll_the_road(passes: list[Pass]) -> None:
+    assert extent(passes) > 600
+    sections = sections_of(passes)
+    assert len(sections) >= 2
+    for section in sections:
+        place = np.column_stack([np.linspace(-150, 150, 31), np.full(31, 4.5)])
+        np.testing.assert_allclose(section.local(section.outward(place)), place, atol=0.02)
+        for one in passes:
+            part = section.cut(one)
+            assert part is not None
+            # The road bends by meters in a section; unrolled the lane is straight.
+            assert np.ptp(part.position[:, 1]) < 1.5
+            assert np.sign(part.speed) == np.sign(one.speed)
+
+
+def test_a_section_is_sought_among_all_channels(survey: LongSurvey, passes: list[Pass]) -> None:
+    section = sections_of(passes)[-1]
+    near = heard([part for one in passes if (part := section.cut(one)) is not None])
+    column, way = sought(survey.record, near)
+    middle = section.outward(np.zeros((1, 2)))[0]
+    beside = int(np.linalg.norm(survey.truth[:, :2] - middle, axis=1).argmin())
+    assert way == 1 and abs(column - beside) < 12
+
+
+def test_rough_route_lies_beside_the_fiber_on_its_side(survey: LongSurvey, passes: list[Pass]) -> None:
+    found = initialize_sections(survey.record, passes)
+    chosen, other, evidence = sides_of(found)
+    channel, route = joined(found, chosen)
+    off = np.linalg.norm(route[:, :2] - survey.truth[channel, :2], axis=1)
+    mirrored = np.linalg.norm(joined(found, other)[1][:, :2] - survey.truth[channel, :2], axis=1)
+    assert np.median(off) < 0.8 and np.median(mirrored) > 4
+    assert evidence > 3 * len(found)
+    assert len(channel) > 0.95 * len(survey.truth)
+
+
+def test_one_global_fit_finds_it(survey: LongSurvey, located: Located) -> None:
+    result = located.result
+    here = np.isin(result.channel, np.arange(len(survey.truth)))
+    error = result.route[here] - survey.truth[result.channel[here]]
+    assert result.converged and not result.ambiguous_side
+    assert here.sum() > 0.95 * len(survey.truth)
+    assert np.linalg.norm(error, axis=1).mean() < 0.1
+    assert np.linalg.norm(error, axis=1).max() < 0.3
+    assert (np.abs(error) < 1.96 * result.sigma[here]).mean() > 0.8
+    assert 0.95 < result.chi2_per_dof < 1.05
+    assert located.held_out is not None and 0.9 < located.held_out < 1.15
+    assert sum(name.startswith("amplitude[") for name in result.parameters) > 6 * 8
+
+
+def test_a_long_run_is_written_and_read(located: Located, tmp_path: Path) -> None:
+    located.write(tmp_path / "run")
+    run = read_run(tmp_path / "run")
+    np.testing.assert_allclose(run.result.route, located.result.route)
+    np.testing.assert_allclose(run.result.measured, located.result.measured, rtol=1e-5, atol=1e-12)
+    assert run.facts["noise_floor"] == pytest.approx(1.0, abs=0.05)
+    assert (tmp_path / "run" / "report.html").stat().st_size < 8e6
