@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.board import CELLS, BoardFit
 from calib.maps import check_suffix
+from calib.rounding import with_sigma
 from vision.contract import writing
 from vision.lens import NAMES
 
@@ -47,7 +48,7 @@ def words(fit: BoardFit) -> str:
         f"all {len(found['views'])} views: rms {found['rms_px']:.3f} px; {found['coverage']:.0%} of the picture"
     )
     for name, row in found["parameters"].items():
-        lines.append(f"  {name:<3} {row['value']:10.5g} ± {row['sigma']:.2g}")
+        lines.append(f"  {name:<3} {with_sigma(row['value'], row['sigma']):>20}")
     return "\n".join(lines + [f"warning: {message}" for message in fit.warnings])
 
 

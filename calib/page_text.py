@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from calib.ground import GroundFit
+from calib.rounding import with_sigma
 from calib.session import Mark, Marks
 from vision.contract import LocalFrame
 from vision.contract.columns import to_frame
@@ -112,6 +113,6 @@ def describe(fit: GroundFit) -> str:
     if parameters := fit.calibration.parameters:
         shown = [name for name in ("focal", "k1", "height", "tilt") if name in parameters]
         lines.append(
-            ", ".join(f"{n} {parameters[n].value:.4g} ± {parameters[n].sigma:.2g} {parameters[n].unit}" for n in shown)
+            ", ".join(f"{n} {with_sigma(parameters[n].value, parameters[n].sigma)} {parameters[n].unit}" for n in shown)
         )
     return "<br>".join(lines + [f"<span style='color:#b60'>{html.escape(message)}</span>" for message in fit.warnings])

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calib.control_points import ControlPoints
 from calib.ground import GroundFit
+from calib.rounding import with_sigma
 
 Array = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ def table(points: ControlPoints, fit: GroundFit) -> str:
     lines.append(f"{'rms':<{width}}  {_cells(totals)}")
     lines.append(f"model: {facts['model']}; leave-one-out rms {_scores(fit.scores)}")
     for name, value in facts["parameters"].items():
-        lines.append(f"  {name:<9} {value['value']:10.4g} ± {value['sigma']:.2g} {value['unit']}")
+        lines.append(f"  {name:<9} {with_sigma(value['value'], value['sigma']):>17} {value['unit']}")
     lines.append(f"uncertainty within the surveyed area: {facts['worst_sigma_m']:.3f} m at most (one sigma)")
     return "\n".join(lines + [f"warning: {message}" for message in fit.warnings])
 

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 
 from solver.criticism.diagnosis import FOUND, Candidate, Diagnosis
 from solver.criticism.growth import Rung
-from solver.run.report.drawing import canvas, place, styled, svg
+from solver.run.report.drawing import canvas, place
 from solver.run.report.page import resource
+from vision.contract.figures import styled, svg
 
 PAGE = """<!doctype html>
 <html lang="en">

@@ -10,8 +10,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from vision.contract.figures import DPI, MUTED, styled
 from vision.jitter import LIMIT
-from vision.quality.drawing import BLUE, DPI, MUTED, ORANGE, RED, class_color, panels, styled
+from vision.quality.drawing import BLUE, ORANGE, RED, class_color, panels
 from vision.quality.measures import Measures
 from vision.quality.route_effect import FEWEST
 from vision.quality.setting import Setting

@@ -9,8 +9,8 @@ from string import Template
 import numpy as np
 from matplotlib.figure import Figure
 
+from vision.contract.figures import data_uri, svg
 from vision.jitter import LIMIT, WINDOW
-from vision.quality.drawing import data_uri, svg
 from vision.quality.figures import NARROW, WIDE, class_figure, jitter_figure, route_figure
 from vision.quality.measures import Measures, mean_over
 from vision.quality.verdict import Verdict, grade, typical_effect

@@ -13,9 +13,9 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from vision.contract.errors import InputError
+from vision.contract.figures import png_bytes, styled
 from vision.contract.files import writing
 from vision.jitter import LIMIT
-from vision.quality.drawing import png_bytes, styled
 from vision.quality.figures import class_figure, jitter_figure, route_figure
 from vision.quality.heat import blank_scene, empty_scene, heat_map
 from vision.quality.measures import Measures, measure, shared_edges

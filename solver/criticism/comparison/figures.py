@@ -13,17 +13,7 @@ from solver.criticism.comparison.split import SOURCES
 from solver.criticism.comparison.stack import Stack
 from solver.criticism.comparison.words import NAMES
 from solver.run.contents import Run
-from solver.run.report.drawing import (
-    BACKWARD,
-    FORWARD,
-    INK,
-    MUTED,
-    ROUTE,
-    canvas,
-    color_map,
-    place,
-    styled,
-)
+from solver.run.report.drawing import BACKWARD, FORWARD, ROUTE, canvas, color_map, place
 from solver.run.report.misfit_figure import (
     bare,
     excess_map,
@@ -31,6 +21,7 @@ from solver.run.report.misfit_figure import (
     whole_range,
     worst,
 )
+from vision.contract.figures import INK, MUTED, styled
 
 Array = NDArray[np.float64]
 MOST_ROWS = 24  # of bars in one panel

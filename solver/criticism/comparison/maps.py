@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from solver.criticism.comparison.contents import Comparison
 from solver.criticism.comparison.regions import Region
 from solver.run.contents import Run
-from solver.run.report.drawing import INK, canvas, color_map, color_scale, place, styled
+from solver.run.report.drawing import canvas, color_map, color_scale, place
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import nearest_channel, pass_label, pictures_of
 from solver.trajectory import Pass
 from solver.whitening import blocks_of
+from vision.contract.figures import INK, styled
 
 Array = NDArray[np.float64]
 CELLS = 400  # most rows or columns of a picture

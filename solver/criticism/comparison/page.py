@@ -17,7 +17,7 @@ from solver.criticism.comparison.figures import figures_of
 from solver.criticism.comparison.maps import CELLS, path_of, shown, touches
 from solver.criticism.comparison.regions import Region
 from solver.run.contents import Run
-from solver.run.report.drawing import coarse, color_map, color_scale, data_uri, svg
+from solver.run.report.drawing import coarse, color_map, color_scale
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import (
     Pictures,
@@ -27,6 +27,7 @@ from solver.run.report.misfit_figure import (
     worst,
 )
 from solver.run.report.page import MOST_PASSES, THUMBNAIL, json_text, resource
+from vision.contract.figures import data_uri, png_bytes, svg
 
 WIDE, NARROW = 1060, 350  # px
 PIXELS = 1_500_000  # of all pictures together, which keeps the page below 6 MB
@@ -81,7 +82,7 @@ def one_map(run: Run, comparison: Comparison, number: int, pictures: Pictures) -
 def chip(run: Run, number: int, at: int, pictures: Pictures, chi2: float, scale: AsinhNorm) -> str:
     """Button that selects a pass, with a thumbnail of its residual."""
     image = coarse(pictures.residual, THUMBNAIL)
-    source = data_uri(color_map()(scale(np.ma.masked_invalid(image))))
+    source = data_uri(png_bytes(color_map()(scale(np.ma.masked_invalid(image)))))
     one = run.passes[number]
     return (
         f'<button type="button" data-pass="{at}"><img alt="residual" src="{source}">'

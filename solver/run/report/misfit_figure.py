@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from solver.fit.result import FitResult
 from solver.run.contents import Run
-from solver.run.report.drawing import INK, ROUTE, canvas, coarse, color_map, place, styled
+from solver.run.report.drawing import ROUTE, canvas, coarse, color_map, place
 from solver.run.report.misfit import Misfit, rows_of
 from solver.trajectory import Pass
+from vision.contract.figures import INK, styled
 
 
 def whole_range(result: FitResult, values: NDArray[np.float64]) -> NDArray[np.float64]:

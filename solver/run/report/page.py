@@ -18,7 +18,7 @@ from solver.run.contents import Run
 from solver.run.facts import strict
 from solver.run.geojson import Z95, half_width
 from solver.run.report import words
-from solver.run.report.drawing import coarse, color_map, color_scale, data_uri, svg
+from solver.run.report.drawing import coarse, color_map, color_scale
 from solver.run.report.misfit import Misfit, misfit_of
 from solver.run.report.misfit_figure import (
     Pictures,
@@ -31,6 +31,7 @@ from solver.run.report.misfit_figure import (
 )
 from solver.run.report.route_figure import along_x, route_figure
 from solver.trajectory import Pass
+from vision.contract.figures import data_uri, png_bytes, svg
 
 WIDE, NARROW, PANEL = 1060, 350, 340  # px
 MOST_PASSES = 16  # that the page shows in full
@@ -112,7 +113,7 @@ def legend(run: Run) -> str:
 def chip(one: Pass, number: int, chi2: float, pictures: Pictures, scale: AsinhNorm) -> str:
     """Thumbnail of a pass's residual that selects the pass."""
     image = coarse(pictures.residual, THUMBNAIL)
-    source = data_uri(color_map()(scale(np.ma.masked_invalid(image))))
+    source = data_uri(png_bytes(color_map()(scale(np.ma.masked_invalid(image)))))
     return (
         f'<label for="pass-{number}"><img alt="residual" src="{source}">'
         f"<b>{escape(pass_label(one))}</b>{3.6 * abs(one.speed):.0f} km/h<br>chi² {chi2:.2f}</label>"

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from solver.run.contents import Run
 from solver.run.geojson import Z95, corridor_ring, half_width, normals, runs
-from solver.run.report.drawing import BACKWARD, FORWARD, INK, MUTED, PAPER, ROUTE, canvas, place, styled
+from solver.run.report.drawing import BACKWARD, FORWARD, ROUTE, canvas, place
 from solver.trajectory import Pass
+from vision.contract.figures import INK, MUTED, PAPER, styled
 
 MARGIN = 5.0  # m of road shown beyond either end of the route
 LATERAL_SPAN = 1.2  # m, least height of the sideways panel

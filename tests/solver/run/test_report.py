@@ -14,11 +14,12 @@ from solver.run.facts import facts_of
 from solver.run.report import misfit as misfit_module
 from solver.run.report import page as page_module
 from solver.run.report import words
-from solver.run.report.drawing import coarse, color_scale, svg
+from solver.run.report.drawing import coarse, color_scale
 from solver.run.report.misfit import misfit_of
 from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure
 from solver.run.report.page import parameter_tables, render
 from solver.run.report.route_figure import along_x, route_figure, same_scale
+from vision.contract.figures import svg
 
 VOID = {"meta", "img", "input", "br", "path", "use", "link"}
 

@@ -1,0 +1,16 @@
+"""Numbers as people read them."""
+
+from math import floor, log10
+
+
+def with_sigma(value: float, sigma: float) -> str:
+    """A number and its standard deviation, of which two digits count.
+
+    >>> with_sigma(6368.4, 1596.0), with_sigma(-0.2712, 0.0134), with_sigma(3.8e-5, 1.1), with_sigma(1.5, 0.0)
+    ('6400 ± 1600', '-0.271 ± 0.013', '0.0 ± 1.1', '1.5 ± 0')
+    """
+    if not sigma > 0:
+        return f"{value:.6g} ± 0"
+    place = 1 - floor(log10(float(f"{sigma:.1e}")))
+    rounded = (round(number, place) + 0.0 for number in (value, sigma))  # no -0
+    return " ± ".join(f"{number:.{max(place, 0)}f}" for number in rounded)
