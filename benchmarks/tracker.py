@@ -4,6 +4,7 @@ The scenes are made, and our tracker is run, in this project's environment; Byte
 their own, which the project does not depend on:
 
     python benchmarks/tracker.py scenes runs/mot --seeds 8
+    python benchmarks/tracker.py looks runs/mot
     python benchmarks/tracker.py ours runs/mot
     python -m venv mot && mot/bin/pip install trackers trackeval
     mot/bin/python benchmarks/tracker.py bytetrack runs/mot
@@ -114,6 +115,30 @@ def write_scenes(folder: Path, seeds: int) -> None:
             np.savetxt(place / "times.txt", times, fmt="%.6f")
 
 
+def write_looks(folder: Path) -> None:
+    """Write what the detections of every scene look like, in their order [n, d]."""
+    from embedding import write_color_histogram
+
+    from vision.appearance import Appearance
+    from vision.contract import progress
+    from vision.scene import render
+
+    places = scenes_in(folder)
+    appearance = Appearance.load(write_color_histogram(folder / "color_histogram.onnx"))
+    with progress("looks", len(places) * FRAMES) as advance:
+        for place in places:
+            scene, looks = street_scene(int(place.name.removeprefix("scene-"))), []
+            for t, boxes, _ in frames_of(place):
+                looks.append(appearance.embed(render(scene, t), boxes))
+                advance(1)
+            np.save(place / "looks.npy", np.concatenate([found for found in looks if len(found)]).astype(np.float32))
+
+
+def looks_of(place: Path, frames: list[tuple[float, np.ndarray, np.ndarray]]) -> list[np.ndarray]:
+    """What the detections of every frame look like [n, d]."""
+    return np.split(np.load(place / "looks.npy").astype(float), np.cumsum([len(boxes) for _, boxes, _ in frames])[:-1])
+
+
 def frames_of(place: Path) -> list[tuple[float, np.ndarray, np.ndarray]]:
     """Time, s, boxes [n, 4] and scores [n] of every frame of a scene."""
     rows = np.loadtxt(place / "det.txt", delimiter=",")
@@ -136,13 +161,17 @@ def write_tracks(path: Path, tracks: list[tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def run_ours(folder: Path) -> None:
-    """Track with this project's tracker."""
+    """Track with this project's tracker, by motion alone and, where `looks` was run, by looks too."""
     from vision.tracker import Tracker
 
     for place in scenes_in(folder):
-        tracker = Tracker()
-        frames = frames_of(place)
+        tracker, frames = Tracker(), frames_of(place)
         write_tracks(place / "roadfiber.txt", [(tracker.update(*frame), frame[1], frame[2]) for frame in frames])
+        if (place / "looks.npy").exists():
+            seer, looks = Tracker(), looks_of(place, frames)
+            found = [seer.update(*frame, look) for frame, look in zip(frames, looks, strict=True)]
+            tracks = [(numbers, frame[1], frame[2]) for numbers, frame in zip(found, frames, strict=True)]
+            write_tracks(place / "roadfiber-looks.txt", tracks)
 
 
 def run_bytetrack(folder: Path) -> None:
@@ -257,7 +286,7 @@ def speed(boxes: int = 20, frames: int = 1000) -> None:
 def main() -> None:
     """Run one step."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    steps = {"ours": run_ours, "bytetrack": run_bytetrack, "reference": reference, "score": score}
+    steps = {"looks": write_looks, "ours": run_ours, "bytetrack": run_bytetrack, "reference": reference, "score": score}
     parser.add_argument("step", choices=["scenes", *steps, "speed"])
     parser.add_argument("folder", type=Path, nargs="?", default=Path("runs/mot"))
     parser.add_argument("--seeds", type=int, default=8)

@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from vision.boxes import overlap
 from vision.camera import Calibration
+from vision.likeness import Likeness
 
 Array = NDArray[np.float64]
 
@@ -38,7 +39,9 @@ SETTLED = 3  # fixes from which it does
 
 # Looks, with an embedding:
 MEMORY = 3.0  # times as long as without, that a track is kept for a vehicle that looks like its own
-ALIKE = 0.6  # cosine of two looks from which they may be one vehicle's after such a time
+ALIKE = 2.0  # logarithm of the likelihood ratio of two looks from which they may be one vehicle's after such a time
+TRUST = 0.2  # of the same in the cost of a pair
+MIXED = 0.1  # overlap with another box from which a box shows two vehicles, and its look is not taken
 FRESH = 0.2  # share of the newest look in a track's
 
 
@@ -84,8 +87,8 @@ class Tracker:
     Each of center x, center y, width and height is a value with a rate driven by white noise (Bar-Shalom et al. 2001,
     section 6.2.2). Pairs are chosen by the assignment of least total cost, 1 - overlap + d^2 / (2 GATE), with d the
     Mahalanobis distance of centers: overlap decides while boxes overlap, motion where a low frame rate leaves none.
-    With looks (`vision.appearance`) one minus their cosine is added, and a track lives three times as long for a
-    vehicle that looks like its own.
+    With looks (`vision.appearance`) their likelihood ratio counts too (`vision.likeness`), and a track lives three
+    times as long for a vehicle that looks like its own.
 
     >>> tracker = Tracker()
     >>> car = np.array([[10.0, 10, 50, 40]])
@@ -98,6 +101,7 @@ class Tracker:
         self.patience = patience
         self.calibration = calibration
         self.tracks = Tracks()
+        self.likeness = Likeness()
         self.time = -np.inf
         self.started = 0
 
@@ -122,10 +126,11 @@ class Tracker:
         """
         if time <= self.time:
             raise ValueError(f"time must increase: {time} s after {self.time} s")
-        looks = np.zeros((len(boxes), 0)) if looks is None else looks
+        looks = np.zeros((len(boxes), 0)) if looks is None else unmixed(looks, boxes)
         tracks = self._living(time)
         measured = measure(boxes)
-        cost, overlaps = self._costs(tracks, measured, boxes, looks, time)
+        cosines = cosines_of(tracks.look, looks)
+        cost, overlaps = self._costs(tracks, measured, boxes, cosines, time)
         strong = scores >= self.strong
         owner = np.full(len(boxes), -1)  # the track row of each detection
         associate(cost, np.arange(len(tracks)), np.flatnonzero(strong), owner)
@@ -134,6 +139,9 @@ class Tracker:
         left = np.flatnonzero(free)
         weak = np.where(overlaps >= AGREEING, cost, FORBIDDEN)
         associate(weak, left, np.flatnonzero(~strong), owner)
+        if cosines is not None:
+            pairs = np.flatnonzero((owner >= 0) & looks.any(axis=1))
+            self.likeness = self.likeness.learned(cosines[np.ix_(owner[pairs], pairs)])
         tracks = correct(tracks, measured, looks, owner, time)
         new = np.flatnonzero(strong & (owner < 0))
         owner[new] = len(tracks) + np.arange(len(new))
@@ -152,18 +160,20 @@ class Tracker:
         tracks = self.tracks.pick(time - self.tracks.seen <= limit)
         return predict(tracks, time - self.time) if len(tracks) else tracks
 
-    def _costs(self, tracks: Tracks, measured: Array, boxes: Array, looks: Array, time: float) -> tuple[Array, Array]:
+    def _costs(
+        self, tracks: Tracks, measured: Array, boxes: Array, cosines: Array | None, time: float
+    ) -> tuple[Array, Array]:
         """Cost of pairs, `FORBIDDEN` for those that cannot be, and their overlap, each [track, detection]."""
         overlaps, distance = compare(tracks, measured, boxes)
         cost = 1 - overlaps + distance / (2 * GATE)
         admissible = ((distance <= GATE) | (overlaps >= AGREEING)) & similar(tracks, measured)
         if self.calibration is not None and len(tracks) and len(boxes):
             admissible &= within_reach(self.calibration, tracks, boxes, time)
-        if looks.shape[1] and tracks.look.shape[1]:
-            likeness = tracks.look @ looks.T
+        if cosines is not None:
+            ratio = np.where(cosines == 0, 0.0, self.likeness.ratio(cosines))
             late = time - tracks.seen > self._limit(tracks)
-            admissible &= ~late[:, None] | (likeness >= ALIKE)
-            cost = cost + 1 - likeness
+            admissible &= ~late[:, None] | (ratio >= ALIKE)
+            cost = cost - TRUST * ratio
         return np.where(admissible, cost, FORBIDDEN), overlaps
 
     def _start(self, tracks: Tracks, measured: Array, looks: Array, time: float) -> Tracks:
@@ -183,6 +193,17 @@ class Tracker:
             np.concatenate([tracks.fixes, np.ones(count, np.int64)]),
             np.concatenate([widened(tracks.look, width), widened(looks, width)]),
         )
+
+
+def unmixed(looks: Array, boxes: Array) -> Array:
+    """Looks [n, d] of boxes [n, 4], zero, which is unknown, where a box overlaps another."""
+    shared = overlap(boxes, boxes) * ~np.eye(len(boxes), dtype=bool)
+    return np.where((shared > MIXED).any(axis=1, keepdims=True), 0.0, looks)
+
+
+def cosines_of(tracks: Array, looks: Array) -> Array | None:
+    """Cosines [track, detection] of looks [track, d] and [detection, d], 0 where one is unknown; None without any."""
+    return tracks @ looks.T if tracks.shape[1] and looks.shape[1] else None
 
 
 def widened(looks: Array, width: int) -> Array:

@@ -1,10 +1,15 @@
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from onnx import TensorProto, checker, helper, save
 
+from benchmarks.embedding import write_color_histogram
 from vision.appearance import Appearance
 from vision.contract import InputError
+from vision.interpolate import BOX
+from vision.quality import score_tracks
+from vision.scene import Camera, Light, Scene, SceneVehicle, Street, render, truth_boxes
 from vision.tracker import Tracker
 
 RED, BLUE = (30, 30, 220), (220, 60, 30)
@@ -77,6 +82,54 @@ def follow(appearance):
 def test_a_hidden_vehicle_is_known_again_by_its_looks(tmp_path):
     assert follow(None) == {"red": [1, 3], "blue": [2]}
     assert follow(Appearance.load(write_mean_color(tmp_path / "m.onnx"))) == {"red": [1], "blue": [2]}
+
+
+HIDDEN = (24.0, 34.0)  # m along the road, behind a truck that is parked before the camera, say
+
+
+def waiting(begin):
+    """Drive at 9 m/s, but stand for 1.2 s where nobody sees it."""
+
+    def pose(t):
+        way = 9 * (t - begin)
+        return 4 + way - np.clip(way - 25, 0, 10.8), 1.75, 0.0
+
+    return pose
+
+
+def leaving(begin):
+    """Set out from a place where nobody sees it."""
+    return lambda t: (29 + 9 * max(t - begin, 0.0), 1.75, 0.0)
+
+
+def test_rendered_vehicles_are_known_again_behind_an_occlusion(tmp_path):
+    """Whoever comes out where one that went in was expected is another; that one comes later."""
+    looks = Appearance.load(write_color_histogram(tmp_path / "m.onnx"))
+    red, blue, white, green = (30, 30, 190), (170, 70, 20), (225, 225, 225), (60, 150, 40)
+    vehicles = (
+        SceneVehicle("car", waiting(0.0), red),
+        SceneVehicle("car", leaving(2.8), blue),
+        SceneVehicle("van", waiting(4.0), white),
+        SceneVehicle("car", leaving(6.8), green),
+    )
+    camera = Camera.looking_at((29.0, -30.0, -8.0), (29.0, 2.0), 70.0, (480, 270))
+    scene = Scene(camera, Street(), Light(), vehicles, seed=3)
+    rows = {name: [] for name in ("truth", "motion", "looks")}
+    trackers = {"motion": Tracker(), "looks": Tracker()}
+    for frame in range(130):
+        t = frame * 0.08
+        truth, image = truth_boxes(scene, t), render(scene, t)
+        seen = (truth.ground[:, 0] < HIDDEN[0]) | (truth.ground[:, 0] > HIDDEN[1])
+        boxes, whole = truth.boxes[seen], truth.visibility[seen] > 0.4
+        boxes = boxes[whole]
+        rows["truth"] += [[frame, name, *box] for name, box in zip(truth.index[seen][whole], boxes, strict=True)]
+        for name, tracker in trackers.items():
+            vectors = looks.embed(image, boxes) if name == "looks" else None
+            numbers = tracker.update(t, boxes, np.full(len(boxes), 0.9), vectors)
+            rows[name] += [[frame, number, *box] for number, box in zip(numbers, boxes, strict=True)]
+    tables = {name: pd.DataFrame(found, columns=["frame", "track_id", *BOX]) for name, found in rows.items()}
+    scores = {name: score_tracks(tables["truth"], tables[name]).rounded()["idf1"] for name in trackers}
+    assert scores["motion"] < 0.85 and scores["looks"] > 0.95
 
 
 def test_what_is_no_embedding(tmp_path):
