@@ -47,7 +47,7 @@ class Speed:
     ----------
     frames : looked at
     fresh : of these, detected now; of the others detections were kept
-    decode, detect, track : s spent on it
+    decode, detect, track : s spent on it; of kept frames, what the first two took when they were detected
     """
 
     frames: int
@@ -57,15 +57,13 @@ class Speed:
     track: float
 
     def rates(self) -> dict[str, float]:
-        """Frames per second of every step and of all together; of tracking alone where nothing was detected now.
+        """Frames per second of every step and of all together.
 
-        >>> Speed(100, 50, 1.0, 1.5, 0.0625).rates()
+        >>> Speed(100, 50, 2.0, 3.0, 0.0625).rates()
         {'decode': 50.0, 'detect': 33.3, 'track': 1600.0, 'all': 19.8}
         """
-        steps = {"decode": self.decode / self.fresh, "detect": self.detect / self.fresh} if self.fresh else {}
-        steps["track"] = self.track / self.frames
-        if self.fresh:
-            steps["all"] = sum(steps.values())
+        steps = {name: getattr(self, name) / self.frames for name in ("decode", "detect", "track")}
+        steps["all"] = sum(steps.values())
         return {name: round(1 / max(seconds, 1e-9), 1) for name, seconds in steps.items()}
 
 

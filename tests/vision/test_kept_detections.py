@@ -105,6 +105,12 @@ def test_a_second_look_costs_nothing_and_sees_the_same(clip, model, tmp_path, wo
     assert all(now.image is None for now in again)
 
 
+def test_what_a_frame_took_is_known_later(clip, model, tmp_path):
+    first, again = see(clip, model, tmp_path), see(clip, model, tmp_path)
+    assert [(now.decode, now.detect) for now in again] == [(now.decode, now.detect) for now in first]
+    assert min(now.detect for now in again) > 0
+
+
 def test_without_a_cache_nothing_is_kept(clip, model, tmp_path, work, monkeypatch):
     monkeypatch.setenv("ROADFIBER_CACHE", str(tmp_path))
     assert same(see(clip, model, None), see(clip, model, None))

@@ -23,17 +23,21 @@ class Kept:
 
     >>> import tempfile
     >>> kept, found = Kept(Path(tempfile.mkdtemp())), Detections(np.ones((1, 4)), np.array([0.5]), np.array(["car"]))
-    >>> kept.add([(7, found)])
-    >>> Kept(kept.folder).found[7].label.tolist()
-    ['car']
+    >>> kept.add([(7, found)], [(0.001, 0.02)])
+    >>> again = Kept(kept.folder)
+    >>> again.found[7].label.tolist(), again.spent[7]
+    (['car'], (0.001, 0.02))
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.found: dict[int, Detections] = {}
+        self.spent: dict[int, tuple[float, float]] = {}
         self.writable = True
         for path in sorted(folder.glob("*.npz")):
-            self.found.update(_read(path))
+            found, spent = _read(path)
+            self.found.update(found)
+            self.spent.update(spent)
 
     @classmethod
     def of(cls, cache: Path, video: Video, detector: OnnxDetector) -> "Kept":
@@ -42,8 +46,11 @@ class Kept:
         key = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:32]
         return cls(cache / "detections" / key)
 
-    def add(self, chunk: Sequence[tuple[int, Detections]]) -> None:
-        """Keep detections of frames, given by their place; after a first failure to write, no more."""
+    def add(self, chunk: Sequence[tuple[int, Detections]], spent: Sequence[tuple[float, float]]) -> None:
+        """Keep detections of frames, given by their place, and the s that decoding and detecting each took.
+
+        After a first failure to write, no more are kept.
+        """
         self.found.update(chunk)
         if not chunk or not self.writable:
             return
@@ -54,15 +61,19 @@ class Kept:
             "box": np.concatenate([found.box for _, found in chunk]).reshape(-1, 4),
             "score": np.concatenate([found.score for _, found in chunk]),
             "label": np.concatenate([found.label for _, found in chunk]).astype(str),
+            "spent": np.array(spent, float).reshape(-1, 2),
         }
         name = f"{chunk[0][0]:08d}-{chunk[-1][0]:08d}-{len(chunk)}.npz"
         self.writable = keep_arrays(self.folder / name, arrays)
 
 
-def _read(path: Path) -> dict[int, Detections]:
+def _read(path: Path) -> tuple[dict[int, Detections], dict[int, tuple[float, float]]]:
     arrays = kept_arrays(path)
     if arrays is None:
-        return {}
-    ends = np.cumsum(arrays["count"])[:-1]
+        return {}, {}
+    ends, frames = np.cumsum(arrays["count"])[:-1], arrays["frame"].tolist()
     parts = (np.split(arrays[name], ends) for name in ("box", "score", "label"))
-    return {int(frame): Detections(*part) for frame, *part in zip(arrays["frame"], *parts, strict=True)}
+    found = {frame: Detections(*part) for frame, *part in zip(frames, *parts, strict=True)}
+    return found, {
+        frame: (decode, detect) for frame, (decode, detect) in zip(frames, arrays["spent"].tolist(), strict=True)
+    }

@@ -1,7 +1,7 @@
 """What a detector finds in the frames of a video, one after another."""
 
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -30,7 +30,7 @@ class Look:
     found : what is in it
     image : [height, width, 3] BGR; None unless images were asked for
     fresh : whether it was detected now, not kept from before
-    decode, detect : s spent on it, as on each of its burst
+    decode, detect : s spent on it, as on each of its burst; for one that is kept, those it took when it was detected
     """
 
     index: int
@@ -62,24 +62,33 @@ def look(
     """
     kept = Kept.of(cache, video, detector) if cache is not None and isinstance(detector, OnnxDetector) else None
     limit = allowed()
-    known = kept.found if kept else {}
+    known, before = (kept.found, kept.spent) if kept else ({}, {})
     places = np.arange(0, len(video), every)
     missing = places[[int(index) not in known for index in video.index[places]]]
     ready = detector.prepare(video) if len(missing) else detector
     frames = video.decoded(places if images else missing)
-    fresh: list[tuple[int, Detections]] = []
+    fresh: list[Look] = []
     try:
         for burst in np.split(places, range(BURST, len(places), BURST)):
             looks = _burst(video, ready, burst, frames, known, images)
-            fresh += [(now.index, now.found) for now in looks if now.fresh]
-            yield from looks
+            fresh += [replace(now, image=None) for now in looks if now.fresh]
+            yield from (now if now.fresh or now.index not in before else _as_before(now, before) for now in looks)
             if kept and len(fresh) >= CHUNK:
-                kept.add(fresh)
+                _keep(kept, fresh)
                 fresh = []
     finally:
         if kept and cache is not None:
-            kept.add(fresh)
+            _keep(kept, fresh)
             prune(cache, limit)
+
+
+def _keep(kept: Kept, fresh: list[Look]) -> None:
+    kept.add([(now.index, now.found) for now in fresh], [(now.decode, now.detect) for now in fresh])
+
+
+def _as_before(now: Look, before: Mapping[int, tuple[float, float]]) -> Look:
+    decode, detect = before[now.index]
+    return replace(now, decode=decode, detect=detect)
 
 
 def _burst(
@@ -126,8 +135,8 @@ def _burst(
             found[index] if index in found else known[index],
             shown.get(index),
             index in found,
-            decoding / len(indices),
-            detecting / len(indices),
+            decoding / max(len(indices if images else missing), 1),
+            detecting / max(len(missing), 1),
         )
         for index, place in zip(indices, places, strict=True)
     ]

@@ -24,7 +24,7 @@ FLOOR = 0.1  # lowest score handed on; the tracker continues tracks, but starts 
 LARGEST = 0.5  # share of the image; small models call an empty road one huge car
 BACKGROUND_FRAMES = 50
 LISTENING_FRAMES = 5  # looked at before a graph whose scores were all zero is called mute
-REVISION = 2  # of what `detect` makes of a graph's answer: raise it when that changes, and kept detections lapse
+REVISION = 3  # of what `detect` makes of a graph's answer: raise it when that changes, and kept detections lapse
 BUILT_IN = {"street": Path(__file__).parents[1] / "street_detector" / "street.onnx"}
 
 

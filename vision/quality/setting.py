@@ -176,12 +176,11 @@ def to_seconds(column: "pd.Series", path: Path) -> "pd.Series":
 def read_speed(path: Path) -> dict[str, float] | None:
     """Frames per second by step, from what `roadfiber track --json` printed.
 
-    None where there is no such file, or where detections were kept from before and so took no time.
+    None where there is no such file.
     """
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
-        speed = {} if summary.get("frames_detected_before") else summary["frames_per_second"]
-        return {str(step): float(rate) for step, rate in speed.items()} or None
+        return {str(step): float(rate) for step, rate in summary["frames_per_second"].items()} or None
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -21,13 +21,6 @@ def test_tables_of_meters(tmp_path):
     np.testing.assert_allclose(first.tracks["time"], tracks()["time"])
 
 
-def test_kept_detections_say_nothing_of_the_speed(tmp_path):
-    a = write(tracks(), tmp_path / "a.csv")
-    summary = {"frames_per_second": {"all": 6000.0}, "frames_detected_before": 400}
-    (tmp_path / "a.json").write_text(json.dumps(summary))
-    assert read_settings([a])[0].speed is None
-
-
 def test_interpolated_survives_a_csv(tmp_path):
     table = tracks(missed=0.2)
     (found,) = read_settings([write(table, tmp_path / "a.csv")])
