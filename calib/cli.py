@@ -230,6 +230,8 @@ def clock(
 ) -> None:
     """Show how the video's frames are put on UTC: start, header, clock_offset, first and last frame, gaps.
 
+    `roadfiber clock RUN` estimates the offset against the DAS from a located run.
+
     Example: `roadfiber calibrate clock surveys/main-street --offset 0.35`
     """
     import json

@@ -34,7 +34,10 @@ def track(
     every: Annotated[int, typer.Option(min=1, help="Look at every n-th frame.")] = 1,
     cache: Annotated[
         Path | None,
-        typer.Option(envvar="ROADFIBER_CACHE", help="Folder that keeps detections.  [default: the user's cache]"),
+        typer.Option(
+            envvar="ROADFIBER_CACHE",
+            help="Folder that keeps detections, 1 GB of them or ROADFIBER_CACHE_MB.  [default: the user's cache]",
+        ),
     ] = None,
     no_cache: Annotated[bool, typer.Option("--no-cache", help="Neither use nor keep detections.")] = False,
     appearance: Annotated[

@@ -46,27 +46,31 @@ def fill_frames(tracks: "pd.DataFrame", frame: NDArray[np.int64], time: NDArray[
     """
     import pandas as pd
 
-    parts = [_fill_one(track, frame, time) for _, track in tracks.groupby("track_id", sort=True)]
-    if not parts:
+    if tracks.empty:
         return tracks.assign(interpolated=np.zeros(0, bool))
-    return pd.concat(parts, ignore_index=True)
-
-
-def _fill_one(track: "pd.DataFrame", frame: NDArray[np.int64], time: NDArray[np.float64]) -> "pd.DataFrame":
-    import pandas as pd
-
-    track = track.sort_values("frame")
-    first, last = np.searchsorted(frame, track["frame"].iloc[[0, -1]])
-    span = slice(first, last + 1)
-    columns = {name: np.interp(time[span], track["time"], track[name]) for name in [*BOX, "confidence"]}
+    tracks = tracks.sort_values(["track_id", "frame"], kind="stable")
+    name, values = tracks["track_id"].to_numpy(), tracks[[*BOX, "confidence"]].to_numpy(float)
+    begins = np.flatnonzero(np.concatenate([[True], name[1:] != name[:-1]]))
+    ends = np.append(begins[1:], len(name))
+    place = np.searchsorted(frame, tracks["frame"].to_numpy())
+    counts = place[ends - 1] - place[begins] + 1
+    every = np.concatenate([np.arange(place[a], place[b - 1] + 1) for a, b in zip(begins, ends, strict=True)])
+    filled = np.empty((len(every), values.shape[1]))
+    row = place + np.repeat(np.cumsum(counts) - counts - place[begins], ends - begins)
+    for a, b in zip(begins, ends, strict=True):
+        span = slice(row[a], row[b - 1] + 1)
+        for column in range(values.shape[1]):
+            filled[span, column] = np.interp(time[every[span]], time[place[a:b]], values[a:b, column])
+    missed, detected = np.ones(len(every), bool), np.full(len(every), "", object)
+    missed[row], detected[row] = False, tracks["detected_class"].to_numpy()
     return pd.DataFrame(
         {
-            "frame": frame[span],
-            "time": time[span],
-            "track_id": track["track_id"].iloc[0],
-            "class": track["class"].iloc[0],
-            **columns,
-            "detected_class": track.set_index("frame")["detected_class"].reindex(frame[span], fill_value="").to_numpy(),
-            "interpolated": ~np.isin(frame[span], track["frame"]),
+            "frame": frame[every],
+            "time": time[every],
+            "track_id": np.repeat(name[begins], counts),
+            "class": np.repeat(tracks["class"].to_numpy()[begins], counts),
+            **dict(zip([*BOX, "confidence"], filled.T, strict=True)),
+            "detected_class": detected,
+            "interpolated": missed,
         }
     )
