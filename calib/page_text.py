@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from calib.ground import GroundFit
+from calib.report import scores_text
 from calib.rounding import with_sigma
 from calib.session import Mark, Marks
 from vision.contract import LocalFrame
@@ -101,14 +102,10 @@ def describe(fit: GroundFit) -> str:
     """The fit in a few lines of HTML."""
     rms_px = float(np.sqrt(np.mean(fit.residuals_px[fit.used] ** 2)))
     rms_m = float(np.sqrt(np.mean(fit.residuals_m[fit.used] ** 2)))
-    scores = ", ".join(
-        f"{name} {score:.2f} px" if isinstance(score, float) else f"{name}: {score}"
-        for name, score in fit.scores.items()
-    )
     lines = [
         f"<b>{fit.calibration.model}</b>: rms <span id='rms'>{rms_px:.3f}</span> px, {rms_m:.3f} m; "
         f"at most {fit.worst_sigma:.2f} m (1 sigma) within the marks",
-        f"leave-one-out: {html.escape(scores)}",
+        f"leave-one-out: {html.escape(scores_text(fit))}",
     ]
     if parameters := fit.calibration.parameters:
         shown = [name for name in ("focal", "k1", "height", "tilt") if name in parameters]

@@ -65,7 +65,7 @@ def table(points: ControlPoints, fit: GroundFit) -> str:
         lines.append(f"{row['name']:<{width}}  {_cells(row)}" + ("" if row["used"] else "  left out"))
     totals = {key: facts[key.replace("residual", "rms").replace("out_", "out_rms_")] for key in COLUMNS}
     lines.append(f"{'rms':<{width}}  {_cells(totals)}")
-    lines.append(f"model: {facts['model']}; leave-one-out rms {_scores(fit.scores)}")
+    lines.append(f"model: {facts['model']}; leave-one-out rms {scores_text(fit)}")
     for name, value in facts["parameters"].items():
         lines.append(f"  {name:<9} {with_sigma(value['value'], value['sigma']):>17} {value['unit']}")
     lines.append(f"uncertainty within the surveyed area: {facts['worst_sigma_m']:.3f} m at most (one sigma)")
@@ -79,10 +79,15 @@ def _cells(row: dict[str, Any]) -> str:
     )
 
 
-def _scores(scores: dict[str, float | str]) -> str:
+def scores_text(fit: GroundFit) -> str:
+    """Leave-one-out errors of the models tried, in words."""
     parts = [
-        f"{name} {score:.2f} px" if isinstance(score, float) else f"{name}: {score}" for name, score in scores.items()
+        f"{name} {score:.2f} px" if isinstance(score, float) else f"{name}: {score}"
+        for name, score in fit.scores.items()
     ]
+    numbers = {name: score for name, score in fit.scores.items() if isinstance(score, float)}
+    if fit.calibration.model == "camera" and numbers and min(numbers, key=numbers.__getitem__) != "camera":
+        parts[-1] += " (no larger than chance makes it)"
     return ", ".join(parts)
 
 
