@@ -145,7 +145,8 @@ def made(kilometers: float, passes: int, snr_db: float, seed: int) -> LongSurvey
     trajectories = pd.concat(tables, ignore_index=True)
     trajectories["time"] = trajectories["time"].dt.tz_localize("UTC")
     at = channel[200::1000] if len(channel) > 200 else channel[len(channel) // 2 :][:1]
-    anchors = [Anchor(f"pit {c}", float(c), *(truth[c] + 0.05 * rng.normal(size=3)).tolist(), 0.05, 0.05) for c in at]
+    places = (truth[at] + 0.05 * rng.normal(size=(len(at), 3))).tolist()
+    anchors = [Anchor(f"pit {c}", float(c), x, y, z, 0.05, 0.05) for c, (x, y, z) in zip(at, places, strict=True)]
     record = DASRecord(
         strain_rate=strain_rate.astype(float),
         time=np.arange(rows) / RATE,

@@ -63,6 +63,8 @@ def begin(
     if nothing := silent(record, view_of(rough, passes)):
         warnings.append(nothing)
     keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing))
+    for end in sorted({int(rough.channel[0]), int(rough.channel[-1])} - set(rough.channel[keep][[0, -1]].tolist())):
+        warnings.append(f"the fiber leaves the road near channel {end}, before the view ends; it is not located beyond")
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     return Beginning(rough.channel[keep], [start_route(rough, y, used)[keep] for y in sides], used)
 

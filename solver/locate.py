@@ -34,6 +34,8 @@ EFFECTS = ("wheel_layout", "curved_gauge")
 DECISIVE = 9.0
 #: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it.
 EXPLAINED = 1.03
+#: Passes below which the user is told that they are few.
+FEW = 3
 #: Chi2 beyond that of the first side from which the other is not followed to its end.
 HOPELESS = 100.0
 
@@ -185,6 +187,12 @@ def locate(
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
         result, problem = fit_agreeing(result, problem, method, warnings)
+    if len(problem.passes) < FEW:
+        count = "one pass" if len(problem.passes) == 1 else f"{len(problem.passes)} passes"
+        warnings.append(
+            f"{count} only: an error of a track goes into the route, and no vehicle is left to check it by; "
+            "survey at least four, both ways"
+        )
     if not result.converged:
         warnings.append("the fit did not converge: do not rely on this route; check tracks, clocks and anchors")
     with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:

@@ -12,12 +12,13 @@ from solver.effects.trajectory import EFFECTS as TRAJECTORY
 from solver.extension import SLOW_ERROR
 from solver.fit import FitResult, Prior, Problem
 from solver.fit.map_fit import SPLINE_VARIANCE
-from solver.fit.windows import is_long, nearby
+from solver.fit.windows import FELT, is_long, nearby
 from solver.matched_filter import Initialization
 from solver.model import Traffic
 from solver.noise import noise_level, quiet
 from solver.trajectory import Pass
 from solver.whitening import noise_law
+from vision.contract import InputError
 
 #: Anchors farther than this from the active channels, in meters of fiber, say nothing about them.
 ANCHOR_REACH = 50.0
@@ -60,8 +61,11 @@ def silent(record: DASRecord, ends: np.ndarray) -> str | None:
     What a channel repeats for more than half of the time is nothing.
     """
     inside = (record.channel >= ends[0]) & (record.channel <= ends[1])
-    changes = np.diff(record.strain_rate[:, inside], axis=0)
-    dead = record.channel[inside][~((np.abs(changes) > 0).mean(0) > 0.5)]
+    columns = np.flatnonzero(inside)
+    # Block by block: of a long fiber every copy is a large part of the memory.
+    blocks = np.array_split(columns, max(1, len(columns) // TYPICAL))
+    changing = [(np.abs(np.diff(record.strain_rate[:, block], axis=0)) > 0).mean(0) for block in blocks]
+    dead = record.channel[columns][~(np.concatenate(changing) > 0.5)]
     if not len(dead):
         return None
     runs = np.split(dead, np.flatnonzero(np.diff(dead) != 1) + 1)
@@ -121,6 +125,11 @@ def pose(
     kept = strain_rate if alive.all() else strain_rate[:, alive]
     middle = slice(max(0, (int(alive.sum()) - TYPICAL) // 2), (int(alive.sum()) + TYPICAL) // 2)
     passes = [guessed_less(part) for one in passes if (part := nearby(one, route)) is not None]
+    if not passes:
+        raise InputError(
+            f"trajectories: no vehicle comes within {FELT:g} m of channels {channel[0]} to {channel[-1]}, "
+            "where the DAS feels vehicles; check the frame (origin, x_azimuth) and the clocks"
+        )
     traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))
     return Problem(
         record=kept,
@@ -169,6 +178,16 @@ def around(passes: Sequence[Pass], samples: int, margin: int) -> np.ndarray:
     return every[(every >= 0) & (every < samples)]
 
 
+def mean_square(result: FitResult, block: np.ndarray) -> np.ndarray:
+    """Mean square of the residual of some fitted channels [channel], in noise units; NaN where nothing is fitted."""
+    weight = result.weight[:, block]
+    residual = (result.measured[:, block] - result.model[:, block]) / result.noise[block]
+    total = weight.sum(0)
+    return np.asarray(
+        np.divide(np.nansum(weight * residual**2, 0), total, np.full(len(block), np.nan), where=total > 0)
+    )
+
+
 def bent_ends(result: FitResult, gauge: int) -> slice:
     """Fitted channels to keep: without the last gauge length where the fiber turns off and the model fails.
 
@@ -179,14 +198,15 @@ def bent_ends(result: FitResult, gauge: int) -> slice:
     whole = slice(0, len(result.fitted_channel))
     if whole.stop <= 2 * gauge:
         return whole
-    square = np.nansum(result.weight * result.residual**2, 0) / result.weight.sum(0)
+    blocks = np.array_split(np.arange(whole.stop), max(1, whole.stop // TYPICAL))
+    square = np.concatenate([mean_square(result, block) for block in blocks])
     route = result.route[np.isin(result.channel, result.fitted_channel)]
     direction = np.gradient(route, axis=0)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
 
     def bent(inner: int, end: slice) -> bool:
         turn = np.arccos(np.clip(direction[end] @ direction[inner], -1, 1)).max()
-        return bool(turn > TURN and square[end].mean() > EXCESS * np.median(square))
+        return bool(turn > TURN and np.nanmean(square[end]) > EXCESS * np.nanmedian(square))
 
     first = gauge * bent(gauge, slice(None, gauge))
     stop = len(square) - gauge * bent(-gauge - 1, slice(-gauge, None))

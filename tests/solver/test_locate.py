@@ -201,6 +201,20 @@ def test_a_wrong_anchor_and_dead_channels_are_named(
     assert largest_error(tmp_path / "run", street) < 0.25
 
 
+def only_one_vehicle(folder: Path) -> None:
+    table = pd.read_csv(folder / "trajectories.csv")
+    table[table["track_id"] == table["track_id"].iloc[0]].to_csv(folder / "trajectories.csv", index=False)
+
+
+def test_one_pass_is_said_to_be_few(folder: Path, command: Command, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "s")
+    only_one_vehicle(tmp_path / "s")
+    status, _, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    assert status == 0, error
+    said = json.loads((tmp_path / "run" / "fit.json").read_text())["warnings"]
+    assert any(line.startswith("one pass only: ") and "survey at least four" in line for line in said)
+
+
 @pytest.mark.parametrize("option", [("--method", "magic"), ("--effects", "magic")])
 def test_unknown_options_are_named(option: tuple[str, str], folder: Path, command: Command, tmp_path: Path) -> None:
     status, _, error = command("-q", "locate", folder, "--out", tmp_path / "run", *option)

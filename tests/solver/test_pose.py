@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from solver.das import DASRecord
 from solver.fit.least_squares import MapFit
 from solver.fit.result import FitResult
 from solver.model import Traffic
-from solver.pose import bent_ends, track_sigma, with_slow_errors
+from solver.pose import bent_ends, pose, track_sigma, with_slow_errors
+from vision.contract import InputError
 
 GAUGE, COUNT = 10, 60
 
@@ -85,3 +87,22 @@ def test_slow_errors_of_tracks_are_fitted_where_these_are_uncertain(case) -> Non
     )
     assert float(fit.track_variance(local).max()) < 1e-9
     assert float(MapFit(unsure).track_variance(local).max()) > 1
+
+
+def test_no_vehicle_near_the_channels_is_said(case) -> None:
+    problem = case.problem
+    away = [replace(one, position=one.position + 400.0) for one in problem.passes]
+    record = DASRecord(
+        strain_rate=problem.record,
+        time=np.arange(len(problem.record)) / problem.sampling_rate,
+        start=np.datetime64(0, "ns"),
+        distance=problem.distance,
+        channel=problem.channel,
+        gauge_length=problem.gauge_length,
+        channel_spacing=problem.channel_spacing,
+        sampling_rate=problem.sampling_rate,
+        gaps=(),
+        provenance={},
+    )
+    with pytest.raises(InputError, match=r"no vehicle comes within 25 m of channels .* check the frame"):
+        pose(record, away, [], problem.start, problem.channel, problem.prior)
