@@ -70,4 +70,5 @@ def displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) ->
     da = softness * (2 * r + z) * shallow * shallow - 3 * z * inverse2 * inverse2
     db = -inverse2 * (3 * z * z * inverse2 + 1 + softness)
     approach = (x * vx + y * vy) * inverse
-    return torch.stack([-vx * a - x * approach * da, -vy * a - y * approach * da, -approach * db], -1)
+    # Components outermost in memory: what follows runs along long rows.
+    return torch.stack([-vx * a - x * approach * da, -vy * a - y * approach * da, -approach * db]).movedim(0, -1)

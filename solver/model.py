@@ -6,6 +6,8 @@ one tensor operation; rows of the same sample superpose.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import torch
@@ -367,43 +369,52 @@ def outermost(x: Tensor, axes: int) -> Tensor:
 
 @dataclass(frozen=True)
 class WheelResponses:
-    """Strain rate of each wheel alone, per unit of what the load stage may change about it.
+    """What each wheel of each row does to each channel, per unit of what the load stage may change about it.
 
     Parameters
     ----------
-    share, share_rate : [row, channel, wheel], by vertical force and by its time derivative
-    thrust : [row, channel, wheel, 2], by horizontal force along x and y
+    path : of the model
+    load : where its wheels are
+    fiber : the gauges' ends
+    amplitude : [row, 1]
+    poisson_ratio : scalar or [row, channel]
+    values : of the effects
     """
 
-    share: Tensor
-    share_rate: Tensor
-    thrust: Tensor
+    path: SignalPath
+    load: Load
+    fiber: Fiber
+    amplitude: Tensor
+    poisson_ratio: Tensor
+    values: Values
 
+    @cached_property
+    def share(self) -> Tensor:
+        """Strain rate [row, channel, wheel] by vertical force."""
+        return self._each(share=self._one)
 
-def wheel_responses(
-    path: SignalPath, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values
-) -> WheelResponses:
-    """What each wheel of each row does to each channel; fields of `vehicles` are per pass.
+    @cached_property
+    def share_rate(self) -> Tensor:
+        """Strain rate [row, channel, wheel] by the time derivative of vertical force."""
+        return self._each(share_rate=self._one)
 
-    The loads' positions are those of the model; effects on them must be in `values`.
-    """
-    per_row = vehicles.rows(path.traffic)
-    load = path.loads(Vehicles(*(getattr(per_row, f.name)[:, None] for f in fields(per_row))), values)
-    count = load.position.shape[-2]
-    single = []
-    for wheel in range(count):
-        one = replace(load, position=load.position[..., wheel : wheel + 1, :], share_rate=None, thrust=None)
-        unit_load = torch.ones_like(load.share[..., :1])
-        still = torch.zeros_like(unit_load)
-        axes = torch.eye(2, dtype=unit_load.dtype)
-        cases = [
-            replace(one, share=unit_load),
-            replace(one, share=still, share_rate=unit_load),
-            *(replace(one, share=still, thrust=unit_load[..., None] * axis) for axis in axes),
-        ]
-        single.append([path.rows_of(case, fiber, per_row.amplitude[:, None], poisson_ratio, values) for case in cases])
-    share, rate, x, y = (torch.stack(columns, -1) for columns in zip(*single, strict=True))
-    return WheelResponses(share, rate, torch.stack([x, y], -1))
+    @cached_property
+    def thrust(self) -> Tensor:
+        """Strain rate [row, channel, wheel, 2] by horizontal force along x and y."""
+        axes = torch.eye(2, dtype=self.amplitude.dtype)
+        return torch.stack([self._each(thrust=self._one[..., None] * axis) for axis in axes], -1)
+
+    @property
+    def _one(self) -> Tensor:
+        return torch.ones_like(self.load.share[..., :1])
+
+    def _each(self, **force: Any) -> Tensor:
+        still = replace(self.load, share=torch.zeros_like(self._one), share_rate=None, thrust=None)
+        single = []
+        for wheel in range(self.load.position.shape[-2]):
+            one = replace(still, position=self.load.position[..., wheel : wheel + 1, :], **force)
+            single.append(self.path.rows_of(one, self.fiber, self.amplitude, self.poisson_ratio, self.values))
+        return torch.stack(single, -1)
 
 
 def bend_strain_rate(motion: Tensor, fiber: Fiber) -> Tensor:

@@ -8,6 +8,7 @@ Philos. Soc. 44, 50; the projection is that of Neyman 1959, C(alpha) tests).
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -15,10 +16,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.effects.effect import Effect, Heard
-from solver.extension import Extension, Values
-from solver.fit.derivatives import Seen, Short, derivative, per_row
+from solver.extension import Extension
+from solver.fit.derivatives import Local, Seen, derivative
 from solver.fit.least_squares import Linearized, MapFit, State
-from solver.model import Fiber, wheel_responses
 
 #: Prior odds of an effect's size: g of the g-prior (Zellner 1986), see CRITICISM: about 30 for effects worth naming.
 G = 30.0
@@ -85,7 +85,7 @@ class Scorer:
         self.factor = torch.linalg.cholesky(matrix)
         self.jacobian = self.at.jacobian[:, fit.free]
         self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
-        self._seen: dict[int | None, Seen] = {}
+        self._local: dict[int | None, Local] = {}
 
     @property
     def stress(self) -> float:
@@ -97,29 +97,13 @@ class Scorer:
         """The model with a candidate at its null; what candidates share is computed once."""
         key = None if extension.surroundings is None else len(extension.surroundings.distance)
         path = replace(self.fit.path, extension=extension)
-        state = self.state
-
-        def fiber(values: Values) -> Fiber:
-            return self.fit.fiber_at(path, state.coefficients, values)
-
-        if key not in self._seen:
+        fiber = partial(self.fit.fiber_at, path, self.state.coefficients)
+        if key not in self._local:
             values = extension.local(self.numbers(extension, {}))
-            here = fiber(values)
-            local = path.sensitivities(here, state.vehicles, state.poisson_ratio, values)
-            distance = torch.zeros_like(local.rate)
-            for name, moved in self.fit.fiber_at(path, state.coefficients, values, 1).present().items():
-                distance = distance + (local.by[name] * moved).flatten(2).sum(-1)
-            short = Short(
-                local.by["along"],
-                local.by["across"],
-                distance,
-                wheel_responses(path, here, state.vehicles, state.poisson_ratio, values),
-                here.ahead,
-                here.behind,
-            )
-            alone = path.traffic.superpose(local.rate)
-            self._seen[key] = Seen(path, fiber, state.vehicles, state.poisson_ratio, local.rate, alone, short)
-        return replace(self._seen[key], path=path, fiber=fiber)
+            vehicles, ratio = self.state.vehicles, self.state.poisson_ratio
+            by = path.sensitivities(fiber(values), vehicles, ratio, values)
+            self._local[key] = Local(path, fiber, vehicles, ratio, values, by)
+        return Seen(path, fiber, self._local[key])
 
     def numbers(self, extension: Extension, shape: dict[str, float]) -> Tensor:
         """All effects' numbers: those of the fit, then the candidate's null and shape."""
@@ -157,7 +141,7 @@ class Scorer:
         """What the fit leaves, for effects that seek their shapes in it."""
         seen, numbers = self.seen(extension), self.numbers(extension, {})
         values = extension.local(numbers)
-        load = seen.path.loads(per_row(seen), values)
+        load = seen.path.loads(seen.local.rows, values)
         fiber = self.fit.fiber(self.state, self.fit.values(self.state))
         residual = self.at.residual.reshape(self.fit.data.shape)
         middle, slope = (fiber.ahead + fiber.behind) / 2, fiber.ahead - fiber.behind

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from solver.effects.effect import Effect
 from solver.extension import Extension, Values
-from solver.fit.derivatives import Seen, derivative
+from solver.fit.derivatives import Local, Seen, derivative
 from solver.fit.least_squares import MapFit, State
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
@@ -111,9 +111,9 @@ class Trial:
         described = base.described({})
         return Cable(self.around.distance) if stage == "cable" else getattr(described, stage)
 
-    def fiber(self, values: Values) -> Fiber:
-        """The gauges' ends."""
-        return self.fit.fiber_at(self.path, self.state.coefficients, values)
+    def fiber(self, values: Values, derivative: int = 0) -> Fiber:
+        """The gauges' ends, or their derivative by distance."""
+        return self.fit.fiber_at(self.path, self.state.coefficients, values, derivative)
 
     def map(self, numbers: Tensor) -> Tensor:
         """Strain rate [sample, channel], 1/s, with the effect."""
@@ -127,10 +127,9 @@ class Trial:
     def seen(self, numbers: Tensor) -> Seen:
         """The model with the effect, for derivatives."""
         values, state = self.extension.local(numbers), self.state
-        vehicles = state.vehicles.rows(self.path.traffic)
-        rows = self.path.rows(self.fiber(values), vehicles, state.poisson_ratio, values)
-        alone = self.path.traffic.superpose(rows)
-        return Seen(self.path, self.fiber, state.vehicles, state.poisson_ratio, rows, alone)
+        by = self.path.sensitivities(self.fiber(values), state.vehicles, state.poisson_ratio, values)
+        local = Local(self.path, self.fiber, state.vehicles, state.poisson_ratio, values, by)
+        return Seen(self.path, self.fiber, local)
 
     def derivatives(self, numbers: Tensor) -> dict[str, Tensor]:
         """Parameter with a null -> derivative [number, sample, channel] of the map."""

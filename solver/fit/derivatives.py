@@ -2,57 +2,84 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
 from torch.func import jvp
 
 from solver.extension import Slot, Values
-from solver.model import Fiber, SignalPath, Vehicles, WheelResponses, gauge_mean
+from solver.model import Fiber, Sensitivities, SignalPath, Vehicles, WheelResponses, gauge_mean
 from solver.observation import BASE
+
+FiberAt = Callable[[Values, int], Fiber]
 
 
 @dataclass(frozen=True)
-class Seen:
-    """A model at a state, with what its derivatives share.
+class Local:
+    """What single vehicles do to single channels at a state, and its derivatives, each computed when asked for.
 
     Parameters
     ----------
     path : with the effects
-    fiber : of the effects' values
+    fiber : (values of the effects, order) -> the gauges' ends, or their derivative by distance for order 1
     vehicles, poisson_ratio : of the state
-    rows : [row, computed channel], strain rate of each vehicle alone, 1/s
-    alone : [sample, computed channel], map before whatever acts on the whole of it, 1/s
-    short : derivatives that many effects share, where many are wanted; None: each is computed anew
+    values : of the effects
+    by : strain rate of each vehicle alone and its derivatives by local quantities
     """
 
     path: SignalPath
-    fiber: Callable[[Values], Fiber]
+    fiber: FiberAt
     vehicles: Vehicles
     poisson_ratio: Tensor
-    rows: Tensor
-    alone: Tensor
-    short: "Short | None" = None
+    values: Values
+    by: Sensitivities
+
+    @cached_property
+    def alone(self) -> Tensor:
+        """Map [sample, computed channel] before whatever acts on the whole of it, 1/s."""
+        return self.path.traffic.superpose(self.by.rate)
+
+    @cached_property
+    def gauges(self) -> Fiber:
+        """The gauges' ends."""
+        return self.fiber(self.values, 0)
+
+    @cached_property
+    def distance(self) -> Tensor:
+        """Derivative [row, computed channel] by a shift of the channel along the fiber, 1/m."""
+        total = torch.zeros_like(self.by.rate)
+        for name, moved in self.fiber(self.values, 1).present().items():
+            total = total + (self.by.by[name] * moved).flatten(2).sum(-1)
+        return total
+
+    @cached_property
+    def rows(self) -> Vehicles:
+        """The vehicles of each row, [row, 1]."""
+        rows = self.vehicles.rows(self.path.traffic)
+        return Vehicles(*(getattr(rows, f.name)[:, None] for f in fields(rows)))
+
+    @cached_property
+    def wheels(self) -> WheelResponses:
+        """Derivatives by the strength of each wheel."""
+        load = self.path.loads(self.rows, self.values)
+        return WheelResponses(self.path, load, self.gauges, self.rows.amplitude, self.poisson_ratio, self.values)
 
 
 @dataclass(frozen=True)
-class Short:
-    """Derivatives of each row's strain rate by what effects change most.
+class Seen:
+    """A model at a state.
 
     Parameters
     ----------
-    along, across : [row, computed channel], by a shift of the vehicle along travel and to its right, 1/m
-    distance : [row, computed channel], by a shift of the channel along the fiber, 1/m
-    wheels : by the strength of each wheel
-    ahead, behind : [computed channel, 3], ends of each gauge, m
+    path : with the effects
+    fiber : as in `Local`
+    local : of this path, or of one that differs by an effect at its null
     """
 
-    along: Tensor
-    across: Tensor
-    distance: Tensor
-    wheels: WheelResponses
-    ahead: Tensor
-    behind: Tensor
+    path: SignalPath
+    fiber: FiberAt
+    local: Local
 
 
 def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values: Values) -> Tensor:
@@ -80,12 +107,12 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
 
     def rows(value: Tensor) -> Tensor:
         new = changed(value)
-        return path.rows(seen.fiber(new), seen.vehicles.rows(path.traffic), seen.poisson_ratio, new)
+        return path.rows(seen.fiber(new, 0), seen.local.vehicles.rows(path.traffic), seen.local.poisson_ratio, new)
 
     one = torch.ones_like(here)
     if effect.stage not in ("trajectory", "load") and scope == "one" and not acts_on_rows(seen, slot, values):
-        return jvp(lambda v: path.observed(seen.alone, changed(v)), (here,), (one,))[1][None]
-    tangent = None if seen.short is None else SHORTCUTS[effect.stage](seen, seen.short, changed, here)
+        return jvp(lambda v: path.observed(seen.local.alone, changed(v)), (here,), (one,))[1][None]
+    tangent = SHORTCUTS[effect.stage](seen, changed, here)
     if tangent is None and scope == "one":
         whole = jvp(lambda v: path.observed(path.traffic.superpose(rows(v)), changed(v)), (here,), (one,))[1]
         return whole[None]
@@ -99,21 +126,15 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
     else:
         spread = extension.scopes.rows[scope]
         columns = torch.stack([path.traffic.superpose(tangent * c[:, None]) for c in spread.unbind(1)])
-    return observed_tangents(path, seen.alone, columns, values)
+    return observed_tangents(path, seen.local.alone, columns, values)
 
 
 Changed = Callable[[Tensor], Values]
 
 
-def per_row(seen: Seen) -> Vehicles:
-    """The vehicles of each row, [row, 1]."""
-    rows = seen.vehicles.rows(seen.path.traffic)
-    return Vehicles(*(getattr(rows, f.name)[:, None] for f in fields(rows)))
-
-
-def shift_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+def shift_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     """Derivative [row, channel] by a parameter that moves vehicles; None where it turns them or changes their speed."""
-    vehicles, path = per_row(seen), seen.path
+    vehicles, path = seen.local.rows, seen.path
 
     def driven(value: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         trajectory = path.trajectory(vehicles, changed(value))
@@ -123,12 +144,12 @@ def shift_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> T
     if bool(faster.any() | turn.any()):
         return None
     right = torch.stack([-heading[..., 1], heading[..., 0]], -1)
-    return (move * heading).sum(-1) * short.along + (move * right).sum(-1) * short.across
+    return (move * heading).sum(-1) * seen.local.by.by["along"] + (move * right).sum(-1) * seen.local.by.by["across"]
 
 
-def strength_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+def strength_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     """Derivative [row, channel] by a parameter that changes the strength of wheels only; None where it moves them."""
-    vehicles, path, wheels = per_row(seen), seen.path, short.wheels
+    vehicles, path, wheels = seen.local.rows, seen.path, seen.local.wheels
 
     def strengths(value: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         load = path.loads(vehicles, changed(value))
@@ -137,30 +158,32 @@ def strength_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -
         return load.position, load.share, rate, thrust
 
     moved, share, rate, thrust = jvp(strengths, (here,), (torch.ones_like(here),))[1]
-    if not bool(moved.any() | share.any() | rate.any() | thrust.any()):
-        return torch.zeros_like(seen.rows)
-    if share.shape[-1] != wheels.share.shape[-1] or bool(moved.any()):
+    if share.shape[-1] != wheels.load.share.shape[-1] or bool(moved.any()):
         return None
-    total = (wheels.share * share).sum(-1) + (wheels.share_rate * rate).sum(-1)
-    return total + (wheels.thrust * thrust).sum((-1, -2))
+    total = torch.zeros_like(seen.local.by.rate)
+    if bool(share.any()):
+        total = total + (wheels.share * share).sum(-1)
+    if bool(rate.any()):
+        total = total + (wheels.share_rate * rate).sum(-1)
+    return total + (wheels.thrust * thrust).sum((-1, -2)) if bool(thrust.any()) else total
 
 
-def compliance_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+def compliance_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     """Derivative [row, channel] by a parameter that changes the compliance of the ground only."""
 
     def softness(value: Tensor) -> Tensor:
         compliance = seen.path.described(changed(value)).ground.compliance
-        one = torch.ones_like(short.ahead[:, 0])
-        return one if compliance is None else gauge_mean(compliance, short.ahead, short.behind)
+        one = torch.ones_like(seen.local.gauges.ahead[:, 0])
+        return one if compliance is None else gauge_mean(compliance, seen.local.gauges.ahead, seen.local.gauges.behind)
 
     ground = seen.path.described(changed(here)).ground
     if ground.compliance is None or replace(BASE, ground=replace(ground, compliance=None)).in_rows:
         return None
     value, tangent = jvp(softness, (here,), (torch.ones_like(here),))[:2]
-    return seen.rows * tangent / value
+    return seen.local.by.rate * tangent / value
 
 
-def place_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+def place_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     """Derivative [row, channel] by a parameter that moves channels along the fiber, or changes their gain, only."""
 
     def place(value: Tensor) -> tuple[Tensor, Tensor]:
@@ -172,10 +195,10 @@ def place_tangent(seen: Seen, short: Short, changed: Changed, here: Tensor) -> T
     if replace(BASE, cable=replace(cable, gain=BASE.cable.gain)).in_rows:
         return None
     (_, gain), (move, louder) = jvp(place, (here,), (torch.ones_like(here),))[:2]
-    return short.distance * move + seen.rows * louder / gain
+    return seen.local.distance * move + seen.local.by.rate * louder / gain
 
 
-def no_shortcut(seen: Seen, short: Short, changed: Changed, here: Tensor) -> Tensor | None:
+def no_shortcut(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     """What acts on whole maps is computed on whole maps."""
     return None
 

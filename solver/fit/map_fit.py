@@ -6,6 +6,7 @@ noise, Huber weights bound the pull of bad samples.
 """
 
 from dataclasses import fields, replace
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -13,7 +14,7 @@ from torch import Tensor
 from solver.cable import GaugeEnds, SplineBasis
 from solver.extension import SLOW_ERROR, Values
 from solver.fit.belief import Belief, RouteRows, spreads
-from solver.fit.derivatives import Seen, derivative, observed_tangents
+from solver.fit.derivatives import Local, Seen, derivative, observed_tangents
 from solver.fit.problem import Problem
 from solver.fit.robust import huber, near_noise
 from solver.fit.state import PER_PASS, Felt, Linearized, State, Weights
@@ -219,14 +220,13 @@ class MapFit:
             return out
         alone = traffic.superpose(local.rate)
         columns = observed_tangents(self.path, alone, out.permute(2, 0, 1), values).permute(1, 2, 0)
-        return torch.cat([columns, self.effect_columns(state, local, alone)], -1)
+        return torch.cat([columns, self.effect_columns(state, local, values)], -1)
 
-    def effect_columns(self, state: State, local: Sensitivities, alone: Tensor) -> Tensor:
+    def effect_columns(self, state: State, local: Sensitivities, values: Values) -> Tensor:
         """Derivative of the model by the effects' numbers, [sample, channel, number]."""
-        seen = Seen(
-            self.path, lambda values: self.fiber(state, values), state.vehicles, state.poisson_ratio, local.rate, alone
-        )
-        columns = [derivative(seen, slot, state.numbers) for slot in self.extension.slots]
+        fiber = partial(self.fiber_at, self.path, state.coefficients)
+        here = Local(self.path, fiber, state.vehicles, state.poisson_ratio, values, local)
+        columns = [derivative(Seen(self.path, fiber, here), slot, state.numbers) for slot in self.extension.slots]
         return torch.cat(columns, 0).permute(1, 2, 0)
 
     def track_variance(self, local: Sensitivities) -> Tensor:

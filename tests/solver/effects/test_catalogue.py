@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from solver.criticism.score import Scorer
 from solver.effects import Effect
 from solver.effects.catalogue import FAMILIES, built_in, families_of, find
 from solver.effects.trial_survey import Trial, trial_survey
 from solver.effects.verify import plausible, verify
-from solver.extension import Extension
 from solver.fit.derivatives import derivative
 from solver.observation import BASE
 from vision.contract import InputError
@@ -118,23 +116,6 @@ def test_derivatives_are_those_of_finite_differences(name, start):
         assert (exact - numeric).abs().max() < 2e-5 * exact.abs().max() + 1e-9 * one.base().abs().max()
 
 
-@pytest.fixture(scope="module")
-def scorer() -> Scorer:
-    return Scorer(*trial_survey())
-
-
-@EVERY
-def test_shortcuts_give_the_same_derivatives(scorer, name):
-    extension: Extension = scorer.fit.problem.extension([built_in()[name]])
-    seen, numbers = scorer.seen(extension), scorer.numbers(extension, {})
-    for slot in extension.slots:
-        if not slot.parameter.is_shape:
-            long = derivative(replace(seen, short=None), slot, numbers)
-            torch.testing.assert_close(
-                derivative(seen, slot, numbers), long, rtol=0, atol=1e-9 * float(long.abs().max())
-            )
-
-
 @EVERY
 def test_an_effect_changes_one_stage(name):
     one = trial(name)
@@ -208,7 +189,7 @@ def test_an_unknown_name_is_told_near_ones():
         find("clock_ofset", built_in())
 
 
-def test_effects_add_up(scorer):
+def test_effects_add_up():
     """Several effects in one model: each at null leaves the others as they are."""
     fit, state = trial_survey()
     names = ["clock_offset", "braking", "moving_load", "shear_lag", "highpass", "common_mode"]
