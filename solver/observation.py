@@ -23,7 +23,7 @@ def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling
 
     Parameters
     ----------
-    transfers : of s = sigma + i omega, rad/s; applied one after the other
+    transfers : of s = sigma + i omega [frequency], rad/s, to [frequency] or [frequency, channel]; one after the other
 
     Notes
     -----
@@ -43,7 +43,8 @@ def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling
     s = torch.complex(torch.full_like(omega, sigma), omega)
     spectrum = torch.fft.rfft(values * torch.exp(-sigma * time), size, dim=-2)
     for transfer in transfers:
-        spectrum = spectrum * transfer(s)[:, None]
+        factor = transfer(s)
+        spectrum = spectrum * (factor if factor.ndim > 1 else factor[:, None])
     return torch.fft.irfft(spectrum, size, dim=-2)[..., :samples, :] * torch.exp(sigma * time)
 
 

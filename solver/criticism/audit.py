@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ ENOUGH = 400
 #: What whitened noise may be off white: variance, correlation in time and between channels, variance over time.
 VARIANCE, CORRELATION, UNSTEADY = (0.8, 1.25), 0.06, 1.8
 PARTS = 6
+#: Order of the difference that tells noise from signal along the fiber, even.
+ROUGH = 8
 
 
 @dataclass(frozen=True)
@@ -111,14 +114,14 @@ def stretches(use: NDArray[np.bool_]) -> list[slice]:
 def signal_growth(residual: NDArray[np.float64], model: NDArray[np.float64]) -> float:
     """How the variance of the noise grows with the square of the signal; 0 where it does not.
 
-    The fourth difference between neighboring channels leaves noise and takes what the model lacks, which is smooth
-    over a gauge. Its square is regressed on the model's, with single large ones bounded.
+    A high difference between neighboring channels leaves noise and takes what the model lacks, which is smooth over a
+    gauge. Its square is regressed on the model's, with single large ones bounded.
     """
-    if residual.shape[1] < 5:
+    if residual.shape[1] <= ROUGH:
         return 0.0
-    rough = np.diff(residual, 4, axis=1) / np.sqrt(70)
+    rough = np.diff(residual, ROUGH, axis=1) / np.sqrt(comb(2 * ROUGH, ROUGH))
     square = np.minimum(rough**2, 16.0)
-    signal = model[:, 2:-2] ** 2
+    signal = model[:, ROUGH // 2 : -(ROUGH // 2)] ** 2
     loud = signal > np.nanquantile(signal, 0.9)
     quiet_level = float(np.nanmean(square[signal <= np.nanquantile(signal, 0.5)]))
     excess = float(np.nanmean(square[loud])) / quiet_level - 1

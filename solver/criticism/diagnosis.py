@@ -11,9 +11,10 @@ import numpy as np
 from scipy.stats import chi2 as chi2_law
 
 from solver.criticism.audit import NoiseAudit, audit
-from solver.criticism.refit import Refit, loss, race
+from solver.criticism.refit import Refit, counted, race
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle
 from solver.criticism.score import Score, Scorer, evidence, score_all, similarity
+from solver.criticism.spectrum import fan_contrast
 from solver.effects.catalogue import FAMILIES, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
@@ -30,6 +31,8 @@ CLOSE, ALIKE = 6.0, 0.95
 RIVAL = 0.8
 #: Share of the winner's fall of chi2 that may be left to others before the winner is doubted.
 LEFT = 0.12
+#: Contrast of the noise's spectrum that an FK filter leaves.
+FILTERED = 5.0
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: What a whole track may be off without being an effect, m.
@@ -257,12 +260,8 @@ def diagnose(
         fit, state = converged(problem, state)
     bench = Bench.of(fit, state, effects, advance)
     if not check.passed:
-        words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(check.faults)
-        listed = tuple(replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table)
-        return Diagnosis("inconclusive", words, listed, check, bench.scorer.stress)
-    good = bench.scorer.at.weights.good
-    before = loss(fit, state, good)
-    tried = race(fit, state, racers(bench.table), before, good, advance)
+        return unranked(bench, check)
+    tried = race(fit, state, racers(bench.table), counted(fit, bench.scorer.at), advance)
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]
     ranked.sort(key=lambda c: -c.evidence)
@@ -270,6 +269,23 @@ def diagnose(
         words = f"the fit has not converged ({bench.scorer.stress:.1f} sigmas are left along what it fits)"
         return Diagnosis("inconclusive", words, tuple(ranked), check, bench.scorer.stress)
     return judge(bench, ranked, tried, check, effects, held_out, advance)
+
+
+def unranked(bench: Bench, check: NoiseAudit) -> Diagnosis:
+    """The verdict where the noise is not understood, which a filter that it went through may explain."""
+    words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(check.faults)
+    listed = tuple(replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table)
+    survey = bench.fit.problem
+    contrast = fan_contrast(survey.record / survey.noise.numpy(), survey.sampling_rate, survey.channel_spacing)
+    filtered = next((c for c in listed if c.effect == "fk_filter"), None)
+    if filtered is None or not contrast > FILTERED:
+        return Diagnosis("inconclusive", words, listed, check, bench.scorer.stress)
+    words = (
+        f"fk_filter is missing at the processing stage: noise at speeds and frequencies of vehicles is {contrast:.0f} "
+        f"times that beside them, so the record was filtered; better diagnose it as it was before. ({words})"
+    )
+    first = replace(filtered, verdict="present")
+    return Diagnosis("missing-effect", words, order(listed, first), check, bench.scorer.stress)
 
 
 def judge(
@@ -296,22 +312,17 @@ def judge(
         return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
     first = physical[0]
     twins = confounded(bench, first, listed, tried)
-    left = 0.0
+    left, faults = 0.0, {fault.name: fault_candidate(fault) for fault in bench.faults}
     if first.effect in tried:
         winner = tried[first.effect]
         again = Bench.of(winner.fit, winner.solution.state, suspects(bench.table, effects), advance)
+        faults |= {fault.name: fault_candidate(fault) for fault in again.faults}
         others = [s for s in again.table if s.evidence > FOUND]
         left = others[0].evidence if others else 0.0
         doubt = [s for s in others if s.fall > LEFT * max(first.delta_chi2, 1.0)]
         if doubt:
-            second = race(
-                winner.fit,
-                winner.solution.state,
-                racers(doubt),
-                loss(winner.fit, winner.solution.state, again.scorer.at.weights.good),
-                again.scorer.at.weights.good,
-                advance,
-            )
+            counts = counted(winner.fit, again.scorer.at)
+            second = race(winner.fit, winner.solution.state, racers(doubt), counts, advance)
             best = max(second.values(), key=lambda r: r.evidence)
             if best.effect.generic:
                 words = (
@@ -330,9 +341,8 @@ def judge(
     first = replace(first, confounded_with=twins)
     words, separate = missing_words(first, bench, left)
     # Whatever else lowers the misfit may do so in the winner's place: that is open until the winner is in the model.
-    rest = [
-        replace(c, verdict="inconclusive") if c.verdict == "present" and not is_fault(bench, c) else c for c in listed
-    ]
+    rest = [replace(c, verdict="inconclusive") if c.verdict == "present" else c for c in listed]
+    rest = [faults.get(c.effect, c) for c in rest]
     return Diagnosis("missing-effect", words, order(rest, first), check, stress, separate, left)
 
 

@@ -10,22 +10,34 @@ from torch import Tensor
 
 from solver.criticism.score import Score, evidence
 from solver.effects.effect import Effect
-from solver.fit.least_squares import HUBER, MapFit, Solution, State, solve
+from solver.fit.least_squares import HUBER, Linearized, MapFit, Solution, State, decrement, solve
 from solver.fit.problem import Problem
 
-#: Steps of each round of the race, and how many go on after it.
-ROUNDS = ((4, 4), (5, 3), (20, 3))
+#: Steps of each round of the race, and rounds.
+PACE, ROUNDS = 4, 8
+#: Times the fall that the next step predicts which a fit may still hope for.
+HOPE = 5.0
+#: Share of the leader's evidence that one must have, or may hope for, to go on.
+STAY = 0.75
 
 
-def loss(fit: MapFit, state: State, good: Tensor) -> float:
+def counted(fit: MapFit, at: Linearized) -> Tensor:
+    """How far each whitened residual [sample, channel] counts: 0 where not measured or a spike, less than 1 where the
+    place of the vehicle is uncertain or noise grows with the signal.
+    """
+    uncertain = fit.track_variance(at.local) + fit.problem.signal_noise * (at.model / fit.problem.noise) ** 2
+    return at.weights.good / (1 + uncertain).sqrt()
+
+
+def loss(fit: MapFit, state: State, counts: Tensor) -> float:
     """Robust misfit plus priors: Huber's loss of the whitened residual, so that fits can be compared.
 
     Parameters
     ----------
-    good : [sample, channel], samples that count; the same for all fits that are compared
+    counts : [sample, channel], see `counted`; the same for all fits that are compared
     """
     difference = torch.where(fit.measured, fit.data - fit.model(state), 0.0)
-    size = (fit.whiten(difference * good) * good).abs()
+    size = (fit.whiten(difference * (counts > 0)) * counts).abs()
     misfit = torch.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum()
     return float(misfit) + fit.belief(state)
 
@@ -94,25 +106,30 @@ def started(fit: MapFit, state: State, score: Score) -> State:
     return best
 
 
+def promised(fit: MapFit, solution: Solution) -> float:
+    """Fall of the misfit that the next step predicts."""
+    matrix, right, _ = fit.normal_of(solution.state, solution.at)
+    return decrement(matrix, right) ** 2
+
+
 def race(
     fit: MapFit,
     state: State,
     scores: Sequence[Score],
-    before: float,
-    good: Tensor,
+    counts: Tensor,
     advance: Callable[[int], None] = lambda n: None,
 ) -> dict[str, Refit]:
     """Fit everything again with each candidate in the model; those that fall behind stop early.
 
     The score test says how the misfit falls at first; where an effect is large, or the route has absorbed it, only full
-    fits tell. All take a few steps, the better half goes on, the best two to the end.
+    fits tell. Who can no longer come near the leader leaves; the favorite of the score test, which with many numbers
+    starts slowly, runs to the end.
 
     Parameters
     ----------
     fit, state : without the candidates, converged
     scores : of the candidates
-    before : `loss` of the fit without them
-    good : [sample, channel], samples that count
+    counts : [sample, channel], see `counted`
     """
     if not scores:
         return {}
@@ -121,22 +138,24 @@ def race(
     states = {name: started(fits[name], state, by_name[name]) for name in fits}
     solutions: dict[str, Solution] = {}
     falls: dict[str, float] = {}
-    running = list(fits)
-    favorite = scores[0].effect.name
+    running, favorite, before = list(fits), scores[0].effect.name, loss(fit, state, counts)
 
-    def standing(name: str) -> float:
-        return evidence(falls[name], by_name[name].freedom, by_name[name].trials)
+    def standing(name: str, hoped: float = 0.0) -> float:
+        return evidence(falls[name] + hoped, by_name[name].freedom, by_name[name].trials)
 
-    for steps, kept in ROUNDS:
+    for _ in range(ROUNDS):
         for name in running:
-            if name not in solutions or not solutions[name].converged:
-                solutions[name] = solve(fits[name], states[name], iterations=steps)
-                states[name] = solutions[name].state
-                falls[name] = before - loss(fits[name], states[name], good)
+            solutions[name] = solve(fits[name], states[name], iterations=PACE)
+            states[name] = solutions[name].state
+            falls[name] = before - loss(fits[name], states[name], counts)
             advance(1)
-        running.sort(key=standing, reverse=True)
-        # One with many numbers starts slowly: the favorite of the score test runs to the end.
-        running = list(dict.fromkeys([*running[:kept], favorite]))
+        least = STAY * max(map(standing, fits))
+        running = [
+            name
+            for name in running
+            if not solutions[name].converged
+            and (name == favorite or standing(name, HOPE * promised(fits[name], solutions[name])) > least)
+        ]
     return {
         name: Refit(
             by_name[name].effect,

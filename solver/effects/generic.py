@@ -11,12 +11,38 @@ import torch
 from torch import Tensor
 
 from solver.effects.effect import Parameter, effect
-from solver.stages import Cable, Ground, Interrogator, Load, Surroundings
+from solver.stages import Cable, Ground, Interrogator, Load, Processing, Surroundings, Trajectory
 
 Values = Mapping[str, Tensor]
 SOURCE = "Generic; sieve of smooth functions (Chen 2007, Handbook of Econometrics 6B, chapter 76)."
 
 SCALES = (1.5, 4.0, 10.0)
+
+
+@effect(
+    "generic_track",
+    "trajectory",
+    [Parameter("x", "m", 0.3, scope="road"), Parameter("y", "m", 0.3, scope="road")],
+    physics="All vehicles are somewhere else than told, by a shift that changes smoothly with the place.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_track(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """Positions plus a smooth function of x."""
+    return replace(driven, position=driven.position + torch.stack([p["x"], p["y"]], -1))
+
+
+@effect(
+    "generic_shift",
+    "trajectory",
+    [Parameter("along", "m", 0.5, scope="pass"), Parameter("across", "m", 0.5, scope="pass")],
+    physics="Each vehicle is a fixed way from where it was told to be.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_shift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """One shift along and one across travel for each pass."""
+    return driven.shifted(along=p["along"], across=p["across"])
 
 
 @effect(
@@ -117,6 +143,44 @@ def generic_time_filter(interrogator: Interrogator, p: Values, survey: Surroundi
 
 
 @effect(
+    "generic_delay",
+    "interrogator",
+    [Parameter("delay", "s", 0.1, scope="fiber")],
+    physics="Each channel is read at a time of its own, which changes smoothly along the fiber.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_delay(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
+    """Phase that grows with frequency, channel by channel."""
+    return interrogator.filtered(lambda s: torch.exp(-s[:, None] * p["delay"]))
+
+
+@effect(
+    "generic_neighbors",
+    "processing",
+    [Parameter(f"{way}_{lag}", "1", 0.2) for way in ("before", "after") for lag in TAPS],
+    physics="Each channel holds shares of the channels before and after it.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_neighbors(processing: Processing, p: Values, survey: Surroundings) -> Processing:
+    """Finite impulse response of a few taps along the fiber; the last channels stand for those beyond them."""
+
+    def shared(rate: Tensor) -> Tensor:
+        wide = torch.cat(
+            [rate[..., :1].expand(*rate.shape[:-1], TAPS[-1]), rate, rate[..., -1:].expand(*rate.shape[:-1], TAPS[-1])],
+            -1,
+        )
+        channels, total = rate.shape[-1], rate
+        for lag in TAPS:
+            before, after = (wide[..., TAPS[-1] + shift :][..., :channels] for shift in (-lag, lag))
+            total = total + p[f"before_{lag}"] * before + p[f"after_{lag}"] * after
+        return total
+
+    return processing.then(shared)
+
+
+@effect(
     "generic_nonlinearity",
     "interrogator",
     [Parameter("quadratic", "1", 0.2), Parameter("odd", "1", 0.2), Parameter("cubic", "1", 0.2)],
@@ -151,11 +215,15 @@ def generic_wake(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 
 
 EFFECTS = (
+    generic_track,
+    generic_shift,
     generic_load,
     generic_road,
     generic_kernel,
     generic_echo,
     generic_time_filter,
+    generic_delay,
+    generic_neighbors,
     generic_nonlinearity,
     generic_wake,
 )

@@ -110,15 +110,16 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
         return path.rows(seen.fiber(new, 0), seen.local.vehicles.rows(path.traffic), seen.local.poisson_ratio, new)
 
     one = torch.ones_like(here)
-    if effect.stage not in ("trajectory", "load") and scope == "one" and not acts_on_rows(seen, slot, values):
-        return jvp(lambda v: path.observed(seen.local.alone, changed(v)), (here,), (one,))[1][None]
+    assert extension.scopes is not None
+    if effect.stage not in ("trajectory", "load") and not acts_on_rows(seen, slot, values):
+        ways = [one] if scope == "one" else extension.scopes.fiber.unbind(1)
+        return torch.stack([jvp(lambda v: path.observed(seen.local.alone, changed(v)), (here,), (w,))[1] for w in ways])
     tangent = SHORTCUTS[effect.stage](seen, changed, here)
     if tangent is None and scope == "one":
         whole = jvp(lambda v: path.observed(path.traffic.superpose(rows(v)), changed(v)), (here,), (one,))[1]
         return whole[None]
     if tangent is None:
         tangent = jvp(rows, (here,), (one,))[1]
-    assert extension.scopes is not None
     if scope == "one":
         columns = path.traffic.superpose(tangent)[None]
     elif scope == "fiber":
@@ -158,9 +159,11 @@ def strength_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | Non
         return load.position, load.share, rate, thrust
 
     moved, share, rate, thrust = jvp(strengths, (here,), (torch.ones_like(here),))[1]
+    total = torch.zeros_like(seen.local.by.rate)
+    if not bool(moved.any() | share.any() | rate.any() | thrust.any()):
+        return total
     if share.shape[-1] != wheels.load.share.shape[-1] or bool(moved.any()):
         return None
-    total = torch.zeros_like(seen.local.by.rate)
     if bool(share.any()):
         total = total + (wheels.share * share).sum(-1)
     if bool(rate.any()):

@@ -1,0 +1,62 @@
+"""What the spectrum of a record's noise says of filters that it went through before."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.processing.fk import HIGHEST, SPEEDS
+
+Array = NDArray[np.float64]
+
+#: s; blocks whose spectra are averaged.
+BLOCK = 25.0
+#: Wavelengths too short for a load on the road to make them, 1/m: noise alone.
+SHORT = 0.18
+
+
+def power(record: Array, sampling_rate: float, spacing: float) -> tuple[Array, Array, Array]:
+    """Mean power [frequency, wavenumber] of a record [sample, channel], the frequencies, Hz, and wavenumbers, 1/m.
+
+    Blocks overlap by half and fade at all edges (Welch 1967, IEEE Trans. Audio 15, 70); what was not measured is 0.
+
+    Parameters
+    ----------
+    record : in any unit
+    sampling_rate : Hz
+    spacing : of the channels, m
+    """
+    rows = min(len(record), round(BLOCK * sampling_rate))
+    fade = np.hanning(rows)[:, None] * np.hanning(record.shape[1])
+    starts = range(0, len(record) - rows + 1, max(1, rows // 2))
+    whole = np.nan_to_num(record)
+    total = np.mean([np.abs(np.fft.rfft2(whole[s : s + rows] * fade)) ** 2 for s in starts], axis=0)
+    frequency = np.abs(np.fft.fftfreq(rows, 1 / sampling_rate))
+    return np.asarray(total), frequency, np.asarray(np.fft.rfftfreq(record.shape[1], spacing))
+
+
+def fan_contrast(record: Array, sampling_rate: float, spacing: float) -> float:
+    """Power of the noise within the pass band of an FK filter over that outside, as usual for roads.
+
+    Compared is noise of about the same wavelengths and frequencies on either side of the highest frequency and of the
+    lowest speed, the smaller contrast of the two; about 1 if nothing was filtered, nan where the sampling cannot tell.
+
+    >>> rng = np.random.default_rng(0)
+    >>> noise = rng.normal(size=(600, 100))
+    >>> round(fan_contrast(noise, 5.0, 1.0), 1)
+    1.0
+    >>> import torch
+    >>> from solver.processing import fk_filter
+    >>> fan_contrast(fk_filter(torch.from_numpy(noise), 0.2, 1.0).numpy(), 5.0, 1.0) > 100
+    True
+    """
+    total, frequency, wavenumber = power(record, sampling_rate, spacing)
+    f, k = frequency[:, None], wavenumber[None, :]
+    speed = f / np.maximum(k, 1e-9)
+    near = (f > 0.6 * HIGHEST) & (f < 0.9 * HIGHEST)
+    inside = near & (k > SHORT) & (speed > 1.2 * SPEEDS[0])
+    fast = (f > 1.4 * HIGHEST) & (k > SHORT) & (k < HIGHEST / SPEEDS[0])
+    slow = near & (speed < 0.7 * SPEEDS[0])
+    if not (inside.any() and fast.any() and slow.any()):
+        return float("nan")
+    # Medians: a machine hums at one frequency.
+    level = [float(np.median(total[where])) for where in (inside, fast, slow)]
+    return level[0] / max(level[1:])
