@@ -5,6 +5,7 @@ from itertools import pairwise
 from math import comb
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from solver.fit.problem import Problem
@@ -85,7 +86,8 @@ def audit(problem: Problem, residual: NDArray[np.float64], model: NDArray[np.flo
     across = float((total**2 - np.where(use, white**2, 0).sum(1)).sum() / max(pairs, 1.0)) / variance
     parts = [np.where(use, white**2, 0)[a].sum() / use[a].sum() for a in stretches(use)]
     unsteady = float(max(parts) / min(parts)) if parts else 1.0
-    growth = signal_growth(residual, model)
+    measured = problem.measured.numpy()
+    growth = signal_growth(residual, model, measured, problem.channel, problem.noise.numpy())
     own = problem.law.own
     memory = float(own[1] / own[0]) if len(own) > 1 else 0.0
     scatter = 4 / np.sqrt(count)
@@ -111,20 +113,35 @@ def stretches(use: NDArray[np.bool_]) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges) if use[a:b].any()]
 
 
-def signal_growth(residual: NDArray[np.float64], model: NDArray[np.float64]) -> float:
+def signal_growth(
+    residual: NDArray[np.float64],
+    model: NDArray[np.float64],
+    measured: NDArray[np.bool_],
+    channel: NDArray[np.int64],
+    level: NDArray[np.float64],
+) -> float:
     """How the variance of the noise grows with the square of the signal; 0 where it does not.
 
     A high difference between neighboring channels leaves noise and takes what the model lacks, which is smooth over a
     gauge. Its square is regressed on the model's, with single large ones bounded.
+
+    Parameters
+    ----------
+    residual, model : [sample, channel], in noise sigmas
+    measured : [sample, channel]
+    channel, level : [channel], numbers and noise: what differs there is not smooth
     """
-    if residual.shape[1] <= ROUGH:
+    if len(channel) <= ROUGH:
         return 0.0
-    rough = np.diff(residual, ROUGH, axis=1) / np.sqrt(comb(2 * ROUGH, ROUGH))
-    square = np.minimum(rough**2, 16.0)
-    signal = model[:, ROUGH // 2 : -(ROUGH // 2)] ** 2
-    loud = signal > np.nanquantile(signal, 0.9)
-    quiet_level = float(np.nanmean(square[signal <= np.nanquantile(signal, 0.5)]))
-    excess = float(np.nanmean(square[loud])) / quiet_level - 1
-    growth = excess / float(np.nanmean(signal[loud]))
-    scatter = np.sqrt(2 / max(loud.sum(), 1)) * 2
+    share = np.array([comb(ROUGH, k) for k in range(ROUGH + 1)], float)
+    rough = np.diff(residual * level, ROUGH, axis=1) / np.sqrt(np.convolve(level**2, share**2, "valid"))
+    whole = sliding_window_view(measured, ROUGH + 1, axis=1).all(-1) & (channel[ROUGH:] - channel[:-ROUGH] == ROUGH)
+    if whole.sum() < ENOUGH:
+        return 0.0
+    square = np.minimum(rough[whole] ** 2, 16.0)
+    signal = model[:, ROUGH // 2 : -(ROUGH // 2)][whole] ** 2
+    loud = signal > np.quantile(signal, 0.9)
+    excess = float(square[loud].mean() / square[signal <= np.median(signal)].mean()) - 1
+    growth = excess / float(signal[loud].mean())
+    scatter = np.sqrt(2 / loud.sum()) * 2
     return max(growth, 0.0) if excess > max(0.15, 4 * scatter) else 0.0

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from solver.criticism.score import Score, evidence
 from solver.effects.effect import Effect
-from solver.fit.least_squares import HUBER, Linearized, MapFit, Solution, State, decrement, solve
+from solver.fit.least_squares import HUBER, Linearized, MapFit, Solution, State, solve
 from solver.fit.problem import Problem
 
 #: Steps of each round of the race, and rounds.
@@ -22,8 +22,9 @@ STAY = 0.75
 
 
 def counted(fit: MapFit, at: Linearized) -> Tensor:
-    """How far each whitened residual [sample, channel] counts: 0 where not measured or a spike, less than 1 where the
-    place of the vehicle is uncertain or noise grows with the signal.
+    """How far each whitened residual [sample, channel] counts: 0 to 1.
+
+    Nothing where not measured or a spike; less than 1 where a track is uncertain or noise grows with the signal.
     """
     uncertain = fit.track_variance(at.local) + fit.problem.signal_noise * (at.model / fit.problem.noise) ** 2
     return at.weights.good / (1 + uncertain).sqrt()
@@ -106,12 +107,6 @@ def started(fit: MapFit, state: State, score: Score) -> State:
     return best
 
 
-def promised(fit: MapFit, solution: Solution) -> float:
-    """Fall of the misfit that the next step predicts."""
-    matrix, right, _ = fit.normal_of(solution.state, solution.at)
-    return decrement(matrix, right) ** 2
-
-
 def race(
     fit: MapFit,
     state: State,
@@ -154,7 +149,7 @@ def race(
             name
             for name in running
             if not solutions[name].converged
-            and (name == favorite or standing(name, HOPE * promised(fits[name], solutions[name])) > least)
+            and (name == favorite or standing(name, HOPE * solutions[name].at.normal.decrement() ** 2) > least)
         ]
     return {
         name: Refit(
