@@ -9,6 +9,7 @@ Philos. Soc. 44, 50; the projection is that of Neyman 1959, C(alpha) tests).
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 import torch
@@ -24,6 +25,8 @@ from solver.fit.least_squares import Linearized, MapFit, State
 G = 30.0
 #: A direction of which less than this share of its variance is left by the fit cannot be told from the route.
 INVISIBLE = 1e-6
+#: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
+FINE, STARTS, HALVINGS = 8, 3, 4
 
 
 def evidence(fall: float, freedom: int, trials: int) -> float:
@@ -126,16 +129,31 @@ class Scorer:
         """The best shape of an effect, with separate and with shared numbers of passes."""
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
         shapes, trials = effect.tried(lambda: self.heard(extension))
-        best: dict[bool, Score] = {}
         if not self.columns(effect, shapes[0], extension)[0].any():
             return
-        for shape in shapes:
-            columns, counts = self.columns(effect, shape, extension)
-            for shared, matrix in self.spreads(effect, columns, counts):
-                score = self.score(effect, shape, shared, matrix, trials)
-                if shared not in best or score.fall > best[shared].fall:
-                    best[shared] = score
-        yield from best.values()
+        tried = [score for shape in shapes for score in self.of_shape(effect, shape, extension, trials)]
+        for shared in {score.shared for score in tried}:
+            ranked = sorted((s for s in tried if s.shared == shared), key=lambda s: -s.fall)
+            if len(shapes) > FINE and effect.seek is None:
+                ranked = [self.refined(score, extension, trials) for score in apart(ranked)]
+            yield max(ranked, key=lambda s: s.fall)
+
+    def of_shape(self, effect: Effect, shape: dict[str, float], extension: Extension, trials: int) -> Iterator[Score]:
+        """Scores of one shape, with separate and with shared numbers of passes."""
+        columns, counts = self.columns(effect, shape, extension)
+        for shared, matrix in self.spreads(effect, columns, counts):
+            yield self.score(effect, shape, shared, matrix, trials)
+
+    def refined(self, score: Score, extension: Extension, trials: int) -> Score:
+        """A better shape near that of a score, by steps along each of its numbers, from half the grid's on."""
+        shapes, step = score.effect.shapes, {p.name: p.spacing / 2 for p in score.effect.shapes}
+        for _ in range(HALVINGS):
+            for p, sign in product(shapes, (1, -1)):
+                value = float(np.clip(score.shape[p.name] + sign * step[p.name], p.lower, p.upper))
+                near = self.of_shape(score.effect, score.shape | {p.name: value}, extension, trials)
+                score = max([score, *(one for one in near if one.shared == score.shared)], key=lambda s: s.fall)
+            step = {name: size / 2 for name, size in step.items()}
+        return score
 
     def heard(self, extension: Extension) -> Heard:
         """What the fit leaves, for effects that seek their shapes in it."""
@@ -189,6 +207,21 @@ class Scorer:
             float((values[keep].sum() / len(values)).clamp(max=1)) if len(values) else 0.0,
             columns @ estimate,
         )
+
+
+def apart(ranked: Sequence[Score]) -> list[Score]:
+    """The best few [score] that are not neighbors on the grid of shapes."""
+    chosen: list[Score] = []
+    for score in ranked:
+        near = (
+            all(abs(score.shape[p.name] - other.shape[p.name]) < 1.5 * p.spacing for p in score.effect.shapes)
+            for other in chosen
+        )
+        if not any(near):
+            chosen.append(score)
+        if len(chosen) == STARTS:
+            break
+    return chosen
 
 
 def one_sided(effect: Effect, shared: bool, numbers: int) -> int | None:

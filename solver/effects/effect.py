@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 from torch import Tensor
@@ -42,6 +42,11 @@ class Parameter:
     def is_shape(self) -> bool:
         """Whether it has no null of its own."""
         return bool(self.grid)
+
+    @property
+    def spacing(self) -> float:
+        """Largest step of the grid; its plausible size where there is one value."""
+        return max((b - a for a, b in pairwise(self.grid)), default=self.plausible)
 
     @property
     def one_sided(self) -> bool:

@@ -114,16 +114,14 @@ def dynamic_load(load: Load, p: Values, survey: Surroundings) -> Load:
     return load.modulated(factor, omega * (p["sine"] * cosine - p["cosine"] * sine))
 
 
-DAMPING = 0.15
-
-
 @effect(
     "road_bump",
     "load",
     [
         Parameter("first", "1", 0.25, lower=-0.9, upper=0.9),
-        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 3.0).tolist())),
-        Parameter("frequency", "Hz", 0.2, lower=1.0, upper=3.0, grid=(1.4, 1.7, 2.0)),
+        Parameter("place", "m", 1.0, grid=tuple(np.arange(-46.0, 46.1, 2.0).tolist())),
+        Parameter("frequency", "Hz", 0.2, lower=1.0, upper=3.0, grid=(1.3, 1.6, 1.9, 2.3)),
+        Parameter("damping", "1", 0.05, lower=0.03, upper=0.5, grid=(0.17,)),
     ],
     physics="A bump sets every vehicle swinging at the same place: a damped sine of the load.",
     source="Cebon 1999, chapter 5: spatial repeatability of dynamic loads.",
@@ -135,9 +133,10 @@ def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
     time = toward / driven.speed.clamp_min(0.5)
     after = torch.where(time > 0, time, torch.zeros_like(time))
     omega = 2 * torch.pi * p["frequency"]
-    decay = torch.exp(-DAMPING * omega * after) * (time > 0)
+    damping = p["damping"]
+    decay = torch.exp(-damping * omega * after) * (time > 0)
     swing = decay * torch.sin(omega * after)
-    rate = decay * omega * (torch.cos(omega * after) - DAMPING * torch.sin(omega * after))
+    rate = decay * omega * (torch.cos(omega * after) - damping * torch.sin(omega * after))
     return load.modulated(1 + p["first"] * swing, p["first"] * rate)
 
 
