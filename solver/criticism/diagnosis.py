@@ -12,7 +12,7 @@ from scipy.stats import chi2 as chi2_law
 
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.refit import Refit, counted, race
-from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle
+from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
 from solver.criticism.score import Score, Scorer, evidence, score_all, similarity
 from solver.criticism.spectrum import fan_contrast
 from solver.effects.catalogue import FAMILIES, families_of
@@ -37,8 +37,8 @@ FILTERED = 5.0
 CONVERGED = 0.5
 #: What a whole track may be off without being an effect, m.
 ALONG, ACROSS = 0.3, 0.08
-#: How many enter the race of full fits.
-RACERS = 7
+#: How many enter the race of full fits, and how many that for what the winner leaves.
+RACERS, BESIDE = 7, 4
 
 ADVICE = {
     "blur": "passes from 30 to 70 km/h, a second lane farther away, and two classes of vehicle",
@@ -311,39 +311,41 @@ def judge(
         words = unknown_words(first, physical)
         return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
     first = physical[0]
-    twins = confounded(bench, first, listed, tried)
-    left, faults = 0.0, {fault.name: fault_candidate(fault) for fault in bench.faults}
-    if first.effect in tried:
-        winner = tried[first.effect]
-        again = Bench.of(winner.fit, winner.solution.state, suspects(bench.table, effects), advance)
-        faults |= {fault.name: fault_candidate(fault) for fault in again.faults}
-        others = [s for s in again.table if s.evidence > FOUND]
-        left = others[0].evidence if others else 0.0
-        doubt = [s for s in others if s.fall > LEFT * max(first.delta_chi2, 1.0)]
-        if doubt:
-            counts = counted(winner.fit, again.scorer.at)
-            second = race(winner.fit, winner.solution.state, racers(doubt), counts, advance)
-            best = max(second.values(), key=lambda r: r.evidence)
-            if best.effect.generic:
-                words = (
-                    f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
-                    f"acts at the {best.effect.stage} stage ({best.effect.physics.rstrip('.').lower()})"
-                )
-                stand_in = score_candidate(next(s for s in doubt if s.effect is best.effect), best)
-                ordered = (stand_in, *(c for c in listed if c.effect != stand_in.effect))
-                return Diagnosis("unknown-effect", words, ordered, check, stress, left=left)
-        if held_out:
-            gain = held_out_gain(bench.fit, bench.state, winner)
-            first = replace(first, held_out_gain=gain)
-            if gain is not None and gain <= 0:
-                words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
-                return Diagnosis("inconclusive", words, order(listed, first), check, stress, left=left)
-    first = replace(first, confounded_with=twins)
+    fit, state = with_first(bench, first, tried)
+    again = Bench.of(fit, state, suspects(bench.table, effects), advance)
+    others = [s for s in again.table if s.evidence > FOUND]
+    left = others[0].evidence if others else 0.0
+    second = race(fit, state, racers(others)[:BESIDE], counted(fit, again.scorer.at), advance)
+    best = max(second.values(), key=lambda r: r.evidence, default=None)
+    if best is not None and best.effect.generic and best.fall > LEFT * max(first.delta_chi2, 1.0):
+        words = (
+            f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
+            f"acts at the {best.effect.stage} stage ({best.effect.physics.rstrip('.').lower()})"
+        )
+        stand_in = score_candidate(next(s for s in others if s.effect is best.effect), best)
+        return Diagnosis("unknown-effect", words, order(listed, stand_in), check, stress, left=left)
+    if held_out and first.effect in tried:
+        gain = held_out_gain(bench.fit, bench.state, tried[first.effect])
+        first = replace(first, held_out_gain=gain)
+        if gain is not None and gain <= 0:
+            words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
+            return Diagnosis("inconclusive", words, order(listed, first), check, stress, left=left)
+    first = replace(first, confounded_with=confounded(bench, first, listed, tried))
     words, separate = missing_words(first, bench, left)
     # Whatever else lowers the misfit may do so in the winner's place: that is open until the winner is in the model.
     rest = [replace(c, verdict="inconclusive") if c.verdict == "present" else c for c in listed]
+    faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     rest = [faults.get(c.effect, c) for c in rest]
     return Diagnosis("missing-effect", words, order(rest, first), check, stress, separate, left)
+
+
+def with_first(bench: Bench, first: Candidate, tried: Mapping[str, Refit]) -> tuple[MapFit, State]:
+    """The survey fitted with the first candidate in its model, or with the fault mended."""
+    if first.effect in tried:
+        return tried[first.effect].fit, tried[first.effect].solution.state
+    fault = next(fault for fault in bench.faults if fault.name == first.effect)
+    fit, solution = mended(bench.fit, bench.state, fault)
+    return fit, solution.state
 
 
 def is_fault(bench: Bench, candidate: Candidate) -> bool:

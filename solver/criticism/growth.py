@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from solver.criticism.refit import Refit, counted, race
-from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle
+from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
 from solver.criticism.score import Scorer
 from solver.effects.catalogue import find
 from solver.effects.effect import Effect
@@ -92,7 +92,10 @@ def grow(
     """
     before = held_out_chi2(fit.problem, advance, at=(fit, state))
     if name in FAULTS:
-        new, end = mended(fit, state, name)
+        fault = FAULTS[name](fit, state)
+        if fault is None:
+            raise InputError(f"{name}: nothing of the kind is in this survey's residual")
+        new, end = mended(fit, state, fault)
         if name == "cycle_skips":
             # Samples are taken out and no model changes: there is nothing that held-out passes could compare.
             return Grown(new, end, (None, before))
@@ -103,17 +106,6 @@ def grow(
     refit = fitted_with(fit, state, effect, advance)
     after = held_out_chi2(refit.fit.problem, advance, at=(refit.fit, refit.solution.state))
     return Grown(refit.fit, refit.solution, (before, after))
-
-
-def mended(fit: MapFit, state: State, name: str) -> tuple[MapFit, Solution]:
-    """The survey with a fault mended, fitted again."""
-    fault = FAULTS[name](fit, state)
-    if fault is None:
-        raise InputError(f"{name}: nothing of the kind is in this survey's residual")
-    new = MapFit(fault.mend(fit.problem))
-    numbers = state.numbers if len(state.numbers) == new.extension.size else None
-    start = new.start_at(state.coefficients, state.poisson_ratio, numbers)
-    return new, solve(new, start, iterations=60)
 
 
 def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[int], None]) -> Refit:

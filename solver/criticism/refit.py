@@ -14,9 +14,9 @@ from solver.fit.least_squares import HUBER, Linearized, MapFit, Solution, State,
 from solver.fit.problem import Problem
 
 #: Steps of each round of the race, and rounds.
-PACE, ROUNDS = 4, 8
+PACE, ROUNDS = 4, 6
 #: Times the fall that the next step predicts which a fit may still hope for.
-HOPE = 5.0
+HOPE = 2.0
 #: Share of the leader's evidence that one must have, or may hope for, to go on.
 STAY = 0.75
 

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from solver.fit.least_squares import HUBER, MapFit, State
+from solver.fit.least_squares import HUBER, MapFit, Solution, State, solve
 from solver.fit.problem import Problem
 from solver.model import Fiber, Traffic, Vehicles
 from solver.trajectory import Pass
@@ -208,3 +208,10 @@ def find_cycle_skips(fit: MapFit, state: State, good: NDArray[np.float64]) -> Fa
     rate = count / total
     words = f"{count} of {total} samples jump by many sigmas and back; they are left out of the fit"
     return Fault("cycle_skips", "interrogator", fall, 1, 1, rate, rate / count**0.5, "1", 5 / total, words, mend)
+
+
+def mended(fit: MapFit, state: State, fault: Fault) -> tuple[MapFit, Solution]:
+    """The survey with a fault mended, fitted again."""
+    new = MapFit(fault.mend(fit.problem))
+    numbers = state.numbers if len(state.numbers) == new.extension.size else None
+    return new, solve(new, new.start_at(state.coefficients, state.poisson_ratio, numbers), iterations=60)

@@ -26,7 +26,7 @@ G = 30.0
 #: A direction of which less than this share of its variance is left by the fit cannot be told from the route.
 INVISIBLE = 1e-6
 #: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
-FINE, STARTS, HALVINGS = 8, 3, 4
+FINE, STARTS, HALVINGS = 8, 2, 3
 
 
 def evidence(fall: float, freedom: int, trials: int) -> float:

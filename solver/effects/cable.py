@@ -43,22 +43,29 @@ def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     "conduit_slip",
     "cable",
     [
-        Parameter("share", "1", 0.5, lower=0, upper=1),
-        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 4.0).tolist())),
+        Parameter("share", "1", 0.5, lower=0, upper=1.5),
+        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 3.0).tolist())),
         Parameter("length", "m", 2.0, lower=4, upper=60, grid=(8.0, 13.0, 20.0, 35.0)),
     ],
     physics="The fiber slips in its conduit and feels only the mean strain between the points that hold it.",
     source="Equilibrium: where nothing grips it, the tension of a fiber, and so its strain, is the same all along.",
 )
 def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
-    """Channels within the free length show its mean; place is from the middle of the channels, along the fiber."""
+    """The free length shows its mean strain; place is from the middle of the channels, along the fiber.
+
+    It is the strain at a point that is evened out, before the gauge averages it; from the channels' strain that is
+    found by undoing the average in two steps (van Cittert 1931, Z. Phys. 69, 298).
+    """
     s = survey.distance
     center = (s.min() + s.max()) / 2 + p["place"]
     edge = survey.channel_spacing / 2
     inside = torch.sigmoid((p["length"] / 2 - (s - center).abs()) / (edge / 2))
-    mean = inside[:, None] * inside / inside.sum().clamp_min(1e-6)
+    evened = inside[:, None] * inside / inside.sum().clamp_min(1e-6) - torch.diag(inside)
     eye = torch.eye(len(s), dtype=s.dtype)
-    return cable.mixed(eye + p["share"] * (mean - torch.diag(inside)))
+    within = (survey.gauge_length - (s[:, None] - s).abs() * 2) / (2 * survey.channel_spacing) + 0.5
+    gauge = within.clamp(0, 1) / within.clamp(0, 1).sum(1, keepdim=True)
+    sharper = eye + (eye - gauge) + (eye - gauge) @ (eye - gauge)
+    return cable.mixed(eye + p["share"] * (gauge @ evened @ sharper))
 
 
 @effect(

@@ -145,23 +145,27 @@ def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
     "load",
     [
         Parameter("deceleration", "g", 0.15, lower=-0.6, upper=0.8, scope="pass"),
-        Parameter("place", "m", 2.0, grid=tuple(np.arange(-40.0, 40.1, 8.0).tolist())),
+        Parameter("place", "m", 2.0, grid=tuple(np.arange(-40.0, 40.1, 10.0).tolist())),
+        Parameter("before", "m", 2.0, grid=(-15.0, 0.0, 15.0)),
+        Parameter("width", "s", 0.3, lower=0.2, upper=3.0, grid=(0.8,)),
     ],
-    physics="A vehicle that brakes pushes the road ahead and loads its front axle, for about two seconds.",
+    physics="A vehicle that brakes pushes the road ahead and loads its front axle, for some seconds.",
     source="Cerruti 1882; Johnson 1985, Contact Mechanics, section 3.6; Gillespie 1992, section 3.",
     told_from="an error of the track over the same seconds",
 )
 def braking(load: Load, p: Values, survey: Surroundings) -> Load:
-    """Smooth push of about two seconds around a place, of each vehicle's own strength."""
+    """Smooth push so far before a place, either way; each vehicle brakes as hard as it does."""
     driven = load.trajectory
-    time = (driven.position[..., 0] - survey.middle[0] - p["place"]) / driven.speed.clamp_min(0.5)
+    way = driven.heading[..., 0].sign()
+    ahead = (driven.position[..., 0] - survey.middle[0] - p["place"]) * way + p["before"]
+    time = ahead / driven.speed.clamp_min(0.5) / p["width"]
     push = p["deceleration"] * torch.exp(-0.5 * time**2)
     pushed = load.pushing(along=push)
     if load.position.shape[-2] != 4:
         return pushed
     # Height of the center of mass over the wheelbase of most vehicles: 0.6 m over 2.7 m.
     transfer = 0.22 * push[..., None] * torch.tensor([0.5, 0.5, -0.5, -0.5], dtype=torch.float64)
-    rate = -transfer * (time * driven.heading[..., 0].sign())[..., None]
+    rate = -transfer * (time / p["width"])[..., None]
     return replace(pushed, share=load.share + transfer, share_rate=rate)
 
 
