@@ -11,10 +11,10 @@ import numpy as np
 from scipy.stats import chi2 as chi2_law
 
 from solver.criticism.audit import NoiseAudit, audit
-from solver.criticism.refit import Refit, counted, race
+from solver.criticism.refit import Refit, race, unshifted
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
 from solver.criticism.score import Score, Scorer, evidence, score_all, similarity
-from solver.criticism.spectrum import fan_contrast
+from solver.criticism.spectrum import filtered_by
 from solver.effects.catalogue import FAMILIES, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
@@ -29,10 +29,11 @@ FOUND = 8.0
 CLOSE, ALIKE = 6.0, 0.95
 #: Share of the winner's evidence at which one of its own family is not ruled out.
 RIVAL = 0.8
-#: Share of the winner's fall of chi2 that may be left to others before the winner is doubted.
-LEFT = 0.12
-#: Contrast of the noise's spectrum that an FK filter leaves.
-FILTERED = 5.0
+#: Share of the winner's fall of chi2 that may be left to a stand-in of its own stage, whose law differs a little from
+#: the catalogue's, and of another stage, before the winner is doubted.
+LEFT, ASTRAY = 0.12, 0.025
+#: Share of its plausible size below which an effect may be there and explains nothing.
+NEGLIGIBLE = 0.07
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: What a whole track may be off without being an effect, m.
@@ -139,10 +140,15 @@ class Bench:
     def of(cls, fit: MapFit, state: State, effects: Sequence[Effect], advance: Advance) -> "Bench":
         """Score `effects`, those in the model left out."""
         scorer = Scorer(fit, state)
-        inside = {one.name for one in fit.problem.effects} | ({"curved_gauge"} if fit.problem.curved else set())
-        table = score_all(scorer, [one for one in effects if one.name not in inside], advance)
+        table = score_all(scorer, scorable(fit.problem, effects), advance)
         searches = (find_unseen_vehicle(fit, state), find_cycle_skips(fit, state, scorer.at.weights.good.numpy()))
         return cls(fit, state, scorer, table, [fault for fault in searches if fault is not None])
+
+
+def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
+    """Effects that are not in the model already."""
+    inside = {one.name for one in problem.effects} | ({"curved_gauge"} if problem.curved else set())
+    return [one for one in effects if one.name not in inside]
 
 
 def strict_tracks(problem: Problem) -> Problem:
@@ -193,7 +199,9 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
         estimate = float(np.sqrt(np.mean(np.asarray(numbers) ** 2)))
     # Where nothing is left of an effect no size of it would show.
     detectable = 5 * sigma if sigma < 1e3 * parameter.plausible else float("inf")
-    if strength > FOUND:
+    if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible and score.freedom == 1:
+        verdict = "negligible"
+    elif strength > FOUND:
         verdict = "present"
     elif detectable > 3 * parameter.plausible:
         verdict = "inconclusive"
@@ -221,11 +229,19 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
     )
 
 
-def racers(table: Sequence[Score]) -> list[Score]:
-    """Those to be fitted in full: the best of the physical and of the generic ones."""
+def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
+    """Those to be fitted in full: the best of the physical and of the generic ones.
+
+    A stand-in among them brings the best physical effects of its stage along: what it stands in for may be one whose
+    score, at its null, says little of it.
+    """
     able = [s for s in table if s.evidence > FOUND]
-    physical = [s for s in able if not s.effect.generic][: RACERS - 2]
-    return physical + [s for s in able if s.effect.generic][:2]
+    generic = [s for s in able if s.effect.generic][:2]
+    physical = [s for s in able if not s.effect.generic]
+    chosen = physical[: most - 2]
+    for one in generic:
+        chosen += [s for s in physical if s.effect.stage == one.effect.stage and s not in chosen][:2]
+    return chosen + generic
 
 
 def diagnose(
@@ -261,7 +277,8 @@ def diagnose(
     bench = Bench.of(fit, state, effects, advance)
     if not check.passed:
         return unranked(bench, check)
-    tried = race(fit, state, racers(bench.table), counted(fit, bench.scorer.at), advance)
+    late = unshifted(bench.scorer, scorable(problem, effects))[: RACERS - 2]
+    tried = race(bench.scorer, racers(bench.table), advance, late)
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]
     ranked.sort(key=lambda c: -c.evidence)
@@ -276,14 +293,11 @@ def unranked(bench: Bench, check: NoiseAudit) -> Diagnosis:
     words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(check.faults)
     listed = tuple(replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table)
     survey = bench.fit.problem
-    contrast = fan_contrast(survey.record / survey.noise.numpy(), survey.sampling_rate, survey.channel_spacing)
-    filtered = next((c for c in listed if c.effect == "fk_filter"), None)
-    if filtered is None or not contrast > FILTERED:
+    found = filtered_by(survey.record / survey.noise.numpy(), survey.sampling_rate, survey.channel_spacing)
+    filtered = next((c for c in listed if found and c.effect == found[0]), None)
+    if found is None or filtered is None:
         return Diagnosis("inconclusive", words, listed, check, bench.scorer.stress)
-    words = (
-        f"fk_filter is missing at the processing stage: noise at speeds and frequencies of vehicles is {contrast:.0f} "
-        f"times that beside them, so the record was filtered; better diagnose it as it was before. ({words})"
-    )
+    words = f"{found[0]} is missing at the processing stage: {found[1]}; better diagnose the record as it was before it"
     first = replace(filtered, verdict="present")
     return Diagnosis("missing-effect", words, order(listed, first), check, bench.scorer.stress)
 
@@ -315,9 +329,9 @@ def judge(
     again = Bench.of(fit, state, suspects(bench.table, effects), advance)
     others = [s for s in again.table if s.evidence > FOUND]
     left = others[0].evidence if others else 0.0
-    second = race(fit, state, racers(others)[:BESIDE], counted(fit, again.scorer.at), advance)
+    second = race(again.scorer, racers(others, BESIDE), advance)
     best = max(second.values(), key=lambda r: r.evidence, default=None)
-    if best is not None and best.effect.generic and best.fall > LEFT * max(first.delta_chi2, 1.0):
+    if best is not None and best.effect.generic and best.fall > left_over(first, best) * max(first.delta_chi2, 1.0):
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
             f"acts at the {best.effect.stage} stage ({best.effect.physics.rstrip('.').lower()})"
@@ -337,6 +351,11 @@ def judge(
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     rest = [faults.get(c.effect, c) for c in rest]
     return Diagnosis("missing-effect", words, order(rest, first), check, stress, separate, left)
+
+
+def left_over(first: Candidate, best: Refit) -> float:
+    """Share of the first candidate's fall that it may leave to a stand-in before it is doubted."""
+    return LEFT if best.effect.stage == first.stage else ASTRAY
 
 
 def with_first(bench: Bench, first: Candidate, tried: Mapping[str, Refit]) -> tuple[MapFit, State]:

@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.criticism.score import Score, evidence
+from solver.criticism.score import Score, Scorer, evidence, score_all
 from solver.effects.effect import Effect
-from solver.fit.least_squares import HUBER, Linearized, MapFit, Solution, State, solve
+from solver.fit.least_squares import HUBER, Linearized, MapFit, Solution, State, Weights, solve
 from solver.fit.problem import Problem
 
 #: Steps of each round of the race, and rounds.
@@ -19,6 +19,8 @@ PACE, ROUNDS = 4, 6
 HOPE = 2.0
 #: Share of the leader's evidence that one must have, or may hope for, to go on.
 STAY = 0.75
+#: Shifts of the tracks, times what was expected, that a delay may be behind; and numbers of what may be a delay.
+SHIFTED, FEW = 3.0, 3
 
 
 def counted(fit: MapFit, at: Linearized) -> Tensor:
@@ -75,8 +77,17 @@ def amplitudes(fit: MapFit, state: State) -> NDArray[np.float64]:
     return np.concatenate([state.numbers[slot.where].numpy() for slot in slots])
 
 
-def started(fit: MapFit, state: State, score: Score) -> State:
-    """The state of a fit without the candidate, moved toward the score test's estimate as far as the misfit falls."""
+def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> State:
+    """The state without the candidate, moved with all that was fitted toward the score's estimate, if the misfit falls.
+
+    Parameters
+    ----------
+    fit : with the candidate
+    scorer : without it
+    score : of the candidate
+    weights : of the samples
+    """
+    state = scorer.state
     extension = fit.extension
     slots = [slot for slot in extension.slots if slot.effect is score.effect]
     base = extension.numbers({score.effect.name: score.shape})
@@ -95,24 +106,47 @@ def started(fit: MapFit, state: State, score: Score) -> State:
             change[slot.where] = estimate[first : first + count]
             first += count
     change = torch.nan_to_num(change).clamp(-1e6, 1e6)
-    every = fit.linearized(replace(state, numbers=base)).weights
-    best = replace(state, numbers=base)
-    cost = np.inf
+    moved = torch.zeros_like(scorer.fit.mean)
+    moved[scorer.fit.free] = scorer.along(score)
+    best, cost = replace(state, numbers=base), np.inf
     for step in (1.0, 0.5, 0.2, 0.05):
-        trial = fit.bounded(replace(state, numbers=base + step * change))
-        trial = fit.settled(trial, every)
-        new = fit.cost(trial, every)
+        there = state.moved(state.vector() + step * moved)
+        numbers = base + step * change
+        numbers[: len(there.numbers)] = there.numbers
+        trial = fit.bounded(replace(there, numbers=numbers))
+        if not fit.buried(trial):
+            continue
+        trial = fit.settled(trial, weights)
+        new = fit.cost(trial, weights)
         if new < cost:
             best, cost = trial, new
     return best
 
 
+def without_shifts(state: State) -> State:
+    """The state with every vehicle where its track has it."""
+    along = torch.zeros_like(state.vehicles.along)
+    return replace(state, vehicles=replace(state.vehicles, along=along))
+
+
+def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
+    """What effects of few numbers alone would explain, were no track shifted along; only where tracks were, far.
+
+    Whatever delays the record shifts all vehicles, and once they are shifted the better explanation is out of sight.
+    """
+    few = [one for one in effects if len(one.amplitudes) <= FEW and not one.generic]
+    along = scorer.state.vehicles.along
+    if along.square().mean().sqrt() < SHIFTED * scorer.fit.problem.prior.along:
+        return []
+    alone = Scorer(scorer.fit, without_shifts(scorer.state), alone=True)
+    return [(alone, score) for score in score_all(alone, few)]
+
+
 def race(
-    fit: MapFit,
-    state: State,
+    scorer: Scorer,
     scores: Sequence[Score],
-    counts: Tensor,
     advance: Callable[[int], None] = lambda n: None,
+    others: Sequence[tuple[Scorer, Score]] = (),
 ) -> dict[str, Refit]:
     """Fit everything again with each candidate in the model; those that fall behind stop early.
 
@@ -122,27 +156,38 @@ def race(
 
     Parameters
     ----------
-    fit, state : without the candidates, converged
+    scorer : at the converged fit without the candidates
     scores : of the candidates
-    counts : [sample, channel], see `counted`
+    advance : called with 1 after each round of each candidate
+    others : candidates that start elsewhere too, see `unshifted`
     """
     if not scores:
         return {}
-    fits = {score.effect.name: MapFit(with_effect(fit.problem, score.effect)) for score in scores}
-    by_name = {score.effect.name: score for score in scores}
-    states = {name: started(fits[name], state, by_name[name]) for name in fits}
+    counts = counted(scorer.fit, scorer.at)
+    weights = Weights((counts > 0).double(), counts**2)
+    by_name: dict[str, Score] = {}
+    fits: dict[str, MapFit] = {}
+    starts: dict[str, list[State]] = {}
+    for at, score in [*((scorer, one) for one in scores), *others]:
+        name = score.effect.name
+        if name not in fits:
+            by_name[name], fits[name], starts[name] = score, MapFit(with_effect(scorer.fit.problem, score.effect)), []
+        starts[name].append(started(fits[name], at, score, weights))
     solutions: dict[str, Solution] = {}
     falls: dict[str, float] = {}
-    running, favorite, before = list(fits), scores[0].effect.name, loss(fit, state, counts)
+    running, favorite, before = list(fits), scores[0].effect.name, loss(scorer.fit, scorer.state, counts)
 
     def standing(name: str, hoped: float = 0.0) -> float:
         return evidence(falls[name] + hoped, by_name[name].freedom, by_name[name].trials)
 
     for _ in range(ROUNDS):
         for name in running:
-            solutions[name] = solve(fits[name], states[name], iterations=PACE)
-            states[name] = solutions[name].state
-            falls[name] = before - loss(fits[name], states[name], counts)
+            for start in starts[name]:
+                end = solve(fits[name], start, iterations=PACE)
+                fall = before - loss(fits[name], end.state, counts)
+                if name not in falls or fall > falls[name]:
+                    solutions[name], falls[name] = end, fall
+            starts[name] = [solutions[name].state]
             advance(1)
         least = STAY * max(map(standing, fits))
         running = [
@@ -158,7 +203,7 @@ def race(
             solutions[name],
             falls[name],
             standing(name),
-            amplitudes(fits[name], states[name]),
+            amplitudes(fits[name], solutions[name].state),
         )
         for name in fits
     }

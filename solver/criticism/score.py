@@ -79,10 +79,11 @@ class Scorer:
     ----------
     fit : the fit
     state : where it converged
+    alone : hold all that was fitted, wherever the state is
     """
 
-    def __init__(self, fit: MapFit, state: State):
-        self.fit, self.state = fit, state
+    def __init__(self, fit: MapFit, state: State, alone: bool = False):
+        self.fit, self.state, self.alone = fit, state, alone
         self.at: Linearized = fit.linearized(state)
         matrix, right, _ = fit.normal_of(state, self.at)
         self.factor = torch.linalg.cholesky(matrix)
@@ -175,11 +176,19 @@ class Scorer:
 
     def project(self, columns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Score [number], information [number, number] and their unprojected squares [number]."""
+        gram = columns.T @ columns
+        if self.alone:
+            return columns.T @ self.at.residual, gram, gram.diagonal()
         crossed = self.jacobian.T @ columns
         half = torch.linalg.solve_triangular(self.factor, crossed, upper=False)
         score = columns.T @ self.at.residual - crossed.T @ self.step
-        gram = columns.T @ columns
         return score, gram - half.T @ half, gram.diagonal()
+
+    def along(self, score: Score) -> Tensor:
+        """How all that was fitted [free] moves with a score's estimate."""
+        if self.alone:
+            return torch.zeros(self.jacobian.shape[1], dtype=torch.float64)
+        return -torch.cholesky_solve((self.jacobian.T @ score.signal)[:, None], self.factor)[:, 0]
 
     def score(self, effect: Effect, shape: dict[str, float], shared: bool, columns: Tensor, trials: int) -> Score:
         """The score test of given directions [sample * channel, number]."""

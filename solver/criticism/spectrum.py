@@ -1,4 +1,4 @@
-"""What the spectrum of a record's noise says of filters that it went through before."""
+"""Filters that a record went through before, as its noise and its very values show them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 BLOCK = 25.0
 #: Wavelengths too short for a load on the road to make them, 1/m: noise alone.
 SHORT = 0.18
+#: Contrast of the noise's spectrum that an FK filter leaves, and share of repeated samples that a median filter does.
+FILTERED, REPEATED = 5.0, 0.05
 
 
 def power(record: Array, sampling_rate: float, spacing: float) -> tuple[Array, Array, Array]:
@@ -60,3 +62,32 @@ def fan_contrast(record: Array, sampling_rate: float, spacing: float) -> float:
     # Medians: a machine hums at one frequency.
     level = [float(np.median(total[where])) for where in (inside, fast, slow)]
     return level[0] / max(level[1:])
+
+
+def repeated_share(record: Array) -> float:
+    """Share of samples that are exactly their neighbor's, beyond what rounded values have in common anyway.
+
+    A median is one of the samples themselves, and often that of the next window too.
+
+    >>> rng = np.random.default_rng(0)
+    >>> noise = rng.normal(size=(400, 60))
+    >>> from scipy.ndimage import median_filter
+    >>> repeated_share(noise), repeated_share(median_filter(noise, (3, 5))) > 0.1
+    (0.0, True)
+    >>> abs(repeated_share(noise.round())) < 0.01
+    True
+    """
+    near = max(np.mean(np.diff(record, axis=axis) == 0) for axis in (0, 1))
+    far = np.mean(record[: len(record) // 2] == record[len(record) - len(record) // 2 :])
+    return float(near - far)
+
+
+def filtered_by(record: Array, sampling_rate: float, spacing: float) -> tuple[str, str] | None:
+    """Name of the filter that a record [sample, channel] went through, as in the catalogue, and how it shows."""
+    contrast = fan_contrast(record, sampling_rate, spacing)
+    if contrast > FILTERED:
+        return "fk_filter", f"noise at speeds and frequencies of vehicles is {contrast:.0f} times that beside them"
+    repeated = repeated_share(record)
+    if repeated > REPEATED:
+        return "median_filter", f"{100 * repeated:.0f} % of the samples are exactly the same as their neighbors"
+    return None
