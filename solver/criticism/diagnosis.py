@@ -23,8 +23,8 @@ from solver.fit.problem import Problem
 
 Advance = Callable[[int], None]
 
-#: ln of the Bayes factor above which an effect counts as found; 1 in 3000 for even odds.
-FOUND = 8.0
+#: ln of the Bayes factor above which an effect counts as found: noise that is not quite as estimated may reach 8.
+FOUND = 12.0
 #: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
 CLOSE, ALIKE = 6.0, 0.95
 #: Share of the winner's evidence at which one of its own family is not ruled out.
@@ -33,7 +33,7 @@ RIVAL = 0.8
 #: the catalogue's, and of another stage, before the winner is doubted.
 LEFT, ASTRAY = 0.12, 0.025
 #: Share of its plausible size below which an effect may be there and explains nothing.
-NEGLIGIBLE = 0.07
+NEGLIGIBLE = 0.1
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: What a whole track may be off without being an effect, m.
@@ -199,7 +199,7 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
         estimate = float(np.sqrt(np.mean(np.asarray(numbers) ** 2)))
     # Where nothing is left of an effect no size of it would show.
     detectable = 5 * sigma if sigma < 1e3 * parameter.plausible else float("inf")
-    if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible and score.freedom == 1:
+    if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible:
         verdict = "negligible"
     elif strength > FOUND:
         verdict = "present"
@@ -222,7 +222,7 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
         sigma=sigma,
         unit=parameter.unit,
         numbers=score.freedom,
-        shape=score.shape,
+        shape=score.shape if tried is None else tried.shape,
         retained_share=score.retained,
         detectable_size=detectable,
         refitted=tried is not None,

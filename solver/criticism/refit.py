@@ -56,6 +56,7 @@ class Refit:
     fall : how far the robust misfit fell
     evidence : ln of the Bayes factor, from that fall
     estimate : [number], its numbers without its shape's
+    shape : values of its shape parameters
     """
 
     effect: Effect
@@ -64,6 +65,7 @@ class Refit:
     fall: float
     evidence: float
     estimate: NDArray[np.float64]
+    shape: dict[str, float]
 
 
 def with_effect(problem: Problem, effect: Effect) -> Problem:
@@ -75,6 +77,12 @@ def amplitudes(fit: MapFit, state: State) -> NDArray[np.float64]:
     """Numbers [number] of the last effect in the model, those of its shape left out."""
     slots = [s for s in fit.extension.slots if s.effect is fit.extension.effects[-1] and not s.parameter.is_shape]
     return np.concatenate([state.numbers[slot.where].numpy() for slot in slots])
+
+
+def shape_of(fit: MapFit, state: State) -> dict[str, float]:
+    """Values of the shape parameters of the last effect in the model."""
+    slots = [s for s in fit.extension.slots if s.effect is fit.extension.effects[-1] and s.parameter.is_shape]
+    return {slot.parameter.name: float(state.numbers[slot.where][0]) for slot in slots}
 
 
 def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> State:
@@ -204,6 +212,7 @@ def race(
             falls[name],
             standing(name),
             amplitudes(fits[name], solutions[name].state),
+            shape_of(fits[name], solutions[name].state),
         )
         for name in fits
     }

@@ -194,8 +194,8 @@ FAR, NEAR = 10.0, 3.0
     "rayleigh_wave",
     "ground",
     [
-        Parameter("sine", "1", 0.02, lower=-0.5, upper=0.5, scope="pass"),
-        Parameter("cosine", "1", 0.02, lower=-0.5, upper=0.5, scope="pass"),
+        Parameter("sine", "1", 0.01, lower=-0.5, upper=0.5, scope="pass"),
+        Parameter("cosine", "1", 0.01, lower=-0.5, upper=0.5, scope="pass"),
         Parameter("frequency", "Hz", 0.2, lower=1.5, upper=20, grid=(3.0, 6.0, 10.0)),
         Parameter("speed", "m/s", 30.0, lower=60, upper=400, grid=(160.0,)),
     ],

@@ -46,7 +46,7 @@ def gauge_length(interrogator: Interrogator, p: Values, survey: Surroundings) ->
 @effect(
     "pulse_width",
     "interrogator",
-    [Parameter("width_squared", "m^2", 36.0, lower=0, upper=225)],
+    [Parameter("width_squared", "m^2", 25.0, lower=0, upper=225)],
     physics="The light pulse blurs strain along the fiber, beside the gauge.",
     source="Dean, Cuny and Hartog 2017.",
     told_from="shear lag and wheels",
@@ -72,7 +72,7 @@ def time_averaging(interrogator: Interrogator, p: Values, survey: Surroundings) 
 @effect(
     "highpass",
     "interrogator",
-    [Parameter("corner", "Hz", 0.05, lower=0, upper=2)],
+    [Parameter("corner", "Hz", 0.03, lower=0, upper=2)],
     physics="The interrogator is AC-coupled: what lasts is lost.",
     source="First-order RC filter.",
     told_from="a Maxwell ground",
