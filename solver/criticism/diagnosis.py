@@ -8,13 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2 as chi2_law
 
 from solver.criticism.audit import NoiseAudit, audit
+from solver.criticism.candidate import FOUND, Candidate, fault_candidate, score_candidate
 from solver.criticism.refit import Refit, race, unshifted
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
-from solver.criticism.score import Score, Scorer, evidence, score_all, similarity
+from solver.criticism.score import Score, Scorer, score_all, similarity
 from solver.criticism.spectrum import filtered_by
+from solver.criticism.verdict_words import missing_words, power_words, unknown_words
 from solver.effects.catalogue import FAMILIES, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
@@ -23,8 +24,6 @@ from solver.fit.problem import Problem
 
 Advance = Callable[[int], None]
 
-#: ln of the Bayes factor above which an effect counts as found: noise that is not quite as estimated may reach 8.
-FOUND = 12.0
 #: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
 CLOSE, ALIKE = 6.0, 0.95
 #: Share of the winner's evidence at which one of its own family is not ruled out.
@@ -32,66 +31,12 @@ RIVAL = 0.8
 #: Share of the winner's fall of chi2 that may be left to a stand-in of its own stage, whose law differs a little from
 #: the catalogue's, and of another stage, before the winner is doubted.
 LEFT, ASTRAY = 0.12, 0.025
-#: Share of its plausible size below which an effect may be there and explains nothing.
-NEGLIGIBLE = 0.1
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: What a whole track may be off without being an effect, m.
 ALONG, ACROSS = 0.3, 0.08
 #: How many enter the race of full fits, and how many that for what the winner leaves.
 RACERS, BESIDE = 7, 4
-
-ADVICE = {
-    "blur": "passes from 30 to 70 km/h, a second lane farther away, and two classes of vehicle",
-    "lag": "passes in both directions and at clearly different speeds",
-    "even": "passes in both directions, and slow ones, with some seconds of quiet after each",
-    "gain": "a second lane, and an anchor on either side of the place",
-    "depth": "one point of the fiber with known depth",
-    "rigid": "two or more anchors, some tens of meters apart",
-}
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """What is said of one effect.
-
-    Parameters
-    ----------
-    effect, stage : as in the catalogue
-    generic : a stand-in for the unknown
-    verdict : present, excluded, negligible or inconclusive
-    delta_chi2 : fall of the misfit with it: of the full fit where there was one, else as predicted
-    predicted : fall that the score test predicted
-    evidence : ln of the Bayes factor
-    p_value : of the score test, for the shapes tried
-    estimate, sigma, unit : of its first number
-    numbers : how many it adds
-    shape : values of its shape parameters
-    retained_share : of its signal that the fit leaves visible
-    detectable_size : smallest size (5 sigma) that this survey would have shown
-    confounded_with : names it cannot be told apart from here
-    held_out_gain : fall of the held-out chi2 per degree of freedom; None where it was not tried
-    refitted : whether it was fitted in full
-    """
-
-    effect: str
-    stage: str
-    generic: bool
-    verdict: str
-    delta_chi2: float
-    predicted: float
-    evidence: float
-    p_value: float
-    estimate: float
-    sigma: float
-    unit: str
-    numbers: int
-    shape: Mapping[str, float]
-    retained_share: float
-    detectable_size: float
-    confounded_with: tuple[str, ...] = ()
-    held_out_gain: float | None = None
-    refitted: bool = False
 
 
 @dataclass(frozen=True)
@@ -163,70 +108,6 @@ def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
     """Fit a survey, from a state if there is one."""
     fit = MapFit(problem)
     return fit, solve(fit, fit.start() if state is None else state, iterations=60).state
-
-
-def fault_candidate(fault: Fault) -> Candidate:
-    """What is said of a fault of the survey."""
-    strength = evidence(fault.fall, fault.freedom, fault.trials)
-    found = strength > FOUND and (fault.name != "unseen_vehicle" or fault.estimate > 5 * fault.sigma)
-    return Candidate(
-        effect=fault.name,
-        stage=fault.stage,
-        generic=False,
-        verdict="present" if found else "excluded",
-        delta_chi2=fault.fall,
-        predicted=fault.fall,
-        evidence=strength,
-        p_value=min(1.0, fault.trials * float(chi2_law.sf(fault.fall, fault.freedom))),
-        estimate=fault.estimate,
-        sigma=fault.sigma,
-        unit=fault.unit,
-        numbers=fault.freedom,
-        shape={},
-        retained_share=1.0,
-        detectable_size=fault.detectable,
-    )
-
-
-def score_candidate(score: Score, tried: Refit | None) -> Candidate:
-    """What is said of an effect by its score and, where there was one, its full fit."""
-    parameter = score.effect.amplitudes[0]
-    sigma = float(np.nanmedian(score.sigma)) if len(score.sigma) else float("nan")
-    strength = score.evidence if tried is None else tried.evidence
-    estimate = float(score.estimate[0]) if tried is None else float(tried.estimate[0])
-    if score.freedom > 1:
-        numbers = score.estimate if tried is None else tried.estimate
-        estimate = float(np.sqrt(np.mean(np.asarray(numbers) ** 2)))
-    # Where nothing is left of an effect no size of it would show.
-    detectable = 5 * sigma if sigma < 1e3 * parameter.plausible else float("inf")
-    if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible:
-        verdict = "negligible"
-    elif strength > FOUND:
-        verdict = "present"
-    elif detectable > 3 * parameter.plausible:
-        verdict = "inconclusive"
-    elif detectable < 0.5 * parameter.plausible:
-        verdict = "excluded"
-    else:
-        verdict = "negligible"
-    return Candidate(
-        effect=score.effect.name,
-        stage=score.effect.stage,
-        generic=score.effect.generic,
-        verdict=verdict,
-        delta_chi2=score.fall if tried is None else tried.fall,
-        predicted=score.fall,
-        evidence=strength,
-        p_value=min(1.0, score.trials * float(chi2_law.sf(score.fall, score.freedom))),
-        estimate=estimate,
-        sigma=sigma,
-        unit=parameter.unit,
-        numbers=score.freedom,
-        shape=score.shape if tried is None else tried.shape,
-        retained_share=score.retained,
-        detectable_size=detectable,
-        refitted=tried is not None,
-    )
 
 
 def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
@@ -345,7 +226,7 @@ def judge(
             words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
             return Diagnosis("inconclusive", words, order(listed, first), check, stress, left=left)
     first = replace(first, confounded_with=confounded(bench, first, listed, tried))
-    words, separate = missing_words(first, bench, left)
+    words, separate = missing_words(first, bench.faults, left)
     # Whatever else lowers the misfit may do so in the winner's place: that is open until the winner is in the model.
     rest = [replace(c, verdict="inconclusive") if c.verdict == "present" else c for c in listed]
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
@@ -414,44 +295,3 @@ def held_out_gain(fit: MapFit, state: State, winner: Refit) -> float | None:
     without = held_out_chi2(fit.problem, at=(fit, state))
     with_it = held_out_chi2(winner.fit.problem, at=(winner.fit, winner.solution.state))
     return None if without is None or with_it is None else without - with_it
-
-
-def number(value: float) -> str:
-    """A number for people."""
-    return f"{value:.3g}"
-
-
-def missing_words(first: Candidate, bench: Bench, left: float) -> tuple[str, str]:
-    """Verdict on a missing effect, and what survey would tell its twins apart."""
-    fault = next((f for f in bench.faults if f.name == first.effect), None)
-    what = fault.words if fault else f"{first.effect} is missing at the {first.stage} stage"
-    unit = "" if first.unit == "1" else f" {first.unit}"
-    size = f"; size {number(first.estimate)} +- {number(first.sigma)}{unit}"
-    words = f"{what}{size}; adding it lowers chi2 by {first.delta_chi2:.0f}"
-    if left > FOUND:
-        words += "; more is missing beside it: add it and diagnose again"
-    if not first.confounded_with:
-        return words, ""
-    words += f". This survey cannot tell it from {', '.join(first.confounded_with)}"
-    kinds = [kind for kind in families_of(first.effect) if set(FAMILIES[kind]) & set(first.confounded_with)]
-    return words, "; ".join(ADVICE[kind] for kind in kinds) or "another lane, other speeds, or an anchor"
-
-
-def unknown_words(first: Candidate, physical: Sequence[Candidate]) -> str:
-    """Verdict on something unknown."""
-    words = (
-        f"an unknown effect acts at the {first.stage} stage: nothing in the catalogue explains what {first.effect} does"
-    )
-    if physical:
-        words += (
-            f"; nearest is {physical[0].effect}, with {100 * physical[0].delta_chi2 / first.delta_chi2:.0f} % of it"
-        )
-    return words
-
-
-def power_words(listed: Sequence[Candidate]) -> str:
-    """What could have hidden, where nothing was found."""
-    blind = [c.effect for c in listed if c.verdict == "inconclusive" and not c.generic]
-    if not blind:
-        return "Every effect of the catalogue would have shown at a plausible size."
-    return f"It could not have shown: {', '.join(blind)}."

@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.figure import Figure
 
-from solver.criticism.diagnosis import FOUND, Candidate, Diagnosis
+from solver.criticism.candidate import FOUND, Candidate
+from solver.criticism.diagnosis import Diagnosis
 from solver.criticism.growth import Rung
 from solver.run.report.drawing import canvas, place
 from solver.run.report.page import resource

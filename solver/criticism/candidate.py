@@ -1,0 +1,123 @@
+"""What is said of one effect, or of one fault of the survey."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2 as chi2_law
+
+from solver.criticism.refit import Refit
+from solver.criticism.repairs import Fault
+from solver.criticism.score import Score, evidence
+
+#: ln of the Bayes factor above which an effect counts as found: noise that is not quite as estimated may reach 8.
+FOUND = 12.0
+#: Share of its plausible size below which an effect may be there and explains nothing.
+NEGLIGIBLE = 0.1
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What is said of one effect.
+
+    Parameters
+    ----------
+    effect, stage : as in the catalogue
+    generic : a stand-in for the unknown
+    verdict : present, excluded, negligible or inconclusive
+    delta_chi2 : fall of the misfit with it: of the full fit where there was one, else as predicted
+    predicted : fall that the score test predicted
+    evidence : ln of the Bayes factor
+    p_value : of the score test, for the shapes tried
+    estimate, sigma, unit : of its first number
+    numbers : how many it adds
+    shape : values of its shape parameters
+    retained_share : of its signal that the fit leaves visible
+    detectable_size : smallest size (5 sigma) that this survey would have shown
+    confounded_with : names it cannot be told apart from here
+    held_out_gain : fall of the held-out chi2 per degree of freedom; None where it was not tried
+    refitted : whether it was fitted in full
+    """
+
+    effect: str
+    stage: str
+    generic: bool
+    verdict: str
+    delta_chi2: float
+    predicted: float
+    evidence: float
+    p_value: float
+    estimate: float
+    sigma: float
+    unit: str
+    numbers: int
+    shape: Mapping[str, float]
+    retained_share: float
+    detectable_size: float
+    confounded_with: tuple[str, ...] = ()
+    held_out_gain: float | None = None
+    refitted: bool = False
+
+
+def fault_candidate(fault: Fault) -> Candidate:
+    """What is said of a fault of the survey."""
+    strength = evidence(fault.fall, fault.freedom, fault.trials)
+    found = strength > FOUND and (fault.name != "unseen_vehicle" or fault.estimate > 5 * fault.sigma)
+    return Candidate(
+        effect=fault.name,
+        stage=fault.stage,
+        generic=False,
+        verdict="present" if found else "excluded",
+        delta_chi2=fault.fall,
+        predicted=fault.fall,
+        evidence=strength,
+        p_value=min(1.0, fault.trials * float(chi2_law.sf(fault.fall, fault.freedom))),
+        estimate=fault.estimate,
+        sigma=fault.sigma,
+        unit=fault.unit,
+        numbers=fault.freedom,
+        shape={},
+        retained_share=1.0,
+        detectable_size=fault.detectable,
+    )
+
+
+def score_candidate(score: Score, tried: Refit | None) -> Candidate:
+    """What is said of an effect by its score and, where there was one, its full fit."""
+    parameter = score.effect.amplitudes[0]
+    sigma = float(np.nanmedian(score.sigma)) if len(score.sigma) else float("nan")
+    strength = score.evidence if tried is None else tried.evidence
+    estimate = float(score.estimate[0]) if tried is None else float(tried.estimate[0])
+    if score.freedom > 1:
+        numbers = score.estimate if tried is None else tried.estimate
+        estimate = float(np.sqrt(np.mean(np.asarray(numbers) ** 2)))
+    # Where nothing is left of an effect no size of it would show.
+    detectable = 5 * sigma if sigma < 1e3 * parameter.plausible else float("inf")
+    if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible:
+        verdict = "negligible"
+    elif strength > FOUND:
+        verdict = "present"
+    elif detectable > 3 * parameter.plausible:
+        verdict = "inconclusive"
+    elif detectable < 0.5 * parameter.plausible:
+        verdict = "excluded"
+    else:
+        verdict = "negligible"
+    return Candidate(
+        effect=score.effect.name,
+        stage=score.effect.stage,
+        generic=score.effect.generic,
+        verdict=verdict,
+        delta_chi2=score.fall if tried is None else tried.fall,
+        predicted=score.fall,
+        evidence=strength,
+        p_value=min(1.0, score.trials * float(chi2_law.sf(score.fall, score.freedom))),
+        estimate=estimate,
+        sigma=sigma,
+        unit=parameter.unit,
+        numbers=score.freedom,
+        shape=score.shape if tried is None else tried.shape,
+        retained_share=score.retained,
+        detectable_size=detectable,
+        refitted=tried is not None,
+    )
