@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import torch
 
 from solver.locate import Located, locate
 from solver.simulator import EFFECTS, Scenario, Survey, read_scenario, simulate, write_survey
@@ -30,7 +31,7 @@ KINDS = {"null": 0.25, "one": 0.4, "two": 0.1, "unknown": 0.15, "geometry": 0.1}
 FAIR = (
     "wheel_layout", "long_vehicle", "dynamic_load", "road_bump", "braking", "grade_drag", "unseen_vehicle",
     "poisson_gradient", "stiffness_contrast", "layered_ground", "gibson_soil", "viscoelastic_lag", "channel_coupling",
-    "shear_lag", "conduit_slip", "slack_spool", "curved_gauge", "channel_wander", "gauge_length", "pulse_width",
+    "shear_lag", "conduit_slip", "slack_spool", "channel_wander", "gauge_length", "pulse_width",
     "time_averaging", "highpass", "lowpass", "saturation", "cycle_skips", "common_mode", "fk_filter", "median_filter",
     "clock_offset", "track_bias", "track_bend", "track_jitter",
 )  # fmt: skip
@@ -151,6 +152,7 @@ def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
 
     from solver.criticism.diagnosis import diagnose
     from solver.effects.catalogue import built_in
+    from solver.fit.least_squares import MapFit
 
     scenario = draw_trial(seed, kind)
     survey = simulate(scenario)
@@ -159,7 +161,8 @@ def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
         truth = json.loads((site.parent / "truth.json").read_text(encoding="utf-8"))
         located = locate(read_site(site))
         begun = time.process_time()
-        found = diagnose(located.problem, effects=list(built_in().values()))
+        state = MapFit(located.problem).state_of(torch.from_numpy(located.result.vector))
+        found = diagnose(located.problem, state, effects=list(built_in().values()))
     first = found.candidates[0].effect if found.candidates else "none"
     said = {"verdict": found.verdict, "first": first, "cpu seconds": round(time.process_time() - begun, 1)}
     facts = {"seed": seed, "kind": kind_of(scenario.name), "hidden": truth["hidden_effect"]}

@@ -24,11 +24,25 @@ def plugins_of(folder: Path, more: list[Path] | None) -> list[Path]:
 
 
 def state_of(run: "Run") -> "State":
-    """Where the fit of a run ended."""
+    """Where the fit of a run ended.
+
+    Raises
+    ------
+    InputError
+        If the run is of a long fiber: effects would have to be the same along all of it.
+    """
     import torch
 
     from solver.fit.least_squares import MapFit
+    from solver.fit.windows import ONE_STRETCH, is_long
+    from vision.contract import InputError
 
+    if is_long(run.problem):
+        length = run.problem.distance[-1] - run.problem.distance[0]
+        raise InputError(
+            f"run of {length:.0f} m of fiber: a model is criticized over {ONE_STRETCH:.0f} m at most; "
+            "name a stretch as channels in site.toml and locate that"
+        )
     return MapFit(run.problem).state_of(torch.from_numpy(run.result.vector))
 
 
