@@ -111,18 +111,10 @@ def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
 
 
 def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
-    """Those to be fitted in full: the best of the physical and of the generic ones.
-
-    A stand-in among them brings the best physical effects of its stage along: what it stands in for may be one whose
-    score, at its null, says little of it.
-    """
+    """Those to be fitted in full: the best of the physical and of the generic ones."""
     able = [s for s in table if s.evidence > FOUND]
-    generic = [s for s in able if s.effect.generic][:2]
-    physical = [s for s in able if not s.effect.generic]
-    chosen = physical[: most - 2]
-    for one in generic:
-        chosen += [s for s in physical if s.effect.stage == one.effect.stage and s not in chosen][:2]
-    return chosen + generic
+    physical = [s for s in able if not s.effect.generic][: most - 2]
+    return physical + [s for s in able if s.effect.generic][:2]
 
 
 def diagnose(

@@ -14,7 +14,7 @@ from solver.fit.least_squares import HUBER, Linearized, MapFit, Solution, State,
 from solver.fit.problem import Problem
 
 #: Steps of each round of the race, and rounds.
-PACE, ROUNDS = 4, 6
+PACE, ROUNDS = 2, 12
 #: Times the fall that the next step predicts which a fit may still hope for.
 HOPE = 2.0
 #: Share of the leader's evidence that one must have, or may hope for, to go on.
