@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 #: Effect -> parameter -> value, local to rows and channels.
 Values = Mapping[str, Mapping[str, Tensor]]
 
-#: Knot spacing of what is smooth along the fiber or the road, m, and along a pass, s.
-SMOOTH, SMOOTH_TRACK = 10.0, 2.0
+#: Knot spacing of what is smooth along the fiber, half a gauge of the usual, and along the road, m, and a pass, s.
+SMOOTH, SMOOTH_ROAD, SMOOTH_TRACK = 5.0, 10.0, 2.0
 #: Effect that fits the slow error of each track.
 SLOW_ERROR = "track_jitter"
 
@@ -44,7 +44,7 @@ class Scopes:
         one_hot = torch.nn.functional.one_hot(traffic.pass_index, traffic.passes).double()
         x = traffic.position[:, 0].numpy()
         low, high = road
-        along_road = SplineBasis(low, max(high, low + SMOOTH), SMOOTH)
+        along_road = SplineBasis(low, max(high, low + SMOOTH_ROAD), SMOOTH_ROAD)
         tracks = []
         for number in range(traffic.passes):
             mine = traffic.pass_index == number

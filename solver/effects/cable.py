@@ -13,6 +13,24 @@ from solver.stages import Cable, Surroundings
 Values = Mapping[str, Tensor]
 
 
+def at_points(change: Tensor, survey: Surroundings) -> Tensor:
+    """Matrix [channel, channel] of channels whose strain at points, before the gauge averages it, changes linearly.
+
+    The strain at points is found from that of the channels by undoing the average in two steps (van Cittert 1931,
+    Z. Phys. 69, 298).
+
+    Parameters
+    ----------
+    change : [channel, channel], of the strain at the channels' middles
+    """
+    s = survey.distance
+    eye = torch.eye(len(s), dtype=s.dtype)
+    within = (survey.gauge_length - (s[:, None] - s).abs() * 2) / (2 * survey.channel_spacing) + 0.5
+    gauge = within.clamp(0, 1) / within.clamp(0, 1).sum(1, keepdim=True)
+    sharper = eye + (eye - gauge) + (eye - gauge) @ (eye - gauge)
+    return eye + gauge @ change @ sharper
+
+
 @effect(
     "channel_coupling",
     "cable",
@@ -22,8 +40,8 @@ Values = Mapping[str, Tensor]
     told_from="stiffness of the ground that changes along it",
 )
 def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
-    """Gain exp(log_gain), smooth along the fiber."""
-    return replace(cable, gain=cable.gain * torch.exp(p["log_gain"]))
+    """Gain exp(log_gain) of the strain at points, smooth along the fiber."""
+    return cable.mixed(at_points(torch.diag(torch.expm1(p["log_gain"])), survey))
 
 
 @effect(
@@ -51,21 +69,13 @@ def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     source="Equilibrium: where nothing grips it, the tension of a fiber, and so its strain, is the same all along.",
 )
 def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
-    """The free length shows its mean strain; place is from the middle of the channels, along the fiber.
-
-    It is the strain at a point that is evened out, before the gauge averages it; from the channels' strain that is
-    found by undoing the average in two steps (van Cittert 1931, Z. Phys. 69, 298).
-    """
+    """The free length shows its mean strain; place is from the middle of the channels, along the fiber."""
     s = survey.distance
     center = (s.min() + s.max()) / 2 + p["place"]
     edge = survey.channel_spacing / 2
     inside = torch.sigmoid((p["length"] / 2 - (s - center).abs()) / (edge / 2))
     evened = inside[:, None] * inside / inside.sum().clamp_min(1e-6) - torch.diag(inside)
-    eye = torch.eye(len(s), dtype=s.dtype)
-    within = (survey.gauge_length - (s[:, None] - s).abs() * 2) / (2 * survey.channel_spacing) + 0.5
-    gauge = within.clamp(0, 1) / within.clamp(0, 1).sum(1, keepdim=True)
-    sharper = eye + (eye - gauge) + (eye - gauge) @ (eye - gauge)
-    return cable.mixed(eye + p["share"] * (gauge @ evened @ sharper))
+    return cable.mixed(at_points(p["share"] * evened, survey))
 
 
 @effect(

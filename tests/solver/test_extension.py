@@ -113,7 +113,7 @@ def test_what_is_no_stage_is_refused():
 
 
 def test_neighbors_beyond_the_ends_are_computed_where_channels_mix():
-    plain, mixing = extension("channel_coupling"), extension("shear_lag")
+    plain, mixing = extension("channel_wander"), extension("shear_lag")
     assert plain.surroundings is not None and mixing.surroundings is not None and mixing.chosen is not None
     assert plain.chosen is None and len(plain.surroundings.distance) == 24
     assert len(mixing.surroundings.distance) == 32
