@@ -1,0 +1,15 @@
+"""A model is criticized over one stretch of fiber."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from solver.criticism.cli import state_of
+from vision.contract import InputError
+
+
+def test_a_long_run_is_refused_with_what_to_do():
+    run = SimpleNamespace(problem=SimpleNamespace(distance=np.arange(300.0)))
+    with pytest.raises(InputError, match=r"299 m of fiber: .* 200 m at most; name a stretch as channels"):
+        state_of(run)
