@@ -152,7 +152,7 @@ def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
 
     from solver.criticism.diagnosis import diagnose
     from solver.effects.catalogue import built_in
-    from solver.fit.least_squares import MapFit
+    from solver.fit.map_fit import MapFit
 
     scenario = draw_trial(seed, kind)
     survey = simulate(scenario)

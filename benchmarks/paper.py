@@ -25,7 +25,7 @@ from matplotlib.figure import Figure
 from solver.anchors import Anchor
 from solver.curves import hausdorff
 from solver.fit import Prior, Problem
-from solver.fit.least_squares import MapFit
+from solver.fit.map_fit import MapFit
 from solver.geometric import geometric_route
 from solver.locate import Located, locate
 from solver.matched_filter import initialize

@@ -55,7 +55,7 @@ def without(problem: Problem, result: FitResult, anchor: Anchor) -> LeftOut:
     found = solve(fit, fit.state_of(torch.from_numpy(result.vector)))
     end = found.state
     place = fit.basis.along(end.coefficients.numpy(), problem.distance_of([anchor.channel]))[0]
-    cost = found.at.misfit + fit.belief(end)
+    cost = found.at.misfit + fit.prior.total(end)
     return LeftOut(anchor, cost, float(np.linalg.norm(place - [anchor.x, anchor.y, anchor.z])))
 
 

@@ -20,7 +20,7 @@ INNER = ("inner", "inner_slope", "inner_bend")
 
 
 @dataclass(frozen=True)
-class Felt:
+class Motion:
     """What vehicles of unit amplitude do along given directions at given points, summed over wheels.
 
     Parameters
@@ -42,7 +42,7 @@ class Felt:
     front_share: Tensor
 
 
-def felt(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> Felt:
+def felt(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> Motion:
     """Motion under wheels and the derivatives of its part along `direction`.
 
     Parameters
@@ -75,13 +75,13 @@ def felt(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> 
         )
         for rows in (slice(first, first + count) for first in range(0, share.shape[1], count))
     ]
-    return Felt(*(torch.cat(parts, -2) for parts in zip(*blocks, strict=True)))
+    return Motion(*(torch.cat(parts, -2) for parts in zip(*blocks, strict=True)))
 
 
 def felt_block(
     point: Tensor, direction: Tensor, place: Tensor, share: Tensor, velocity: Tensor, heading: Tensor, softness: float
 ) -> tuple[Tensor, ...]:
-    """Fields of `Felt`; wheels [wheel, row, 2], their shares [wheel, row], velocity and heading [row, 2]."""
+    """Fields of `Motion`; wheels [wheel, row, 2], their shares [wheel, row], velocity and heading [row, 2]."""
     z = point[:, 2]
     x, y = (point[:, axis] - place[..., axis, None] for axis in (0, 1))
     vx, vy = (velocity[:, axis, None] for axis in (0, 1))

@@ -8,7 +8,7 @@ import typer
 if TYPE_CHECKING:
     from solver.criticism.diagnosis import Diagnosis
     from solver.criticism.growth import Grown, Rung
-    from solver.fit.least_squares import State
+    from solver.fit.state import State
     from solver.run.contents import Run
 
 app = typer.Typer()
@@ -33,7 +33,7 @@ def state_of(run: "Run") -> "State":
     """
     import torch
 
-    from solver.fit.least_squares import MapFit
+    from solver.fit.map_fit import MapFit
     from solver.fit.windows import ONE_STRETCH, is_long
     from vision.contract import InputError
 
@@ -96,7 +96,7 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
 
     from solver.criticism.growth import grow, with_growth
     from solver.effects.plugins import catalogue
-    from solver.fit.least_squares import MapFit
+    from solver.fit.map_fit import MapFit
     from vision.contract import InputError, progress
 
     begun = time.perf_counter()
@@ -247,7 +247,7 @@ def explain(
     from solver.criticism.growth import grow as grow_by
     from solver.criticism.pages import Chapter
     from solver.effects.plugins import catalogue
-    from solver.fit.least_squares import MapFit
+    from solver.fit.map_fit import MapFit
     from solver.run import check_target, read_run
     from solver.run.folder import write_files
 

@@ -19,8 +19,10 @@ from solver.criticism.verdict_words import missing_words, power_words, unknown_w
 from solver.effects.catalogue import FAMILIES, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
-from solver.fit.least_squares import MapFit, State, solve
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
+from solver.fit.state import State
 
 Advance = Callable[[int], None]
 

@@ -13,9 +13,11 @@ from solver.criticism.score import Scorer
 from solver.effects.catalogue import find
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
-from solver.fit.least_squares import MapFit, Solution, State, solve
+from solver.fit.least_squares import Solution, solve
+from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
+from solver.fit.state import State
 from solver.run.contents import Run
 from solver.run.facts import strict
 from solver.run.problem_arrays import problem_facts

@@ -10,8 +10,11 @@ from torch import Tensor
 
 from solver.criticism.score import Score, Scorer, evidence, score_all
 from solver.effects.effect import Effect
-from solver.fit.least_squares import HUBER, Linearized, MapFit, Solution, State, Weights, solve
+from solver.fit.least_squares import Solution, solve
+from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
+from solver.fit.robust import HUBER
+from solver.fit.state import Linearized, State, Weights
 
 #: Steps of each round of the race, and rounds.
 PACE, ROUNDS = 2, 12
@@ -42,7 +45,7 @@ def loss(fit: MapFit, state: State, counts: Tensor) -> float:
     difference = torch.where(fit.measured, fit.data - fit.model(state), 0.0)
     size = (fit.whiten(difference * (counts > 0)) * counts).abs()
     misfit = torch.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum()
-    return float(misfit) + fit.belief(state)
+    return float(misfit) + fit.prior.total(state)
 
 
 @dataclass(frozen=True)

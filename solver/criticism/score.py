@@ -19,7 +19,8 @@ from torch import Tensor
 from solver.effects.effect import Effect, Heard
 from solver.extension import Extension
 from solver.fit.derivatives import Local, Seen, derivative
-from solver.fit.least_squares import Linearized, MapFit, State
+from solver.fit.map_fit import MapFit
+from solver.fit.state import Linearized, State
 
 #: Prior odds of an effect's size: g of the g-prior (Zellner 1986), see CRITICISM: about 30 for effects worth naming.
 G = 30.0

@@ -12,9 +12,10 @@ from torch import Tensor
 from solver.effects.effect import Effect
 from solver.extension import Extension, Values
 from solver.fit.derivatives import Local, Seen, derivative
-from solver.fit.least_squares import MapFit, State
+from solver.fit.map_fit import MapFit
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
+from solver.fit.state import State
 from solver.load import CLASSES
 from solver.model import Fiber, Traffic, Vehicles
 from solver.stages import Cable, Surroundings

@@ -157,7 +157,14 @@ class Belief:
             found.append(RouteRows(first, anchor_rows(part, [anchor], np.array([distance]), near)))
         return found
 
+    def route_rows(self, coefficients: Tensor) -> list[RouteRows]:
+        """Rows of the priors on the route: its shape and its anchors."""
+        return [*self.shape(coefficients), *self.anchored(coefficients)]
+
     def route_cost(self, coefficients: Tensor) -> float:
         """-2 ln of the prior density of the route and of the anchors, but for a constant."""
-        every = [*self.shape(coefficients), *self.anchored(coefficients)]
-        return sum(float((one.rows.residual**2).sum()) for one in every)
+        return sum(float((one.rows.residual**2).sum()) for one in self.route_rows(coefficients))
+
+    def total(self, state: State) -> float:
+        """-2 ln of the prior density of all and of the anchors, but for a constant."""
+        return self.cost(state) + self.route_cost(state.coefficients)

@@ -18,7 +18,7 @@ from torch import Tensor
 from solver.cable import SplineBasis
 from solver.fit.belief import Belief, RouteRows
 from solver.fit.links import Link, linked
-from solver.fit.map_fit import KNOT_SPACING, SHALLOWEST, MapFit
+from solver.fit.map_fit import KNOT_SPACING, MapFit, is_buried
 from solver.fit.normal import Block, Normal, Part
 from solver.fit.problem import Problem
 from solver.fit.state import PER_PASS, State, Weights
@@ -29,7 +29,7 @@ THREADS = 2
 
 
 @dataclass(frozen=True)
-class Seen:
+class Looked:
     """One link near a state.
 
     Parameters
@@ -189,13 +189,8 @@ class Chain:
         return replace(state, numbers=state.numbers.clamp(*self.bounds))
 
     def buried(self, state: State) -> bool:
-        """Whether the whole route is under the ground, where the half-space is."""
-        everywhere = self.problem.distance_of(self.problem.route_channel)
-        return bool(self.basis.along(state.coefficients[:, 2].numpy(), everywhere).min() > SHALLOWEST)
-
-    def belief(self, state: State) -> float:
-        """-2 ln of the prior density and of the anchors, but for a constant."""
-        return self.prior.cost(state) + self.prior.route_cost(state.coefficients)
+        """Whether the whole route is under the ground."""
+        return is_buried(self.problem, self.basis, state)
 
     @property
     def size(self) -> int:
@@ -246,7 +241,7 @@ class Chain:
         link, border = self.links[number], self._places[number][2]
         return Block(3 * link.first if self.size else 0, len(matrix) - len(border), border, matrix)
 
-    def look(self, number: int, state: State, before: Weights | None, precision: Tensor, shift: Tensor) -> Seen:
+    def look(self, number: int, state: State, before: Weights | None, precision: Tensor, shift: Tensor) -> Looked:
         """One link near the chain's `state` [parameter]; with its amplitudes settled by the weights `before`."""
         link = self.links[number]
         fit, here = link.fit, self.part_of(state, link)
@@ -270,7 +265,7 @@ class Chain:
         weights = Weights(at.weights.good.bool(), at.weights.soft.float()) if self.long else at.weights
         model = felt.model.float() if self.long else felt.model
         amplitude = here.vehicles.amplitude
-        return Seen(amplitude, cost, at.misfit, weights, model, part, matrix[count:, count:], right[count:])
+        return Looked(amplitude, cost, at.misfit, weights, model, part, matrix[count:, count:], right[count:])
 
     def visit(self, state: State, before: Sequence[Weights] | None = None) -> Visit:
         """The chain near a state; with amplitudes that fit best by the weights of the visit `before`."""
@@ -280,7 +275,7 @@ class Chain:
         right = np.zeros(self.size + len(self.border))
         weights, models, own, amplitudes = [], [], [], []
 
-        def work(number: int) -> Seen:
+        def work(number: int) -> Looked:
             return self.look(number, state, None if before is None else before[number], precision, shift)
 
         for number, seen in enumerate(self.each(work)):
@@ -299,13 +294,13 @@ class Chain:
         known = self.known(state, precision)
         right += self.pull(state, precision)
         normal = Normal(self.size, len(self.border), [blocks[key] for key in sorted(blocks)], list(known), own, right)
-        return Visit(state, cost + self.belief(state), misfit, normal, weights, models)
+        return Visit(state, cost + self.prior.total(state), misfit, normal, weights, models)
 
     def rows(self, state: State) -> list[RouteRows]:
         """Rows of the priors on the route: its shape and its anchors; none where it is held."""
         if self.prior.held:
             return []
-        return [*self.prior.shape(state.coefficients), *self.prior.anchored(state.coefficients)]
+        return self.prior.route_rows(state.coefficients)
 
     def known(self, state: State, precision: Tensor) -> Iterator[Block]:
         """Normal matrices of the priors on what is shared."""

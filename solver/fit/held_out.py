@@ -7,9 +7,10 @@ import numpy as np
 import torch
 
 from solver.fit.chain import Chain, Link
-from solver.fit.least_squares import MapFit, State, solve
-from solver.fit.map_fit import vehicles_of
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit, vehicles_of
 from solver.fit.problem import Problem
+from solver.fit.state import State
 from solver.fit.windows import is_long, nearby, part
 from solver.trajectory import Pass
 

@@ -4,9 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from solver.fit.chain import Chain, Visit
-from solver.fit.map_fit import KNOT_SPACING, SPLINE_VARIANCE, MapFit
-from solver.fit.robust import HUBER, huber
-from solver.fit.state import PER_PASS, Linearized, State, Weights
+from solver.fit.map_fit import MapFit
+from solver.fit.state import State
 
 #: A step that would gain less than this in sigmas, over all parameters together, is not worth taking.
 ENOUGH = 0.2
@@ -47,7 +46,7 @@ def solve(
     chain = fit if isinstance(fit, Chain) else Chain.single(fit)
     damping, taken = 1e-3, 0
     at = chain.visit(state, chain.unsettled(state))
-    cost = at.misfit + chain.belief(at.state)
+    cost = at.misfit + chain.prior.total(at.state)
     # On a long fiber the steps of thousands of numbers add up: each may be as far from its end as a short fiber's.
     enough = ENOUGH * (float(chain.free.sum()) / USUAL) ** 0.5 if chain.long else ENOUGH
     while not (converged := (left := at.normal.decrement()) < enough) and taken < iterations and damping < 1e8:
@@ -62,23 +61,5 @@ def solve(
             damping *= 8
             continue
         damping = max(damping / 8, 1e-9)
-        at, cost = new, new.misfit + chain.belief(new.state)
+        at, cost = new, new.misfit + chain.prior.total(new.state)
     return Solution(at.state, taken, converged, at)
-
-
-__all__ = [
-    "ENOUGH",
-    "HUBER",
-    "KNOT_SPACING",
-    "PATIENCE",
-    "PER_PASS",
-    "SPLINE_VARIANCE",
-    "Linearized",
-    "MapFit",
-    "Solution",
-    "State",
-    "Visit",
-    "Weights",
-    "huber",
-    "solve",
-]

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from solver.cable import GaugeEnds, SplineBasis
 from solver.extension import SLOW_ERROR, Values
-from solver.fit.belief import Belief, RouteRows, spreads
+from solver.fit.belief import Belief, spreads
 from solver.fit.derivatives import Local, Seen, derivative, observed_tangents
 from solver.fit.problem import Problem
 from solver.fit.robust import huber, near_noise
@@ -25,6 +25,12 @@ KNOT_SPACING = 10.0
 SHALLOWEST = 0.02
 #: Variance of a cubic spline of unit coefficients.
 SPLINE_VARIANCE = 0.48
+
+
+def is_buried(problem: Problem, basis: SplineBasis, state: State) -> bool:
+    """Whether the whole route is under the ground, where the half-space is."""
+    everywhere = problem.distance_of(problem.route_channel)
+    return bool(basis.along(state.coefficients[:, 2].numpy(), everywhere).min() > SHALLOWEST)
 
 
 class MapFit:
@@ -167,18 +173,6 @@ class MapFit:
         matrix += 1e-12 * matrix.diagonal().max() * torch.eye(traffic.passes, dtype=torch.float64)
         return torch.linalg.solve(matrix, columns.T @ data)
 
-    def precision(self, state: State) -> Tensor:
-        """Precision [parameter] of the priors; those on the tracks' errors depend on how large they all are."""
-        return self.prior.precision(state)
-
-    def block(self, name: str) -> slice:
-        """Where the vector of all parameters holds one quantity of the passes."""
-        return self.prior.block(name)
-
-    def prior_cost(self, state: State) -> float:
-        """-2 ln of the prior density of all but the route, but for a constant."""
-        return self.prior.cost(state)
-
     def residual(self, state: State) -> Tensor:
         """(measured - model) / noise, [sample, channel], 0 where not measured; not whitened."""
         return torch.where(self.measured, self.data - self.model(state), 0.0) / self.problem.noise
@@ -248,20 +242,11 @@ class MapFit:
 
     def cost(self, state: State, weights: Weights) -> float:
         """Weighted misfit plus priors."""
-        return float((self.whitened(state, weights) ** 2).sum()) + self.belief(state)
-
-    def belief(self, state: State) -> float:
-        """-2 ln of the prior density and of the anchors, but for a constant."""
-        return self.prior_cost(state) + self.prior.route_cost(state.coefficients)
-
-    def route_rows(self, coefficients: Tensor) -> list[RouteRows]:
-        """Rows of the priors on the route: its shape and its anchors."""
-        return [*self.prior.shape(coefficients), *self.prior.anchored(coefficients)]
+        return float((self.whitened(state, weights) ** 2).sum()) + self.prior.total(state)
 
     def buried(self, state: State) -> bool:
-        """Whether the whole route is under the ground, where the half-space is."""
-        everywhere = self.problem.distance_of(self.problem.route_channel)
-        return bool(self.basis.along(state.coefficients[:, 2].numpy(), everywhere).min() > SHALLOWEST)
+        """Whether the whole route is under the ground."""
+        return is_buried(self.problem, self.basis, state)
 
     def normal(self, state: State) -> tuple[Tensor, Tensor, Weights]:
         """Normal matrix [free, free], right-hand side [free] and weights of the samples."""
@@ -270,11 +255,11 @@ class MapFit:
     def normal_of(self, state: State, at: Linearized) -> tuple[Tensor, Tensor, Weights]:
         """The same of a problem that is linearized already."""
         matrix, right = at.jacobian.T @ at.jacobian, at.jacobian.T @ at.residual
-        for one in self.route_rows(state.coefficients):
+        for one in self.prior.route_rows(state.coefficients):
             matrix[one.where, one.where] += one.rows.jacobian.T @ one.rows.jacobian
             right[one.where] -= one.rows.jacobian.T @ one.rows.residual
         free = self.free
-        precision = self.precision(state)[free]
+        precision = self.prior.precision(state)[free]
         shift = (self.mean - state.vector())[free]
         return matrix[free][:, free] + torch.diag(precision), right[free] + precision * shift, at.weights
 

@@ -8,14 +8,18 @@ HUBER = 4.0
 SPIKE = 7.0
 
 
+def scale_of(residual: Tensor, measured: Tensor) -> Tensor:
+    """Robust standard deviation [] of a residual [...] where it was measured, at least 1."""
+    return torch.clamp(1.4826 * residual[measured].abs().median(), min=1.0)
+
+
 def huber(residual: Tensor, measured: Tensor) -> Tensor:
     """Weights [...] that bound the pull of single bad samples (Huber 1964), on the scale of the residual itself.
 
     >>> huber(torch.tensor([0.5, -1.0, 40.0]), torch.ones(3, dtype=torch.bool)).tolist()[:2]
     [1.0, 1.0]
     """
-    scale = torch.clamp(1.4826 * residual[measured].abs().median(), min=1.0)
-    return (HUBER * scale / residual.abs().clamp_min(1e-12)).clamp(max=1.0)
+    return (HUBER * scale_of(residual, measured) / residual.abs().clamp_min(1e-12)).clamp(max=1.0)
 
 
 def near_noise(residual: Tensor, measured: Tensor) -> Tensor:
@@ -24,5 +28,4 @@ def near_noise(residual: Tensor, measured: Tensor) -> Tensor:
     >>> near_noise(torch.tensor([0.5, -1.0, 40.0]), torch.ones(3, dtype=torch.bool)).tolist()
     [1.0, 1.0, 0.0]
     """
-    scale = torch.clamp(1.4826 * residual[measured].abs().median(), min=1.0)
-    return (residual.abs() < SPIKE * scale).double()
+    return (residual.abs() < SPIKE * scale_of(residual, measured)).double()

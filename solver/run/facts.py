@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from solver.anchors import Anchor
 from solver.das import DASRecord
 from solver.das.files import checksum
-from solver.fit.least_squares import HUBER
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
+from solver.fit.robust import HUBER
 from solver.noise import quiet, whitened_noise
 from solver.run.problem_arrays import problem_facts
 from solver.site import Site

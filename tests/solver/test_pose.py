@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.das import DASRecord
-from solver.fit.least_squares import MapFit
+from solver.fit.map_fit import MapFit
 from solver.fit.result import FitResult
 from solver.model import Traffic
 from solver.pose import bent_ends, pose, track_sigma, with_slow_errors

@@ -8,8 +8,10 @@ import torch
 
 from solver.cable import SplineBasis
 from solver.fit.chain import Chain
-from solver.fit.least_squares import PATIENCE, MapFit, huber, solve
+from solver.fit.least_squares import PATIENCE, solve
+from solver.fit.map_fit import MapFit
 from solver.fit.prior import Prior, anchor_rows, shape_rows, track_cost, track_precision
+from solver.fit.robust import huber
 from solver.fit.spline import fit_spline
 from solver.model import Traffic
 

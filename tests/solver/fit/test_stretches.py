@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from solver.fit.chain import Chain
-from solver.fit.least_squares import MapFit, solve
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit
 from solver.fit.normal import Banded, Block, Factor, Normal, Part
 from solver.fit.posterior import Posterior
 from solver.fit.spline import fit_spline
@@ -134,7 +135,7 @@ def test_a_chain_of_one_is_the_problem_itself(case) -> None:
     assert len(chain.links) == 1
     torch.testing.assert_close(chain.start().vector(), fit.start().vector())
     state = chain.start()
-    assert chain.visit(state).cost == pytest.approx(fit.linearized(state).misfit + fit.belief(state))
+    assert chain.visit(state).cost == pytest.approx(fit.linearized(state).misfit + fit.prior.total(state))
 
 
 def test_stretches_hold_each_channel_once(case, cut_short: None) -> None:
