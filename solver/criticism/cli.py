@@ -48,13 +48,13 @@ def state_of(run: "Run") -> "State":
 
 def diagnosed(run: "Run", plugins: list[Path]) -> "Diagnosis":
     """Diagnose a run, with a progress bar."""
-    from solver.criticism.diagnosis import RACERS
     from solver.criticism.diagnosis import diagnose as diagnose_problem
+    from solver.criticism.diagnosis import steps
     from solver.effects.plugins import catalogue
     from vision.contract import progress
 
     effects = list(catalogue(plugins).values())
-    with progress("testing effects", len(effects) + 2 * RACERS) as advance:
+    with progress("testing effects", steps(effects)) as advance:
         return diagnose_problem(run.problem, state_of(run), effects=effects, advance=advance)
 
 
@@ -96,6 +96,7 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
 
     from solver.criticism.growth import grow, with_growth
     from solver.effects.plugins import catalogue
+    from solver.fit.held_out import FOLDS
     from solver.fit.map_fit import MapFit
     from vision.contract import InputError, progress
 
@@ -104,7 +105,7 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
     fit = MapFit(run.problem)
     state = state_of(run)
     effects, steps = list(run.facts["effects"]), []
-    with progress("fitting with more effects", 8 * len(names)) as advance:
+    with progress("fitting with more effects", (2 * FOLDS + 2) * len(names)) as advance:
         for name in names:
             step = grow(fit, state, name, known, advance)
             if not step.better and not force:

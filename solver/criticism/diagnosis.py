@@ -71,14 +71,11 @@ class Bench:
 
     Parameters
     ----------
-    fit, state : without the candidates
-    scorer : at that state
+    scorer : at that fit, without the candidates
     table : scores, best evidence first
     faults : of the survey itself
     """
 
-    fit: MapFit
-    state: State
     scorer: Scorer
     table: list[Score]
     faults: list[Fault]
@@ -89,7 +86,7 @@ class Bench:
         scorer = Scorer(fit, state)
         table = score_all(scorer, scorable(fit.problem, effects), advance)
         searches = (find_unseen_vehicle(fit, state), find_cycle_skips(fit, state, scorer.at.weights.good.numpy()))
-        return cls(fit, state, scorer, table, [fault for fault in searches if fault is not None])
+        return cls(scorer, table, [fault for fault in searches if fault is not None])
 
 
 def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
@@ -119,6 +116,11 @@ def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
     return physical + [s for s in able if s.effect.generic][:2]
 
 
+def steps(effects: Sequence[Effect]) -> int:
+    """How often a diagnosis advances at most: two tables of scores, two races, one of them from two places."""
+    return 2 * len(effects) + 2 * RACERS + BESIDE
+
+
 def diagnose(
     problem: Problem,
     state: State | None = None,
@@ -135,7 +137,7 @@ def diagnose(
     state : where its fit ended; it is fitted again where None
     effects : the catalogue
     held_out : confirm the winner on passes that its fit has not seen
-    advance : called with 1 after each effect scored and each step of the race
+    advance : called with 1 after each effect scored and each candidate begun to be fitted; at most `steps` times
 
     Returns
     -------
@@ -167,7 +169,7 @@ def unranked(bench: Bench, check: NoiseAudit) -> Diagnosis:
     """The verdict where the noise is not understood, which a filter that it went through may explain."""
     words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(check.faults)
     listed = tuple(replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table)
-    survey = bench.fit.problem
+    survey = bench.scorer.fit.problem
     found = filtered_by(survey.record / survey.noise.numpy(), survey.sampling_rate, survey.channel_spacing)
     filtered = next((c for c in listed if found and c.effect == found[0]), None)
     if found is None or filtered is None:
@@ -214,7 +216,7 @@ def judge(
         stand_in = score_candidate(next(s for s in others if s.effect is best.effect), best)
         return Diagnosis("unknown-effect", words, order(listed, stand_in), check, stress, left=left)
     if held_out and first.effect in tried:
-        gain = held_out_gain(bench.fit, bench.state, tried[first.effect])
+        gain = held_out_gain(bench.scorer, tried[first.effect])
         first = replace(first, held_out_gain=gain)
         if gain is not None and gain <= 0:
             words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
@@ -238,7 +240,7 @@ def with_first(bench: Bench, first: Candidate, tried: Mapping[str, Refit]) -> tu
     if first.effect in tried:
         return tried[first.effect].fit, tried[first.effect].solution.state
     fault = next(fault for fault in bench.faults if fault.name == first.effect)
-    fit, solution = mended(bench.fit, bench.state, fault)
+    fit, solution = mended(bench.scorer.fit, bench.scorer.state, fault)
     return fit, solution.state
 
 
@@ -284,8 +286,8 @@ def confounded(
     return tuple(dict.fromkeys(close))
 
 
-def held_out_gain(fit: MapFit, state: State, winner: Refit) -> float | None:
+def held_out_gain(scorer: Scorer, winner: Refit) -> float | None:
     """Fall of the held-out chi2 per degree of freedom with the winner in the model."""
-    without = held_out_chi2(fit.problem, at=(fit, state))
+    without = held_out_chi2(scorer.fit.problem, at=(scorer.fit, scorer.state))
     with_it = held_out_chi2(winner.fit.problem, at=(winner.fit, winner.solution.state))
     return None if without is None or with_it is None else without - with_it

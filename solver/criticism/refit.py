@@ -10,6 +10,7 @@ from torch import Tensor
 
 from solver.criticism.score import Score, Scorer, evidence, score_all
 from solver.effects.effect import Effect
+from solver.extension import Slot
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
@@ -31,8 +32,7 @@ def counted(fit: MapFit, at: Linearized) -> Tensor:
 
     Nothing where not measured or a spike; less than 1 where a track is uncertain or noise grows with the signal.
     """
-    uncertain = fit.track_variance(at.local) + fit.problem.signal_noise * (at.model / fit.problem.noise) ** 2
-    return at.weights.good / (1 + uncertain).sqrt()
+    return at.weights.good / (1 + fit.added_variance(at.local, at.model)).sqrt()
 
 
 def loss(fit: MapFit, state: State, counts: Tensor) -> float:
@@ -54,38 +54,58 @@ class Refit:
 
     Parameters
     ----------
-    effect : the candidate
+    score : of the candidate
     fit, solution : with it
     fall : how far the robust misfit fell
-    evidence : ln of the Bayes factor, from that fall
-    estimate : [number], its numbers without its shape's
-    shape : values of its shape parameters
     """
 
-    effect: Effect
+    score: Score
     fit: MapFit
     solution: Solution
     fall: float
-    evidence: float
-    estimate: NDArray[np.float64]
-    shape: dict[str, float]
+
+    @property
+    def effect(self) -> Effect:
+        """The candidate."""
+        return self.score.effect
+
+    @property
+    def evidence(self) -> float:
+        """Ln of the Bayes factor, from that fall."""
+        return self.standing(0.0)
+
+    @property
+    def hoped(self) -> float:
+        """The evidence that it may still come to."""
+        return self.standing(0.0 if self.solution.converged else HOPE * self.solution.at.normal.decrement() ** 2)
+
+    def standing(self, more: float) -> float:
+        """Evidence if the misfit fell by more."""
+        return evidence(self.fall + more, self.score.freedom, self.score.trials)
+
+    @property
+    def estimate(self) -> NDArray[np.float64]:
+        """Numbers [number] of the candidate without its shape's."""
+        return np.concatenate([self.numbers(slot) for slot in self.slots if not slot.parameter.is_shape])
+
+    @property
+    def shape(self) -> dict[str, float]:
+        """Values of its shape parameters."""
+        return {slot.parameter.name: float(self.numbers(slot)[0]) for slot in self.slots if slot.parameter.is_shape}
+
+    @property
+    def slots(self) -> list[Slot]:
+        """Where its numbers are."""
+        return [slot for slot in self.fit.extension.slots if slot.effect is self.effect]
+
+    def numbers(self, slot: Slot) -> NDArray[np.float64]:
+        """Numbers [number] of one parameter."""
+        return np.asarray(self.solution.state.numbers[slot.where])
 
 
 def with_effect(problem: Problem, effect: Effect) -> Problem:
     """The same survey with one more effect in its model."""
     return replace(problem, effects=(*problem.effects, effect))
-
-
-def amplitudes(fit: MapFit, state: State) -> NDArray[np.float64]:
-    """Numbers [number] of the last effect in the model, those of its shape left out."""
-    slots = [s for s in fit.extension.slots if s.effect is fit.extension.effects[-1] and not s.parameter.is_shape]
-    return np.concatenate([state.numbers[slot.where].numpy() for slot in slots])
-
-
-def shape_of(fit: MapFit, state: State) -> dict[str, float]:
-    """Values of the shape parameters of the last effect in the model."""
-    slots = [s for s in fit.extension.slots if s.effect is fit.extension.effects[-1] and s.parameter.is_shape]
-    return {slot.parameter.name: float(state.numbers[slot.where][0]) for slot in slots}
 
 
 def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> State:
@@ -169,53 +189,29 @@ def race(
     ----------
     scorer : at the converged fit without the candidates
     scores : of the candidates
-    advance : called with 1 after each round of each candidate
+    advance : called with 1 after the first steps from each start
     others : candidates that start elsewhere too, see `unshifted`
     """
-    if not scores:
-        return {}
     counts = counted(scorer.fit, scorer.at)
-    weights = Weights((counts > 0).double(), counts**2)
-    by_name: dict[str, Score] = {}
-    fits: dict[str, MapFit] = {}
-    starts: dict[str, list[State]] = {}
+    weights, before = Weights((counts > 0).double(), counts**2), loss(scorer.fit, scorer.state, counts)
+    best: dict[str, Refit] = {}
+
+    def run(score: Score, fit: MapFit, start: State) -> None:
+        """Some steps; the end is kept if it is the best of this candidate."""
+        name, end = score.effect.name, solve(fit, start, iterations=PACE)
+        fall = before - loss(fit, end.state, counts)
+        if name not in best or fall > best[name].fall:
+            best[name] = Refit(score, fit, end, fall)
+
     for at, score in [*((scorer, one) for one in scores), *others]:
-        name = score.effect.name
-        if name not in fits:
-            by_name[name], fits[name], starts[name] = score, MapFit(with_effect(scorer.fit.problem, score.effect)), []
-        starts[name].append(started(fits[name], at, score, weights))
-    solutions: dict[str, Solution] = {}
-    falls: dict[str, float] = {}
-    running, favorite, before = list(fits), scores[0].effect.name, loss(scorer.fit, scorer.state, counts)
-
-    def standing(name: str, hoped: float = 0.0) -> float:
-        return evidence(falls[name] + hoped, by_name[name].freedom, by_name[name].trials)
-
-    for _ in range(ROUNDS):
-        for name in running:
-            for start in starts[name]:
-                end = solve(fits[name], start, iterations=PACE)
-                fall = before - loss(fits[name], end.state, counts)
-                if name not in falls or fall > falls[name]:
-                    solutions[name], falls[name] = end, fall
-            starts[name] = [solutions[name].state]
-            advance(1)
-        least = STAY * max(map(standing, fits))
-        running = [
-            name
-            for name in running
-            if not solutions[name].converged
-            and (name == favorite or standing(name, HOPE * solutions[name].at.normal.decrement() ** 2) > least)
-        ]
-    return {
-        name: Refit(
-            by_name[name].effect,
-            fits[name],
-            solutions[name],
-            falls[name],
-            standing(name),
-            amplitudes(fits[name], solutions[name].state),
-            shape_of(fits[name], solutions[name].state),
-        )
-        for name in fits
-    }
+        known = best.get(score.effect.name)
+        fit = known.fit if known else MapFit(with_effect(scorer.fit.problem, score.effect))
+        run(known.score if known else score, fit, started(fit, at, score, weights))
+        advance(1)
+    for _ in range(ROUNDS - 1):
+        least = STAY * max((one.evidence for one in best.values()), default=0.0)
+        favorite = next(iter(best), None)
+        for name, one in list(best.items()):
+            if not one.solution.converged and (name == favorite or one.hoped > least):
+                run(one.score, one.fit, one.solution.state)
+    return best

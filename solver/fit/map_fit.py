@@ -240,6 +240,10 @@ class MapFit:
         total = traffic.superpose(along + across)
         return (total if chosen is None else total[:, chosen]) / self.problem.noise**2
 
+    def added_variance(self, local: Sensitivities, model: Tensor) -> Tensor:
+        """Variance, in noise units, beside the noise's own: uncertain tracks, noise that grows with the signal."""
+        return self.track_variance(local) + self.problem.signal_noise * (model / self.problem.noise) ** 2
+
     def cost(self, state: State, weights: Weights) -> float:
         """Weighted misfit plus priors."""
         return float((self.whitened(state, weights) ** 2).sum()) + self.prior.total(state)
@@ -268,10 +272,10 @@ class MapFit:
         felt = felt or self.felt(state)
         local, model = felt.local, felt.model
         difference = torch.where(self.measured, self.data - model, 0.0)
-        tracks = self.track_variance(local) + self.problem.signal_noise * (model / self.problem.noise) ** 2
-        good = self.measured * near_noise(difference / self.problem.noise / (1 + tracks).sqrt(), self.measured)
+        variance = 1 + self.added_variance(local, model)
+        good = self.measured * near_noise(difference / self.problem.noise / variance.sqrt(), self.measured)
         residual = self.whiten(difference * good)
-        soft = self.measured / (1 + tracks)
+        soft = self.measured / variance
         soft = soft * huber(residual * soft.sqrt(), self.measured)
         jacobian = self.whiten(self.jacobian(state, local, felt.values) * good[..., None]) * soft.sqrt()[..., None]
         return Linearized(jacobian.flatten(0, 1), (residual * soft.sqrt()).flatten(), Weights(good, soft), model, local)
