@@ -195,3 +195,13 @@ def axial(motion: Tensor, tangent: Tensor) -> Tensor:
     2.0
     """
     return (motion * tangent).sum(-1)
+
+
+def turning(slope: Tensor, bend: Tensor) -> Tensor:
+    """Derivative [..., 3] of the unit tangent by distance, of a curve with first and second derivatives [..., 3].
+
+    >>> turning(torch.tensor([2.0, 0.0, 0.0]), torch.tensor([5.0, 1.0, 0.0])).tolist()
+    [0.0, 0.5, 0.0]
+    """
+    tangent = unit(slope)
+    return (bend - axial(bend, tangent)[..., None] * tangent) / slope.norm(dim=-1, keepdim=True)

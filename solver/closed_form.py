@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from solver.cable import STATION_WEIGHTS
+from solver.cable import STATION_WEIGHTS, turning, unit
 from solver.stages import Load
 
 #: Values of one tensor that are worked on at once, so that all stay in the cache.
@@ -149,14 +149,10 @@ class GaugeDirections:
     @classmethod
     def of(cls, slopes: tuple[Tensor, Tensor], inner: tuple[Tensor, Tensor] | None, gauge: float) -> "GaugeDirections":
         """From the slopes [channel, 3] at both ends, and slope and bend [channel, station, 3] within."""
-        ahead, behind = (slope / slope.norm(dim=-1, keepdim=True) / gauge for slope in slopes)
+        ahead, behind = (unit(slope) / gauge for slope in slopes)
         if inner is None:
             return cls(ahead, -behind, None)
-        slope, bend = inner
-        length = slope.norm(dim=-1, keepdim=True)
-        tangent = slope / length
-        turning = (bend - (bend * tangent).sum(-1, keepdim=True) * tangent) / length
-        return cls(ahead, -behind, -torch.from_numpy(STATION_WEIGHTS)[:, None] * turning)
+        return cls(ahead, -behind, -torch.from_numpy(STATION_WEIGHTS)[:, None] * turning(*inner))
 
 
 def dot(one: Tensor, other: Tensor) -> Tensor:

@@ -5,15 +5,13 @@ one tensor operation; rows of the same sample superpose.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from solver.cable import STATION_OFFSETS, STATION_WEIGHTS, GaugeEnds, axial, unit
+from solver.cable import STATION_OFFSETS, STATION_WEIGHTS, GaugeEnds, axial, turning, unit
 from solver.closed_form import strain_rate_derivatives
 from solver.extension import NONE, SLOW_ERROR, Extension, Values
 from solver.half_space.tangential import tangential_displacement_rate
@@ -367,56 +365,6 @@ def outermost(x: Tensor, axes: int) -> Tensor:
     return x.movedim(last, first).clone(memory_format=torch.contiguous_format).movedim(first, last)
 
 
-@dataclass(frozen=True)
-class WheelResponses:
-    """What each wheel of each row does to each channel, per unit of what the load stage may change about it.
-
-    Parameters
-    ----------
-    path : of the model
-    load : where its wheels are
-    fiber : the gauges' ends
-    amplitude : [row, 1]
-    poisson_ratio : scalar or [row, channel]
-    values : of the effects
-    """
-
-    path: SignalPath
-    load: Load
-    fiber: Fiber
-    amplitude: Tensor
-    poisson_ratio: Tensor
-    values: Values
-
-    @cached_property
-    def share(self) -> Tensor:
-        """Strain rate [row, channel, wheel] by vertical force."""
-        return self._each(share=self._one)
-
-    @cached_property
-    def share_rate(self) -> Tensor:
-        """Strain rate [row, channel, wheel] by the time derivative of vertical force."""
-        return self._each(share_rate=self._one)
-
-    @cached_property
-    def thrust(self) -> Tensor:
-        """Strain rate [row, channel, wheel, 2] by horizontal force along x and y."""
-        axes = torch.eye(2, dtype=self.amplitude.dtype)
-        return torch.stack([self._each(thrust=self._one[..., None] * axis) for axis in axes], -1)
-
-    @property
-    def _one(self) -> Tensor:
-        return torch.ones_like(self.load.share[..., :1])
-
-    def _each(self, **force: Any) -> Tensor:
-        still = replace(self.load, share=torch.zeros_like(self._one), share_rate=None, thrust=None)
-        single = []
-        for wheel in range(self.load.position.shape[-2]):
-            one = replace(still, position=self.load.position[..., wheel : wheel + 1, :], **force)
-            single.append(self.path.rows_of(one, self.fiber, self.amplitude, self.poisson_ratio, self.values))
-        return torch.stack(single, -1)
-
-
 def bend_strain_rate(motion: Tensor, fiber: Fiber) -> Tensor:
     """What the turning of the fiber within its gauge adds to the strain rate [row, channel] of the two ends.
 
@@ -425,11 +373,8 @@ def bend_strain_rate(motion: Tensor, fiber: Fiber) -> Tensor:
     """
     slope, bend = fiber.inner_slope, fiber.inner_bend
     assert slope is not None and bend is not None
-    length = slope.norm(dim=-1, keepdim=True)
-    tangent = slope / length
-    turning = (bend - (bend * tangent).sum(-1, keepdim=True) * tangent) / length
     weights = torch.from_numpy(STATION_WEIGHTS)
-    return -(weights * (motion * turning).sum(-1)).sum(-1)
+    return -(weights * (motion * turning(slope, bend)).sum(-1)).sum(-1)
 
 
 @dataclass(frozen=True)

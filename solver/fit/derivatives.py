@@ -3,16 +3,68 @@
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import torch
 from torch import Tensor
 from torch.func import jvp
 
 from solver.extension import Slot, Values
-from solver.model import Fiber, Sensitivities, SignalPath, Vehicles, WheelResponses, gauge_mean
+from solver.model import Fiber, Sensitivities, SignalPath, Vehicles, gauge_mean
 from solver.observation import BASE
+from solver.stages import Load
 
 FiberAt = Callable[[Values, int], Fiber]
+
+
+@dataclass(frozen=True)
+class WheelResponses:
+    """What each wheel of each row does to each channel, per unit of what the load stage may change about it.
+
+    Parameters
+    ----------
+    path : of the model
+    load : where its wheels are
+    fiber : the gauges' ends
+    amplitude : [row, 1]
+    poisson_ratio : scalar or [row, channel]
+    values : of the effects
+    """
+
+    path: SignalPath
+    load: Load
+    fiber: Fiber
+    amplitude: Tensor
+    poisson_ratio: Tensor
+    values: Values
+
+    @cached_property
+    def share(self) -> Tensor:
+        """Strain rate [row, channel, wheel] by vertical force."""
+        return self._each(share=self._one)
+
+    @cached_property
+    def share_rate(self) -> Tensor:
+        """Strain rate [row, channel, wheel] by the time derivative of vertical force."""
+        return self._each(share_rate=self._one)
+
+    @cached_property
+    def thrust(self) -> Tensor:
+        """Strain rate [row, channel, wheel, 2] by horizontal force along x and y."""
+        axes = torch.eye(2, dtype=self.amplitude.dtype)
+        return torch.stack([self._each(thrust=self._one[..., None] * axis) for axis in axes], -1)
+
+    @property
+    def _one(self) -> Tensor:
+        return torch.ones_like(self.load.share[..., :1])
+
+    def _each(self, **force: Any) -> Tensor:
+        still = replace(self.load, share=torch.zeros_like(self._one), share_rate=None, thrust=None)
+        single = []
+        for wheel in range(self.load.position.shape[-2]):
+            one = replace(still, position=self.load.position[..., wheel : wheel + 1, :], **force)
+            single.append(self.path.rows_of(one, self.fiber, self.amplitude, self.poisson_ratio, self.values))
+        return torch.stack(single, -1)
 
 
 @dataclass(frozen=True)
