@@ -179,13 +179,23 @@ class GaugeEnds:
         return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
 
 
+def length(vectors: Tensor) -> Tensor:
+    """Length [...] of vectors [..., 3], by components: several times as fast as a norm over a short axis.
+
+    >>> length(torch.tensor([3.0, 0.0, 4.0])).item()
+    5.0
+    """
+    x, y, z = vectors.unbind(-1)
+    return (x * x + y * y + z * z).sqrt()
+
+
 def unit(vectors: Tensor) -> Tensor:
     """Vectors [..., 3] scaled to length 1.
 
     >>> unit(torch.tensor([3.0, 0.0, 4.0])).tolist()
     [0.6000000238418579, 0.0, 0.800000011920929]
     """
-    return vectors / vectors.norm(dim=-1, keepdim=True)
+    return vectors / length(vectors)[..., None]
 
 
 def axial(motion: Tensor, tangent: Tensor) -> Tensor:
@@ -194,7 +204,8 @@ def axial(motion: Tensor, tangent: Tensor) -> Tensor:
     >>> axial(torch.tensor([1.0, 2.0, 3.0]), torch.tensor([0.0, 1.0, 0.0])).item()
     2.0
     """
-    return (motion * tangent).sum(-1)
+    x, y, z = (motion * tangent).unbind(-1)
+    return x + y + z
 
 
 def turning(slope: Tensor, bend: Tensor) -> Tensor:
@@ -204,4 +215,4 @@ def turning(slope: Tensor, bend: Tensor) -> Tensor:
     [0.0, 0.5, 0.0]
     """
     tangent = unit(slope)
-    return (bend - axial(bend, tangent)[..., None] * tangent) / slope.norm(dim=-1, keepdim=True)
+    return (bend - axial(bend, tangent)[..., None] * tangent) / length(slope)[..., None]

@@ -27,11 +27,11 @@ def displacement(offset: Tensor, poisson_ratio: Ratio) -> Tensor:
     >>> displacement(torch.tensor([0.0, 0.0, 2.0], dtype=torch.float64), 0.25)
     tensor([0.0000, 0.0000, 1.2500], dtype=torch.float64)
     """
-    horizontal, z = offset[..., :2], offset[..., 2]
-    r = offset.norm(dim=-1)
-    radial = z / r**3 - (1 - 2 * poisson_ratio) / (r * (r + z))
-    vertical = z**2 / r**3 + 2 * (1 - poisson_ratio) / r
-    return torch.cat([horizontal * radial[..., None], vertical[..., None]], -1)
+    x, y, z = offset.unbind(-1)
+    inverse = (x * x + y * y + z * z).rsqrt()
+    steep = z * inverse * inverse * inverse
+    radial = steep - (1 - 2 * poisson_ratio) * inverse / (1 / inverse + z)
+    return torch.stack([x * radial, y * radial, z * steep + 2 * (1 - poisson_ratio) * inverse]).movedim(0, -1)
 
 
 def displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:

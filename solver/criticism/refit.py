@@ -194,24 +194,23 @@ def race(
     """
     counts = counted(scorer.fit, scorer.at)
     weights, before = Weights((counts > 0).double(), counts**2), loss(scorer.fit, scorer.state, counts)
-    best: dict[str, Refit] = {}
+    running: dict[str, Refit] = {}
 
-    def run(score: Score, fit: MapFit, start: State) -> None:
-        """Some steps; the end is kept if it is the best of this candidate."""
-        name, end = score.effect.name, solve(fit, start, iterations=PACE)
-        fall = before - loss(fit, end.state, counts)
-        if name not in best or fall > best[name].fall:
-            best[name] = Refit(score, fit, end, fall)
+    def run(score: Score, fit: MapFit, start: State | Solution) -> Refit:
+        end = solve(fit, start, iterations=PACE)
+        return Refit(score, fit, end, before - loss(fit, end.state, counts))
 
     for at, score in [*((scorer, one) for one in scores), *others]:
-        known = best.get(score.effect.name)
-        fit = known.fit if known else MapFit(with_effect(scorer.fit.problem, score.effect))
-        run(known.score if known else score, fit, started(fit, at, score, weights))
+        name = score.effect.name
+        fit = running[name].fit if name in running else MapFit(with_effect(scorer.fit.problem, score.effect))
+        begun = run(score, fit, started(fit, at, score, weights))
+        if name not in running or begun.fall > running[name].fall:
+            running[name] = begun
         advance(1)
+    favorite = next(iter(running), None)
     for _ in range(ROUNDS - 1):
-        least = STAY * max((one.evidence for one in best.values()), default=0.0)
-        favorite = next(iter(best), None)
-        for name, one in list(best.items()):
+        least = STAY * max((one.evidence for one in running.values()), default=0.0)
+        for name, one in running.items():
             if not one.solution.converged and (name == favorite or one.hoped > least):
-                run(one.score, one.fit, one.solution.state)
-    return best
+                running[name] = run(one.score, one.fit, one.solution)
+    return running

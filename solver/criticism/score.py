@@ -22,6 +22,8 @@ from solver.fit.derivatives import Local, Seen, derivative
 from solver.fit.map_fit import MapFit
 from solver.fit.state import Linearized, State
 
+Array = NDArray[np.float64]
+
 #: Prior odds of an effect's size: g of the g-prior (Zellner 1986), see CRITICISM: about 30 for effects worth naming.
 G = 30.0
 #: A direction of which less than this share of its variance is left by the fit cannot be told from the route.
@@ -62,8 +64,8 @@ class Score:
     fall: float
     freedom: int
     trials: int
-    estimate: NDArray[np.float64]
-    sigma: NDArray[np.float64]
+    estimate: Array
+    sigma: Array
     retained: float
     signal: Tensor
 
@@ -71,6 +73,26 @@ class Score:
     def evidence(self) -> float:
         """Ln of the Bayes factor against the model without the effect (g-prior), less the ln of shapes tried."""
         return evidence(self.fall, self.freedom, self.trials)
+
+
+@dataclass(frozen=True)
+class Projected:
+    """What the fit leaves of some directions.
+
+    Parameters
+    ----------
+    score : [number], along the residual
+    information : [number, number], of what is left
+    gram : [number, number], of what there was
+    """
+
+    score: Tensor
+    information: Tensor
+    gram: Tensor
+
+    def combined(self, mix: Tensor) -> "Projected":
+        """The same for combinations [number, combination] of the directions."""
+        return Projected(mix.T @ self.score, mix.T @ self.information @ mix, mix.T @ self.gram @ mix)
 
 
 class Scorer:
@@ -131,8 +153,6 @@ class Scorer:
         """The best shape of an effect, with separate and with shared numbers of passes."""
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
         shapes, trials = effect.tried(lambda: self.heard(extension))
-        if not self.columns(effect, shapes[0], extension)[0].any():
-            return
         tried = [score for shape in shapes for score in self.of_shape(effect, shape, extension, trials)]
         for shared in {score.shared for score in tried}:
             ranked = sorted((s for s in tried if s.shared == shared), key=lambda s: -s.fall)
@@ -141,10 +161,15 @@ class Scorer:
             yield max(ranked, key=lambda s: s.fall)
 
     def of_shape(self, effect: Effect, shape: dict[str, float], extension: Extension, trials: int) -> Iterator[Score]:
-        """Scores of one shape, with separate and with shared numbers of passes."""
+        """Scores of one shape, with separate and with shared numbers of passes; none where it does nothing."""
         columns, counts = self.columns(effect, shape, extension)
-        for shared, matrix in self.spreads(effect, columns, counts):
-            yield self.score(effect, shape, shared, matrix, trials)
+        if not columns.any():
+            return
+        projected = self.project(columns)
+        for shared, mix in mixes(effect, counts):
+            fall, freedom, estimate, sigma, retained = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]))
+            signal = columns @ (mix @ torch.from_numpy(estimate))
+            yield Score(effect, shape, shared, fall, freedom, trials, estimate, sigma, retained, signal)
 
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
         """A better shape near that of a score, by steps along each of its numbers, from half the grid's on."""
@@ -169,21 +194,15 @@ class Scorer:
             middle, slope = middle[chosen], slope[chosen]
         return Heard(residual, load, self.fit.problem.traffic.sample_index, middle, slope)
 
-    def spreads(self, effect: Effect, columns: Tensor, counts: list[int]) -> Iterator[tuple[bool, Tensor]]:
-        """The numbers as they are, and summed over passes where they are one per pass."""
-        yield False, columns
-        if any(p.scope == "pass" for p in effect.amplitudes):
-            yield True, torch.stack([part.sum(1) for part in columns.split(counts, 1)], 1)
-
-    def project(self, columns: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Score [number], information [number, number] and their unprojected squares [number]."""
+    def project(self, columns: Tensor) -> Projected:
+        """What the fit leaves of directions [sample * channel, number]."""
         gram = columns.T @ columns
         if self.alone:
-            return columns.T @ self.at.residual, gram, gram.diagonal()
+            return Projected(columns.T @ self.at.residual, gram, gram)
         crossed = self.jacobian.T @ columns
         half = torch.linalg.solve_triangular(self.factor, crossed, upper=False)
         score = columns.T @ self.at.residual - crossed.T @ self.step
-        return score, gram - half.T @ half, gram.diagonal()
+        return Projected(score, gram - half.T @ half, gram)
 
     def along(self, score: Score) -> Tensor:
         """How all that was fitted [free] moves with a score's estimate."""
@@ -191,32 +210,28 @@ class Scorer:
             return torch.zeros(self.jacobian.shape[1], dtype=torch.float64)
         return -torch.cholesky_solve((self.jacobian.T @ score.signal)[:, None], self.factor)[:, 0]
 
-    def score(self, effect: Effect, shape: dict[str, float], shared: bool, columns: Tensor, trials: int) -> Score:
-        """The score test of given directions [sample * channel, number]."""
-        score, information, square = self.project(columns)
-        scale = square.clamp_min(1e-300).sqrt()
-        values, vectors = torch.linalg.eigh(information / scale[:, None] / scale)
-        keep = values > INVISIBLE
-        scaled = vectors[:, keep] / scale[:, None]
-        along = (scaled.T @ score) / values[keep].sqrt()
-        bounded = one_sided(effect, shared, columns.shape[1])
-        fall = float((along**2).sum())
-        inverse = scaled / values[keep] @ scaled.T
-        estimate = inverse @ score
-        if bounded is not None and columns.shape[1] == 1 and float(estimate[0]) * bounded < 0:
-            fall = 0.0
-        return Score(
-            effect,
-            shape,
-            shared,
-            fall,
-            int(keep.sum()),
-            trials,
-            estimate.numpy(),
-            inverse.diagonal().clamp_min(0).sqrt().numpy(),
-            float((values[keep].sum() / len(values)).clamp(max=1)) if len(values) else 0.0,
-            columns @ estimate,
-        )
+
+def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]]:
+    """How numbers [number, combination] combine: each by itself, and over passes where they are one per pass."""
+    yield False, torch.eye(sum(counts), dtype=torch.float64)
+    if any(p.scope == "pass" for p in effect.amplitudes):
+        yield True, torch.block_diag(*(torch.ones(count, 1, dtype=torch.float64) for count in counts))
+
+
+def outcome(projected: Projected, sign: int | None) -> tuple[float, int, Array, Array, float]:
+    """Fall, freedom, estimate and sigma [number], and retained share; `sign` is what a single number must have."""
+    scale = projected.gram.diagonal().clamp_min(1e-300).sqrt()
+    values, vectors = torch.linalg.eigh(projected.information / scale[:, None] / scale)
+    keep = values > INVISIBLE
+    scaled = vectors[:, keep] / scale[:, None]
+    fall = float(((scaled.T @ projected.score).square() / values[keep]).sum())
+    inverse = scaled / values[keep] @ scaled.T
+    estimate = inverse @ projected.score
+    if sign is not None and float(estimate[0]) * sign < 0:
+        fall = 0.0
+    sigma = inverse.diagonal().clamp_min(0).sqrt()
+    retained = float((values[keep].sum() / len(values)).clamp(max=1))
+    return fall, int(keep.sum()), estimate.numpy(), sigma.numpy(), retained
 
 
 def apart(ranked: Sequence[Score]) -> list[Score]:
@@ -234,7 +249,7 @@ def apart(ranked: Sequence[Score]) -> list[Score]:
     return chosen
 
 
-def one_sided(effect: Effect, shared: bool, numbers: int) -> int | None:
+def one_sided(effect: Effect, numbers: int) -> int | None:
     """Sign that a single number may have, where its null is a bound."""
     if numbers != 1 or not effect.amplitudes[0].one_sided:
         return None
@@ -256,5 +271,5 @@ def score_all(
 def similarity(scorer: Scorer, one: Score, other: Score) -> float:
     """Correlation of what the fit leaves of two effects' signals, 0 to 1."""
     pair = torch.stack([one.signal, other.signal], 1)
-    gram = scorer.project(pair)[1]
-    return float(gram[0, 1].abs() / (gram[0, 0] * gram[1, 1]).clamp_min(1e-300).sqrt())
+    left = scorer.project(pair).information
+    return float(left[0, 1].abs() / (left[0, 0] * left[1, 1]).clamp_min(1e-300).sqrt())

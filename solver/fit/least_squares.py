@@ -9,6 +9,8 @@ from solver.fit.state import State
 
 #: A step that would gain less than this in sigmas, over all parameters together, is not worth taking.
 ENOUGH = 0.2
+#: Of the first step, as a share of the normal matrix's diagonal.
+DAMPING = 1e-3
 #: Numbers that a fit of a camera's view has, about.
 USUAL = 100
 #: Steps before a fit may be given up, and falls as predicted that it may hope for.
@@ -17,17 +19,30 @@ PATIENCE = 5
 
 @dataclass(frozen=True)
 class Solution:
-    """Where Levenberg-Marquardt ended, how many steps it took, whether it converged, and the problem there."""
+    """Where Levenberg-Marquardt ended, and how.
 
-    state: State
+    Parameters
+    ----------
+    iterations : steps it took
+    converged : nothing is left to gain
+    at : the problem there
+    damping : of the next step
+    """
+
     iterations: int
     converged: bool
     at: Visit
+    damping: float
+
+    @property
+    def state(self) -> State:
+        """What was fitted."""
+        return self.at.state
 
 
 def solve(
     fit: MapFit | Chain,
-    state: State,
+    start: State | Solution,
     iterations: int = 40,
     advance: Callable[[int], None] = lambda n: None,
     hopeless: float = float("inf"),
@@ -39,13 +54,17 @@ def solve(
 
     Parameters
     ----------
+    start : a state, or where an earlier call ended
     iterations : at most
     advance : called with 1 before each step
     hopeless : chi2; a fit that is not about to come below it is given up
     """
     chain = fit if isinstance(fit, Chain) else Chain.single(fit)
-    damping, taken = 1e-3, 0
-    at = chain.visit(state, chain.unsettled(state))
+    if isinstance(start, Solution):
+        at, damping = start.at, start.damping
+    else:
+        at, damping = chain.visit(start, chain.unsettled(start)), DAMPING
+    taken = 0
     cost = at.misfit + chain.prior.total(at.state)
     # On a long fiber the steps of thousands of numbers add up: each may be as far from its end as a short fiber's.
     enough = ENOUGH * (float(chain.free.sum()) / USUAL) ** 0.5 if chain.long else ENOUGH
@@ -62,4 +81,4 @@ def solve(
             continue
         damping = max(damping / 8, 1e-9)
         at, cost = new, new.misfit + chain.prior.total(new.state)
-    return Solution(at.state, taken, converged, at)
+    return Solution(taken, converged, at, damping)

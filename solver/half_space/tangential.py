@@ -39,7 +39,7 @@ def tangential_displacement(offset: Tensor, poisson_ratio: Ratio, direction: Ten
     plain = inverse + softness * reach
     dipole = along * inverse * (inverse**2 - softness * reach**2)
     vertical = along * inverse * (z * inverse**2 + softness * reach)
-    return torch.stack([dx * plain + x * dipole, dy * plain + y * dipole, vertical], -1)
+    return torch.stack([dx * plain + x * dipole, dy * plain + y * dipole, vertical]).movedim(0, -1)
 
 
 def tangential_displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio, direction: Tensor) -> Tensor:
@@ -86,4 +86,4 @@ def tangential_displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio
     approach = (x * vx + y * vy) * inverse
     turn = drift * q + along * approach * dq
     horizontal = [-d * approach * dp - v * along * q - h * turn for d, v, h in ((dx, vx, x), (dy, vy, y))]
-    return torch.stack([*horizontal, -drift * w - along * approach * dw], -1)
+    return torch.stack([*horizontal, -drift * w - along * approach * dw]).movedim(0, -1)
