@@ -10,15 +10,16 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
-from solver.cable import STATION_OFFSETS, STATION_WEIGHTS, GaugeEnds, axial, turning, unit
+from solver.cable import STATION_WEIGHTS, GaugeEnds, axial, turning, unit
 from solver.closed_form import strain_rate_derivatives
 from solver.extension import NONE, SLOW_ERROR, Extension, Values
 from solver.half_space.tangential import tangential_displacement_rate
 from solver.interrogator import gauge_strain_rate
 from solver.load import class_number, layout_of, wheel_loads
 from solver.observation import BASE, Description
-from solver.stages import Field, Ground, Load, Trajectory
+from solver.stages import Ground, Load, Trajectory
 from solver.trajectory import Pass
 
 
@@ -224,26 +225,16 @@ class SignalPath:
     def rows_of(self, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, values: Values) -> Tensor:
         """The same [row, channel] for loads that are known; `amplitude` is [row, 1 or channel]."""
         stages = self.described(values)
-        nu = torch.as_tensor(poisson_ratio)
-
-        def motion(point: Tensor, within: bool = False) -> Tensor:
-            return ground_motion(load, stages.ground, point, nu, within)
-
-        def along(point: Tensor, slope: Tensor) -> Tensor:
-            tangent = unit(slope)
-            if stages.cable.vertical is not BASE.cable.vertical:
-                tangent = torch.cat([tangent[..., :2], tangent[..., 2:] * stages.cable.vertical], -1)
-            return axial(motion(point), tangent)
-
-        length = stages.interrogator.gauge_length
-        ends = along(fiber.ahead, fiber.ahead_slope), along(fiber.behind, fiber.behind_slope)
-        rate = gauge_strain_rate(*ends, length)
-        if fiber.inner is not None:
-            share = 1.0 if self.curved else stages.cable.path_integral
-            rate = rate + share * bend_strain_rate(motion(fiber.inner, True), fiber)
-        if stages.ground.compliance is not None:
-            rate = rate * gauge_mean(stages.ground.compliance, fiber.ahead, fiber.behind)
+        strain = self.strain(load, fiber, poisson_ratio, values)
+        compliance = stages.ground.compliance
+        rate = strain.even if compliance is None else (strain.graded * compliance(strain.points)).sum(-1)
         return amplitude * stages.cable.gain * rate
+
+    def strain(self, load: Load, fiber: Fiber, poisson_ratio: Tensor, values: Values) -> "GaugeStrain":
+        """What loads of unit amplitude do to each gauge."""
+        stages = self.described(values)
+        bends = 1.0 if self.curved else stages.cable.path_integral
+        return GaugeStrain(load, fiber, torch.as_tensor(poisson_ratio), stages, bends)
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
         """What the interrogator and the processing make of maps [..., sample, channel]."""
@@ -305,13 +296,72 @@ class SignalPath:
         )
 
 
-def gauge_mean(field: Field, ahead: Tensor, behind: Tensor) -> Tensor:
-    """Mean of a field of the ground along each gauge [..., channel], between its ends [..., channel, 3], m."""
-    weights = torch.from_numpy(STATION_WEIGHTS)
-    return sum(
-        weight * field(behind + (0.5 + float(offset)) * (ahead - behind))
-        for weight, offset in zip(weights, STATION_OFFSETS, strict=True)
-    )
+@dataclass(frozen=True)
+class GaugeStrain:
+    """Strain rate that loads of unit amplitude make in each gauge.
+
+    Parameters
+    ----------
+    load : forces on the road
+    fiber : the gauges
+    poisson_ratio : scalar or [row, channel]
+    stages : of the signal path
+    bends : share of what the turning of the fiber within its gauge adds
+    """
+
+    load: Load
+    fiber: Fiber
+    poisson_ratio: Tensor
+    stages: Description
+    bends: Tensor | float
+
+    @property
+    def even(self) -> Tensor:
+        """[row, channel], in ground that is the same along each gauge."""
+        rate = gauge_strain_rate(*self._ends, self.stages.interrogator.gauge_length)
+        if self.fiber.inner is None:
+            return rate
+        return rate + self.bends * bend_strain_rates(self.motion(self.fiber.inner, True), self.fiber).sum(-1)
+
+    @property
+    def graded(self) -> Tensor:
+        """[row, channel, point], by the ground's compliance c at `points`.
+
+        The mean of c t . du/ds over a gauge is summed piece by piece, with the mean of c at either end of each piece.
+        """
+        assert self.fiber.inner is not None and self.fiber.inner_slope is not None
+        inner = self.motion(self.fiber.inner, True)
+        ahead, behind = self._ends
+        within = axial(inner, self.tangent(self.fiber.inner_slope))
+        moved = torch.cat([behind[..., None], within, ahead[..., None]], -1)
+        pieces = moved.diff(dim=-1) / (2 * self.stages.interrogator.gauge_length)
+        bent = self.bends * bend_strain_rates(inner, self.fiber)
+        return pad(pieces, (1, 0)) + pad(pieces, (0, 1)) + pad(bent, (1, 1))
+
+    @property
+    def points(self) -> Tensor:
+        """[..., channel, point, 3], m: the end behind, the stations within, the end ahead."""
+        assert self.fiber.inner is not None
+        return torch.cat([self.fiber.behind[..., None, :], self.fiber.inner, self.fiber.ahead[..., None, :]], -2)
+
+    @property
+    def _ends(self) -> tuple[Tensor, Tensor]:
+        """Motion [row, channel] along the fiber at the ends ahead and behind."""
+        f = self.fiber
+        places = ((f.ahead, f.ahead_slope), (f.behind, f.behind_slope))
+        ahead, behind = (axial(self.motion(point), self.tangent(slope)) for point, slope in places)
+        return ahead, behind
+
+    def motion(self, point: Tensor, within: bool = False) -> Tensor:
+        """Velocity of the ground, see `ground_motion`."""
+        return ground_motion(self.load, self.stages.ground, point, self.poisson_ratio, within)
+
+    def tangent(self, slope: Tensor) -> Tensor:
+        """The way along which the fiber follows the ground."""
+        tangent, vertical = unit(slope), self.stages.cable.vertical
+        if vertical is BASE.cable.vertical:
+            return tangent
+        return torch.cat([tangent[..., :2], tangent[..., 2:] * vertical], -1)
 
 
 def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tensor, stations: bool = False) -> Tensor:
@@ -365,8 +415,8 @@ def outermost(x: Tensor, axes: int) -> Tensor:
     return x.movedim(last, first).clone(memory_format=torch.contiguous_format).movedim(first, last)
 
 
-def bend_strain_rate(motion: Tensor, fiber: Fiber) -> Tensor:
-    """What the turning of the fiber within its gauge adds to the strain rate [row, channel] of the two ends.
+def bend_strain_rates(motion: Tensor, fiber: Fiber) -> Tensor:
+    """What the turning of the fiber at each station [row, channel, station] adds to the strain rate of the two ends.
 
     `motion` [row, channel, station, 3] is the ground's velocity at the inner stations. The strain averaged over a gauge
     is the integral of t . du/ds = [t . u] - integral of u . dt/ds, over its length.
@@ -374,7 +424,7 @@ def bend_strain_rate(motion: Tensor, fiber: Fiber) -> Tensor:
     slope, bend = fiber.inner_slope, fiber.inner_bend
     assert slope is not None and bend is not None
     weights = torch.from_numpy(STATION_WEIGHTS)
-    return -(weights * (motion * turning(slope, bend)).sum(-1)).sum(-1)
+    return -weights * axial(motion, turning(slope, bend))
 
 
 @dataclass(frozen=True)

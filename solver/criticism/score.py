@@ -112,7 +112,7 @@ class Scorer:
         self.factor = torch.linalg.cholesky(matrix)
         self.jacobian = self.at.jacobian[:, fit.free]
         self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
-        self._local: dict[int | None, Local] = {}
+        self._local: dict[tuple[int, bool], Local] = {}
 
     @property
     def stress(self) -> float:
@@ -122,13 +122,14 @@ class Scorer:
 
     def seen(self, extension: Extension) -> Seen:
         """The model with a candidate at its null; what candidates share is computed once."""
-        key = None if extension.surroundings is None else len(extension.surroundings.distance)
         path = replace(self.fit.path, extension=extension)
         fiber = partial(self.fit.fiber_at, path, self.state.coefficients)
+        values = extension.local(self.numbers(extension, {}))
+        gauges = fiber(values)
+        key = len(gauges.ahead), gauges.inner is None
         if key not in self._local:
-            values = extension.local(self.numbers(extension, {}))
             vehicles, ratio = self.state.vehicles, self.state.poisson_ratio
-            by = path.sensitivities(fiber(values), vehicles, ratio, values)
+            by = path.sensitivities(gauges, vehicles, ratio, values)
             self._local[key] = Local(path, fiber, vehicles, ratio, values, by)
         return Seen(path, fiber, self._local[key])
 

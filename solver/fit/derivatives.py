@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.func import jvp
 
 from solver.extension import Slot, Values
-from solver.model import Fiber, Sensitivities, SignalPath, Vehicles, gauge_mean
+from solver.model import Fiber, Sensitivities, SignalPath, Vehicles
 from solver.observation import BASE
 from solver.stages import Load
 
@@ -112,10 +112,21 @@ class Local:
         return Vehicles(*(getattr(rows, f.name)[:, None] for f in fields(rows)))
 
     @cached_property
+    def graded(self) -> tuple[Tensor, Tensor]:
+        """Points [channel, point, 3] along each gauge, m, and derivatives [row, channel, point] by compliance there."""
+        strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, self.values)
+        gain = self.path.described(self.values).cable.gain
+        return strain.points, torch.as_tensor(self.rows.amplitude * gain)[..., None] * strain.graded
+
+    @cached_property
+    def load(self) -> Load:
+        """Forces on the road."""
+        return self.path.loads(self.rows, self.values)
+
+    @cached_property
     def wheels(self) -> WheelResponses:
         """Derivatives by the strength of each wheel."""
-        load = self.path.loads(self.rows, self.values)
-        return WheelResponses(self.path, load, self.gauges, self.rows.amplitude, self.poisson_ratio, self.values)
+        return WheelResponses(self.path, self.load, self.gauges, self.rows.amplitude, self.poisson_ratio, self.values)
 
 
 @dataclass(frozen=True)
@@ -225,17 +236,16 @@ def strength_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | Non
 
 def compliance_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     """Derivative [row, channel] by a parameter that changes the compliance of the ground only."""
+    points, graded = seen.local.graded
 
     def softness(value: Tensor) -> Tensor:
         compliance = seen.path.described(changed(value)).ground.compliance
-        one = torch.ones_like(seen.local.gauges.ahead[:, 0])
-        return one if compliance is None else gauge_mean(compliance, seen.local.gauges.ahead, seen.local.gauges.behind)
+        return torch.ones_like(points[..., 0]) if compliance is None else compliance(points)
 
     ground = seen.path.described(changed(here)).ground
     if ground.compliance is None or replace(BASE, ground=replace(ground, compliance=None)).in_rows:
         return None
-    value, tangent = jvp(softness, (here,), (torch.ones_like(here),))[:2]
-    return seen.local.by.rate * tangent / value
+    return (graded * jvp(softness, (here,), (torch.ones_like(here),))[1]).sum(-1)
 
 
 def place_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:

@@ -110,7 +110,8 @@ class MapFit:
         cable, gauge = stages.cable, stages.interrogator.gauge_length
         if path.extension.surroundings is None and not derivative:
             return self.ends
-        within = path.curved or cable.path_integral is not BASE.cable.path_integral
+        graded = stages.ground.compliance is not None
+        within = path.curved or graded or cable.path_integral is not BASE.cable.path_integral
         return GaugeEnds.at(self.basis, cable.distance, gauge, within, derivative)
 
     def fiber(self, state: State, values: Values) -> Fiber:
