@@ -62,6 +62,8 @@ class Visit:
     cost : misfit by the weights of the visit before, and priors
     misfit : chi2 of the whitened residual by its own weights
     normal : equations there
+    border, own : which of the shared parameters beside the route, and of each link's own, are at a bound and would
+        leave it
     weights, models : of each link
     """
 
@@ -69,8 +71,15 @@ class Visit:
     cost: float
     misfit: float
     normal: Normal
+    border: np.ndarray
+    own: list[np.ndarray]
     weights: list[Weights]
     models: list[Tensor]
+
+    @cached_property
+    def open(self) -> Normal:
+        """The equations of the next step, without what stays at its bound."""
+        return self.normal.holding(self.border, self.own)
 
 
 @contextmanager
@@ -188,6 +197,13 @@ class Chain:
         """The same state with the effects' numbers within their bounds."""
         return replace(state, numbers=state.numbers.clamp(*self.bounds))
 
+    def stopped(self, state: State, where: Tensor, push: np.ndarray) -> np.ndarray:
+        """Which of some parameters [where] of a state are at a bound that they are pushed [where] against."""
+        first = len(self.mean) - len(self.prior.numbers)
+        lower, upper = (torch.cat([torch.full((first,), torch.nan), one])[where].numpy() for one in self.bounds)
+        at = state.vector()[where].numpy()
+        return np.asarray(((at <= lower) & (push < 0)) | ((at >= upper) & (push > 0)))
+
     def buried(self, state: State) -> bool:
         """Whether the whole route is under the ground."""
         return is_buried(self.problem, self.basis, state)
@@ -294,7 +310,9 @@ class Chain:
         known = self.known(state, precision)
         right += self.pull(state, precision)
         normal = Normal(self.size, len(self.border), [blocks[key] for key in sorted(blocks)], list(known), own, right)
-        return Visit(state, cost + self.prior.total(state), misfit, normal, weights, models)
+        border = self.stopped(state, self.border, right[self.size :])
+        stopped = [self.stopped(state, where, part.right) for where, part in zip(self.own_places, own, strict=True)]
+        return Visit(state, cost + self.prior.total(state), misfit, normal, border, stopped, weights, models)
 
     def rows(self, state: State) -> list[RouteRows]:
         """Rows of the priors on the route: its shape and its anchors; none where it is held."""

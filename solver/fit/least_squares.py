@@ -68,13 +68,13 @@ def solve(
     cost = at.misfit + chain.prior.total(at.state)
     # On a long fiber the steps of thousands of numbers add up: each may be as far from its end as a short fiber's.
     enough = ENOUGH * (float(chain.free.sum()) / USUAL) ** 0.5 if chain.long else ENOUGH
-    while not (converged := (left := at.normal.decrement()) < enough) and taken < iterations and damping < 1e8:
+    while not (converged := (left := at.open.decrement()) < enough) and taken < iterations and damping < 1e8:
         # A quadratic misfit would fall by the decrement squared; this one by a few times that at most.
         if taken >= PATIENCE and at.misfit - PATIENCE * left**2 > hopeless:
             break
         taken += 1
         advance(1)
-        candidate = chain.stepped(at.state, at.normal.step(damping))
+        candidate = chain.stepped(at.state, at.open.step(damping))
         new = chain.visit(candidate, at.weights) if chain.buried(candidate) else None
         if new is None or new.cost > cost:
             damping *= 8

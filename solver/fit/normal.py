@@ -7,7 +7,7 @@ meets the rest there alone, and is eliminated where it is (Schur complement). Ti
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -43,6 +43,23 @@ class Block:
         """Another matrix over the same parameters."""
         return Block(self.first, self.count, self.border, matrix)
 
+    def among(self, border: Array) -> Array:
+        """Which of its parameters [count + border] are some of the border [all border]."""
+        return np.concatenate([np.zeros(self.count, bool), border[self.border]])
+
+    def without(self, border: Array) -> "Block":
+        """The same with nothing about some of the border."""
+        return self.of(cleared(self.matrix, self.among(border)))
+
+
+def cleared(matrix: Array, out: Array) -> Array:
+    """A matrix with some rows and columns 0.
+
+    >>> cleared(np.ones((2, 2)), np.array([True, False])).tolist()
+    [[0.0, 0.0], [0.0, 1.0]]
+    """
+    return np.where(out[:, None] | out, 0.0, matrix)
+
 
 @dataclass(frozen=True)
 class Part:
@@ -62,6 +79,15 @@ class Part:
     right: Array
     precision: Array
     stretch: int
+
+    def holding(self, own: Array, shared: Array) -> "Part":
+        """The same with some of its own, and some of those it shares, held where they are."""
+        return replace(
+            self,
+            own=cleared(self.own, own) + np.diag(own.astype(float)),
+            cross=np.where(own[:, None] | shared, 0.0, self.cross),
+            right=np.where(own, 0.0, self.right),
+        )
 
 
 @dataclass(frozen=True)
@@ -161,6 +187,22 @@ class Normal:
     known: list[Block]
     parts: list[Part]
     right: Array
+
+    def holding(self, border: Array, own: Sequence[Array]) -> "Normal":
+        """The same with some of the border [border], and some of each part's own [own], held where they are."""
+        if not border.any() and not any(one.any() for one in own):
+            return self
+        alone = Block(0, 0, np.flatnonzero(border), np.eye(border.sum()))
+        return replace(
+            self,
+            blocks=[one.without(border) for one in self.blocks],
+            known=[*(one.without(border) for one in self.known), alone],
+            parts=[
+                part.holding(mine, self.blocks[part.stretch].among(border))
+                for part, mine in zip(self.parts, own, strict=True)
+            ],
+            right=np.where(np.concatenate([np.zeros(self.size, bool), border]), 0.0, self.right),
+        )
 
     @cached_property
     def shared(self) -> Banded:
