@@ -16,7 +16,7 @@ from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicl
 from solver.criticism.score import Score, Scorer, score_all, similarity
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.verdict_words import missing_words, power_words, unknown_words
-from solver.effects.catalogue import FAMILIES, families_of
+from solver.effects.catalogue import FAMILIES, STAND_INS, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
 from solver.fit.least_squares import solve
@@ -30,9 +30,9 @@ Advance = Callable[[int], None]
 CLOSE, ALIKE = 6.0, 0.95
 #: Share of the winner's evidence at which one of its own family is not ruled out.
 RIVAL = 0.8
-#: Share of the winner's fall of chi2 that may be left to a stand-in of its own stage, whose law differs a little from
-#: the catalogue's, and of another stage, before the winner is doubted.
-LEFT, ASTRAY = 0.12, 0.025
+#: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little,
+#: and to one of another kind, before the winner is doubted.
+LEFT, ASTRAY = 0.2, 0.025
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: What a whole track may be off without being an effect, m.
@@ -208,7 +208,7 @@ def judge(
     left = others[0].evidence if others else 0.0
     second = race(again.scorer, racers(others, BESIDE), advance)
     best = max(second.values(), key=lambda r: r.evidence, default=None)
-    if best is not None and best.effect.generic and best.fall > left_over(first, best) * max(first.delta_chi2, 1.0):
+    if best is not None and best.effect.generic and doubted(first, best, others):
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
             f"acts at the {best.effect.stage} stage ({best.effect.physics.rstrip('.').lower()})"
@@ -230,15 +230,24 @@ def judge(
     return Diagnosis("missing-effect", words, order(rest, first), check, stress, separate, left)
 
 
-def left_over(first: Candidate, best: Refit) -> float:
-    """Share of the first candidate's fall that it may leave to a stand-in before it is doubted."""
-    return LEFT if best.effect.stage == first.stage else ASTRAY
+def doubted(first: Candidate, best: Refit, others: Sequence[Score]) -> bool:
+    """Whether the first candidate leaves more to the best stand-in for the unknown than its own law may be off by."""
+    alike = [s.fall for s in others if s.effect.generic and akin(first, s.effect)]
+    most = LEFT if max(alike, default=0.0) >= best.fall or akin(first, best.effect) else ASTRAY
+    return best.fall > most * max(first.delta_chi2, 1.0)
+
+
+def akin(first: Candidate, stand_in: Effect) -> bool:
+    """Whether a stand-in takes up what the law of the first candidate, at its stage or of its family, leaves."""
+    families = STAND_INS.get(stand_in.name, ())
+    return stand_in.stage == first.stage or not set(families).isdisjoint(families_of(first.effect))
 
 
 def with_first(bench: Bench, first: Candidate, tried: Mapping[str, Refit]) -> tuple[MapFit, State]:
     """The survey fitted with the first candidate in its model, or with the fault mended."""
     if first.effect in tried:
-        return tried[first.effect].fit, tried[first.effect].solution.state
+        winner = tried[first.effect]
+        return winner.fit, solve(winner.fit, winner.solution, iterations=40).state
     fault = next(fault for fault in bench.faults if fault.name == first.effect)
     fit, solution = mended(bench.scorer.fit, bench.scorer.state, fault)
     return fit, solution.state

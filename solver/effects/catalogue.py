@@ -31,8 +31,20 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "lag": ("clock_offset", "track_bias", "time_averaging", "kelvin_voigt_lag", "front_share", "lowpass"),
     "even": ("grade_drag", "maxwell_flow", "highpass", "viscoelastic_lag"),
     "gain": ("stiffness_contrast", "poisson_gradient", "channel_coupling"),
+    "place": ("slack_spool", "channel_wander", "track_bend"),
     "depth": ("poisson_ratio", "camber"),
     "rigid": ("track_offset", "track_rotation", "track_scale", "channel_stretch"),
+}
+
+#: Families of which a stand-in for the unknown takes up what the catalogue's laws leave.
+STAND_INS = {
+    "generic_track": ("place",),
+    "generic_road": ("gain",),
+    "generic_kernel": ("blur",),
+    "generic_neighbors": ("blur",),
+    "generic_time_filter": ("blur", "lag", "even"),
+    "generic_delay": ("lag",),
+    "generic_shift": ("lag", "rigid"),
 }
 
 

@@ -236,15 +236,15 @@ def strength_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | Non
 
 def compliance_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     """Derivative [row, channel] by a parameter that changes the compliance of the ground only."""
+    ground = seen.path.described(changed(here)).ground
+    if ground.compliance is None or replace(BASE, ground=replace(ground, compliance=None)).in_rows:
+        return None
     points, graded = seen.local.graded
 
     def softness(value: Tensor) -> Tensor:
         compliance = seen.path.described(changed(value)).ground.compliance
         return torch.ones_like(points[..., 0]) if compliance is None else compliance(points)
 
-    ground = seen.path.described(changed(here)).ground
-    if ground.compliance is None or replace(BASE, ground=replace(ground, compliance=None)).in_rows:
-        return None
     return (graded * jvp(softness, (here,), (torch.ones_like(here),))[1]).sum(-1)
 
 
