@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 G = 30.0
 #: A direction of which less than this share of its variance is left by the fit cannot be told from the route.
 INVISIBLE = 1e-6
+#: Standard deviations of chi2 from its mean at which a fall is more than noise.
+NOTED = 4.0
 #: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
 FINE, STARTS, HALVINGS = 8, 2, 3
 
@@ -73,6 +75,11 @@ class Score:
     def evidence(self) -> float:
         """Ln of the Bayes factor against the model without the effect (g-prior), less the ln of shapes tried."""
         return evidence(self.fall, self.freedom, self.trials)
+
+    @property
+    def beyond_noise(self) -> bool:
+        """Whether it falls by more than noise alone lets it, about."""
+        return self.fall > self.freedom + NOTED * np.sqrt(2 * self.freedom)
 
 
 @dataclass(frozen=True)
@@ -158,7 +165,7 @@ class Scorer:
         for shared in {score.shared for score in tried}:
             ranked = sorted((s for s in tried if s.shared == shared), key=lambda s: -s.fall)
             if len(shapes) > FINE and effect.seek is None:
-                ranked = [self.refined(score, extension, trials) for score in apart(ranked)]
+                ranked = [self.refined(s, extension, trials) if s.beyond_noise else s for s in apart(ranked)]
             yield max(ranked, key=lambda s: s.fall)
 
     def of_shape(self, effect: Effect, shape: dict[str, float], extension: Extension, trials: int) -> Iterator[Score]:
