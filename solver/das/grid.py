@@ -112,6 +112,8 @@ def assemble(segments: Sequence[Segment], interval: float) -> tuple[Array, tuple
             f"{segments[-1].path}: {measured * interval * 1e-9:.0f} s of samples spread over "
             f"{total * interval * 1e-9 / 3600:.1f} h; locate each part on its own"
         )
+    if len(placed) == 1:
+        return placed[0][1], ()
     whole = np.full((total, placed[0][1].shape[1]), np.nan)
     for (begin, end), (_, values) in zip(spans, placed, strict=True):
         whole[begin:end] = values

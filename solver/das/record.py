@@ -181,13 +181,12 @@ def excluded_of(block: Block, channel: NDArray[np.int64], exclude: Sequence[int]
 
 
 def converted(values: Array, unit: Unit, sampling_rate: float, gauge_length: float) -> Array:
-    """Convert `values` [time, channel], NaN rows in gaps, to strain rate, 1/s; each run between gaps on its own."""
-    strain_rate = np.full_like(values, np.nan)
+    """Convert `values` [time, channel], NaN rows in gaps, in place to strain rate, 1/s; each run between gaps alone."""
     rows = np.flatnonzero(np.isfinite(values).all(axis=1))
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
         span = slice(run[0], run[-1] + 1)
-        strain_rate[span] = to_strain_rate(values[span], unit, sampling_rate, gauge_length)
-    return strain_rate
+        values[span] = to_strain_rate(values[span], unit, sampling_rate, gauge_length)
+    return values
 
 
 def distance_of(block: Block, channel: NDArray[np.int64], spacing: float, given: bool) -> Array:
@@ -199,7 +198,7 @@ def distance_of(block: Block, channel: NDArray[np.int64], spacing: float, given:
 
 
 def without_dead(strain_rate: Array, channel: NDArray[np.int64], excluded: NDArray[np.bool_], where: Path) -> Array:
-    """Set channels that never change to NaN: what does not move is not measured."""
+    """Set channels that never change to NaN, in place: what does not move is not measured."""
     still = np.nanmax(strain_rate, axis=0) == np.nanmin(strain_rate, axis=0)
     if still.all():
         raise InputError(f"{where}: no channel holds a signal; check channels and exclude in [das] of site.toml")
@@ -208,7 +207,8 @@ def without_dead(strain_rate: Array, channel: NDArray[np.int64], excluded: NDArr
         logger.warning(
             "%s: %d channels never change, so they are left out: %s", where, dead.sum(), ranges(channel[dead])
         )
-    return np.where(still, np.nan, strain_rate)
+    strain_rate[:, still] = np.nan
+    return strain_rate
 
 
 def provenance_of(blocks: Sequence[Block], stored: Unit, notes: list[str]) -> dict[str, Any]:
@@ -276,8 +276,9 @@ def read_das(
     columns = columns_of(blocks[0], channels)
     channel = blocks[0].first_channel + np.arange(columns.start, columns.stop)
     excluded = excluded_of(blocks[0], channel, exclude)
-    parts = [segments_of(block, checked(block, columns, excluded), interval) for block in blocks]
-    values, gaps = assemble([segment for part in parts for segment in part], interval)
+    segments = [part for block in blocks for part in segments_of(block, checked(block, columns, excluded), interval)]
+    values, gaps = assemble(segments, interval)
+    del segments
     for begin, end in gaps:
         logger.warning("%s: gap from %.3f to %.3f s after the start", first.path, begin, end)
     strain_rate = converted(values, unit, 1e9 / interval, gauge)

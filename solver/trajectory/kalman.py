@@ -6,6 +6,7 @@ stationary AR(1) of each fix's own sigma and time constant `memory`, since a det
 the same way for several fixes. State: position, velocity, acceleration and error in units of sigma.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,20 +112,32 @@ def predicted(mean: Array, covariance: Array, step: Array, acceleration: Array, 
     return (move @ mean[..., None])[..., 0], forward + process_noise(step, acceleration, memory)
 
 
-def run_filter(
-    fixes: Fixes, acceleration: Array, memory: Array
-) -> tuple[Array, list[tuple[Array, Array, Array, Array]]]:
-    """Filter forward.
+@dataclass(frozen=True)
+class Step:
+    """One fix of the filter.
+
+    Parameters
+    ----------
+    gain : of log-likelihood [..., track, axis]
+    ahead, spread : mean [..., track, axis, 4] and covariance [..., track, axis, 4, 4] before the fix
+    mean, covariance : after it
+    """
+
+    gain: Array
+    ahead: Array
+    spread: Array
+    mean: Array
+    covariance: Array
+
+
+def filtered(fixes: Fixes, acceleration: Array, memory: Array) -> Iterator[Step]:
+    """Filter forward, fix by fix.
 
     Parameters
     ----------
     fixes : [track, fix, axis]
     acceleration : m/s^2 [..., track, axis]
     memory : s [..., track, axis]
-
-    Returns
-    -------
-    log-likelihood [..., track, axis], and for each fix (predicted mean, predicted covariance, mean, covariance)
 
     Notes
     -----
@@ -138,7 +151,6 @@ def run_filter(
     covariance[..., [0, 1], [0, 1]] = fixes.prior_sigma**2
     covariance[..., 2, 2] = acceleration**2
     covariance[..., 3, 3] = 1.0
-    likelihood, steps = np.zeros(shape), []
     intervals = np.diff(fixes.time, axis=1, prepend=fixes.time[:, :1])
     for index, interval in enumerate(intervals.T):
         ahead, spread = predicted(mean, covariance, interval[:, None], acceleration, memory)
@@ -147,21 +159,25 @@ def run_filter(
         innovation = fixes.value[:, index] - ahead[..., 0] - sigma * ahead[..., 3]
         variance = np.maximum(gain[..., 0] + sigma * gain[..., 3], innovation**2 / GATE**2)
         variance = np.where(valid, variance, np.inf)
-        likelihood -= np.where(valid, np.log(variance) + innovation**2 / variance, 0.0) / 2
+        gained = -np.where(valid, np.log(variance) + innovation**2 / variance, 0.0) / 2
         gain_scaled = gain / variance[..., None]
         mean = ahead + gain_scaled * innovation[..., None]
         covariance = spread - gain_scaled[..., :, None] * gain[..., None, :]
-        steps.append((ahead, spread, mean, covariance))
-    return likelihood, steps
+        yield Step(gained, ahead, spread, mean, covariance)
+
+
+def likelihood(fixes: Fixes, acceleration: Array, memory: Array) -> Array:
+    """Log-likelihood [..., track, axis] of fixes, but for a constant; parameters as of `filtered`."""
+    return np.asarray(sum(step.gain for step in filtered(fixes, acceleration, memory)))
 
 
 def smooth(fixes: Fixes, acceleration: Array, memory: Array) -> Smoothed:
     """Smooth with one `acceleration`, `memory` [track, axis] per track and axis (Rauch, Tung and Striebel 1965)."""
-    _, steps = run_filter(fixes, acceleration, memory)
-    means, covariances = [steps[-1][2]], [steps[-1][3]]
+    steps = list(filtered(fixes, acceleration, memory))
+    means, covariances = [steps[-1].mean], [steps[-1].covariance]
     for index in range(len(steps) - 2, -1, -1):
-        mean, covariance = steps[index][2:]
-        ahead, spread = steps[index + 1][:2]
+        mean, covariance = steps[index].mean, steps[index].covariance
+        ahead, spread = steps[index + 1].ahead, steps[index + 1].spread
         step = (fixes.time[:, index + 1] - fixes.time[:, index])[:, None]
         valid = fixes.valid[:, index + 1, None, None, None]
         back = smoother_gain(covariance, transition(step, memory), np.where(valid, spread, np.eye(4)))
@@ -169,8 +185,8 @@ def smooth(fixes: Fixes, acceleration: Array, memory: Array) -> Smoothed:
         means.append(mean + (back @ (means[-1] - ahead)[..., None])[..., 0])
         covariances.append(covariance + back @ (covariances[-1] - spread) @ np.swapaxes(back, -1, -2))
     return Smoothed(
-        filtered=np.stack([step[2] for step in steps]),
-        filtered_covariance=np.stack([step[3] for step in steps]),
+        filtered=np.stack([step.mean for step in steps]),
+        filtered_covariance=np.stack([step.covariance for step in steps]),
         mean=np.stack(means[::-1]),
         covariance=np.stack(covariances[::-1]),
     )

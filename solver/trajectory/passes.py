@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.das import DASRecord
-from solver.trajectory.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, run_filter, smooth
+from solver.trajectory.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, likelihood, smooth
 from solver.trajectory.tracks import Track, driven, during, moves, numbered, tracks_of, turns, unbroken
 from vision.contract import InputError, progress
 
@@ -89,9 +89,9 @@ def likeliest(fixes: Fixes, interval: Array) -> tuple[Array, Array]:
     """
     memories = -interval[:, None] / np.log(CORRELATIONS)[:, None, None]
     accelerations = ACCELERATIONS[:, None, None, None] * np.ones(2)
-    likelihood, _ = run_filter(fixes, accelerations, memories)
-    best = likelihood.reshape(-1, *likelihood.shape[2:]).argmax(axis=0)
-    which_acceleration, which_correlation = np.unravel_index(best, likelihood.shape[:2])
+    likely = likelihood(fixes, accelerations, memories)
+    best = likely.reshape(-1, *likely.shape[2:]).argmax(axis=0)
+    which_acceleration, which_correlation = np.unravel_index(best, likely.shape[:2])
     return ACCELERATIONS[which_acceleration], -interval[:, None] / np.log(CORRELATIONS)[which_correlation]
 
 

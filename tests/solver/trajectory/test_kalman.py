@@ -8,9 +8,9 @@ from solver.trajectory.kalman import (
     between,
     beyond,
     first_guess,
+    likelihood,
     predicted,
     process_noise,
-    run_filter,
     smooth,
     transition,
 )
@@ -106,7 +106,7 @@ def test_smoother_is_gaussian_conditioning(fixes):
     after = beyond(smoothed.mean[11, 0], smoothed.covariance[11, 0], outside - time[-1], acceleration[0], memory[0])
     assert np.allclose(np.concatenate([mean, after[0]])[:, 0, 0], expected[0], atol=1e-7)
     assert np.allclose(np.sqrt(np.concatenate([spread, after[1]])[:, 0, 0, 0]), expected[1], rtol=1e-5)
-    assert run_filter(fixes, acceleration, memory)[0][0, 0] == pytest.approx(expected[2], abs=1e-6)
+    assert likelihood(fixes, acceleration, memory)[0, 0] == pytest.approx(expected[2], abs=1e-6)
 
 
 def test_backwards_is_forwards_reversed():
