@@ -163,7 +163,7 @@ class GaugeEnds:
         inner: bool,
         derivative: int = 0,
     ) -> "GaugeEnds":
-        """The same, differentiable by distances [channel] and gauge length, m; with the `inner` stations if wanted.
+        """The same, differentiable by distances [channel] and gauge lengths, m; with the `inner` stations if wanted.
 
         `derivative` 1 gives the derivatives of all matrices by distance.
         """
@@ -171,7 +171,7 @@ class GaugeEnds:
         ends = [basis.weights(where, order + derivative) for order in (0, 1) for where in (ahead, behind)]
         if not inner:
             return cls(*ends)
-        stations = distance[:, None] + torch.from_numpy(STATION_OFFSETS) * torch.as_tensor(gauge_length)
+        stations = distance[:, None] + torch.from_numpy(STATION_OFFSETS) * torch.as_tensor(gauge_length)[..., None]
         return cls(*ends, *(basis.weights(stations, order + derivative) for order in range(3)))
 
     def matrices(self) -> dict[str, Tensor]:

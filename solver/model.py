@@ -318,7 +318,7 @@ class GaugeStrain:
     @property
     def even(self) -> Tensor:
         """[row, channel], in ground that is the same along each gauge."""
-        rate = gauge_strain_rate(*self._ends, self.stages.interrogator.gauge_length)
+        rate = gauge_strain_rate(*self.ends, self.stages.gauge)
         if self.fiber.inner is None:
             return rate
         return rate + self.bends * bend_strain_rates(self.motion(self.fiber.inner, True), self.fiber).sum(-1)
@@ -331,10 +331,10 @@ class GaugeStrain:
         """
         assert self.fiber.inner is not None and self.fiber.inner_slope is not None
         inner = self.motion(self.fiber.inner, True)
-        ahead, behind = self._ends
+        ahead, behind = self.ends
         within = axial(inner, self.tangent(self.fiber.inner_slope))
         moved = torch.cat([behind[..., None], within, ahead[..., None]], -1)
-        pieces = moved.diff(dim=-1) / (2 * self.stages.interrogator.gauge_length)
+        pieces = moved.diff(dim=-1) / (2 * torch.as_tensor(self.stages.gauge)[..., None])
         bent = self.bends * bend_strain_rates(inner, self.fiber)
         return pad(pieces, (1, 0)) + pad(pieces, (0, 1)) + pad(bent, (1, 1))
 
@@ -345,7 +345,7 @@ class GaugeStrain:
         return torch.cat([self.fiber.behind[..., None, :], self.fiber.inner, self.fiber.ahead[..., None, :]], -2)
 
     @property
-    def _ends(self) -> tuple[Tensor, Tensor]:
+    def ends(self) -> tuple[Tensor, Tensor]:
         """Motion [row, channel] along the fiber at the ends ahead and behind."""
         f = self.fiber
         places = ((f.ahead, f.ahead_slope), (f.behind, f.behind_slope))

@@ -100,6 +100,12 @@ class Description:
         return replace(self, interrogator=replace(self.interrogator, pointwise=()))
 
     @property
+    def gauge(self) -> Tensor | float:
+        """How far along the route each gauge reaches, scalar or [channel], m."""
+        length, slack = self.interrogator.gauge_length, self.cable.slack
+        return length if slack is BASE.cable.slack else length * (1 + slack)
+
+    @property
     def in_rows(self) -> bool:
         """Whether it differs from the base model in what single vehicles do to single channels."""
         g, c = self.ground, self.cable
@@ -109,6 +115,7 @@ class Description:
             g.compliance is None,
             g.poisson_change is None,
             g.radiation is None,
+            c.slack is BASE.cable.slack,
             c.gain is BASE.cable.gain,
             c.vertical is BASE.cable.vertical,
             c.path_integral is BASE.cable.path_integral,

@@ -170,6 +170,7 @@ class Cable:
     Parameters
     ----------
     distance : [channel], along the fiber, m
+    slack : [channel] or scalar, share by which a gauge reaches farther along the route than its length says
     gain : [channel] or scalar, strain of the fiber over that of the ground
     vertical : share of the ground's vertical motion that the fiber follows
     path_integral : share of the strain that bends within a gauge add to the motion of its two ends
@@ -178,6 +179,7 @@ class Cable:
     """
 
     distance: Tensor
+    slack: Tensor | float = 0.0
     gain: Tensor | float = 1.0
     vertical: Tensor | float = 1.0
     path_integral: Tensor | float = 0.0

@@ -139,14 +139,28 @@ def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
 @effect(
     "channel_wander",
     "cable",
-    [Parameter("shift", "m", 0.5, scope="fiber")],
+    [
+        Parameter("shift", "m", 0.5, scope="fiber"),
+        Parameter("stretched", "1", 1.0, lower=0, upper=1, grid=(0.0, 1.0)),
+    ],
     physics="Channels lie off their place along the fiber by a smooth amount: slack, snaking, index.",
     source="Piana Agostinetti et al. 2022, Solid Earth 13, 449.",
     told_from="the route",
 )
 def channel_wander(cable: Cable, p: Values, survey: Surroundings) -> Cable:
-    """Channel positions depart smoothly from their count."""
-    return replace(cable, distance=cable.distance + p["shift"])
+    """Channel positions depart smoothly from their count; where that is slack fiber, gauges reach less far as well."""
+    slack = p["stretched"] * slope(p["shift"], survey.distance)
+    return replace(cable, distance=cable.distance + p["shift"], slack=slack)
+
+
+def slope(values: Tensor, distance: Tensor) -> Tensor:
+    """Derivative of values [channel] by distance [channel], from neighbors on either side; constant to the ends.
+
+    >>> slope(torch.tensor([0.0, 1.0, 4.0, 9.0]), torch.arange(4.0)).tolist()
+    [2.0, 2.0, 4.0, 4.0]
+    """
+    inner = (values[2:] - values[:-2]) / (distance[2:] - distance[:-2])
+    return torch.cat([inner[:1], inner, inner[-1:]])
 
 
 EFFECTS = (

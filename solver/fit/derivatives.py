@@ -1,6 +1,6 @@
 """Derivatives of the strain-rate map by an effect's parameters, by forward-mode automatic differentiation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -9,7 +9,9 @@ import torch
 from torch import Tensor
 from torch.func import jvp
 
+from solver.cable import STATION_OFFSETS
 from solver.extension import Slot, Values
+from solver.interrogator import gauge_strain_rate
 from solver.model import Fiber, Sensitivities, SignalPath, Vehicles
 from solver.observation import BASE
 from solver.stages import Load
@@ -106,6 +108,19 @@ class Local:
         return total
 
     @cached_property
+    def slack(self) -> Tensor:
+        """Derivative [row, computed channel] by how much farther the gauge reaches, relative to its length."""
+        stages = self.path.described(self.values)
+        length, gauge = stages.interrogator.gauge_length, torch.as_tensor(stages.gauge)
+        strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, self.values)
+        total = -self.rows.amplitude * stages.cable.gain * gauge_strain_rate(*strain.ends, gauge) * length / gauge
+        half = torch.tensor(0.5)
+        reach = {"ahead": half, "behind": -half, "inner": torch.from_numpy(STATION_OFFSETS)[:, None]}
+        for name, moved in self.fiber(self.values, 1).present().items():
+            total = total + length * (self.by.by[name] * moved * reach[name.split("_")[0]]).flatten(2).sum(-1)
+        return total
+
+    @cached_property
     def rows(self) -> Vehicles:
         """The vehicles of each row, [row, 1]."""
         rows = self.vehicles.rows(self.path.traffic)
@@ -177,6 +192,10 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
     if effect.stage not in ("trajectory", "load") and not acts_on_rows(seen, slot, values):
         ways = [one] if scope == "one" else extension.scopes.fiber.unbind(1)
         return torch.stack([jvp(lambda v: path.observed(seen.local.alone, changed(v)), (here,), (w,))[1] for w in ways])
+    if effect.stage == "cable":
+        placed = placements(seen, changed, here, [one] if scope == "one" else extension.scopes.fiber.unbind(1))
+        if placed is not None:
+            return observed_tangents(path, seen.local.alone, placed, values)
     tangent = SHORTCUTS[effect.stage](seen, changed, here)
     if tangent is None and scope == "one":
         whole = jvp(lambda v: path.observed(path.traffic.superpose(rows(v)), changed(v)), (here,), (one,))[1]
@@ -248,19 +267,28 @@ def compliance_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | N
     return (graded * jvp(softness, (here,), (torch.ones_like(here),))[1]).sum(-1)
 
 
-def place_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
-    """Derivative [row, channel] by a parameter that moves channels along the fiber, or changes their gain, only."""
+def placements(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor]) -> Tensor | None:
+    """Derivatives [way, sample, channel] by a parameter that moves or stretches gauges, or changes their gain, only.
 
-    def place(value: Tensor) -> tuple[Tensor, Tensor]:
+    Each way that it may change is [] or [channel].
+    """
+
+    def placed(value: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         cable = seen.path.described(changed(value)).cable
-        gain = torch.as_tensor(cable.gain, dtype=value.dtype).expand_as(cable.distance)
-        return cable.distance, gain + 0 * value.sum()
+        zero = torch.zeros_like(cable.distance) + 0 * value.sum()
+        return cable.distance + zero, cable.slack + zero, cable.gain + zero
 
     cable = seen.path.described(changed(here)).cable
-    if replace(BASE, cable=replace(cable, gain=BASE.cable.gain)).in_rows:
+    if replace(BASE, cable=replace(cable, slack=BASE.cable.slack, gain=BASE.cable.gain)).in_rows:
         return None
-    (_, gain), (move, louder) = jvp(place, (here,), (torch.ones_like(here),))[:2]
-    return seen.local.distance * move + seen.local.by.rate * louder / gain
+    gain = placed(here)[2]
+    tangents = [jvp(placed, (here,), (way,))[1] for way in ways]
+    moves, slacks, gains = (torch.stack(one)[:, None] for one in zip(*tangents, strict=True))
+    superpose, local = seen.path.traffic.superpose, seen.local
+    total = superpose(local.by.rate) * gains / gain
+    if bool(moves.any()):
+        total = total + superpose(local.distance) * moves
+    return total + superpose(local.slack) * slacks if bool(slacks.any()) else total
 
 
 def no_shortcut(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
@@ -272,7 +300,7 @@ SHORTCUTS = {
     "trajectory": shift_tangent,
     "load": strength_tangent,
     "ground": compliance_tangent,
-    "cable": place_tangent,
+    "cable": no_shortcut,
     "interrogator": no_shortcut,
     "processing": no_shortcut,
 }

@@ -107,7 +107,7 @@ class MapFit:
 
     def _ends_of(self, path: SignalPath, values: Values, derivative: int = 0) -> GaugeEnds:
         stages = path.described(values)
-        cable, gauge = stages.cable, stages.interrogator.gauge_length
+        cable, gauge = stages.cable, stages.gauge
         if path.extension.surroundings is None and not derivative:
             return self.ends
         graded = stages.ground.compliance is not None
