@@ -8,10 +8,8 @@ from scipy.stats import chi2 as chi2_law
 
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import Fault
-from solver.criticism.score import Score, evidence
+from solver.criticism.score import FOUND, Score, evidence
 
-#: ln of the Bayes factor above which an effect counts as found: noise that is not quite as estimated may reach 8.
-FOUND = 12.0
 #: Share of its plausible size below which an effect may be there and explains nothing.
 NEGLIGIBLE = 0.1
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.criticism.audit import NoiseAudit, audit
-from solver.criticism.candidate import FOUND, Candidate, fault_candidate, score_candidate
+from solver.criticism.candidate import Candidate, fault_candidate, score_candidate
 from solver.criticism.refit import Refit, race, unshifted
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
-from solver.criticism.score import Score, Scorer, score_all, similarity
+from solver.criticism.score import FOUND, Score, Scorer, score_all, similarity
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.verdict_words import missing_words, power_words, unknown_words
 from solver.effects.catalogue import FAMILIES, STAND_INS, families_of

@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.figure import Figure
 
-from solver.criticism.candidate import FOUND, Candidate
+from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis import Diagnosis
 from solver.criticism.growth import Rung
+from solver.criticism.score import FOUND
 from solver.run.report.drawing import canvas, place
 from solver.run.report.page import resource
 from vision.contract.figures import styled, svg

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from solver.effects.effect import Effect, Heard
 from solver.extension import Extension
-from solver.fit.derivatives import Local, Seen, derivative
+from solver.fit.derivatives import Local, Seen, acts_on_rows, derivative
 from solver.fit.map_fit import MapFit
 from solver.fit.state import Linearized, State
 
@@ -26,10 +26,14 @@ Array = NDArray[np.float64]
 
 #: Prior odds of an effect's size: g of the g-prior (Zellner 1986), see CRITICISM: about 30 for effects worth naming.
 G = 30.0
+#: ln of the Bayes factor above which an effect counts as found: noise that is not quite as estimated may reach 8.
+FOUND = 12.0
 #: A direction of which less than this share of its variance is left by the fit cannot be told from the route.
 INVISIBLE = 1e-6
 #: Standard deviations of chi2 from its mean at which a fall is more than noise.
 NOTED = 4.0
+#: Sizes, of plausible ones, at which the whole change by an effect is tried, and the stages that it is tried at.
+FAR, FAR_STAGES = (1.0, 3.0), ("ground", "cable", "interrogator", "processing")
 #: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
 FINE, STARTS, HALVINGS = 8, 2, 3
 
@@ -190,6 +194,40 @@ class Scorer:
             step = {name: size / 2 for name, size in step.items()}
         return score
 
+    def reaching(self, score: Score) -> Score:
+        """The score of the whole change that an effect of one number makes at some size, where that says more.
+
+        Filters along the fiber and much of the ground act far from in proportion to their number, and what a small one
+        does may be what the route hides.
+        """
+        effect = score.effect
+        if effect.generic or effect.stage not in FAR_STAGES or [p.scope for p in effect.amplitudes] != ["one"]:
+            return score
+        extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
+        base, weights, p = self.numbers(extension, score.shape), self.at.weights, effect.amplitudes[0]
+        where = next(slot.where for slot in extension.slots if slot.effect is effect and slot.parameter is p)
+        sign = one_sided(effect, 1) or float(np.sign(score.estimate[0]))
+        for size in FAR:
+            numbers = base.clone()
+            numbers[where] = float(np.clip(p.null + sign * size * p.plausible, p.lower, p.upper))
+            change = (self.model(extension, numbers) - self.at.model) * weights.good
+            column = (self.fit.whiten(change) * weights.soft.sqrt()).reshape(-1, 1)
+            fall, freedom, estimate, sigma, retained = outcome(self.project(column), 1)
+            if fall > score.fall:
+                signal, step = column @ torch.from_numpy(estimate), float(numbers[where] - p.null)
+                numbered = step * estimate, abs(step) * sigma
+                score = Score(effect, score.shape, False, fall, freedom, score.trials, *numbered, retained, signal)
+        return score
+
+    def model(self, extension: Extension, numbers: Tensor) -> Tensor:
+        """Map [sample, channel] with a candidate at some numbers."""
+        seen, values = self.seen(extension), extension.local(numbers)
+        slot = extension.slots[-1]
+        if acts_on_rows(seen, slot, values):
+            state = self.state
+            return seen.path.strain_rate(seen.fiber(values, 0), state.vehicles, state.poisson_ratio, values)
+        return seen.path.observed(seen.local.alone, values)
+
     def heard(self, extension: Extension) -> Heard:
         """What the fit leaves, for effects that seek their shapes in it."""
         seen, numbers = self.seen(extension), self.numbers(extension, {})
@@ -273,6 +311,8 @@ def score_all(
     for effect in effects:
         table += sorted(scorer.scores(effect), key=lambda s: s.evidence)[-1:]
         advance(1)
+    if any(s.evidence > FOUND for s in table):
+        table = [scorer.reaching(s) for s in table]
     return sorted((s for s in table if s.freedom), key=lambda s: -s.evidence)
 
 

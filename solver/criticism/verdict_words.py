@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
-from solver.criticism.candidate import FOUND, Candidate
+from solver.criticism.candidate import Candidate
 from solver.criticism.repairs import Fault
+from solver.criticism.score import FOUND
 from solver.effects.catalogue import FAMILIES, families_of
 
 ADVICE = {

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import roadfiber
-from solver.criticism.candidate import FOUND
+from solver.criticism.score import FOUND
 from vision.contract import InputError
 
 STREET = """
