@@ -23,8 +23,8 @@ PACE, ROUNDS = 2, 12
 HOPE = 2.0
 #: Share of the leader's evidence that one must have, or may hope for, to go on.
 STAY = 0.75
-#: Shifts of the tracks, times what was expected, that a delay may be behind; and numbers of what may be a delay.
-SHIFTED, FEW = 3.0, 3
+#: Shifts of the tracks, times what was expected, that a delay may be behind.
+SHIFTED = 3.0
 
 
 def counted(fit: MapFit, at: Linearized) -> Tensor:
@@ -154,22 +154,18 @@ def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> Stat
     return best
 
 
-def without_shifts(state: State) -> State:
-    """The state with every vehicle where its track has it."""
-    along = torch.zeros_like(state.vehicles.along)
-    return replace(state, vehicles=replace(state.vehicles, along=along))
-
-
 def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """What effects of few numbers alone would explain, were no track shifted along; only where tracks were, far.
+    """What effects that are the same for all passes alone would explain, were no track shifted; only where tracks were.
 
     Whatever delays the record shifts all vehicles, and once they are shifted the better explanation is out of sight.
+    All else about the vehicles is as it was before the fit, too.
     """
-    few = [one for one in effects if len(one.amplitudes) <= FEW and not one.generic]
+    few = [one for one in effects if not one.generic and all(p.scope == "one" for p in one.amplitudes)]
     along = scorer.state.vehicles.along
     if along.square().mean().sqrt() < SHIFTED * scorer.fit.problem.prior.along:
         return []
-    alone = Scorer(scorer.fit, without_shifts(scorer.state), alone=True)
+    fit, state = scorer.fit, scorer.state
+    alone = Scorer(fit, fit.start_at(state.coefficients, state.poisson_ratio), alone=True)
     return [(alone, score) for score in score_all(alone, few)]
 
 

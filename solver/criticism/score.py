@@ -32,8 +32,10 @@ FOUND = 12.0
 INVISIBLE = 1e-6
 #: Standard deviations of chi2 from its mean at which a fall is more than noise.
 NOTED = 4.0
-#: Sizes, of plausible ones, at which the whole change by an effect is tried, and the stages that it is tried at.
-FAR, FAR_STAGES = (1.0, 3.0), ("ground", "cable", "interrogator", "processing")
+#: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
+FAR, FAR_ALONE = (1.0, 3.0), (0.5, 1.0, 2.0, 3.0)
+#: Stages whose effects are in proportion to their numbers, once tracks may shift.
+NEAR_STAGES = ("trajectory", "load")
 #: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
 FINE, STARTS, HALVINGS = 8, 2, 3
 
@@ -201,15 +203,17 @@ class Scorer:
         does may be what the route hides.
         """
         effect = score.effect
-        if effect.generic or effect.stage not in FAR_STAGES or [p.scope for p in effect.amplitudes] != ["one"]:
+        near = effect.stage in NEAR_STAGES and not self.alone
+        if effect.generic or near or [p.scope for p in effect.amplitudes] != ["one"]:
             return score
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
         base, weights, p = self.numbers(extension, score.shape), self.at.weights, effect.amplitudes[0]
         where = next(slot.where for slot in extension.slots if slot.effect is effect and slot.parameter is p)
-        sign = one_sided(effect, 1) or float(np.sign(score.estimate[0]))
-        for size in FAR:
+        for size, sign in product(FAR_ALONE if self.alone else FAR, (1, -1)):
             numbers = base.clone()
             numbers[where] = float(np.clip(p.null + sign * size * p.plausible, p.lower, p.upper))
+            if numbers[where] == p.null:
+                continue
             change = (self.model(extension, numbers) - self.at.model) * weights.good
             column = (self.fit.whiten(change) * weights.soft.sqrt()).reshape(-1, 1)
             fall, freedom, estimate, sigma, retained = outcome(self.project(column), 1)

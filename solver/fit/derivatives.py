@@ -189,7 +189,7 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
 
     one = torch.ones_like(here)
     assert extension.scopes is not None
-    if effect.stage not in ("trajectory", "load") and not acts_on_rows(seen, slot, values):
+    if not acts_on_rows(seen, slot, values):
         ways = [one] if scope == "one" else extension.scopes.fiber.unbind(1)
         return torch.stack([jvp(lambda v: path.observed(seen.local.alone, changed(v)), (here,), (w,))[1] for w in ways])
     if effect.stage == "cable":
@@ -308,6 +308,8 @@ SHORTCUTS = {
 
 def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:
     """Whether an effect changes what single vehicles do to single channels, and not just the whole map."""
+    if slot.effect.stage in ("trajectory", "load"):
+        return True
     alone = replace(seen.path.extension, effects=(slot.effect,)).described(values, seen.path.gauge_length)
     around = seen.path.extension.surroundings
     return alone.in_rows or (around is not None and alone.cable.distance is not around.distance)

@@ -2,19 +2,23 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+import torch
 
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
-from solver.fit.state import State
+from solver.fit.state import State, Weights
 from solver.fit.windows import part
 
 #: Passes that a long fiber is fitted to first: they lead near, and all then need few steps.
 FIRST = 12
+#: Shifts of the tracks along their way, m rms, that no camera makes; and times, s, by which clocks may be apart.
+ASTRAY, DELAYS = 1.0, np.arange(-10, 11) / 10
 
 
 def beginning(problem: Problem, chain: Chain, advance: Callable[[int], None]) -> State:
@@ -25,6 +29,24 @@ def beginning(problem: Problem, chain: Chain, advance: Callable[[int], None]) ->
     few = Chain.of(part(problem, np.linspace(0, count - 1, FIRST).astype(int)))
     end = solve(few, few.start(), advance=advance).state
     return chain.start_at(end.coefficients, end.poisson_ratio)
+
+
+def shifted_in_time(chain: Chain, state: State) -> State | None:
+    """Where to begin again if all tracks were shifted far: every vehicle early or late by the one time that fits best.
+
+    Clocks that are apart by so much that vehicles are told a wavelength of the signal away let each track end in a
+    different wrong place. None where they did not, or no time fits better than none.
+    """
+    if chain.long or state.vehicles.along.square().mean().sqrt() < ASTRAY:
+        return None
+    fit, speed = chain.links[0].fit, torch.tensor([abs(one.speed) for one in chain.passes], dtype=torch.float64)
+    every, begun = Weights(fit.measured, fit.measured.double()), chain.start()
+
+    def late(delay: float) -> State:
+        return fit.settled(replace(begun, vehicles=replace(begun.vehicles, along=speed * delay)), every)
+
+    best = min((late(float(delay)) for delay in DELAYS), key=lambda one: fit.cost(one, every))
+    return best if fit.cost(best, every) < fit.cost(late(0.0), every) else None
 
 
 def fit_spline(
@@ -47,6 +69,9 @@ def fit_spline(
     begun = time.perf_counter()
     chain = Chain.of(problem)
     end = solve(chain, beginning(problem, chain, advance), advance=advance, hopeless=hopeless)
+    if (again := shifted_in_time(chain, end.state)) is not None:
+        other = solve(chain, again, advance=advance, hopeless=hopeless)
+        end = min(end, other, key=lambda one: one.at.misfit + chain.prior.total(one.state))
     return assemble(
         problem,
         chain,
