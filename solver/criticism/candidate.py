@@ -94,7 +94,7 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
     if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible:
         verdict = "negligible"
     elif strength > FOUND:
-        verdict = "present"
+        verdict = "inconclusive" if tried is not None and tried.lone else "present"
     elif detectable > 3 * parameter.plausible:
         verdict = "inconclusive"
     elif detectable < 0.5 * parameter.plausible:

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.criticism.score import Score, Scorer, evidence, score_all
+from solver.criticism.score import FOUND, Score, Scorer, evidence, score_all
 from solver.effects.effect import Effect
 from solver.extension import Slot
 from solver.fit.least_squares import Solution, solve
@@ -21,6 +21,8 @@ from solver.fit.state import Linearized, State, Weights
 PACE, ROUNDS = 2, 12
 #: Times the fall that the next step predicts which a fit may still hope for.
 HOPE = 2.0
+#: ln of the Bayes factor beyond which one pass may speak for all, as the heaviest vehicle alone may clip.
+CLEAR = 36.0
 #: Share of the leader's evidence that one must have, or may hope for, to go on.
 STAY = 0.75
 #: Shifts of the tracks, times what was expected, that a delay may be behind.
@@ -35,8 +37,8 @@ def counted(fit: MapFit, at: Linearized) -> Tensor:
     return at.weights.good / (1 + fit.added_variance(at.local, at.model)).sqrt()
 
 
-def loss(fit: MapFit, state: State, counts: Tensor) -> float:
-    """Robust misfit plus priors: Huber's loss of the whitened residual, so that fits can be compared.
+def misfit(fit: MapFit, state: State, counts: Tensor) -> Tensor:
+    """Huber's loss of the whitened residual, of each sample, so that fits can be compared.
 
     Parameters
     ----------
@@ -44,8 +46,20 @@ def loss(fit: MapFit, state: State, counts: Tensor) -> float:
     """
     difference = torch.where(fit.measured, fit.data - fit.model(state), 0.0)
     size = (fit.whiten(difference * (counts > 0)) * counts).abs()
-    misfit = torch.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum()
-    return float(misfit) + fit.prior.total(state)
+    return torch.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum(1)
+
+
+def loss(fit: MapFit, state: State, counts: Tensor) -> float:
+    """Robust misfit plus priors."""
+    return float(misfit(fit, state, counts).sum()) + fit.prior.total(state)
+
+
+def largest_share(scorer: Scorer, refit: "Refit", counts: Tensor) -> float:
+    """By how much the misfit of the one pass that gains most fell."""
+    fell = misfit(scorer.fit, scorer.state, counts) - misfit(refit.fit, refit.solution.state, counts)
+    traffic = scorer.fit.problem.traffic
+    gains = torch.zeros(traffic.passes, dtype=fell.dtype).index_add(0, traffic.pass_index, fell[traffic.sample_index])
+    return float(gains.max())
 
 
 @dataclass(frozen=True)
@@ -57,12 +71,14 @@ class Refit:
     score : of the candidate
     fit, solution : with it
     fall : how far the robust misfit fell
+    lone : one pass alone speaks for what, if it were there, all would show
     """
 
     score: Score
     fit: MapFit
     solution: Solution
     fall: float
+    lone: bool = False
 
     @property
     def effect(self) -> Effect:
@@ -209,4 +225,12 @@ def race(
         for name, one in running.items():
             if not one.solution.converged and (name == favorite or one.hoped > least):
                 running[name] = run(one.score, one.fit, one.solution)
-    return running
+    return {name: replace(one, lone=rests_on_one(scorer, one, counts)) for name, one in running.items()}
+
+
+def rests_on_one(scorer: Scorer, refit: Refit, counts: Tensor) -> bool:
+    """Whether little is left of an effect's evidence, where there is not much, without the pass that gains most."""
+    alike = all(p.scope == "one" for p in refit.effect.amplitudes)
+    if not alike or not FOUND < refit.evidence < CLEAR:
+        return False
+    return refit.standing(-largest_share(scorer, refit, counts)) < FOUND / 2
