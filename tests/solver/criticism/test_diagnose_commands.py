@@ -24,6 +24,10 @@ view = [0.0, 45.0]
 HIDDEN = {
     "gauge_length": ({"gauge_length": 0.15}, {"gauge_length"}),
     "clock_offset": ({"clock_offset": 0.2}, {"clock_offset"}),
+    "clocks far apart": ({"clock_offset": -0.45}, {"clock_offset"}),
+    "lowpass": ({"lowpass": 1.1}, {"lowpass"}),
+    "shear_lag": ({"shear_lag": 2.4}, {"shear_lag"}),
+    "channel_wander": ({"channel_wander": 0.6}, {"channel_wander"}),
     "track_bias": ({"track_bias": 1.0}, {"track_bias"}),
     "highpass": ({"highpass": 0.1}, {"highpass"}),
     "saturation": ({"saturation": 0.5}, {"saturation"}),

@@ -1,0 +1,57 @@
+"""What full fits with a candidate are trusted with."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from solver.criticism import refit
+from solver.criticism.candidate import score_candidate
+from solver.criticism.refit import Refit, rests_on_one
+from solver.criticism.score import Score
+from solver.effects.catalogue import built_in
+
+
+def tried(name: str, fall: float) -> Refit:
+    """A candidate whose full fit lowered the misfit by so much."""
+    one = np.array([1.0])
+    score = Score(built_in()[name], {}, False, fall, 1, 1, one, one, 1.0, torch.zeros(0))
+    with_it: Any = SimpleNamespace(fit="with", solution=SimpleNamespace(state=None))
+    return Refit(score, with_it.fit, with_it.solution, fall)
+
+
+def scorer(gains: list[float], monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A fit of as many passes, of two samples each, whose misfit the candidate lowers by these gains."""
+    passes = torch.arange(len(gains)).repeat_interleave(2)
+    traffic = SimpleNamespace(passes=len(gains), pass_index=passes, sample_index=torch.arange(len(passes)))
+    misfits = {"without": torch.tensor(gains).repeat_interleave(2) / 2, "with": torch.zeros(len(passes))}
+    monkeypatch.setattr(refit, "misfit", lambda fit, state, counts: misfits[fit if fit == "with" else "without"])
+    return SimpleNamespace(fit=SimpleNamespace(problem=SimpleNamespace(traffic=traffic)), state=None)
+
+
+@pytest.mark.parametrize(
+    ("name", "gains", "lone"),
+    [
+        ("clock_drift", [31.0, 0.0, 5.0, 5.0], True),
+        ("clock_drift", [10.0, 11.0, 10.0, 10.0], False),
+        # Enough to be believed of one heavy vehicle, or nothing that others would show.
+        ("saturation", [1000.0, 0.0, 5.0, 5.0], False),
+        ("braking", [31.0, 0.0, 5.0, 5.0], False),
+    ],
+)
+def test_what_all_would_show_is_not_claimed_on_the_word_of_one(
+    name: str, gains: list[float], lone: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = tried(name, sum(gains))
+    assert rests_on_one(scorer(gains, monkeypatch), found, torch.ones(0)) is lone
+
+
+def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = tried("gauge_length", 41.0)
+    monkeypatch.setattr(Refit, "estimate", property(lambda self: np.array([1.0])))
+    monkeypatch.setattr(Refit, "shape", property(lambda self: {}))
+    assert score_candidate(found.score, found).verdict == "present"
+    lone = Refit(found.score, found.fit, found.solution, found.fall, lone=True)
+    assert score_candidate(found.score, lone).verdict == "inconclusive"
