@@ -180,17 +180,16 @@ class GaugeEnds:
 
 
 def length(vectors: Tensor) -> Tensor:
-    """Length [...] of vectors [..., 3], by components: several times as fast as a norm over a short axis.
+    """Length [...] of vectors [..., 2 or 3], by components: several times as fast as a norm over a short axis.
 
     >>> length(torch.tensor([3.0, 0.0, 4.0])).item()
     5.0
     """
-    x, y, z = vectors.unbind(-1)
-    return (x * x + y * y + z * z).sqrt()
+    return axial(vectors, vectors).sqrt()
 
 
 def unit(vectors: Tensor) -> Tensor:
-    """Vectors [..., 3] scaled to length 1.
+    """Vectors [..., 2 or 3] scaled to length 1.
 
     >>> unit(torch.tensor([3.0, 0.0, 4.0])).tolist()
     [0.6000000238418579, 0.0, 0.800000011920929]
@@ -199,13 +198,13 @@ def unit(vectors: Tensor) -> Tensor:
 
 
 def axial(motion: Tensor, tangent: Tensor) -> Tensor:
-    """Part of a motion [..., 3] along the fiber's unit tangent [..., 3].
+    """Part of a motion [..., 2 or 3] along the fiber's unit tangent, likewise.
 
     >>> axial(torch.tensor([1.0, 2.0, 3.0]), torch.tensor([0.0, 1.0, 0.0])).item()
     2.0
     """
-    x, y, z = (motion * tangent).unbind(-1)
-    return x + y + z
+    first, *others = (motion * tangent).unbind(-1)
+    return sum(others, first)
 
 
 def turning(slope: Tensor, bend: Tensor) -> Tensor:
