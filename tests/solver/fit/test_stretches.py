@@ -59,6 +59,18 @@ def test_the_decrement_is_the_length_of_the_step_in_sigmas(equations: tuple) -> 
     assert normal.decrement() == pytest.approx(float(right @ np.linalg.solve(whole, right)) ** 0.5)
 
 
+def test_what_is_held_takes_no_step_and_the_rest_as_if_it_were_not_there(equations: tuple) -> None:
+    normal, whole, right = equations
+    held = np.zeros(len(right), bool)
+    held[[11, 13, 20]] = True  # the second of those shared, one of the first vehicle's, one of the third's
+    own = np.split(held[12:], 6)
+    shared, steps = normal.holding(held[10:12], own).step(0.0)
+    found = np.concatenate([shared, *steps])
+    np.testing.assert_array_equal(found[held], 0.0)
+    np.testing.assert_allclose(found[~held], np.linalg.solve(whole[np.ix_(~held, ~held)], right[~held]), rtol=1e-8)
+    assert normal.holding(np.zeros(2, bool), [np.zeros(3, bool)] * 6) is normal
+
+
 def test_a_banded_factor_solves(equations: tuple) -> None:
     normal, _, _ = equations
     matrix = Banded.of(normal.blocks, 10, 2)
