@@ -28,6 +28,8 @@ Advance = Callable[[int], None]
 
 #: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
 CLOSE, ALIKE = 6.0, 0.95
+#: Share of a stand-in's evidence at which a known effect, whose law is stricter, is preferred to it.
+STRICTER = 0.95
 #: Share of the winner's evidence at which one of its own family is not ruled out.
 RIVAL = 0.8
 #: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little,
@@ -197,7 +199,7 @@ def judge(
         return Diagnosis("adequate", words, tuple(listed), check, stress)
     physical = [c for c in present if not c.generic]
     generic = [c for c in present if c.generic]
-    if not physical or (generic and generic[0].evidence > physical[0].evidence + CLOSE):
+    if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence)):
         first = generic[0]
         words = unknown_words(first, physical)
         return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
@@ -207,8 +209,9 @@ def judge(
     others = [s for s in again.table if s.evidence > FOUND]
     left = others[0].evidence if others else 0.0
     second = race(again.scorer, racers(others, BESIDE), advance)
-    best = max(second.values(), key=lambda r: r.evidence, default=None)
-    if best is not None and best.effect.generic and doubted(first, best, others):
+    best = max((r for r in second.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
+    known = max((r.evidence for r in second.values() if not r.effect.generic), default=0.0)
+    if best is not None and outdone(known, best.evidence) and doubted(first, best, others):
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
             f"acts at the {best.effect.stage} stage ({best.effect.physics.rstrip('.').lower()})"
@@ -228,6 +231,11 @@ def judge(
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     rest = [faults.get(c.effect, c) for c in rest]
     return Diagnosis("missing-effect", words, order(rest, first), check, stress, separate, left)
+
+
+def outdone(known: float, stand_in: float) -> bool:
+    """Whether a stand-in for the unknown explains more, by its evidence, than the best known effect can."""
+    return known + CLOSE < STRICTER * stand_in
 
 
 def doubted(first: Candidate, best: Refit, others: Sequence[Score]) -> bool:
