@@ -12,6 +12,7 @@ ADVICE = {
     "lag": "passes in both directions and at clearly different speeds",
     "even": "passes in both directions, and slow ones, with some seconds of quiet after each",
     "gain": "a second lane, and an anchor on either side of the place",
+    "place": "three or more anchors along the fiber, and a check of the camera by points on the road",
     "depth": "one point of the fiber with known depth",
     "rigid": "two or more anchors, some tens of meters apart",
 }

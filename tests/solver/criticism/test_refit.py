@@ -11,7 +11,8 @@ from solver.criticism import refit
 from solver.criticism.candidate import score_candidate
 from solver.criticism.refit import Refit, rests_on_one
 from solver.criticism.score import Score
-from solver.effects.catalogue import built_in
+from solver.criticism.verdict_words import ADVICE
+from solver.effects.catalogue import FAMILIES, STAND_INS, built_in, families_of
 
 
 def tried(name: str, fall: float) -> Refit:
@@ -55,3 +56,9 @@ def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
     assert score_candidate(found.score, found).verdict == "present"
     lone = Refit(found.score, found.fit, found.solution, found.fall, lone=True)
     assert score_candidate(found.score, lone).verdict == "inconclusive"
+
+
+def test_every_family_is_told_how_to_separate_it_and_every_stand_in_is_known() -> None:
+    assert set(ADVICE) == set(FAMILIES)
+    assert all(built_in()[name].generic and set(kinds) <= set(FAMILIES) for name, kinds in STAND_INS.items())
+    assert families_of("channel_wander") == ("place",)
