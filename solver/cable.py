@@ -179,6 +179,36 @@ class GaugeEnds:
         return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
 
 
+@dataclass(frozen=True)
+class Fiber:
+    """The ends of every gauge and the fiber's direction there.
+
+    Parameters
+    ----------
+    ahead, behind : [..., channel, 3], positions, m
+    ahead_slope, behind_slope : [..., channel, 3], derivative of position with distance
+    inner, inner_slope, inner_bend : [..., channel, station, 3], positions within the gauge and their first and second
+        derivatives; None where the strain of a gauge is the motion of its ends alone
+    """
+
+    ahead: Tensor
+    behind: Tensor
+    ahead_slope: Tensor
+    behind_slope: Tensor
+    inner: Tensor | None = None
+    inner_slope: Tensor | None = None
+    inner_bend: Tensor | None = None
+
+    @classmethod
+    def of(cls, ends: GaugeEnds, coefficients: Tensor) -> "Fiber":
+        """Ends of a spline route with `coefficients` [knot, 3], m."""
+        return cls(**{name: matrix @ coefficients for name, matrix in ends.matrices().items()})
+
+    def present(self) -> dict[str, Tensor]:
+        """The fields that are there, by name."""
+        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
+
+
 def length(vectors: Tensor) -> Tensor:
     """Length [...] of vectors [..., 2 or 3], by components: several times as fast as a norm over a short axis.
 

@@ -1,7 +1,7 @@
 """Strain rate of the base model and its derivatives in closed form: several times faster than by autodiff.
 
-Differentiates what `solver.ground.displacement_rate`, `solver.cable.axial` and `solver.model.bend_strain_rate` say; for
-models with more effects in single rows there is autodiff.
+Differentiates what `solver.ground.displacement_rate`, `solver.cable.axial` and
+`solver.gauge_strain.bend_strain_rates` say; for models with more effects in single rows there is autodiff.
 """
 
 from collections.abc import Mapping
@@ -186,7 +186,7 @@ def strain_rate_derivatives(
 
     Parameters
     ----------
-    fiber : fields of `solver.model.Fiber` that are there, [channel, ...]
+    fiber : fields of `solver.cable.Fiber` that are there, [channel, ...]
     load : of each row, the same for all channels
     amplitude : [row], m^2
     poisson_ratio : of the ground

@@ -10,16 +10,14 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import pad
 
-from solver.cable import STATION_WEIGHTS, GaugeEnds, axial, turning, unit
+from solver.cable import Fiber
 from solver.closed_form import strain_rate_derivatives
 from solver.extension import NONE, SLOW_ERROR, Extension, Values
-from solver.half_space.tangential import tangential_displacement_rate
-from solver.interrogator import gauge_strain_rate
+from solver.gauge_strain import GaugeStrain
 from solver.load import class_number, layout_of, wheel_loads
-from solver.observation import BASE, Description
-from solver.stages import Ground, Load, Trajectory
+from solver.observation import Description
+from solver.stages import Load, Trajectory
 from solver.trajectory import Pass
 
 
@@ -135,36 +133,6 @@ class Vehicles:
 
 
 @dataclass(frozen=True)
-class Fiber:
-    """The ends of every gauge and the fiber's direction there.
-
-    Parameters
-    ----------
-    ahead, behind : [..., channel, 3], positions, m
-    ahead_slope, behind_slope : [..., channel, 3], derivative of position with distance
-    inner, inner_slope, inner_bend : [..., channel, station, 3], positions within the gauge and their first and second
-        derivatives; None where the strain of a gauge is the motion of its ends alone
-    """
-
-    ahead: Tensor
-    behind: Tensor
-    ahead_slope: Tensor
-    behind_slope: Tensor
-    inner: Tensor | None = None
-    inner_slope: Tensor | None = None
-    inner_bend: Tensor | None = None
-
-    @classmethod
-    def of(cls, ends: GaugeEnds, coefficients: Tensor) -> "Fiber":
-        """Ends of a spline route with `coefficients` [knot, 3], m."""
-        return cls(**{name: matrix @ coefficients for name, matrix in ends.matrices().items()})
-
-    def present(self) -> dict[str, Tensor]:
-        """The fields that are there, by name."""
-        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
-
-
-@dataclass(frozen=True)
 class SignalPath:
     """Strain rate that traffic makes in a fiber.
 
@@ -230,7 +198,7 @@ class SignalPath:
         rate = strain.even if compliance is None else (strain.graded * compliance(strain.points)).sum(-1)
         return amplitude * stages.cable.gain * rate
 
-    def strain(self, load: Load, fiber: Fiber, poisson_ratio: Tensor, values: Values) -> "GaugeStrain":
+    def strain(self, load: Load, fiber: Fiber, poisson_ratio: Tensor, values: Values) -> GaugeStrain:
         """What loads of unit amplitude do to each gauge."""
         stages = self.described(values)
         bends = 1.0 if self.curved else stages.cable.path_integral
@@ -296,135 +264,10 @@ class SignalPath:
         )
 
 
-@dataclass(frozen=True)
-class GaugeStrain:
-    """Strain rate that loads of unit amplitude make in each gauge.
-
-    Parameters
-    ----------
-    load : forces on the road
-    fiber : the gauges
-    poisson_ratio : scalar or [row, channel]
-    stages : of the signal path
-    bends : share of what the turning of the fiber within its gauge adds
-    """
-
-    load: Load
-    fiber: Fiber
-    poisson_ratio: Tensor
-    stages: Description
-    bends: Tensor | float
-
-    @property
-    def even(self) -> Tensor:
-        """[row, channel], in ground that is the same along each gauge."""
-        rate = gauge_strain_rate(*self.ends, self.stages.gauge)
-        if self.fiber.inner is None:
-            return rate
-        return rate + self.bends * bend_strain_rates(self.motion(self.fiber.inner, True), self.fiber).sum(-1)
-
-    @property
-    def graded(self) -> Tensor:
-        """[row, channel, point], by the ground's compliance c at `points`.
-
-        The mean of c t . du/ds over a gauge is summed piece by piece, with the mean of c at either end of each piece.
-        """
-        assert self.fiber.inner is not None and self.fiber.inner_slope is not None
-        inner = self.motion(self.fiber.inner, True)
-        ahead, behind = self.ends
-        within = axial(inner, self.tangent(self.fiber.inner_slope))
-        moved = torch.cat([behind[..., None], within, ahead[..., None]], -1)
-        pieces = moved.diff(dim=-1) / (2 * torch.as_tensor(self.stages.gauge)[..., None])
-        bent = self.bends * bend_strain_rates(inner, self.fiber)
-        return pad(pieces, (1, 0)) + pad(pieces, (0, 1)) + pad(bent, (1, 1))
-
-    @property
-    def points(self) -> Tensor:
-        """[..., channel, point, 3], m: the end behind, the stations within, the end ahead."""
-        assert self.fiber.inner is not None
-        return torch.cat([self.fiber.behind[..., None, :], self.fiber.inner, self.fiber.ahead[..., None, :]], -2)
-
-    @property
-    def ends(self) -> tuple[Tensor, Tensor]:
-        """Motion [row, channel] along the fiber at the ends ahead and behind."""
-        f = self.fiber
-        places = ((f.ahead, f.ahead_slope), (f.behind, f.behind_slope))
-        ahead, behind = (axial(self.motion(point), self.tangent(slope)) for point, slope in places)
-        return ahead, behind
-
-    def motion(self, point: Tensor, within: bool = False) -> Tensor:
-        """Velocity of the ground, see `ground_motion`."""
-        return ground_motion(self.load, self.stages.ground, point, self.poisson_ratio, within)
-
-    def tangent(self, slope: Tensor) -> Tensor:
-        """The way along which the fiber follows the ground."""
-        tangent, vertical = unit(slope), self.stages.cable.vertical
-        if vertical is BASE.cable.vertical:
-            return tangent
-        return torch.cat([tangent[..., :2], tangent[..., 2:] * vertical], -1)
-
-
-def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tensor, stations: bool = False) -> Tensor:
-    """Velocity of the ground under loads, per unit amplitude.
-
-    Parameters
-    ----------
-    point : [channel, 3] or [row, channel, 3], m; with `stations` one more axis before the last
-    poisson_ratio : scalar or [row, channel]
-
-    Returns
-    -------
-    [row, channel, 3] or [row, channel, station, 3]
-    """
-
-    def beside(x: Tensor, tail: int) -> Tensor:
-        """A quantity per row, channel and wheel, with an axis for stations where points have one."""
-        return x.unsqueeze(x.ndim - tail) if stations else x
-
-    wheels = beside(load.position, 2)
-    velocity = beside(load.trajectory.velocity[..., None, :], 2)
-    nu = poisson_ratio.reshape(*poisson_ratio.shape, *[1] * (1 + stations)) if poisson_ratio.ndim else poisson_ratio
-    if ground.poisson_change is not None:
-        nu = nu + ground.poisson_change(point)[..., None]
-    offset = offsets(point, wheels)
-    motion = ground.response(offset, velocity, nu)
-    if ground.radiation is not None:
-        motion = motion + ground.radiation(offset, velocity, beside(load.trajectory.time[..., None], 1))
-    motion = beside(load.share, 1)[..., None] * motion
-    if load.share_rate is not None:
-        motion = motion + beside(load.share_rate, 1)[..., None] * ground.settlement(offset, nu)
-    if load.thrust is not None:
-        motion = motion + tangential_displacement_rate(offset, velocity, nu, beside(load.thrust, 2))
-    return motion.sum(-2)
-
-
-def offsets(point: Tensor, wheels: Tensor) -> Tensor:
-    """Points [..., 3], z down, less wheels [..., wheel, 2] on the road: [..., wheel, 3], m.
-
-    Components and wheels are outermost in memory: all that is done to them, sums over wheels above all, then runs along
-    long rows, several times as fast.
-    """
-    at = wheels.movedim((-1, -2), (0, 1))
-    x, y = point[..., 0] - at[0], point[..., 1] - at[1]
-    return torch.stack([x, y, point[..., 2].expand(x.shape)]).movedim((0, 1), (-1, -2))
-
-
 def outermost(x: Tensor, axes: int) -> Tensor:
     """A copy with its last axes outermost in memory, see `offsets`."""
     last, first = tuple(range(-axes, 0)), tuple(range(axes))
     return x.movedim(last, first).clone(memory_format=torch.contiguous_format).movedim(first, last)
-
-
-def bend_strain_rates(motion: Tensor, fiber: Fiber) -> Tensor:
-    """What the turning of the fiber at each station [row, channel, station] adds to the strain rate of the two ends.
-
-    `motion` [row, channel, station, 3] is the ground's velocity at the inner stations. The strain averaged over a gauge
-    is the integral of t . du/ds = [t . u] - integral of u . dt/ds, over its length.
-    """
-    slope, bend = fiber.inner_slope, fiber.inner_bend
-    assert slope is not None and bend is not None
-    weights = torch.from_numpy(STATION_WEIGHTS)
-    return -weights * axial(motion, turning(slope, bend))
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from solver.cable import Fiber
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import State
-from solver.model import Fiber, Traffic, Vehicles
+from solver.model import Traffic, Vehicles
 from solver.trajectory import Pass
 from solver.whitening import Whitener
 

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from solver.cable import Fiber
 from solver.effects.effect import Effect
 from solver.extension import Extension, Values
 from solver.fit.derivatives import Local, Seen, derivative
@@ -17,7 +18,7 @@ from solver.fit.prior import Prior
 from solver.fit.problem import Problem
 from solver.fit.state import State
 from solver.load import CLASSES
-from solver.model import Fiber, Traffic, Vehicles
+from solver.model import Traffic, Vehicles
 from solver.stages import Cable, Surroundings
 from solver.trajectory import Pass
 

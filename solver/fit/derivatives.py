@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 from torch.func import jvp
 
-from solver.cable import STATION_OFFSETS
+from solver.cable import STATION_OFFSETS, Fiber
 from solver.extension import Slot, Values
 from solver.interrogator import gauge_strain_rate
-from solver.model import Fiber, Sensitivities, SignalPath, Vehicles
+from solver.model import Sensitivities, SignalPath, Vehicles
 from solver.observation import BASE
 from solver.stages import Load
 

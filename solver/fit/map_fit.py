@@ -11,14 +11,14 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from solver.cable import GaugeEnds, SplineBasis
+from solver.cable import Fiber, GaugeEnds, SplineBasis
 from solver.extension import SLOW_ERROR, Values
 from solver.fit.belief import Belief, spreads
 from solver.fit.derivatives import Local, Seen, derivative, observed_tangents
 from solver.fit.problem import Problem
 from solver.fit.robust import huber, near_noise
 from solver.fit.state import PER_PASS, Felt, Linearized, State, Weights
-from solver.model import Fiber, Sensitivities, SignalPath, Vehicles
+from solver.model import Sensitivities, SignalPath, Vehicles
 from solver.observation import BASE
 
 KNOT_SPACING = 10.0

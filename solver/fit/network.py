@@ -16,13 +16,14 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from solver.cable import Fiber
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.robust import huber
 from solver.fit.state import State
-from solver.model import Fiber, SignalPath, Vehicles
+from solver.model import SignalPath, Vehicles
 from solver.regularizers import anchor_loss, angle_loss, curvature_loss, depth_loss, length_loss
 
 LATENT = HIDDEN = 128

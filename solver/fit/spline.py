@@ -18,7 +18,7 @@ from solver.fit.windows import part
 #: Passes that a long fiber is fitted to first: they lead near, and all then need few steps.
 FIRST = 12
 #: Shifts of the tracks along their way, m rms, that no camera makes; and times, s, by which clocks may be apart.
-ASTRAY, DELAYS = 1.0, np.arange(-10, 11) / 10
+MISLED, DELAYS = 1.0, np.arange(-10, 11) / 10
 
 
 def beginning(problem: Problem, chain: Chain, advance: Callable[[int], None]) -> State:
@@ -37,7 +37,7 @@ def shifted_in_time(chain: Chain, state: State) -> State | None:
     Clocks that are apart by so much that vehicles are told a wavelength of the signal away let each track end in a
     different wrong place. None where they did not, or no time fits better than none.
     """
-    if chain.long or state.vehicles.along.square().mean().sqrt() < ASTRAY:
+    if chain.long or state.vehicles.along.square().mean().sqrt() < MISLED:
         return None
     fit, speed = chain.links[0].fit, torch.tensor([abs(one.speed) for one in chain.passes], dtype=torch.float64)
     every, begun = Weights(fit.measured, fit.measured.double()), chain.start()

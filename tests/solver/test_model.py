@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from solver.cable import GaugeEnds, SplineBasis
-from solver.model import Fiber, SignalPath, Traffic, Vehicles
+from solver.cable import Fiber, GaugeEnds, SplineBasis
+from solver.model import SignalPath, Traffic, Vehicles
 from solver.trajectory import Pass
 
 GAUGE = 10.0

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
+from solver.cable import Fiber
 from solver.das import DASRecord
-from solver.model import Fiber, SignalPath, Traffic, Vehicles
+from solver.model import SignalPath, Traffic, Vehicles
 from solver.trajectory import Pass
 
 VIEW = (0.0, 60.0)
