@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 #: Effect -> parameter -> value, local to rows and channels.
 Values = Mapping[str, Mapping[str, Tensor]]
 
-#: Knot spacing of what is smooth along the fiber, half a gauge of the usual, and along the road, m, and a pass, s.
-SMOOTH, SMOOTH_ROAD, SMOOTH_TRACK = 5.0, 10.0, 2.0
+#: Knot spacing of what is smooth along the fiber, half a gauge of the usual, and along the road, m, and in time, s.
+SMOOTH, SMOOTH_ROAD, SMOOTH_TIME = 5.0, 10.0, 2.0
 #: Effect that fits the slow error of each track.
 SLOW_ERROR = "track_jitter"
 
@@ -31,44 +31,60 @@ class Scopes:
 
     Parameters
     ----------
-    rows : scope -> [row, number]
+    rows, rates : scope -> [row, number], and its time derivative, 1/s
     fiber : [channel, number]
+    samples : [sample, number]
     """
 
     rows: Mapping[str, Tensor]
+    rates: Mapping[str, Tensor]
     fiber: Tensor
+    samples: Tensor
 
     @classmethod
-    def of(cls, traffic: "Traffic", distance: Tensor, since: Tensor, road: tuple[float, float]) -> "Scopes":
-        """Scopes of a survey's traffic and computed channels; `road` is the stretch of x along the fiber, m."""
+    def of(
+        cls, traffic: "Traffic", distance: Tensor, since: Tensor, sampled: Tensor, road: tuple[float, float]
+    ) -> "Scopes":
+        """Scopes of a survey's traffic, computed channels and times `sampled`, s; the fiber is along `road` in x, m."""
         one_hot = torch.nn.functional.one_hot(traffic.pass_index, traffic.passes).double()
-        x = traffic.position[:, 0].numpy()
-        low, high = road
-        along_road = SplineBasis(low, max(high, low + SMOOTH_ROAD), SMOOTH_ROAD)
-        tracks = []
+        x, time = traffic.position[:, 0].numpy(), since[:, 0].numpy()
+        along_road, inside = _smooth(*road, SMOOTH_ROAD), np.clip(x, *road)
+        speed = traffic.velocity[:, :1] * torch.from_numpy(inside == x)[:, None]
+        tracks, faster = [one_hot[:, :0]], [one_hot[:, :0]]
         for number in range(traffic.passes):
             mine = traffic.pass_index == number
-            time = since[:, 0].numpy()
-            basis = SplineBasis(0.0, max(float(time[mine.numpy()].max(initial=0.0)), SMOOTH_TRACK), SMOOTH_TRACK)
+            basis = _smooth(0.0, float(time[mine.numpy()].max(initial=0.0)), SMOOTH_TIME)
             tracks.append(torch.from_numpy(basis.at(time)) * mine[:, None])
-        s = distance.numpy()
-        along = SplineBasis(float(s.min()), max(float(s.max()), float(s.min()) + SMOOTH), SMOOTH)
-        rows = {
-            "pass": one_hot,
-            "road": torch.from_numpy(along_road.at(np.clip(x, low, high))),
-            "track": torch.cat(tracks, 1) if tracks else one_hot[:, :0],
-        }
-        return cls(rows, torch.from_numpy(along.at(s)))
+            faster.append(torch.from_numpy(basis.at(time, 1)) * mine[:, None])
+        rows = {"pass": one_hot, "road": torch.from_numpy(along_road.at(inside)), "track": torch.cat(tracks, 1)}
+        rates = {"road": speed * torch.from_numpy(along_road.at(inside, 1)), "track": torch.cat(faster, 1)}
+        swings = _spread(sampled, SMOOTH_TIME)
+        return cls(rows, rates, _spread(distance, SMOOTH), swings[:, swings.any(0)])
 
     def count(self, scope: str) -> int:
         """How many numbers a parameter of that scope has."""
-        return 1 if scope == "one" else self.fiber.shape[1] if scope == "fiber" else self.rows[scope].shape[1]
+        return 1 if scope == "one" else self.along(scope).shape[1]
+
+    def along(self, scope: str) -> Tensor:
+        """How the numbers of a scope spread: [channel or sample or row, number]."""
+        return {"fiber": self.fiber, "time": self.samples, **self.rows}[scope]
 
     def local(self, scope: str, numbers: Tensor) -> Tensor:
-        """Numbers of one parameter -> [] ("one"), [channel] ("fiber") or [row, 1]."""
+        """Numbers of one parameter -> [] ("one"), [channel] ("fiber"), [sample, 1] ("time") or [row, 1]."""
         if scope == "one":
             return numbers.reshape(())
-        return self.fiber @ numbers if scope == "fiber" else (self.rows[scope] @ numbers)[:, None]
+        value = self.along(scope) @ numbers
+        return value if scope == "fiber" else value[:, None]
+
+
+def _smooth(start: float, stop: float, spacing: float) -> SplineBasis:
+    """Splines over a stretch, at least one interval long."""
+    return SplineBasis(start, max(stop, start + spacing), spacing)
+
+
+def _spread(at: Tensor, spacing: float) -> Tensor:
+    """Matrix [point, number] of splines over all points."""
+    return torch.from_numpy(_smooth(float(at.min()), float(at.max()), spacing).at(at.numpy()))
 
 
 @dataclass(frozen=True)
@@ -136,7 +152,10 @@ class Extension:
         values: dict[str, dict[str, Tensor]] = {one.name: {} for one in self.effects}
         for slot in self.slots:
             assert self.scopes is not None
-            values[slot.effect.name][slot.parameter.name] = self.scopes.local(slot.parameter.scope, numbers[slot.where])
+            p, here = slot.parameter, values[slot.effect.name]
+            here[p.name] = self.scopes.local(p.scope, numbers[slot.where])
+            if p.rated:
+                here[p.rate_name] = (self.scopes.rates[p.scope] @ numbers[slot.where])[:, None]
         return values
 
     def changed(self, stage: str, value: Any, values: Values) -> Any:

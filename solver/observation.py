@@ -86,18 +86,19 @@ class Description:
     @property
     def along_fiber(self) -> bool:
         """Whether neighboring channels matter."""
-        cable = self.cable
-        return bool(cable.transfers or cable.mixing or self.interrogator.fiber_transfers or self.processing.steps)
+        filters = self.cable.transfers or self.interrogator.fiber_transfers
+        return bool(filters or self.cable.mixing or self.interrogator.mixing or self.processing.steps)
 
     @property
     def nonlinear(self) -> bool:
         """Whether twice the load is not twice the map."""
-        return bool(self.interrogator.pointwise)
+        return bool(self.ground.tangent_compliances or self.interrogator.pointwise)
 
     @property
     def linear(self) -> "Description":
         """The same without what is not linear."""
-        return replace(self, interrogator=replace(self.interrogator, pointwise=()))
+        ground, interrogator = replace(self.ground, tangent_compliances=()), replace(self.interrogator, pointwise=())
+        return replace(self, ground=ground, interrogator=interrogator)
 
     @property
     def gauge(self) -> Tensor | float:
@@ -134,9 +135,11 @@ class Description:
         if self.cable.transfers or self.interrogator.fiber_transfers:
             transfers = (*self.cable.transfers, *self.interrogator.fiber_transfers)
             out = out @ fiber_matrix(transfers, out.shape[-1], self.channel_spacing).T
-        for matrix in self.cable.mixing:
+        for matrix in (*self.cable.mixing, *self.interrogator.mixing):
             out = out @ matrix.T
-        if self.in_time or self.processing.steps or self.interrogator.pointwise:
+        if self.interrogator.gain is not BASE.interrogator.gain:
+            out = out * self.interrogator.gain
+        if self.in_time or self.processing.steps or self.nonlinear:
             out = self._in_time(out, samples)
         return out if self.chosen is None else out[..., self.chosen]
 
@@ -148,6 +151,10 @@ class Description:
             length = int(at[-1]) + 1
             whole = values.new_zeros(*values.shape[:-2], length, values.shape[-1])
             whole = whole.index_copy(-2, at, values[..., block, :])
+            if self.ground.tangent_compliances:
+                strain = laplace_filtered(whole, [lambda s: 1 / s], self.sampling_rate)
+                for compliance in self.ground.tangent_compliances:
+                    whole = whole * compliance(strain)
             if self.in_time:
                 whole = laplace_filtered(whole, self.in_time, self.sampling_rate)
             for function in (*self.interrogator.pointwise, *self.processing.steps):

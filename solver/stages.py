@@ -149,6 +149,8 @@ class Ground:
     radiation : (offset [..., 3], velocity [..., 2], time [row, 1, ...], s) -> velocity [..., 3] of the ground in the
         waves that a unit load sends out; None: no such waves
     transfers : of time filters
+    tangent_compliances : functions of a map of strain [..., sample, channel]: how much more it changes than in the base
+        model
     """
 
     response: Response = displacement_rate
@@ -157,10 +159,15 @@ class Ground:
     poisson_change: Field | None = None
     radiation: Callable[[Tensor, Tensor, Tensor], Tensor] | None = None
     transfers: tuple[TimeTransfer, ...] = ()
+    tangent_compliances: tuple[MapFunction, ...] = ()
 
     def filtered(self, transfer: TimeTransfer) -> "Ground":
         """Whose displacement is filtered in time."""
         return replace(self, transfers=(*self.transfers, transfer))
+
+    def yielding(self, compliance: MapFunction) -> "Ground":
+        """Whose strain changes more, or less, by what it is."""
+        return replace(self, tangent_compliances=(*self.tangent_compliances, compliance))
 
 
 @dataclass(frozen=True)
@@ -202,13 +209,17 @@ class Interrogator:
     Parameters
     ----------
     gauge_length : m
+    gain : scalar or [sample, 1], output of all channels over strain rate
     fiber_transfers : of filters along the fiber
+    mixing : [channel, channel] matrices applied along the fiber
     transfers : of time filters
     pointwise : functions of each sample
     """
 
     gauge_length: Tensor | float
+    gain: Tensor | float = 1.0
     fiber_transfers: tuple[FiberTransfer, ...] = ()
+    mixing: tuple[Tensor, ...] = ()
     transfers: tuple[TimeTransfer, ...] = ()
     pointwise: tuple[MapFunction, ...] = ()
 
@@ -219,6 +230,10 @@ class Interrogator:
     def blurred(self, transfer: FiberTransfer) -> "Interrogator":
         """Whose output is filtered along the fiber."""
         return replace(self, fiber_transfers=(*self.fiber_transfers, transfer))
+
+    def mixed(self, matrix: Tensor) -> "Interrogator":
+        """Whose channels are sums [channel, channel] of the base model's."""
+        return replace(self, mixing=(*self.mixing, matrix))
 
     def through(self, function: MapFunction) -> "Interrogator":
         """Whose every sample goes through a function of a map [..., sample, channel]."""

@@ -16,13 +16,14 @@ from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicl
 from solver.criticism.score import FOUND, Score, Scorer, score_all, similarity
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.verdict_words import missing_words, power_words, unknown_words
-from solver.effects.catalogue import FAMILIES, STAND_INS, families_of
+from solver.effects.catalogue import FAMILIES, MIXING, STAND_INS, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
+from solver.whitening import NoiseLaw
 
 Advance = Callable[[int], None]
 
@@ -35,6 +36,8 @@ RIVAL = 0.8
 #: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little,
 #: and to one of another kind, before the winner is doubted.
 LEFT, ASTRAY = 0.2, 0.025
+#: Correlation of the noise of neighboring channels above which it was mixed after it was read.
+SHARED = 0.1
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: What a whole track may be off without being an effect, m.
@@ -200,7 +203,7 @@ def judge(
     physical = [c for c in present if not c.generic]
     generic = [c for c in present if c.generic]
     if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence)):
-        first = generic[0]
+        first = placed(generic[0], bench.scorer.fit.problem.law)
         words = unknown_words(first, physical)
         return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
     first = physical[0]
@@ -212,11 +215,12 @@ def judge(
     best = max((r for r in second.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
     known = max((r.evidence for r in second.values() if not r.effect.generic), default=0.0)
     if best is not None and outdone(known, best.evidence) and doubted(first, best, others):
+        stand_in = score_candidate(next(s for s in others if s.effect is best.effect), best)
+        stand_in = placed(stand_in, bench.scorer.fit.problem.law)
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
-            f"acts at the {best.effect.stage} stage ({best.effect.physics.rstrip('.').lower()})"
+            f"acts at the {stand_in.stage} stage ({best.effect.physics.rstrip('.').lower()})"
         )
-        stand_in = score_candidate(next(s for s in others if s.effect is best.effect), best)
         return Diagnosis("unknown-effect", words, order(listed, stand_in), check, stress, left=left)
     if held_out and first.effect in tried:
         gain = held_out_gain(bench.scorer, tried[first.effect])
@@ -231,6 +235,13 @@ def judge(
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     rest = [faults.get(c.effect, c) for c in rest]
     return Diagnosis("missing-effect", words, order(rest, first), check, stress, separate, left)
+
+
+def placed(stand_in: Candidate, law: NoiseLaw) -> Candidate:
+    """A stand-in at the stage where it acts: what mixes the channels' noise too comes after the reading."""
+    if stand_in.effect in MIXING and len(law.across) > 1 and abs(law.across[1]) > SHARED:
+        return replace(stand_in, stage="processing")
+    return stand_in
 
 
 def outdone(known: float, stand_in: float) -> bool:

@@ -36,10 +36,13 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "rigid": ("track_offset", "track_rotation", "track_scale", "channel_stretch"),
 }
 
+#: Stand-ins that mix channels, whether in the instrument or after it.
+MIXING = ("generic_echo", "generic_neighbors")
 #: Families of which a stand-in for the unknown takes up what the catalogue's laws leave.
 STAND_INS = {
     "generic_track": ("place",),
     "generic_road": ("gain",),
+    "generic_train": ("blur",),
     "generic_kernel": ("blur",),
     "generic_neighbors": ("blur",),
     "generic_time_filter": ("blur", "lag", "even"),

@@ -9,8 +9,8 @@ from torch import Tensor
 
 from solver.stages import STAGES, Load, Surroundings
 
-#: What a parameter may be: one number, one per pass, or smooth along the fiber, the road, or each pass.
-SCOPES = ("one", "pass", "fiber", "road", "track")
+#: What a parameter may be: one number, one per pass, or smooth along the fiber, the road, each pass, or in time.
+SCOPES = ("one", "pass", "fiber", "road", "track", "time")
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,9 @@ class Parameter:
     plausible : size that would surprise nobody; also the standard deviation of the prior once the effect is added
     null : value at which the effect is absent
     lower, upper : bounds
-    scope : "one", "pass" (one per pass), or smooth along the "fiber", the "road" (x of the vehicle) or each "track"
+    scope : "one", "pass" (one per pass), or smooth along the "fiber", the "road" (x of the vehicle) or each "track", or
+        in "time", the same for all vehicles
+    rated : give the function the time derivative of what is smooth along the road or each track too, as `<name>_rate`
     grid : for a parameter that means nothing at the null of the others (a relaxation time, a place): the values that
         the search tries; () for all others
     """
@@ -37,11 +39,17 @@ class Parameter:
     upper: float = float("inf")
     scope: str = "one"
     grid: tuple[float, ...] = ()
+    rated: bool = False
 
     @property
     def is_shape(self) -> bool:
         """Whether it has no null of its own."""
         return bool(self.grid)
+
+    @property
+    def rate_name(self) -> str:
+        """Under which a function finds the time derivative, where it is `rated`."""
+        return f"{self.name}_rate"
 
     @property
     def spacing(self) -> float:
@@ -90,7 +98,7 @@ class Effect:
     stage : one of `solver.stages.STAGES`, the one that it changes
     parameters : all of them
     change : (stage, values by name, surroundings) -> stage; values are [] for "one", [row, 1] for "pass", "road" and
-        "track", [channel] for "fiber"
+        "track", [channel] for "fiber", [sample, 1] for "time"
     physics : one line
     source : paper, book or standard
     told_from : what it is confounded with, in words
@@ -173,6 +181,10 @@ def effect(
             raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is none of {', '.join(SCOPES)}")
         if p.scope in ("pass", "road", "track") and stage not in ("trajectory", "load", "ground"):
             raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is for effects on trajectory, load or ground")
+        if p.scope == "time" and stage != "interrogator":
+            raise ValueError(f"effect {name}, {p.name}: scope 'time' is for effects on the interrogator")
+        if p.rated and p.scope not in ("road", "track"):
+            raise ValueError(f"effect {name}, {p.name}: only what is smooth along the road or a track has a rate")
         if not p.is_shape and not p.lower <= p.null <= p.upper:
             raise ValueError(f"effect {name}, {p.name}: the null {p.null:g} is outside {p.lower:g} to {p.upper:g}")
 

@@ -11,12 +11,13 @@ import torch
 from torch import Tensor
 
 from solver.effects.effect import Parameter, effect
-from solver.stages import Cable, Ground, Interrogator, Load, Processing, Surroundings, Trajectory
+from solver.stages import Ground, Interrogator, Load, Surroundings, Trajectory
 
 Values = Mapping[str, Tensor]
 SOURCE = "Generic; sieve of smooth functions (Chen 2007, Handbook of Econometrics 6B, chapter 76)."
 
-SCALES = (1.5, 4.0, 10.0)
+#: Scales of the distance from a wheel, and places before and behind a vehicle, m; lags, samples or channels.
+SCALES, TRAIN, TAPS = (1.5, 4.0, 10.0), (6, 12), (1, 2, 4)
 
 
 @effect(
@@ -48,27 +49,44 @@ def generic_shift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajec
 @effect(
     "generic_load",
     "load",
-    [Parameter("change", "1", 0.2, scope="track")],
+    [Parameter("change", "1", 0.2, scope="track", rated=True)],
     physics="The weight of each vehicle changes smoothly on its way.",
     source=SOURCE,
     generic=True,
 )
 def generic_load(load: Load, p: Values, survey: Surroundings) -> Load:
-    """Weight times 1 + change, quasi-static."""
-    return replace(load, share=load.share * (1 + p["change"][..., None]))
+    """Weight times 1 + change."""
+    return load.modulated(1 + p["change"], p["change_rate"])
 
 
 @effect(
     "generic_road",
     "load",
-    [Parameter("change", "1", 0.2, scope="road")],
+    [Parameter("change", "1", 0.2, scope="road", rated=True)],
     physics="The weight of all vehicles changes alike with the place on the road.",
     source=SOURCE,
     generic=True,
 )
 def generic_road(load: Load, p: Values, survey: Surroundings) -> Load:
-    """Weight times 1 + change, quasi-static."""
-    return replace(load, share=load.share * (1 + p["change"][..., None]))
+    """Weight times 1 + change."""
+    return load.modulated(1 + p["change"], p["change_rate"])
+
+
+@effect(
+    "generic_train",
+    "load",
+    [Parameter(f"{way}_{reach}", "1", 0.2, scope="pass") for way in ("before", "behind") for reach in TRAIN],
+    physics="Each vehicle presses, or pulls, some meters before and behind it too.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_train(load: Load, p: Values, survey: Surroundings) -> Load:
+    """More loads along travel, each a share of the vehicle's weight."""
+    driven = load.trajectory
+    reach = [sign * meters for sign in (1, -1) for meters in TRAIN]
+    along = torch.tensor(reach, dtype=torch.float64)[:, None] * driven.heading[..., None, :]
+    share = torch.stack([p[f"{way}_{meters}"] for way in ("before", "behind") for meters in TRAIN], -1)
+    return load.joined(driven.position[..., None, :] + along, share)
 
 
 @effect(
@@ -103,24 +121,21 @@ def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 
 
 @effect(
-    "generic_echo",
-    "cable",
-    [
-        Parameter("share", "1", 0.1, lower=-1, upper=1),
-        Parameter("shift", "m", 1.0, grid=(-30.0, -20.0, -12.0, 12.0, 20.0, 30.0)),
-    ],
-    physics="Channels hear a share of what others, a fixed way along the fiber, feel.",
+    "generic_softening",
+    "ground",
+    [Parameter("softer", "1", 1.0), Parameter("uneven", "1", 1.0)],
+    physics="The ground gives more, or less, where it is strained more.",
     source=SOURCE,
     generic=True,
 )
-def generic_echo(cable: Cable, p: Values, survey: Surroundings) -> Cable:
-    """Share of the strain at distance + shift, linear between channels."""
-    s = survey.distance
-    apart = (s[None, :] - s[:, None] - p["shift"]).abs() / survey.channel_spacing
-    return cable.mixed(torch.eye(len(s), dtype=s.dtype) + p["share"] * (1 - apart).clamp_min(0))
+def generic_softening(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Compliance that changes with the strain, either sign alike and not; in what the largest rate adds in 1 s."""
 
+    def factor(strain: Tensor) -> Tensor:
+        x = strain / survey.largest
+        return 1 + p["softer"] * x.abs() + p["uneven"] * x
 
-TAPS = (1, 2, 4)
+    return ground.yielding(factor)
 
 
 @effect(
@@ -156,28 +171,52 @@ def generic_delay(interrogator: Interrogator, p: Values, survey: Surroundings) -
 
 
 @effect(
+    "generic_echo",
+    "interrogator",
+    [
+        Parameter("share", "1", 0.1, lower=-1, upper=1),
+        Parameter("shift", "m", 1.0, grid=(-30.0, -20.0, -12.0, 12.0, 20.0, 30.0)),
+    ],
+    physics="Channels hear a share of what others, a fixed way along the fiber, feel.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_echo(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
+    """Share of the strain at distance + shift, linear between channels."""
+    s = survey.distance
+    apart = (s[None, :] - s[:, None] - p["shift"]).abs() / survey.channel_spacing
+    return interrogator.mixed(torch.eye(len(s), dtype=s.dtype) + p["share"] * (1 - apart).clamp_min(0))
+
+
+@effect(
     "generic_neighbors",
-    "processing",
+    "interrogator",
     [Parameter(f"{way}_{lag}", "1", 0.2) for way in ("before", "after") for lag in TAPS],
     physics="Each channel holds shares of the channels before and after it.",
     source=SOURCE,
     generic=True,
 )
-def generic_neighbors(processing: Processing, p: Values, survey: Surroundings) -> Processing:
-    """Finite impulse response of a few taps along the fiber; the last channels stand for those beyond them."""
+def generic_neighbors(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
+    """Finite impulse response of a few taps along the fiber."""
+    one = torch.ones_like(survey.distance)
+    matrix = torch.diag(one)
+    for lag in TAPS:
+        step = torch.diag(one[lag:], lag)
+        matrix = matrix + p[f"before_{lag}"] * step.T + p[f"after_{lag}"] * step
+    return interrogator.mixed(matrix)
 
-    def shared(rate: Tensor) -> Tensor:
-        wide = torch.cat(
-            [rate[..., :1].expand(*rate.shape[:-1], TAPS[-1]), rate, rate[..., -1:].expand(*rate.shape[:-1], TAPS[-1])],
-            -1,
-        )
-        channels, total = rate.shape[-1], rate
-        for lag in TAPS:
-            before, after = (wide[..., TAPS[-1] + shift :][..., :channels] for shift in (-lag, lag))
-            total = total + p[f"before_{lag}"] * before + p[f"after_{lag}"] * after
-        return total
 
-    return processing.then(shared)
+@effect(
+    "generic_gain",
+    "interrogator",
+    [Parameter("change", "1", 0.2, scope="time")],
+    physics="All channels are read with a gain that changes smoothly in time.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_gain(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
+    """Output times 1 + change."""
+    return replace(interrogator, gain=interrogator.gain * (1 + p["change"]))
 
 
 @effect(
@@ -219,11 +258,14 @@ EFFECTS = (
     generic_shift,
     generic_load,
     generic_road,
+    generic_train,
     generic_kernel,
-    generic_echo,
+    generic_softening,
     generic_time_filter,
     generic_delay,
+    generic_echo,
     generic_neighbors,
+    generic_gain,
     generic_nonlinearity,
     generic_wake,
 )

@@ -20,6 +20,7 @@ SCOPE_WORDS = {
     "fiber": "smooth along the fiber",
     "road": "smooth along the road",
     "track": "smooth along each pass",
+    "time": "smooth in time",
 }
 
 Row = dict[str, Any]

@@ -33,7 +33,7 @@ AXES: dict[str, dict[str, tuple[str | int, ...]]] = {
     },
     "ground": {},
     "cable": {"distance": ("channel",), "gain": ("channel",)},
-    "interrogator": {"gauge_length": ()},
+    "interrogator": {"gauge_length": (), "gain": ("sample", 1)},
     "processing": {},
 }
 
@@ -172,7 +172,9 @@ def check_stage(trial: Trial) -> None:
 def check_axes(trial: Trial, changed: Any) -> None:
     """Shapes of a changed stage."""
     channels = len(trial.around.distance)
-    sizes = {"row": {len(trial.path.traffic.pass_index)}, "channel": {channels}, "column": {1, channels}}
+    traffic = trial.path.traffic
+    sizes = {"row": {len(traffic.pass_index)}, "sample": {len(traffic.samples)}}
+    sizes |= {"channel": {channels}, "column": {1, channels}}
     for field, axes in AXES[trial.effect.stage].items():
         value = getattr(changed, field)
         # One number serves all channels.
@@ -186,8 +188,8 @@ def check_axes(trial: Trial, changed: Any) -> None:
             wanted = ", ".join("1 or channel" if axis == "column" else str(axis) for axis in axes)
             raise InputError(
                 f"effect {trial.effect.name}: {trial.effect.stage}.{field} has shape {list(value.shape)}, "
-                f'not [{wanted}]; values of scope "pass", "road" and "track" are [row, 1], of "fiber" [channel]: '
-                "add axes with [..., None]"
+                f'not [{wanted}]; values of scope "pass", "road" and "track" are [row, 1], of "fiber" [channel], of '
+                '"time" [sample, 1]: add axes with [..., None]'
             )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import torch
@@ -177,38 +177,44 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
     """
     path, extension = seen.path, seen.path.extension
     values = extension.local(numbers)
-    effect, name, scope = slot.effect, slot.parameter.name, slot.parameter.scope
-    here = values[effect.name][name]
+    effect, p, scope = slot.effect, slot.parameter, slot.parameter.scope
 
-    def changed(value: Tensor) -> dict[str, dict[str, Tensor]]:
+    def changed(name: str, value: Tensor) -> dict[str, dict[str, Tensor]]:
         return {**values, effect.name: {**values[effect.name], name: value}}
 
-    def rows(value: Tensor) -> Tensor:
-        new = changed(value)
+    def rows(new: Values) -> Tensor:
         return path.rows(seen.fiber(new, 0), seen.local.vehicles.rows(path.traffic), seen.local.poisson_ratio, new)
 
+    def tangent(name: str) -> Tensor:
+        found = SHORTCUTS[effect.stage](seen, partial(changed, name), values[effect.name][name])
+        if found is not None:
+            return found
+        here = values[effect.name][name]
+        return jvp(lambda v: rows(changed(name, v)), (here,), (torch.ones_like(here),))[1]
+
+    def spread(by_row: Tensor, matrix: Tensor) -> Tensor:
+        return torch.stack([path.traffic.superpose(by_row * c[:, None]) for c in matrix.unbind(1)])
+
+    here, change = values[effect.name][p.name], partial(changed, p.name)
     one = torch.ones_like(here)
     assert extension.scopes is not None
+    ways = [one] if scope == "one" else [w.reshape(here.shape) for w in extension.scopes.along(scope).unbind(1)]
     if not acts_on_rows(seen, slot, values):
-        ways = [one] if scope == "one" else extension.scopes.fiber.unbind(1)
-        return torch.stack([jvp(lambda v: path.observed(seen.local.alone, changed(v)), (here,), (w,))[1] for w in ways])
-    if effect.stage == "cable":
-        placed = placements(seen, changed, here, [one] if scope == "one" else extension.scopes.fiber.unbind(1))
-        if placed is not None:
-            return observed_tangents(path, seen.local.alone, placed, values)
-    tangent = SHORTCUTS[effect.stage](seen, changed, here)
-    if tangent is None and scope == "one":
-        whole = jvp(lambda v: path.observed(path.traffic.superpose(rows(v)), changed(v)), (here,), (one,))[1]
-        return whole[None]
-    if tangent is None:
-        tangent = jvp(rows, (here,), (one,))[1]
+        return torch.stack([jvp(lambda v: path.observed(seen.local.alone, change(v)), (here,), (w,))[1] for w in ways])
+    if effect.stage == "cable" and (placed := placements(seen, change, here, ways)) is not None:
+        return observed_tangents(path, seen.local.alone, placed, values)
     if scope == "one":
-        columns = path.traffic.superpose(tangent)[None]
+        whole = SHORTCUTS[effect.stage](seen, change, here)
+        if whole is None:
+            every = jvp(lambda v: path.observed(path.traffic.superpose(rows(change(v))), change(v)), (here,), (one,))
+            return every[1][None]
+        columns = path.traffic.superpose(whole)[None]
     elif scope == "fiber":
-        columns = path.traffic.superpose(tangent)[None] * extension.scopes.fiber.T[:, None, :]
+        columns = path.traffic.superpose(tangent(p.name))[None] * extension.scopes.fiber.T[:, None, :]
     else:
-        spread = extension.scopes.rows[scope]
-        columns = torch.stack([path.traffic.superpose(tangent * c[:, None]) for c in spread.unbind(1)])
+        columns = spread(tangent(p.name), extension.scopes.rows[scope])
+        if p.rated:
+            columns = columns + spread(tangent(p.rate_name), extension.scopes.rates[scope])
     return observed_tangents(path, seen.local.alone, columns, values)
 
 

@@ -137,7 +137,9 @@ class Problem:
         )
         bare = Extension(time=time)
         road = float(self.start[:, 0].min()), float(self.start[:, 0].max())
-        scopes = Scopes.of(self.traffic, torch.from_numpy(distance), bare.clock(self.traffic)[1], road)
+        sampled = torch.from_numpy(self.traffic.samples).double() / self.sampling_rate
+        since = bare.clock(self.traffic)[1]
+        scopes = Scopes.of(self.traffic, torch.from_numpy(distance), since, sampled, road)
         return Extension(effects, around, scopes, chosen, time)
 
     @cached_property

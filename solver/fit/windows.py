@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,24 @@ def crowds(passes: Sequence[Pass]) -> list[list[Pass]]:
             found.append([one])
         last = max(last, int(one.rows[-1]))
     return found
+
+
+def some(group: Sequence[Problem], most: int) -> list[Problem]:
+    """Small problems of a stretch with about so many passes: those of single vehicles first, both ways by turns.
+
+    >>> from types import SimpleNamespace as Some
+    >>> made = [Some(passes=[Some(speed=v) for v in speeds]) for speeds in ([9, -8], [12], [14], [-11])]
+    >>> [[one.speed for one in part.passes] for part in some(made, 2)]
+    [[12], [-11]]
+    """
+    ways: tuple[list[Problem], list[Problem]] = [], []
+    for one in sorted(group, key=lambda part: len(part.passes)):
+        ways[one.passes[0].speed < 0].append(one)
+    chosen: list[Problem] = []
+    for one in (part for pair in zip_longest(*ways) for part in pair if part is not None):
+        if sum(len(part.passes) for part in chosen) < most:
+            chosen.append(one)
+    return chosen
 
 
 def parts(problem: Problem) -> list[list[Problem]]:

@@ -7,7 +7,7 @@ import torch
 from solver.effects import Parameter, effect
 from solver.effects.catalogue import built_in
 from solver.effects.trial_survey import Trial, trial_survey
-from solver.extension import NONE, SMOOTH, SMOOTH_TRACK
+from solver.extension import NONE, SMOOTH, SMOOTH_TIME
 
 
 def extension(*names: str):
@@ -64,7 +64,7 @@ def test_track_numbers_are_each_pass_s_own(traffic):
     for column in spread.T:
         assert len(traffic.pass_index[column != 0].unique()) <= 1
     since = one.clock(traffic)[1]
-    wanted = sum(round(float(since[traffic.pass_index == k].max()) / SMOOTH_TRACK) + 3 for k in range(5))
+    wanted = sum(round(float(since[traffic.pass_index == k].max()) / SMOOTH_TIME) + 3 for k in range(5))
     assert one.size == one.scopes.count("track") == wanted
 
 

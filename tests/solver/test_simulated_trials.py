@@ -64,7 +64,7 @@ def verdict(name, *candidates):
         ("shear_lag", verdict("inconclusive", ("highpass", "interrogator")), False, False),
         ("viscoelastic_lag", verdict("missing-effect", ("maxwell_flow", "ground")), True, False),
         ("shear_lag highpass", verdict("missing-effect", ("highpass", "interrogator")), True, False),
-        ("unknown_echo", verdict("unknown-effect", ("generic_echo", "cable")), True, False),
+        ("unknown_echo", verdict("unknown-effect", ("generic_echo", "interrogator")), True, False),
         ("unknown_echo", verdict("missing-effect", ("highpass", "interrogator")), False, True),
         ("camber", verdict("adequate"), True, False),
         ("camber", verdict("missing-effect", ("poisson_ratio", "ground", "camber")), True, False),
