@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -34,6 +35,8 @@ INVISIBLE = 1e-6
 NOTED = 4.0
 #: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
 FAR, FAR_ALONE = (1.0, 3.0), (0.5, 1.0, 2.0, 3.0)
+#: Directions that are projected at once: few take as long as that many.
+BATCH = 36
 #: Stages whose effects are in proportion to their numbers, once tracks may shift.
 NEAR_STAGES = ("trajectory", "load")
 #: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
@@ -108,6 +111,21 @@ class Projected:
         return Projected(mix.T @ self.score, mix.T @ self.information @ mix, mix.T @ self.gram @ mix)
 
 
+class Made(NamedTuple):
+    """Directions of one shape.
+
+    Attributes
+    ----------
+    shape : values of its shape parameters
+    columns : [sample * channel, number], whitened
+    counts : how many numbers each amplitude has
+    """
+
+    shape: dict[str, float]
+    columns: Tensor
+    counts: list[int]
+
+
 class Scorer:
     """Score tests at the end of one fit.
 
@@ -167,23 +185,34 @@ class Scorer:
         """The best shape of an effect, with separate and with shared numbers of passes."""
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
         shapes, trials = effect.tried(lambda: self.heard(extension))
-        tried = [score for shape in shapes for score in self.of_shape(effect, shape, extension, trials)]
+        tried = list(self.of_shapes(effect, shapes, extension, trials))
         for shared in {score.shared for score in tried}:
             ranked = sorted((s for s in tried if s.shared == shared), key=lambda s: -s.fall)
             if len(shapes) > FINE and effect.seek is None:
                 ranked = [self.refined(s, extension, trials) if s.beyond_noise else s for s in apart(ranked)]
             yield max(ranked, key=lambda s: s.fall)
 
-    def of_shape(self, effect: Effect, shape: dict[str, float], extension: Extension, trials: int) -> Iterator[Score]:
-        """Scores of one shape, with separate and with shared numbers of passes; none where it does nothing."""
-        columns, counts = self.columns(effect, shape, extension)
-        if not columns.any():
-            return
-        projected = self.project(columns)
-        for shared, mix in mixes(effect, counts):
-            fall, freedom, estimate, sigma, retained = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]))
-            signal = columns @ (mix @ torch.from_numpy(estimate))
-            yield Score(effect, shape, shared, fall, freedom, trials, estimate, sigma, retained, signal)
+    def of_shapes(
+        self, effect: Effect, shapes: Sequence[dict[str, float]], extension: Extension, trials: int
+    ) -> Iterator[Score]:
+        """Scores of each shape, with separate and with shared numbers of passes; none where it does nothing."""
+        made: list[Made] = []
+        for last, shape in zip([False] * (len(shapes) - 1) + [True], shapes, strict=True):
+            columns, counts = self.columns(effect, shape, extension)
+            if columns.any():
+                made.append(Made(shape, columns, counts))
+            if last or sum(one.columns.shape[1] for one in made) >= BATCH:
+                yield from self.of_made(effect, made, trials)
+                made = []
+
+    def of_made(self, effect: Effect, made: "Sequence[Made]", trials: int) -> Iterator[Score]:
+        """Scores of shapes whose directions are made."""
+        for one, projected in zip(made, self.project([one.columns for one in made]), strict=True):
+            for shared, mix in mixes(effect, one.counts):
+                sign = one_sided(effect, mix.shape[1])
+                fall, freedom, estimate, sigma, retained = outcome(projected.combined(mix), sign)
+                signal = one.columns @ (mix @ torch.from_numpy(estimate))
+                yield Score(effect, one.shape, shared, fall, freedom, trials, estimate, sigma, retained, signal)
 
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
         """A better shape near that of a score, by steps along each of its numbers, from half the grid's on."""
@@ -191,7 +220,7 @@ class Scorer:
         for _ in range(HALVINGS):
             for p, sign in product(shapes, (1, -1)):
                 value = float(np.clip(score.shape[p.name] + sign * step[p.name], p.lower, p.upper))
-                near = self.of_shape(score.effect, score.shape | {p.name: value}, extension, trials)
+                near = self.of_shapes(score.effect, [score.shape | {p.name: value}], extension, trials)
                 score = max([score, *(one for one in near if one.shared == score.shared)], key=lambda s: s.fall)
             step = {name: size / 2 for name, size in step.items()}
         return score
@@ -216,7 +245,7 @@ class Scorer:
                 continue
             change = (self.model(extension, numbers) - self.at.model) * weights.good
             column = (self.fit.whiten(change) * weights.soft.sqrt()).reshape(-1, 1)
-            fall, freedom, estimate, sigma, retained = outcome(self.project(column), 1)
+            fall, freedom, estimate, sigma, retained = outcome(self.project([column])[0], 1)
             if fall > score.fall:
                 signal, step = column @ torch.from_numpy(estimate), float(numbers[where] - p.null)
                 numbered = step * estimate, abs(step) * sigma
@@ -244,15 +273,17 @@ class Scorer:
             middle, slope = middle[chosen], slope[chosen]
         return Heard(residual, load, self.fit.problem.traffic.sample_index, middle, slope)
 
-    def project(self, columns: Tensor) -> Projected:
-        """What the fit leaves of directions [sample * channel, number]."""
-        gram = columns.T @ columns
-        if self.alone:
-            return Projected(columns.T @ self.at.residual, gram, gram)
-        crossed = self.jacobian.T @ columns
-        half = torch.linalg.solve_triangular(self.factor, crossed, upper=False)
-        score = columns.T @ self.at.residual - crossed.T @ self.step
-        return Projected(score, gram - half.T @ half, gram)
+    def project(self, parts: Sequence[Tensor]) -> list[Projected]:
+        """What the fit leaves of directions [sample * channel, number]; those of several shapes at once are faster."""
+        grams, scores = [one.T @ one for one in parts], [one.T @ self.at.residual for one in parts]
+        if self.alone or not parts:
+            return [Projected(score, gram, gram) for score, gram in zip(scores, grams, strict=True)]
+        crossed = (self.jacobian.T @ torch.cat(list(parts), 1)).split([one.shape[1] for one in parts], 1)
+        halves = [torch.linalg.solve_triangular(self.factor, one, upper=False) for one in crossed]
+        return [
+            Projected(score - cross.T @ self.step, gram - half.T @ half, gram)
+            for score, cross, gram, half in zip(scores, crossed, grams, halves, strict=True)
+        ]
 
     def along(self, score: Score) -> Tensor:
         """How all that was fitted [free] moves with a score's estimate."""
@@ -323,5 +354,5 @@ def score_all(
 def similarity(scorer: Scorer, one: Score, other: Score) -> float:
     """Correlation of what the fit leaves of two effects' signals, 0 to 1."""
     pair = torch.stack([one.signal, other.signal], 1)
-    left = scorer.project(pair).information
+    left = scorer.project([pair])[0].information
     return float(left[0, 1].abs() / (left[0, 0] * left[1, 1]).clamp_min(1e-300).sqrt())

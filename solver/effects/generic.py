@@ -17,7 +17,7 @@ Values = Mapping[str, Tensor]
 SOURCE = "Generic; sieve of smooth functions (Chen 2007, Handbook of Econometrics 6B, chapter 76)."
 
 #: Scales of the distance from a wheel, and places before and behind a vehicle, m; lags, samples or channels.
-SCALES, TRAIN, TAPS = (1.5, 4.0, 10.0), (6, 12), (1, 2, 4)
+SCALES, TRAIN, TAPS = (1.5, 4.0, 10.0), (5, 10, 18), (1, 2, 4)
 
 
 @effect(

@@ -22,7 +22,7 @@ from solver.fit.map_fit import KNOT_SPACING, MapFit, is_buried
 from solver.fit.normal import Block, Normal, Part
 from solver.fit.problem import Problem
 from solver.fit.state import PER_PASS, State, Weights
-from solver.fit.windows import parts, some
+from solver.fit.windows import parts
 
 T = TypeVar("T")
 THREADS = 2
@@ -125,10 +125,10 @@ class Chain:
         knot_spacing: float = KNOT_SPACING,
         known_ground: bool = False,
         span: tuple[float, float] | None = None,
-        most: int | None = None,
+        groups: Sequence[Sequence[Problem]] | None = None,
     ) -> "Chain":
-        """The chain of a survey; parameters as of `MapFit`. With `most`, of about so many passes of each stretch."""
-        groups = parts(problem) if most is None else [some(group, most) for group in parts(problem)]
+        """The chain of a survey, or of some small problems of each stretch of it; parameters as of `MapFit`."""
+        groups = parts(problem) if groups is None else groups
         if len(groups) == 1 and groups[0][0] is problem:
             return cls.single(MapFit(problem, knot_spacing, known_ground, span))
         return cls(problem, *linked(problem, groups, SplineBasis(*(span or problem.span), knot_spacing), known_ground))

@@ -1,6 +1,6 @@
 """How well a route found from some passes explains the passes it never saw."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit, vehicles_of
 from solver.fit.problem import Problem
 from solver.fit.state import State
-from solver.fit.windows import is_long, nearby, part
+from solver.fit.windows import FIRST, is_long, nearby, part, parts, some
 from solver.trajectory import Pass
 
 FOLDS = 2
@@ -55,6 +55,24 @@ def carried(chain: Chain, state: State, new: Chain) -> State:
     return State(state.coefficients, vehicles_of(state.vehicles, keep), state.poisson_ratio, numbers)
 
 
+def splits(problem: Problem, folds: int) -> Iterator[tuple[Chain, Chain, list[Pass]]]:
+    """Chains of the passes that are seen and of those held out, and the former, for each group of passes."""
+    every = np.arange(len(problem.passes))
+    for first in range(folds):
+        group = every[first::folds]
+        others = np.setdiff1d(every, group)
+        held = Chain.of(part(problem, group), known_ground=True)
+        yield Chain.of(part(problem, others)), held, [problem.passes[i] for i in others]
+
+
+def dealt(problem: Problem) -> tuple[Chain, Chain, list[Pass]]:
+    """The same of a long fiber: crowds of each stretch are dealt by turns, and some of either half are enough."""
+    seen, held = (
+        [some(mine, FIRST) for stretch in parts(problem) if (mine := stretch[first::FOLDS])] for first in (1, 0)
+    )
+    return Chain.of(problem, groups=seen), Chain.of(problem, known_ground=True, groups=held), []
+
+
 def held_out_chi2(
     problem: Problem,
     advance: Callable[[int], None] = lambda n: None,
@@ -65,7 +83,7 @@ def held_out_chi2(
     """Chi2 per degree of freedom of held-out passes, each refitting only its own amplitude, shift and wheels.
 
     Passes are dealt to `folds` groups; each group is left out once, the route and all that is common to passes fitted
-    to the others and then held. `advance` is called with 1 after each group.
+    to the others and then held. A long fiber has samples enough in one group. `advance` is called with 1 after each.
 
     Parameters
     ----------
@@ -81,18 +99,12 @@ def held_out_chi2(
         return None
     misfit = freedom = 0.0
     whole = at and (at[0] if isinstance(at[0], Chain) else Chain.single(at[0]), at[1])
-    groups = [np.arange(first, count, min(folds, count)) for first in range(min(folds, count))]
-    # A long fiber has samples enough in one group, and a fit of it takes long.
-    for group in groups[:1] if is_long(problem) else groups:
-        others = np.setdiff1d(np.arange(count), group)
-        seen = Chain.of(part(problem, others))
+    for seen, unseen, rest in [dealt(problem)] if is_long(problem) else splits(problem, min(folds, count)):
         ground = solve(seen, carried(*whole, seen) if whole else seen.start()).state
-        unseen = Chain.of(part(problem, group), known_ground=True)
         start = unseen.start_at(ground.coefficients, ground.poisson_ratio, shared_numbers(seen, ground, unseen))
         if whole:
             start = replace(start, vehicles=carried(*whole, unseen).vehicles)
         end = solve(unseen, start)
-        rest = [problem.passes[i] for i in others]
         for link, model, weights in zip(unseen.links, end.at.models, end.at.weights, strict=True):
             alone = own_samples(link, rest)
             misfit += float((link.fit.whitened_of(model, weights)[alone] ** 2).sum())

@@ -13,9 +13,8 @@ from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.state import State, Weights
+from solver.fit.windows import FIRST, parts, some
 
-#: Passes of each stretch that a long fiber is fitted to first: they lead near, and all then need few steps.
-FIRST = 12
 #: Shifts of the tracks along their way, m rms, that no camera makes; and times, s, by which clocks may be apart.
 MISLED, DELAYS = 1.0, np.arange(-10, 11) / 10
 
@@ -24,7 +23,7 @@ def beginning(problem: Problem, chain: Chain, advance: Callable[[int], None]) ->
     """Where to begin: the rough route, or on a long fiber with many passes where a fit of some of them ends."""
     if not chain.long or len(problem.passes) < 2 * FIRST:
         return chain.start()
-    few = Chain.of(problem, most=FIRST)
+    few = Chain.of(problem, groups=[some(group, FIRST) for group in parts(problem)])
     end = solve(few, few.start(), advance=advance).state
     return chain.start_at(end.coefficients, end.poisson_ratio)
 

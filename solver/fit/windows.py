@@ -18,6 +18,8 @@ ONE_STRETCH = 200.0
 #: Stretches of a longer fiber, m. A vehicle has numbers of its own in each: over some seconds of driving tracks err
 #: alike, farther on neither their errors nor the coupling of the ground are the same.
 STRETCH = 60.0
+#: Passes of each stretch that a long fiber is fitted to first: they lead near, and all then need few steps.
+FIRST = 12
 
 
 def nearby(one: Pass, route: NDArray[np.float64], reach: float = FELT) -> Pass | None:
