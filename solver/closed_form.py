@@ -7,14 +7,17 @@ Differentiates what `solver.ground.displacement_rate`, `solver.cable.axial` and
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from numba import njit
+from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.cable import STATION_WEIGHTS, turning, unit
 from solver.stages import Load
 
-#: Values of one tensor that are worked on at once, so that all stay in the cache.
-BLOCK = 12_000
+Array = NDArray[np.float64]
+
 BY_VEHICLE = ("along", "across", "wheelbase", "track", "front_share")
 INNER = ("inner", "inner_slope", "inner_bend")
 
@@ -66,70 +69,100 @@ def felt(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> 
     >>> bool(torch.allclose(felt(at, at, load, 0.25).motion[:, 0, 0], displacement_rate(at, v[0, 0], 0.25)[0]))
     True
     """
-    place, share = load.position[:, 0].permute(1, 0, 2), load.share[:, 0].T
-    velocity, heading = load.trajectory.velocity[:, 0], load.trajectory.heading[:, 0]
-    count = max(1, BLOCK // (len(share) * len(point)))
-    blocks = [
-        felt_block(
-            point, direction, place[:, rows], share[:, rows], velocity[rows], heading[rows], 1 - 2 * poisson_ratio
-        )
-        for rows in (slice(first, first + count) for first in range(0, share.shape[1], count))
-    ]
-    return Motion(*(torch.cat(parts, -2) for parts in zip(*blocks, strict=True)))
+
+    def columns(values: Tensor) -> Array:
+        return np.ascontiguousarray(values.movedim(-1, 0).numpy())
+
+    out = np.zeros((12, len(load.share), len(point)))
+    add_wheels(
+        columns(point),
+        columns(direction),
+        columns(load.position[:, 0].transpose(0, 1)),
+        columns(load.share[:, 0]),
+        columns(load.trajectory.velocity[:, 0]),
+        columns(load.trajectory.heading[:, 0]),
+        1 - 2 * poisson_ratio,
+        out,
+    )
+    sums = torch.from_numpy(out)
+    return Motion(sums[:3], sums[3:6], *sums[6:])
 
 
-def felt_block(
-    point: Tensor, direction: Tensor, place: Tensor, share: Tensor, velocity: Tensor, heading: Tensor, softness: float
-) -> tuple[Tensor, ...]:
-    """Fields of `Motion`; wheels [wheel, row, 2], their shares [wheel, row], velocity and heading [row, 2]."""
-    z = point[:, 2]
-    x, y = (point[:, axis] - place[..., axis, None] for axis in (0, 1))
-    vx, vy = (velocity[:, axis, None] for axis in (0, 1))
-    dx, dy, dz = direction.unbind(-1)
-    i2 = 1 / (x * x + y * y + z * z)
-    i = i2.sqrt()
-    i3 = i2 * i
-    s = i / (1 + z * i)
-    shallow = i * s
-    bulge = i * s * shallow * (2 + z * i)
-    soft, lobe = softness * shallow, softness * bulge
-    zi3 = z * i3
-    z3i5 = 3 * zi3 * i2
-    # a, a' = da/dr / r, and a'' = da'/dr / r; b likewise.
-    a = zi3 - soft
-    a1 = lobe - z3i5
-    a2 = 5 * z3i5 * i2 + soft * s * i2 * (2 * i - (2 + z * i) * (3 * i + 2 * s))
-    b1 = -(z * z3i5 + (1 + softness) * i3)
-    b2 = i2 * (5 * z * z3i5 + 3 * (1 + softness) * i3)
-    # Derivatives by depth at constant r.
-    a_z = i3 + soft * s
-    a1_z = soft * s * i2 - 2 * lobe * s - 3 * i3 * i2
-    b1_z = -2 * z3i5
-    c = vx * x + vy * y
-    reach = c * a1
-    along = dx * x + dy * y
-    speed = dx * vx + dy * vy
-    mx, my, mz = vx * a + x * reach, vy * a + y * reach, c * b1
-    inner = along * a1 + dz * b1
-    outer = speed * a1 + c * (along * a2 + dz * b2)
-    gx = x * outer + vx * inner + dx * reach
-    gy = y * outer + vy * inner + dy * reach
-    gz = z * outer + speed * a_z + c * (along * a1_z + dz * b1_z)
-    # By `softness`, whose derivative by Poisson's ratio is -2.
-    ratio = c * (along * bulge - dz * i3) - speed * shallow
-    w = share[..., None]
-    hx, hy = (heading[:, axis, None] for axis in (0, 1))
-    ahead, right = w * (gx * hx + gy * hy), w * (gy * hx - gx * hy)
-    if len(share) == 4:
-        value = mx * dx + my * dy + mz * dz
-        front = 0.5 * (value[2] + value[3] - value[0] - value[1])
-        base = 0.5 * (ahead[0] + ahead[1] - ahead[2] - ahead[3])
-        track = 0.5 * (right[1] - right[0] + right[3] - right[2])
-    else:
-        front = base = track = torch.zeros_like(ahead[0])
-    total = -torch.stack([(w * part).sum(0) for part in (mx, my, mz)])
-    gradient = -torch.stack([(w * part).sum(0) for part in (gx, gy, gz)])
-    return total, gradient, 2 * (w * ratio).sum(0), ahead.sum(0), right.sum(0), base, track, front
+@njit(nogil=True, cache=True, fastmath=True)
+def add_wheels(
+    point: Array,
+    direction: Array,
+    place: Array,
+    share: Array,
+    velocity: Array,
+    heading: Array,
+    softness: float,
+    out: Array,
+) -> None:
+    """Add to the fields of `Motion`, `out` [12, row, point], what each wheel does.
+
+    Parameters
+    ----------
+    point, direction : [3, point]
+    place, share : [2, wheel, row] and [wheel, row]
+    velocity, heading : [2, row]
+    softness : 1 - 2 nu
+    """
+    wheels, rows = share.shape
+    for row in range(rows):
+        vx, vy, hx, hy = velocity[0, row], velocity[1, row], heading[0, row], heading[1, row]
+        for wheel in range(wheels):
+            w, px, py = share[wheel, row], place[0, wheel, row], place[1, wheel, row]
+            # Front wheels first, left before right.
+            front = side = 0.0
+            if wheels == 4:
+                front, side = (0.5 if wheel < 2 else -0.5), (-0.5 if wheel % 2 == 0 else 0.5)
+            for k in range(point.shape[1]):
+                x, y, z = point[0, k] - px, point[1, k] - py, point[2, k]
+                dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
+                i2 = 1 / (x * x + y * y + z * z)
+                i = np.sqrt(i2)
+                i3 = i2 * i
+                s = i / (1 + z * i)
+                shallow = i * s
+                bulge = i * s * shallow * (2 + z * i)
+                soft, lobe = softness * shallow, softness * bulge
+                zi3 = z * i3
+                z3i5 = 3 * zi3 * i2
+                # a, a' = da/dr / r, and a'' = da'/dr / r; b likewise.
+                a = zi3 - soft
+                a1 = lobe - z3i5
+                a2 = 5 * z3i5 * i2 + soft * s * i2 * (2 * i - (2 + z * i) * (3 * i + 2 * s))
+                b1 = -(z * z3i5 + (1 + softness) * i3)
+                b2 = i2 * (5 * z * z3i5 + 3 * (1 + softness) * i3)
+                # Derivatives by depth at constant r.
+                a_z = i3 + soft * s
+                a1_z = soft * s * i2 - 2 * lobe * s - 3 * i3 * i2
+                b1_z = -2 * z3i5
+                c = vx * x + vy * y
+                reach = c * a1
+                along = dx * x + dy * y
+                speed = dx * vx + dy * vy
+                mx, my, mz = vx * a + x * reach, vy * a + y * reach, c * b1
+                inner = along * a1 + dz * b1
+                outer = speed * a1 + c * (along * a2 + dz * b2)
+                gx = x * outer + vx * inner + dx * reach
+                gy = y * outer + vy * inner + dy * reach
+                gz = z * outer + speed * a_z + c * (along * a1_z + dz * b1_z)
+                ahead, right = w * (gx * hx + gy * hy), w * (gy * hx - gx * hy)
+                out[0, row, k] -= w * mx
+                out[1, row, k] -= w * my
+                out[2, row, k] -= w * mz
+                out[3, row, k] -= w * gx
+                out[4, row, k] -= w * gy
+                out[5, row, k] -= w * gz
+                # By `softness`, whose derivative by Poisson's ratio is -2.
+                out[6, row, k] += 2 * w * (c * (along * bulge - dz * i3) - speed * shallow)
+                out[7, row, k] += ahead
+                out[8, row, k] += right
+                out[9, row, k] += front * ahead
+                out[10, row, k] += side * right
+                out[11, row, k] -= front * (mx * dx + my * dy + mz * dz)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
+from solver.model import Vehicles
 
 #: Steps of each round of the race, and rounds.
 PACE, ROUNDS = 2, 12
@@ -181,7 +182,9 @@ def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
     if along.square().mean().sqrt() < SHIFTED * scorer.fit.problem.prior.along:
         return []
     fit, state = scorer.fit, scorer.state
-    alone = Scorer(fit, fit.start_at(state.coefficients, state.poisson_ratio), alone=True)
+    # Vehicles told half a wavelength away would come to no weight at all: it is that of the fit.
+    fresh = replace(Vehicles.of(fit.problem.passes), amplitude=state.vehicles.amplitude)
+    alone = Scorer(fit, replace(fit.start_at(state.coefficients, state.poisson_ratio), vehicles=fresh), alone=True)
     return [(alone, score) for score in score_all(alone, few)]
 
 

@@ -17,11 +17,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from solver.effects.catalogue import built_in
 from solver.effects.effect import Effect, Heard
-from solver.extension import Extension
+from solver.extension import SLOW_ERROR, Extension
 from solver.fit.derivatives import Local, Seen, acts_on_rows, derivative
-from solver.fit.map_fit import MapFit
+from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.state import Linearized, State
+from solver.pose import track_sigma
 
 Array = NDArray[np.float64]
 
@@ -35,6 +37,10 @@ INVISIBLE = 1e-6
 NOTED = 4.0
 #: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
 FAR, FAR_ALONE = (1.0, 3.0), (0.5, 1.0, 2.0, 3.0)
+#: What tracks may be off slowly at least, m, however sure of themselves they are.
+SMALLEST = 0.01
+#: What an effect of plausible size must change at least, sigmas over all samples, to be more than rounding.
+FEEBLE = 0.1
 #: Directions that are projected at once: few take as long as that many.
 BATCH = 36
 #: Stages whose effects are in proportion to their numbers, once tracks may shift.
@@ -129,6 +135,9 @@ class Made(NamedTuple):
 class Scorer:
     """Score tests at the end of one fit.
 
+    What tracks may be off slowly by their own account is open beside all that was fitted, as no fault of the model:
+    else an effect that changes vehicle by vehicle would take it up.
+
     Parameters
     ----------
     fit : the fit
@@ -140,16 +149,27 @@ class Scorer:
         self.fit, self.state, self.alone = fit, state, alone
         self.at: Linearized = fit.linearized(state)
         matrix, right, _ = fit.normal_of(state, self.at)
-        self.factor = torch.linalg.cholesky(matrix)
+        self.fitted = len(matrix)
         self.jacobian = self.at.jacobian[:, fit.free]
-        self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
         self._local: dict[tuple[int, bool], Local] = {}
+        factor = torch.linalg.cholesky(matrix)
+        #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
+        self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
+        if not alone and all(one.name != SLOW_ERROR for one in fit.extension.effects):
+            matrix, right = self._with_slow_errors(matrix, right)
+        self.factor = torch.linalg.cholesky(matrix)
+        self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
 
-    @property
-    def stress(self) -> float:
-        """Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged."""
-        right = self.factor @ (self.factor.T @ self.step)
-        return float(torch.linalg.solve_triangular(self.factor, right[:, None], upper=False).abs().max())
+    def _with_slow_errors(self, matrix: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
+        """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
+        effect = built_in()[SLOW_ERROR]
+        columns, _ = self.columns(effect, {}, self.fit.problem.extension([*self.fit.extension.effects, effect]))
+        crossed = self.jacobian.T @ columns
+        self.jacobian = torch.cat([self.jacobian, columns], 1)
+        expected = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2 / SPLINE_VARIANCE
+        own = columns.T @ columns + torch.eye(columns.shape[1], dtype=torch.float64) / expected
+        whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
+        return whole, torch.cat([right, columns.T @ self.at.residual])
 
     def seen(self, extension: Extension) -> Seen:
         """The model with a candidate at its null; what candidates share is computed once."""
@@ -199,7 +219,7 @@ class Scorer:
         made: list[Made] = []
         for last, shape in zip([False] * (len(shapes) - 1) + [True], shapes, strict=True):
             columns, counts = self.columns(effect, shape, extension)
-            if columns.any():
+            if columns.norm() * max(p.plausible for p in effect.amplitudes) > FEEBLE:
                 made.append(Made(shape, columns, counts))
             if last or sum(one.columns.shape[1] for one in made) >= BATCH:
                 yield from self.of_made(effect, made, trials)
@@ -288,8 +308,8 @@ class Scorer:
     def along(self, score: Score) -> Tensor:
         """How all that was fitted [free] moves with a score's estimate."""
         if self.alone:
-            return torch.zeros(self.jacobian.shape[1], dtype=torch.float64)
-        return -torch.cholesky_solve((self.jacobian.T @ score.signal)[:, None], self.factor)[:, 0]
+            return torch.zeros(self.fitted, dtype=torch.float64)
+        return -torch.cholesky_solve((self.jacobian.T @ score.signal)[:, None], self.factor)[: self.fitted, 0]
 
 
 def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]]:
