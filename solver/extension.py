@@ -107,6 +107,7 @@ class Extension:
     scopes : how their parameters spread
     chosen : [channel], which of the computed channels were measured; all where None
     time : [row], s since the record's start, of the traffic's rows
+    traffic : finer than the record's samples, where filters in time need that; None: as it is
     """
 
     effects: Sequence[Effect] = ()
@@ -114,6 +115,7 @@ class Extension:
     scopes: Scopes | None = None
     chosen: Tensor | None = None
     time: Tensor | None = None
+    traffic: "Traffic | None" = None
     slots: tuple[Slot, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -195,6 +197,7 @@ class Extension:
             interrogator=self.changed("interrogator", Interrogator(gauge_length), values),
             processing=self.changed("processing", BASE.processing, values),
             sampling_rate=around.sampling_rate,
+            over=1 if self.traffic is None else self.traffic.over,
             channel_spacing=around.channel_spacing,
             chosen=self.chosen,
         )

@@ -5,10 +5,11 @@ one tensor operation; rows of the same sample superpose.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import torch
+from scipy.interpolate import CubicSpline, interp1d
 from torch import Tensor
 
 from solver.cable import Fiber
@@ -19,6 +20,10 @@ from solver.load import class_number, layout_of, wheel_loads
 from solver.observation import Description
 from solver.stages import Load, Trajectory
 from solver.trajectory import Pass
+from solver.whitening import blocks_of
+
+#: What changes along a row's way.
+MOVING = ("position", "velocity", "heading", "sigma")
 
 
 @dataclass(frozen=True)
@@ -30,11 +35,12 @@ class Traffic:
     passes : number of passes
     pass_index : [row], which pass
     sample_index : [row], which of `samples`
-    samples : [sample], rows of the record, ascending
+    samples : [sample], rows of the record, ascending; in units of a row over `over`
     position, velocity : [row, 2], m and m/s
     heading : [row, 2], unit vector along travel
     sigma : [row, 2], standard deviation of the position, m
     class_index : [pass], see `solver.load.class_number`
+    over : moments per sample of the record
     """
 
     passes: int
@@ -46,6 +52,7 @@ class Traffic:
     heading: Tensor
     sigma: Tensor
     class_index: Tensor
+    over: int = 1
 
     @classmethod
     def of(cls, passes: Sequence[Pass], more: np.ndarray | None = None) -> "Traffic":
@@ -66,7 +73,9 @@ class Traffic:
             samples,
             heading=heading,
             class_index=torch.tensor([class_number(p.vehicle_class) for p in passes]),
-            **stack,
+            position=stack["position"],
+            velocity=stack["velocity"],
+            sigma=stack["sigma"],
         )
 
     def take(self, chosen: np.ndarray) -> "Traffic":
@@ -83,10 +92,53 @@ class Traffic:
             **rows,
         )
 
+    def finer(self, over: int) -> "Traffic":
+        """The same with `over` moments per sample: cubic between samples, as far as these are consecutive."""
+        samples = np.concatenate([np.arange(b.start, b.stop) for b in stretched(self.samples, over)])
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in ("pass", "at", *MOVING)}
+        record_row = self.samples[self.sample_index.numpy()]
+        for number in range(self.passes):
+            mine = np.flatnonzero(self.pass_index.numpy() == number)
+            for run in blocks_of(record_row[mine]):
+                rows = mine[run]
+                known = record_row[rows]
+                moment = np.arange(known[0] * over, known[-1] * over + 1)
+                parts["pass"].append(np.full(len(moment), number))
+                parts["at"].append(np.searchsorted(samples, moment))
+                place = CubicSpline(known, self.position[rows]) if len(known) > 1 else None
+                for name in MOVING:
+                    value = getattr(self, name)[rows].numpy()
+                    between = interp1d(known, value, axis=0) if place is not None else (lambda _, value=value: value)
+                    parts[name].append((place if name == "position" and place else between)(moment / over))
+        stack = {name: torch.from_numpy(np.concatenate(part)) for name, part in parts.items()}
+        heading = stack["heading"] / stack["heading"].norm(dim=1, keepdim=True)
+        rows_of = {"pass_index": stack["pass"], "sample_index": stack["at"], "heading": heading}
+        rows_of |= {name: stack[name] for name in MOVING if name != "heading"}
+        return replace(self, samples=samples, over=over * self.over, **rows_of)
+
+    @property
+    def sampled(self) -> np.ndarray:
+        """Which of `samples` are samples of the record, [sample] bool."""
+        return np.asarray(self.samples % self.over == 0)
+
+    @property
+    def record_sample(self) -> Tensor:
+        """Which sample of the record each row is at, or last was, [row]."""
+        return torch.from_numpy(np.cumsum(self.sampled) - 1)[self.sample_index]
+
     def superpose(self, rows: Tensor) -> Tensor:
         """Sum responses [row, ...] of the same sample -> [sample, ...]."""
         total = rows.new_zeros((len(self.samples), *rows.shape[1:]))
         return total.index_add(0, self.sample_index, rows)
+
+
+def stretched(samples: np.ndarray, over: int) -> list[slice]:
+    """Moments of each gapless stretch of samples, `over` of them per sample.
+
+    >>> stretched(np.array([4, 5, 9]), 3)
+    [slice(12, 16, None), slice(27, 28, None)]
+    """
+    return [slice(samples[b.start] * over, samples[b.stop - 1] * over + 1) for b in blocks_of(samples)]
 
 
 def _heading(one: Pass) -> np.ndarray:
@@ -148,6 +200,10 @@ class SignalPath:
     gauge_length: float
     extension: Extension = NONE
     curved: bool = False
+
+    def with_effects(self, extension: Extension) -> "SignalPath":
+        """The path with other effects, at the moments that they need."""
+        return replace(self, extension=extension, traffic=extension.traffic or self.traffic)
 
     def described(self, values: Values) -> Description:
         """Ground, cable, interrogator and processing with the effects at `values`."""

@@ -70,9 +70,10 @@ class Description:
     Parameters
     ----------
     ground, cable, interrogator, processing : see `solver.stages`
-    sampling_rate : Hz
+    sampling_rate : of the record, Hz
     channel_spacing : m
     chosen : [channel], which of the computed channels were measured; all where None
+    over : moments at which maps are computed per sample of the record
     """
 
     ground: Ground = field(default_factory=Ground)
@@ -82,6 +83,7 @@ class Description:
     sampling_rate: float = 1.0
     channel_spacing: float = 1.0
     chosen: Tensor | None = None
+    over: int = 1
 
     @property
     def along_fiber(self) -> bool:
@@ -130,7 +132,7 @@ class Description:
         return (*self.ground.transfers, *self.interrogator.transfers)
 
     def observed(self, alone: Tensor, samples: NDArray[np.int64]) -> Tensor:
-        """Measured channels of what becomes of maps [..., sample, computed channel]."""
+        """Measured channels and samples of what becomes of maps [..., moment, computed channel]."""
         out = alone
         if self.cable.transfers or self.interrogator.fiber_transfers:
             transfers = (*self.cable.transfers, *self.interrogator.fiber_transfers)
@@ -141,25 +143,30 @@ class Description:
             out = out * self.interrogator.gain
         if self.in_time or self.processing.steps or self.nonlinear:
             out = self._in_time(out, samples)
+        elif self.over > 1:
+            out = out[..., torch.from_numpy(samples % self.over == 0), :]
         return out if self.chosen is None else out[..., self.chosen]
 
     def _in_time(self, values: Tensor, samples: NDArray[np.int64]) -> Tensor:
-        """Everything that needs neighboring samples, on gapless stretches."""
-        parts = []
-        for block in bridged(samples, round(BRIDGE * self.sampling_rate)):
+        """Everything that needs neighboring samples, on gapless stretches; they begin at samples of the record."""
+        parts, rate = [], self.sampling_rate * self.over
+        for block in bridged(samples, round(BRIDGE * rate)):
             at = torch.from_numpy(samples[block] - samples[block.start])
             length = int(at[-1]) + 1
             whole = values.new_zeros(*values.shape[:-2], length, values.shape[-1])
             whole = whole.index_copy(-2, at, values[..., block, :])
             if self.ground.tangent_compliances:
-                strain = laplace_filtered(whole, [lambda s: 1 / s], self.sampling_rate)
+                strain = laplace_filtered(whole, [lambda s: 1 / s], rate)
                 for compliance in self.ground.tangent_compliances:
                     whole = whole * compliance(strain)
             if self.in_time:
-                whole = laplace_filtered(whole, self.in_time, self.sampling_rate)
-            for function in (*self.interrogator.pointwise, *self.processing.steps):
+                whole = laplace_filtered(whole, self.in_time, rate)
+            for function in self.interrogator.pointwise:
                 whole = function(whole)
-            parts.append(whole.index_select(-2, at))
+            whole = whole[..., :: self.over, :]
+            for function in self.processing.steps:
+                whole = function(whole)
+            parts.append(whole.index_select(-2, at[at % self.over == 0] // self.over))
         return torch.cat(parts, -2)
 
 

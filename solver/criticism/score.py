@@ -7,7 +7,7 @@ Philos. Soc. 44, 50; the projection is that of Neyman 1959, C(alpha) tests).
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from typing import NamedTuple
@@ -151,7 +151,7 @@ class Scorer:
         matrix, right, _ = fit.normal_of(state, self.at)
         self.fitted = len(matrix)
         self.jacobian = self.at.jacobian[:, fit.free]
-        self._local: dict[tuple[int, bool], Local] = {}
+        self._local: dict[tuple[int, bool, int], Local] = {}
         factor = torch.linalg.cholesky(matrix)
         #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
@@ -173,11 +173,11 @@ class Scorer:
 
     def seen(self, extension: Extension) -> Seen:
         """The model with a candidate at its null; what candidates share is computed once."""
-        path = replace(self.fit.path, extension=extension)
+        path = self.fit.path.with_effects(extension)
         fiber = partial(self.fit.fiber_at, path, self.state.coefficients)
         values = extension.local(self.numbers(extension, {}))
         gauges = fiber(values)
-        key = len(gauges.ahead), gauges.inner is None
+        key = len(gauges.ahead), gauges.inner is None, path.traffic.over
         if key not in self._local:
             vehicles, ratio = self.state.vehicles, self.state.poisson_ratio
             by = path.sensitivities(gauges, vehicles, ratio, values)
@@ -291,7 +291,7 @@ class Scorer:
         middle, slope = (fiber.ahead + fiber.behind) / 2, fiber.ahead - fiber.behind
         if (chosen := self.fit.extension.chosen) is not None:
             middle, slope = middle[chosen], slope[chosen]
-        return Heard(residual, load, self.fit.problem.traffic.sample_index, middle, slope)
+        return Heard(residual, load, seen.path.traffic.record_sample, middle, slope)
 
     def project(self, parts: Sequence[Tensor]) -> list[Projected]:
         """What the fit leaves of directions [sample * channel, number]; those of several shapes at once are faster."""

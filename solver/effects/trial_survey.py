@@ -92,7 +92,7 @@ class Trial:
     def __init__(self, effect: Effect, fit: MapFit, state: State):
         self.effect, self.fit, self.state = effect, fit, state
         self.extension: Extension = fit.problem.extension([effect])
-        self.path = replace(fit.path, extension=self.extension)
+        self.path = fit.path.with_effects(self.extension)
 
     def numbers(self, values: Mapping[str, float] | None = None) -> Tensor:
         """All parameters' numbers [number]: at their null, shapes amid their grid, or at `values`."""

@@ -141,7 +141,7 @@ class MapFit:
             return state
         unit = replace(state.vehicles, amplitude=torch.ones_like(state.vehicles.amplitude))
         fiber = self.fiber(state, values)
-        rows = self.path.rows(fiber, unit.rows(self.problem.traffic), state.poisson_ratio, values)
+        rows = self.path.rows(fiber, unit.rows(self.path.traffic), state.poisson_ratio, values)
         return replace(state, vehicles=replace(unit, amplitude=self.amplitudes(rows, values, weights)))
 
     def resettled(self, state: State, felt: Felt, weights: Weights) -> tuple[State, Felt]:
@@ -150,7 +150,7 @@ class MapFit:
             return state, felt
         alone = felt.local.by["amplitude"]
         amplitude = self.amplitudes(alone, felt.values, weights)
-        share = (amplitude / state.vehicles.amplitude)[self.problem.traffic.pass_index]
+        share = (amplitude / state.vehicles.amplitude)[self.path.traffic.pass_index]
         by = {
             name: part if name == "amplitude" else part * share.reshape(-1, *[1] * (part.ndim - 1))
             for name, part in felt.local.by.items()
@@ -162,7 +162,7 @@ class MapFit:
 
     def amplitudes(self, rows: Tensor, values: Values, weights: Weights) -> Tensor:
         """Amplitudes [pass] that fit best, by what each vehicle of unit amplitude does alone, [row, channel]."""
-        traffic = self.problem.traffic
+        traffic = self.path.traffic
         alone = torch.zeros(traffic.passes, len(traffic.samples), rows.shape[1], dtype=torch.float64)
         alone[traffic.pass_index, traffic.sample_index] = rows
         alone = self.path.described(values).linear.observed(alone, traffic.samples) * weights.good
@@ -199,7 +199,7 @@ class MapFit:
 
     def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
         """Derivative of the model by every parameter, [sample, channel, parameter], 1/s per unit."""
-        traffic = self.problem.traffic
+        traffic = self.path.traffic
         size, passes = self.basis.size, traffic.passes
         rows, channels = local.rate.shape
         first = 3 * size + len(PER_PASS) * passes
@@ -229,7 +229,7 @@ class MapFit:
 
         Where the tracks' slow errors are fitted, only what is beyond these counts.
         """
-        traffic = self.problem.traffic
+        traffic = self.path.traffic
         fitted = any(one.name == SLOW_ERROR for one in self.extension.effects)
         slow = SPLINE_VARIANCE * self.problem.prior.jitter**2 if fitted else 0.0
         # The sigmas are of x and y; the shifts are along and across the heading.
@@ -238,7 +238,7 @@ class MapFit:
         along = local.by["along"] ** 2 * (cosine * x + sine * y)[:, None]
         across = local.by["across"] ** 2 * (sine * x + cosine * y)[:, None]
         chosen = self.extension.chosen
-        total = traffic.superpose(along + across)
+        total = traffic.superpose(along + across)[torch.from_numpy(traffic.sampled)]
         return (total if chosen is None else total[:, chosen]) / self.problem.noise**2
 
     def added_variance(self, local: Sensitivities, model: Tensor) -> Tensor:

@@ -21,6 +21,8 @@ from solver.whitening import NoiseLaw, Whitener
 
 #: How far the model is computed beyond the fitted channels where an effect mixes neighbors, m.
 MARGIN = 12.0
+#: Moments a second at which filters in time need the model: vehicles near the fiber change it faster than 5 Hz shows.
+OFTEN = 20.0
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,9 @@ class Problem:
     @property
     def path(self) -> SignalPath:
         """The signal path of this survey's traffic, with its effects."""
-        return SignalPath(self.traffic, self.gauge_length, self.extension(self.effects), self.curved)
+        return SignalPath(self.traffic, self.gauge_length, curved=self.curved).with_effects(
+            self.extension(self.effects)
+        )
 
     @cached_property
     def largest(self) -> float:
@@ -111,19 +115,25 @@ class Problem:
         """Effects, ready to be put into the signal path."""
         if not effects:
             return Extension()
-        time = torch.from_numpy(self.traffic.samples).double()[self.traffic.sample_index] / self.sampling_rate
-        plain = self._extension(effects, self.distance, None, time)
-        values = plain.local(plain.numbers())
-        if not plain.described(values, self.gauge_length).along_fiber:
-            return plain
+        plain = self._extension(effects, self.distance, None, self.traffic)
+        described = plain.described(plain.local(plain.numbers()), self.gauge_length)
+        traffic = self.finer if described.in_time else self.traffic
+        if not described.along_fiber:
+            return plain if traffic is self.traffic else self._extension(effects, self.distance, None, traffic)
         # Neighbors matter: a gapless stretch of channels, and some beyond either end.
         margin = int(np.ceil(MARGIN / self.channel_spacing))
         every = np.arange(self.channel[0] - margin, self.channel[-1] + margin + 1)
         chosen = torch.from_numpy(np.searchsorted(every, self.channel))
-        return self._extension(effects, self.distance_of(every), chosen, time)
+        return self._extension(effects, self.distance_of(every), chosen, traffic)
+
+    @cached_property
+    def finer(self) -> Traffic:
+        """The traffic often enough that filters in time see what the record's samples are too far apart to show."""
+        over = int(np.ceil(OFTEN / self.sampling_rate))
+        return self.traffic if over <= 1 else self.traffic.finer(over)
 
     def _extension(
-        self, effects: Sequence[Effect], distance: NDArray[np.float64], chosen: Tensor | None, time: Tensor
+        self, effects: Sequence[Effect], distance: NDArray[np.float64], chosen: Tensor | None, traffic: Traffic
     ) -> Extension:
         inside = self.traffic.position.numpy()
         around = Surroundings(
@@ -135,12 +145,12 @@ class Problem:
             middle=torch.from_numpy((inside.min(0) + inside.max(0)) / 2),
             largest=self.largest,
         )
-        bare = Extension(time=time)
+        sampled = torch.from_numpy(traffic.samples).double() / (self.sampling_rate * traffic.over)
+        bare = Extension(time=sampled[traffic.sample_index])
         road = float(self.start[:, 0].min()), float(self.start[:, 0].max())
-        sampled = torch.from_numpy(self.traffic.samples).double() / self.sampling_rate
-        since = bare.clock(self.traffic)[1]
-        scopes = Scopes.of(self.traffic, torch.from_numpy(distance), since, sampled, road)
-        return Extension(effects, around, scopes, chosen, time)
+        scopes = Scopes.of(traffic, torch.from_numpy(distance), bare.clock(traffic)[1], sampled, road)
+        finer = None if traffic is self.traffic else traffic
+        return Extension(effects, around, scopes, chosen, bare.time, finer)
 
     @cached_property
     def whitener(self) -> Whitener:

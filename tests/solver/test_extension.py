@@ -68,6 +68,24 @@ def test_track_numbers_are_each_pass_s_own(traffic):
     assert one.size == one.scopes.count("track") == wanted
 
 
+def test_numbers_in_time_are_the_same_for_all_vehicles(traffic):
+    one = extension("generic_gain")
+    assert one.scopes is not None
+    change = one.local(torch.ones(one.size, dtype=torch.float64))["generic_gain"]["change"]
+    torch.testing.assert_close(change, torch.ones(len(traffic.samples), 1, dtype=torch.float64))
+    assert (one.scopes.samples != 0).any(0).all()
+
+
+def test_what_is_rated_comes_with_its_time_derivative(traffic):
+    for name in ("generic_load", "generic_road"):
+        one = extension(name)
+        numbers = torch.from_numpy(np.random.default_rng(0).normal(size=one.size))
+        value, rate = (one.local(numbers)[name][key][:, 0] for key in ("change", "change_rate"))
+        mine = traffic.pass_index == 1
+        step = (value[mine][2:] - value[mine][:-2]) / 2 * trial_survey()[0].problem.sampling_rate
+        assert float((step - rate[mine][1:-1]).abs().median()) < 0.05 * float(rate[mine].abs().max())
+
+
 def test_clocks_run_from_the_record_s_start_and_from_each_pass_s(traffic):
     problem = trial_survey()[0].problem
     time, since = extension("clock_drift").clock(traffic)
@@ -132,6 +150,8 @@ def test_no_effect_has_no_numbers():
         ({"stage": "fibre"}, "stage 'fibre' is none of trajectory"),
         ({"parameters": [Parameter("a", "1", 1.0, scope="lane")]}, "scope 'lane' is none of one"),
         ({"parameters": [Parameter("a", "1", 1.0, scope="pass")]}, "scope 'pass' is for effects on trajectory"),
+        ({"parameters": [Parameter("a", "1", 1.0, scope="time")]}, "scope 'time' is for effects on the interrogator"),
+        ({"parameters": [Parameter("a", "1", 1.0, rated=True)]}, "only what is smooth along the road or a track"),
         ({"parameters": [Parameter("a", "1", 1.0, null=2.0, upper=1.0)]}, "the null 2 is outside -inf to 1"),
         ({"parameters": [Parameter("a", "1", 1.0, grid=(1.0,))]}, "at least one parameter with a null"),
     ],

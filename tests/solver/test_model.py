@@ -129,3 +129,20 @@ def test_taking_samples_keeps_their_strain_rate(scene: tuple) -> None:
     chosen = np.arange(1, len(path.traffic.samples), 3)
     some = SignalPath(path.traffic.take(chosen), GAUGE)
     torch.testing.assert_close(some.strain_rate(fiber, vehicles, nu), path.strain_rate(fiber, vehicles, nu)[chosen])
+
+
+def test_finer_traffic_passes_through_the_samples_and_bends_between_them():
+    seconds = np.arange(20) / 5.0
+    position = np.column_stack([12.0 * seconds, 0.3 * np.sin(seconds)])
+    velocity = np.column_stack([np.full(20, 12.0), 0.3 * np.cos(seconds)])
+    rows = np.arange(100, 120)
+    one = Pass("1", "car", rows, position, velocity, np.full((20, 2), 0.02), np.ones(20, bool))
+    traffic = Traffic.of([one], more=np.array([90, 91]))
+    fine = traffic.finer(4)
+    assert fine.over == 4 and fine.samples[[0, 1, 4, 5]].tolist() == [360, 361, 364, 400]
+    assert fine.samples[fine.sampled].tolist() == [360 + 4 * k for k in (0, 1)] + (4 * rows).tolist()
+    at = fine.samples[fine.sample_index] / 20.0 - 20.0
+    expected = np.column_stack([12.0 * at, 0.3 * np.sin(at)])
+    np.testing.assert_allclose(fine.position, expected, atol=2e-4)
+    np.testing.assert_allclose(fine.heading.norm(dim=1), 1.0)
+    assert fine.record_sample[:6].tolist() == [2, 2, 2, 2, 3, 3]

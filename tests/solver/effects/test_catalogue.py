@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from solver.effects import Effect
+from solver.effects import Effect, Parameter, effect
 from solver.effects.catalogue import FAMILIES, built_in, families_of, find
 from solver.effects.trial_survey import Trial, trial_survey
 from solver.effects.verify import plausible, verify
@@ -120,9 +120,10 @@ def test_derivatives_are_those_of_finite_differences(name, start):
 def test_an_effect_changes_one_stage(name):
     one = trial(name)
     values, (fit, state) = one.extension.local(away(one)), trial_survey()
-    vehicles = state.vehicles.rows(fit.path.traffic)
+    plain = replace(fit.path, traffic=one.path.traffic)
+    vehicles = state.vehicles.rows(plain.traffic)
     per_row = replace(vehicles, **{key: value[:, None] for key, value in vars(vehicles).items()})
-    base, changed = fit.path.loads(per_row, {}), one.path.loads(per_row, values)
+    base, changed = plain.loads(per_row, {}), one.path.loads(per_row, values)
     moved = {f for f in ("position", "velocity", "heading") if not same(base.trajectory, changed.trajectory, f)}
     assert bool(moved) == (one.effect.stage == "trajectory")
     if one.effect.stage != "trajectory":
@@ -195,7 +196,37 @@ def test_effects_add_up():
     names = ["clock_offset", "braking", "moving_load", "shear_lag", "highpass", "common_mode"]
     together = fit.problem.extension([built_in()[name] for name in names])
     values = together.local(together.numbers({"clock_offset": {"offset": 0.3}}))
-    path = replace(fit.path, extension=together)
+    path = fit.path.with_effects(together)
     made = path.strain_rate(fit.fiber_at(path, state.coefficients, values), state.vehicles, state.poisson_ratio, values)
     alone = trial("clock_offset")
-    torch.testing.assert_close(made, alone.map(alone.numbers({"offset": 0.3})), rtol=0, atol=1e-13)
+    expected = alone.map(alone.numbers({"offset": 0.3}))
+    torch.testing.assert_close(made, expected, rtol=0, atol=1e-9 * float(expected.abs().max()))
+
+
+def test_a_filter_that_delays_does_what_a_late_clock_does():
+    """The samples alone are too far apart for that: between them the model is computed too."""
+
+    @effect("late", "interrogator", [Parameter("delay", "s", 0.1)], physics="-", source="-")
+    def late(interrogator, p, survey):
+        return interrogator.filtered(lambda s: torch.exp(-s * p["delay"]))
+
+    fit, state = trial_survey()
+    shifted = trial("clock_offset")
+    delayed = Trial(late, fit, state)
+    change = delayed.map(delayed.numbers({"delay": 0.07})) - delayed.base()
+    wanted = shifted.map(shifted.numbers({"offset": 0.07})) - shifted.base()
+    # Nothing is known of a vehicle before its first sample.
+    apart = (change - wanted).norm(dim=1) / wanted.norm(dim=1).max()
+    assert float(apart.quantile(0.8)) < 0.01
+
+
+def test_a_load_that_changes_smoothly_keeps_its_rate():
+    """As a bounce of the same frequency does, declared with its own rate."""
+    smooth, bounce = trial("generic_load"), trial("dynamic_load")
+    rows, since = smooth.extension.scopes.rows["track"], smooth.extension.clock(smooth.path.traffic)[1]
+    wave = torch.sin(2 * torch.pi * 0.15 * since[:, 0])
+    numbers = smooth.numbers()
+    numbers[:] = 0.2 * torch.linalg.lstsq(rows, wave[:, None]).solution[:, 0]
+    swung = smooth.map(numbers) - smooth.base()
+    named = bounce.map(bounce.numbers({"sine": 0.2, "frequency": 0.15})) - bounce.base()
+    assert float((swung - named).norm() / named.norm()) < 0.05

@@ -11,8 +11,8 @@ from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Banded, Block, Factor, Normal, Part
 from solver.fit.posterior import Posterior
-from solver.fit.spline import fit_spline
-from solver.fit.windows import crowds, nearby, stretches
+from solver.fit.spline import beginning, fit_spline
+from solver.fit.windows import crowds, nearby, parts, some, stretches
 
 RNG = np.random.default_rng(4)
 
@@ -164,3 +164,22 @@ def test_only_the_near_part_of_a_pass_counts(case) -> None:
     assert (distance <= 10.0).all() and len(near.rows) < len(one.rows)
     assert nearby(replace(one, position=one.position + 500.0), route, 10.0) is None
     assert sum(len(crowd) for crowd in crowds(case.problem.passes)) == len(case.problem.passes)
+
+
+def test_a_long_fiber_begins_with_whole_crowds(case, cut_short: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every vehicle that is near is in the model: else what it leaves would pull the route away."""
+    monkeypatch.setattr("solver.fit.spline.FIRST", 2)
+    chain = Chain.of(case.problem)
+    begun = beginning(case.problem, chain, lambda n: None)
+    seen = route_of(begun, case)
+    assert np.abs(seen - route_of(solve(chain, begun).state, case))[5:-5].max() < 0.3
+    whole = {tuple(one.track_id for one in link.fit.problem.passes) for link in chain.links}
+    few = Chain.of(case.problem, groups=[some(group, 2) for group in parts(case.problem)])
+    assert {tuple(one.track_id for one in link.fit.problem.passes) for link in few.links} <= whole
+    assert len(few.links) < len(chain.links)
+
+
+def route_of(state, case) -> np.ndarray:
+    """The route [channel, 3] of a state."""
+    chain = Chain.of(case.problem)
+    return chain.basis.along(state.coefficients.numpy(), case.problem.distance)
