@@ -18,8 +18,8 @@ from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
 from solver.model import Vehicles
 
-#: Steps of each round of the race, and rounds.
-PACE, ROUNDS = 2, 12
+#: Steps of each round of the race, of the first one from far away, and rounds.
+PACE, FAR_PACE, ROUNDS = 2, 6, 12
 #: Times the fall that the next step predicts which a fit may still hope for.
 HOPE = 2.0
 #: ln of the Bayes factor beyond which one pass may speak for all, as the heaviest vehicle alone may clip.
@@ -28,6 +28,8 @@ CLEAR = 36.0
 STAY = 0.75
 #: Shifts of the tracks, times what was expected, that a delay may be behind.
 SHIFTED = 3.0
+#: Share of the best one's evidence that an effect must have to start with unshifted tracks.
+LATE = 0.25
 
 
 def counted(fit: MapFit, at: Linearized) -> Tensor:
@@ -185,7 +187,9 @@ def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
     # Vehicles told half a wavelength away would come to no weight at all: it is that of the fit.
     fresh = replace(Vehicles.of(fit.problem.passes), amplitude=state.vehicles.amplitude)
     alone = Scorer(fit, replace(fit.start_at(state.coefficients, state.poisson_ratio), vehicles=fresh), alone=True)
-    return [(alone, score) for score in score_all(alone, few)]
+    found = score_all(alone, few)
+    most = max((one.evidence for one in found), default=0.0)
+    return [(alone, score) for score in found if score.evidence > LATE * most]
 
 
 def race(
@@ -211,14 +215,14 @@ def race(
     weights, before = Weights((counts > 0).double(), counts**2), loss(scorer.fit, scorer.state, counts)
     running: dict[str, Refit] = {}
 
-    def run(score: Score, fit: MapFit, start: State | Solution) -> Refit:
-        end = solve(fit, start, iterations=PACE)
+    def run(score: Score, fit: MapFit, start: State | Solution, pace: int = PACE) -> Refit:
+        end = solve(fit, start, iterations=pace)
         return Refit(score, fit, end, before - loss(fit, end.state, counts))
 
     for at, score in [*((scorer, one) for one in scores), *others]:
         name = score.effect.name
         fit = running[name].fit if name in running else MapFit(with_effect(scorer.fit.problem, score.effect))
-        begun = run(score, fit, started(fit, at, score, weights))
+        begun = run(score, fit, started(fit, at, score, weights), PACE if at is scorer else FAR_PACE)
         if name not in running or begun.fall > running[name].fall:
             running[name] = begun
         advance(1)
