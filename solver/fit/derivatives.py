@@ -16,6 +16,9 @@ from solver.model import Sensitivities, SignalPath, Vehicles
 from solver.observation import BASE
 from solver.stages import Load
 
+#: Columns that are filtered at once.
+COLUMNS = 16
+
 FiberAt = Callable[[Values, int], Fiber]
 
 
@@ -163,10 +166,15 @@ class Seen:
 def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values: Values) -> Tensor:
     """What interrogator and processing make of small changes [column, sample, computed channel] of a map."""
     stages = path.described(values)
-    if not stages.nonlinear and not stages.processing.steps:
-        return path.observed(tangents, values)
-    base = alone.expand_as(tangents).clone()
-    return jvp(lambda m: path.observed(m, values), (base,), (tangents.contiguous(),))[1]
+    plain = not stages.nonlinear and not stages.processing.steps
+
+    def seen(some: Tensor) -> Tensor:
+        if plain:
+            return path.observed(some, values)
+        return jvp(lambda m: path.observed(m, values), (alone.expand_as(some).clone(),), (some.contiguous(),))[1]
+
+    # Spectra of all columns at once would not fit into memory.
+    return torch.cat([seen(some) for some in tangents.split(COLUMNS)])
 
 
 def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
