@@ -159,8 +159,9 @@ def diagnose(
     bench = Bench.of(fit, state, effects, advance)
     if not check.passed:
         return unranked(bench, check)
-    late = unshifted(bench.scorer, scorable(problem, effects))[:RACERS]
-    tried = race(bench.scorer, racers(bench.table), advance, late)
+    first = racers(bench.table)
+    late = unshifted(bench.scorer, scorable(problem, effects))[:RACERS] if first else []
+    tried = race(bench.scorer, first, advance, late)
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]
     ranked.sort(key=lambda c: -c.evidence)

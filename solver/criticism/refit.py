@@ -27,7 +27,7 @@ CLEAR = 36.0
 #: Share of the leader's evidence that one must have, or may hope for, to go on.
 STAY = 0.75
 #: Shifts of the tracks, times what was expected, that a delay may be behind.
-SHIFTED = 3.0
+SHIFTED = 1.0
 #: Share of the best one's evidence that an effect must have to start with unshifted tracks.
 LATE = 0.25
 
