@@ -138,7 +138,8 @@ def stretched(samples: np.ndarray, over: int) -> list[slice]:
     >>> stretched(np.array([4, 5, 9]), 3)
     [slice(12, 16, None), slice(27, 28, None)]
     """
-    return [slice(samples[b.start] * over, samples[b.stop - 1] * over + 1) for b in blocks_of(samples)]
+    ends = ((int(samples[b.start]), int(samples[b.stop - 1])) for b in blocks_of(samples))
+    return [slice(first * over, last * over + 1) for first, last in ends]
 
 
 def _heading(one: Pass) -> np.ndarray:
