@@ -152,6 +152,7 @@ class Scorer:
         self.fitted = len(matrix)
         self.jacobian = self.at.jacobian[:, fit.free]
         self._local: dict[tuple[int, bool, int], Local] = {}
+        self._slow: tuple[Tensor, list[int]] | None = None
         factor = torch.linalg.cholesky(matrix)
         #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
@@ -163,7 +164,8 @@ class Scorer:
     def _with_slow_errors(self, matrix: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
         """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
         effect = built_in()[SLOW_ERROR]
-        columns, _ = self.columns(effect, {}, self.fit.problem.extension([*self.fit.extension.effects, effect]))
+        extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
+        columns, _ = self._slow = self.columns(effect, {}, extension)
         crossed = self.jacobian.T @ columns
         self.jacobian = torch.cat([self.jacobian, columns], 1)
         expected = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2 / SPLINE_VARIANCE
@@ -193,6 +195,8 @@ class Scorer:
 
     def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Tensor, list[int]]:
         """Whitened derivatives [sample * channel, number] by an effect's amplitudes, and how many each has."""
+        if effect.name == SLOW_ERROR and self._slow is not None:
+            return self._slow
         seen, numbers = self.seen(extension), self.numbers(extension, shape)
         slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
         maps = [derivative(seen, slot, numbers) for slot in slots]
