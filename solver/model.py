@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import torch
-from scipy.interpolate import CubicSpline, interp1d
+from scipy.interpolate import make_interp_spline
 from torch import Tensor
 
 from solver.cable import Fiber
@@ -22,8 +22,8 @@ from solver.stages import Load, Trajectory
 from solver.trajectory import Pass
 from solver.whitening import blocks_of
 
-#: What changes along a row's way.
-MOVING = ("position", "velocity", "heading", "sigma")
+#: What changes along a vehicle's way, and the degree of its course between samples.
+MOVING = {"position": 3, "velocity": 1, "heading": 1, "sigma": 1}
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Traffic:
         )
 
     def finer(self, over: int) -> "Traffic":
-        """The same with `over` moments per sample: cubic between samples, as far as these are consecutive."""
+        """The same with `over` moments per sample, as far as samples are consecutive."""
         samples = np.concatenate([np.arange(b.start, b.stop) for b in stretched(self.samples, over)])
         parts: dict[str, list[np.ndarray]] = {name: [] for name in ("pass", "at", *MOVING)}
         record_row = self.samples[self.sample_index.numpy()]
@@ -105,11 +105,9 @@ class Traffic:
                 moment = np.arange(known[0] * over, known[-1] * over + 1)
                 parts["pass"].append(np.full(len(moment), number))
                 parts["at"].append(np.searchsorted(samples, moment))
-                place = CubicSpline(known, self.position[rows]) if len(known) > 1 else None
-                for name in MOVING:
-                    value = getattr(self, name)[rows].numpy()
-                    between = interp1d(known, value, axis=0) if place is not None else (lambda _, value=value: value)
-                    parts[name].append((place if name == "position" and place else between)(moment / over))
+                for name, degree in MOVING.items():
+                    spline = make_interp_spline(known, getattr(self, name)[rows].numpy(), min(degree, len(known) - 1))
+                    parts[name].append(spline(moment / over))
         stack = {name: torch.from_numpy(np.concatenate(part)) for name, part in parts.items()}
         heading = stack["heading"] / stack["heading"].norm(dim=1, keepdim=True)
         rows_of = {"pass_index": stack["pass"], "sample_index": stack["at"], "heading": heading}

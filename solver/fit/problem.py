@@ -101,9 +101,8 @@ class Problem:
     @property
     def path(self) -> SignalPath:
         """The signal path of this survey's traffic, with its effects."""
-        return SignalPath(self.traffic, self.gauge_length, curved=self.curved).with_effects(
-            self.extension(self.effects)
-        )
+        bare = SignalPath(self.traffic, self.gauge_length, curved=self.curved)
+        return bare.with_effects(self.extension(self.effects))
 
     @cached_property
     def largest(self) -> float:
