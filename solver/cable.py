@@ -126,15 +126,8 @@ STATION_OFFSETS, STATION_WEIGHTS = (x / 2 for x in np.polynomial.legendre.leggau
 
 
 @dataclass(frozen=True)
-class GaugeEnds:
-    """Basis matrices at the two ends of every channel's gauge, and within it where they are wanted.
-
-    Parameters
-    ----------
-    ahead, behind : [channel, coefficient], positions half a gauge length ahead and behind
-    ahead_slope, behind_slope : [channel, coefficient], derivatives with respect to distance, 1/m
-    inner, inner_slope, inner_bend : [channel, station, coefficient], within the gauge and two derivatives, or None
-    """
+class PerGauge:
+    """Something at the ends of every gauge, its slope there, and the same within; None where that is not wanted."""
 
     ahead: Tensor
     behind: Tensor
@@ -143,6 +136,22 @@ class GaugeEnds:
     inner: Tensor | None = None
     inner_slope: Tensor | None = None
     inner_bend: Tensor | None = None
+
+    def present(self) -> dict[str, Tensor]:
+        """The fields that are there, by name."""
+        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
+
+
+@dataclass(frozen=True)
+class GaugeEnds(PerGauge):
+    """Basis matrices at the two ends of every channel's gauge, and within it where they are wanted.
+
+    Parameters
+    ----------
+    ahead, behind : [channel, coefficient], positions half a gauge length ahead and behind
+    ahead_slope, behind_slope : [channel, coefficient], derivatives with respect to distance, 1/m
+    inner, inner_slope, inner_bend : [channel, station, coefficient], within the gauge and two derivatives, or None
+    """
 
     @classmethod
     def of(cls, basis: Basis, distance: NDArray[np.float64], gauge_length: float, inner: bool = False) -> "GaugeEnds":
@@ -174,13 +183,9 @@ class GaugeEnds:
         stations = distance[:, None] + torch.from_numpy(STATION_OFFSETS) * torch.as_tensor(gauge_length)[..., None]
         return cls(*ends, *(basis.weights(stations, order + derivative) for order in range(3)))
 
-    def matrices(self) -> dict[str, Tensor]:
-        """The fields that are there, by name."""
-        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
-
 
 @dataclass(frozen=True)
-class Fiber:
+class Fiber(PerGauge):
     """The ends of every gauge and the fiber's direction there.
 
     Parameters
@@ -191,22 +196,10 @@ class Fiber:
         derivatives; None where the strain of a gauge is the motion of its ends alone
     """
 
-    ahead: Tensor
-    behind: Tensor
-    ahead_slope: Tensor
-    behind_slope: Tensor
-    inner: Tensor | None = None
-    inner_slope: Tensor | None = None
-    inner_bend: Tensor | None = None
-
     @classmethod
     def of(cls, ends: GaugeEnds, coefficients: Tensor) -> "Fiber":
         """Ends of a spline route with `coefficients` [knot, 3], m."""
-        return cls(**{name: matrix @ coefficients for name, matrix in ends.matrices().items()})
-
-    def present(self) -> dict[str, Tensor]:
-        """The fields that are there, by name."""
-        return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
+        return cls(**{name: matrix @ coefficients for name, matrix in ends.present().items()})
 
 
 def length(vectors: Tensor) -> Tensor:

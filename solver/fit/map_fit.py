@@ -189,7 +189,7 @@ class MapFit:
 
     def route_columns(self, local: Sensitivities, values: Values) -> Tensor:
         """Derivative of each row by the route's coefficients, [row, channel, coefficient, 3]."""
-        matrices = self.ends_at(values).matrices()
+        matrices = self.ends_at(values).present()
         basis = torch.cat([m if m.ndim == 3 else m[:, None] for m in matrices.values()], 1)
         by = [local.by[name] for name in matrices]
         stacked = torch.cat([part if part.ndim == 4 else part[:, :, None] for part in by], 2)
