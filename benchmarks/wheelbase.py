@@ -4,9 +4,9 @@
 
 Vehicles with the lengths of real ones drive through rendered scenes (`benchmarks/ground.py`: edges that jitter, and lie
 off by the same few pixels for all of a vehicle). The length that is measured gives the wheelbase, by the straight line
-through every other model of the makers' data sheets below; the models between them are the test. Prints, per view and
-class: error of the length and error / sigma; error of the wheelbase by the length, its stated sigma, error / sigma; and
-the error of the class's wheelbase, which the solver takes without a measured one.
+through all other models of the makers' data sheets below. Prints, per view and class: error of the length and
+error / sigma; error of the wheelbase by the length, its stated sigma, error / sigma; and the error of the class's
+wheelbase, which the solver takes without a measured one.
 """
 
 import argparse
@@ -68,7 +68,7 @@ def trial(view: str, kind: str, seed: int) -> dict[str, object] | None:
     found = ground_tracks(drive(camera, kind, rng, size), calibration)
     if found.empty:
         return None
-    start, slope, spread = line(known[1 - which % 2 :: 2])
+    start, slope, spread = line(np.delete(known, which, axis=0))
     measured, sigma = found[["length", "sigma_length"]].iloc[0]
     error, stated = start + slope * measured - wheelbase, np.hypot(spread, slope * sigma)
     return {

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 ROUNDS = 4  # of a fit, which goes on from where the last one of the same vehicle ended
 LONGEST_STEP = 4.0  # m, per round
 HUBER = 2.0  # sd beyond which an edge is trusted less (an occluded side)
-EVIDENCE = 4.0  # fixes' worth of what a track tells of the size: a detector errs alike on all images of one vehicle
+EVIDENCE = 3.0  # fixes' worth of what a track tells of the size: a detector errs alike on all images of one vehicle
 SETTLED = 3e-3  # m
 EDGES, AXES = np.arange(4), np.array([0, 1, 0, 1])  # left, top, right, bottom, and the image's axis each is along
 
@@ -98,7 +98,7 @@ def fit_body(
     -----
     Gauss-Newton on the maximum a posteriori, edges weighted by Huber's rule. The positions are eliminated from the
     normal equations (Schur complement; Triggs et al. 2000, Bundle adjustment, section 6.1), so a round costs as much
-    as its projections. The size gathers the evidence of four fixes, however many there are, because edges err alike in
+    as its projections. The size gathers the evidence of three fixes, however many there are, because edges err alike in
     all of a track's boxes.
     """
     prior, alike = np.array(shape.size), max(1.0, len(boxes) / EVIDENCE)

@@ -89,7 +89,7 @@ RIDER = (
 
 SHAPES = {
     "car": VehicleShape((4.4, 1.8, 1.5), (0.35, 0.08, 0.12), 2.65, 0.88, PASSENGER_CAR, (2.682, 0.40, 0.044)),
-    "van": VehicleShape((5.6, 2.0, 2.3), (0.5, 0.1, 0.25), 3.40, 0.95, PANEL_VAN, (3.530, 0.63, 0.175)),
+    "van": VehicleShape((5.6, 2.0, 2.3), (0.63, 0.1, 0.25), 3.40, 0.95, PANEL_VAN, (3.530, 0.63, 0.19)),
     "truck": VehicleShape((8.0, 2.4, 3.2), (1.5, 0.15, 0.4), 4.60, 1.40, BOX_TRUCK),
     "bus": VehicleShape((12.0, 2.5, 3.1), (1.0, 0.06, 0.2), 5.90, 2.70, CITY_BUS),
     "motorcycle": VehicleShape((2.2, 0.8, 1.6), (0.2, 0.12, 0.15), 1.40, 0.40, RIDER),
