@@ -51,7 +51,7 @@ def without(problem: Problem, result: FitResult, anchor: Anchor) -> LeftOut:
     """Fit again without an anchor, from where the fit with it ended."""
     rest = replace(problem, anchors=[a for a in problem.anchors if a is not anchor])
     # The same span, so that costs compare.
-    fit = Chain.of(rest, span=problem.span)
+    fit = Chain.of(rest, basis=problem.basis)
     found = solve(fit, fit.state_of(torch.from_numpy(result.vector)))
     end = found.state
     place = fit.basis.along(end.coefficients.numpy(), problem.distance_of([anchor.channel]))[0]

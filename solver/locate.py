@@ -19,6 +19,7 @@ from solver.effects.plugins import catalogue
 from solver.fit import METHODS, FitResult, Prior, Problem, fit_spline
 from solver.fit.chain import Chain
 from solver.fit.held_out import FOLDS, held_out_chi2
+from solver.fit.windows import is_long
 from solver.pose import bent_ends, pose, shortened, with_slow_errors
 from solver.processing import decimated
 from solver.site import Site
@@ -34,6 +35,10 @@ EFFECTS = ("wheel_layout", "curved_gauge")
 DECISIVE = 9.0
 #: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it.
 EXPLAINED = 1.03
+#: Chi2 per degree of freedom from which a route is tried on more knots, and the share of what is beyond 1 that they
+#: must explain: a fiber that dips under a culvert is beyond the usual knots, while most of what other physics leaves is
+#: beyond any route.
+LEFT_OVER, BY_ROUTE = 1.01, 0.6
 #: Passes below which the user is told that they are few.
 FEW = 3
 #: Chi2 beyond that of the first side from which the other is not followed to its end.
@@ -114,6 +119,19 @@ def fit_straight(result: FitResult, problem: Problem, method: str, warnings: lis
     return result, problem
 
 
+def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem]:
+    """Fit again on twice as many knots where much is left over; kept if the route alone explains most of that."""
+    if method != "spline" or is_long(problem) or not (result.converged and result.chi2_per_dof > LEFT_OVER):
+        return result, problem
+    fine = replace(shortened(problem, slice(None), result), knot_spacing=problem.knot_spacing / 2)
+    most = result.chi2 * (1 / result.chi2_per_dof + (1 - BY_ROUTE) * (1 - 1 / result.chi2_per_dof))
+    with progress("fitting the route on finer knots", METHODS[method][1]) as advance:
+        again = fit_spline(fine, advance, hopeless=most)
+    if not again.converged or again.chi2 > most:
+        return result, problem
+    return replace(again, ambiguous_side=result.ambiguous_side, seconds=result.seconds + again.seconds), fine
+
+
 def fit_agreeing(result: FitResult, problem: Problem, method: str, warnings: list[str]) -> tuple[FitResult, Problem]:
     """Fit again without anchors that all others and the tracks contradict; where nothing tells which, say so.
 
@@ -186,6 +204,7 @@ def locate(
     problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved)) for one in posed]
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
+        result, problem = fit_finely(result, problem, method)
         result, problem = fit_agreeing(result, problem, method, warnings)
     if len(problem.passes) < FEW:
         count = "one pass" if len(problem.passes) == 1 else f"{len(problem.passes)} passes"

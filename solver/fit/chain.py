@@ -18,7 +18,7 @@ from torch import Tensor
 from solver.cable import SplineBasis
 from solver.fit.belief import Belief, RouteRows
 from solver.fit.links import Link, linked
-from solver.fit.map_fit import KNOT_SPACING, MapFit, is_buried
+from solver.fit.map_fit import MapFit, is_buried
 from solver.fit.normal import Block, Normal, Part
 from solver.fit.problem import Problem
 from solver.fit.state import PER_PASS, State, Weights
@@ -122,16 +122,15 @@ class Chain:
     def of(
         cls,
         problem: Problem,
-        knot_spacing: float = KNOT_SPACING,
         known_ground: bool = False,
-        span: tuple[float, float] | None = None,
+        basis: SplineBasis | None = None,
         groups: Sequence[Sequence[Problem]] | None = None,
     ) -> "Chain":
         """The chain of a survey, or of some small problems of each stretch of it; parameters as of `MapFit`."""
         groups = parts(problem) if groups is None else groups
         if len(groups) == 1 and groups[0][0] is problem:
-            return cls.single(MapFit(problem, knot_spacing, known_ground, span))
-        return cls(problem, *linked(problem, groups, SplineBasis(*(span or problem.span), knot_spacing), known_ground))
+            return cls.single(MapFit(problem, known_ground, basis))
+        return cls(problem, *linked(problem, groups, basis or problem.basis, known_ground))
 
     @property
     def long(self) -> bool:

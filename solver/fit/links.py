@@ -44,7 +44,7 @@ def along(basis: SplineBasis, group: Sequence[Problem], stretch: int) -> Iterato
     part = basis.part(first, last)
     ends = GaugeEnds.of(part, distance, group[0].gauge_length, group[0].curved)
     for one in group:
-        yield stretch, first, MapFit(one, basis.step, span=(part.start, part.stop), ends=ends)
+        yield stretch, first, MapFit(one, basis=part, ends=ends)
 
 
 def layout(

@@ -21,7 +21,6 @@ from solver.fit.state import PER_PASS, Felt, Linearized, State, Weights
 from solver.model import Sensitivities, SignalPath, Vehicles
 from solver.observation import BASE
 
-KNOT_SPACING = 10.0
 SHALLOWEST = 0.02
 #: Variance of a cubic spline of unit coefficients.
 SPLINE_VARIANCE = 0.48
@@ -39,22 +38,20 @@ class MapFit:
     Parameters
     ----------
     problem : the survey and the effects in its model
-    knot_spacing : of the route, m
     known_ground : leave all but the vehicles as it is
-    span : ends of the route, distance along the fiber, m; those of the problem where None
+    basis : of the route; the problem's where None
     ends : basis matrices at the gauges' ends, where they are known already
     """
 
     def __init__(
         self,
         problem: Problem,
-        knot_spacing: float = KNOT_SPACING,
         known_ground: bool = False,
-        span: tuple[float, float] | None = None,
+        basis: SplineBasis | None = None,
         ends: GaugeEnds | None = None,
     ):
         self.problem = problem
-        self.basis = SplineBasis(*(span or problem.span), knot_spacing)
+        self.basis = basis or problem.basis
         self.path = problem.path
         self.extension = self.path.extension
         self.measured = problem.measured

@@ -20,7 +20,7 @@ class Prior:
     ----------
     depth : mean and standard deviation of the fiber's mean depth, m
     depth_slope : sd of the fiber's slope along the road
-    curvature, depth_curvature : sd of horizontal and vertical curvature over one knot, 1/m
+    curvature, depth_curvature : sd of horizontal and vertical curvature over `PATCH`, 1/m
     stretch : sd of the route's length per meter of fiber
     poisson_ratio : mean and sd
     along, across : size of a whole track's errors along travel and sideways, m; the passes themselves correct it, see
@@ -41,6 +41,8 @@ class Prior:
     jitter: float = 0.3
 
 
+#: Length over which slope and curvature of a route are one independent value, m.
+PATCH = 10.0
 #: Least depth that a route is expected to have, and sd of that limit, m.
 SHALLOW, SHALLOW_SD = 0.2, 0.02
 
@@ -89,7 +91,7 @@ class Rows:
 def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
     """Mean depth, slope, curvature, length and burial of a spline route against the prior.
 
-    Slope and curvature are white along the fiber with one independent value per knot interval; the length rows hold
+    Slope and curvature are white along the fiber with one independent value per `PATCH`; the length rows hold
     |dr/ds| = 1, so that distance along the route is distance along the fiber. The burial rows, softplus((SHALLOW - z) /
     SHALLOW_SD), keep a route below the surface without a hard bound, at which no fit could converge; 0 elsewhere.
 
@@ -99,8 +101,8 @@ def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
     """
     grid = np.linspace(basis.start, basis.stop, 2 * basis.intervals + 1)
     value, slope, bend = (torch.from_numpy(basis.at(grid, order)) for order in range(3))
-    # The grid samples each interval twice; this keeps the weight of one value per interval.
-    density = (basis.intervals / len(grid)) ** 0.5
+    # The grid samples each interval twice; this keeps the weight of one value per patch.
+    density = ((basis.stop - basis.start) / PATCH / len(grid)) ** 0.5
     tangent = slope @ coefficients
     length = tangent.norm(dim=1)
     stretch = prior.stretch / density

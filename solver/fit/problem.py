@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from solver.anchors import Anchor
-from solver.cable import Basis, GaugeEnds
+from solver.cable import Basis, GaugeEnds, SplineBasis
 from solver.effects.effect import Effect
 from solver.extension import Extension, Scopes
 from solver.fit.prior import Prior
@@ -19,6 +19,8 @@ from solver.stages import Surroundings
 from solver.trajectory import Pass
 from solver.whitening import NoiseLaw, Whitener
 
+#: Knot spacing of a route, m: roads and ducts bend slowly.
+KNOT_SPACING = 10.0
 #: How far the model is computed beyond the fitted channels where an effect mixes neighbors, m.
 MARGIN = 12.0
 #: Moments a second at which filters in time need the model: vehicles near the fiber change it faster than 5 Hz shows.
@@ -45,6 +47,7 @@ class Problem:
     effects : in the model, beyond the base
     signal_noise : how noise grows with the signal: its variance is times 1 + signal_noise (signal / noise)^2
     curved : whether strain is the integral along the fiber's path, see `SignalPath`
+    knot_spacing : of the route, m
     """
 
     record: NDArray[np.float64]
@@ -63,6 +66,7 @@ class Problem:
     effects: Sequence[Effect] = ()
     curved: bool = True
     signal_noise: float = 0.0
+    knot_spacing: float = KNOT_SPACING
 
     @cached_property
     def strain_rate(self) -> Tensor:
@@ -91,6 +95,11 @@ class Problem:
         reach = self.gauge_length / 2 + self.channel_spacing
         ends = np.concatenate([self.distance - reach, self.distance + reach, self.anchor_distance])
         return float(ends.min()), float(ends.max())
+
+    @property
+    def basis(self) -> SplineBasis:
+        """Of the route, over the span."""
+        return SplineBasis(*self.span, self.knot_spacing)
 
     @property
     def route_channel(self) -> NDArray[np.int64]:

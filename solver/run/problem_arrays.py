@@ -17,7 +17,10 @@ from solver.trajectory import Pass
 from solver.whitening import NoiseLaw
 
 ROWS = ("rows", "position", "velocity", "sigma", "in_view")
-SCALARS = ("zero_distance", "channel_spacing", "gauge_length", "sampling_rate", "curved", "signal_noise")
+SCALARS = (
+    *("zero_distance", "channel_spacing", "gauge_length", "sampling_rate"),
+    *("curved", "signal_noise", "knot_spacing"),
+)
 
 Arrays = Mapping[str, NDArray[Any]]
 
