@@ -218,6 +218,17 @@ def patch_block(patch: Any, path: Path, name: str) -> Block:
     )
 
 
+def is_lone_sample(path: Path) -> bool:
+    """Whether a file is PRODML with one sample in time, which DASCore cannot read."""
+    import h5py
+
+    if not h5py.is_hdf5(path):
+        return False
+    with h5py.File(path) as file:
+        time = file.get("Acquisition/Raw[0]/RawDataTime")
+        return isinstance(time, h5py.Dataset) and time.size == 1
+
+
 def read_with_dascore(path: Path) -> Iterator[Block]:
     """Read a file of an interrogator through DASCore (PRODML, Silixa, Terra15, OptoDAS, Febus, AP Sensing ...)."""
     dc = dascore()
@@ -242,6 +253,8 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
             f"{path}: no known DAS format; give a file of an interrogator, or numpy with a side file"
         ) from error
     except Exception as error:  # a parser fed with damaged bytes fails in ways nobody lists
+        if is_lone_sample(path):
+            raise InputError(f"{path}: holds a single sample, whose rate nothing tells; leave this file out") from error
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: damaged or incomplete ({reason}); copy the file again") from error
 

@@ -158,12 +158,19 @@ def _write_das(survey: Survey, folder: Path) -> None:
         )
 
 
-def _unbroken(recorded: NDArray[np.bool_], most: int) -> list[tuple[int, int]]:
-    """First and end of every stretch of rows that were recorded, cut at multiples of `most`.
+def _unbroken(recorded: NDArray[np.bool_], rows: int) -> list[tuple[int, int]]:
+    """First and end of every stretch of rows that were recorded, cut into equal parts of about `rows`.
 
-    >>> _unbroken(np.array([True, True, False, True, True, True]), 4)
-    [(0, 2), (3, 4), (4, 6)]
+    A row alone is left out: a file of one sample has no rate.
+
+    >>> _unbroken(np.array([True, True, False, True, True, True, True, False, True]), 2)
+    [(0, 2), (3, 5), (5, 7)]
     """
     steps = np.flatnonzero(np.diff(recorded)) + 1
-    edges = np.unique(np.concatenate([[0], steps, np.arange(0, len(recorded), most), [len(recorded)]]))
-    return [(int(a), int(b)) for a, b in itertools.pairwise(edges) if recorded[a]]
+    whole = itertools.pairwise([0, *steps.tolist(), len(recorded)])
+    found: list[tuple[int, int]] = []
+    for first, end in whole:
+        if recorded[first] and end - first > 1:
+            cuts = np.linspace(first, end, max(1, round((end - first) / rows)) + 1).round().astype(int).tolist()
+            found += itertools.pairwise(cuts)
+    return found

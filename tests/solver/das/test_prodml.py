@@ -4,6 +4,7 @@ import pytest
 
 from solver.das.prodml import write_prodml
 from solver.das.record import read_das
+from vision.contract import InputError
 
 START = np.datetime64("2025-08-11T06:00:00.123456789")
 SETTING = {
@@ -56,3 +57,9 @@ def test_a_failure_leaves_nothing(tmp_path):
     with pytest.raises(ValueError, match="could not convert"):
         write_prodml(tmp_path / "das.h5", np.zeros((3, 3)), **(SETTING | {"gauge_length": "ten"}))
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_one_sample_is_said_to_be_that(tmp_path):
+    write_prodml(tmp_path / "das.h5", np.ones((1, 4)), **SETTING)
+    with pytest.raises(InputError, match=r"das\.h5: holds a single sample, .* leave this file out"):
+        read_das([tmp_path / "das.h5"])
