@@ -56,6 +56,10 @@ def locate(
     effects: Annotated[str, typer.Option(help="Effects in the model, by comma; none: as published.")] = (
         "wheel_layout,curved_gauge"
     ),
+    filters: Annotated[
+        list[str] | None,
+        typer.Option("--filter", help="fk or median, for the matched filter in much noise; may be given twice."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of words.")] = False,
 ) -> None:
     """Locate the fiber of a survey: DAS files and trajectories, or a video, to a route on a map.
@@ -74,7 +78,7 @@ def locate(
     survey = read_site(site / "site.toml" if site.is_dir() else site)
     tracked = None if survey.trajectories else follow(survey)
     chosen = [name.strip() for name in effects.split(",") if name.strip() not in ("", "none")]
-    located = locate_fiber(survey, tracked, method=method, effects=chosen)
+    located = locate_fiber(survey, tracked, method=method, effects=chosen, filters=filters or ())
     located.write(out)
     if tracked is not None:
         write_trajectories(tracked, out / "trajectories.csv")

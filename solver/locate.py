@@ -21,7 +21,7 @@ from solver.fit.chain import Chain
 from solver.fit.held_out import FOLDS, held_out_chi2
 from solver.fit.windows import is_long
 from solver.pose import bent_ends, pose, shortened, with_slow_errors
-from solver.processing import decimated
+from solver.processing import decimated, filtered
 from solver.site import Site
 from solver.trajectory import Pass, smooth_passes
 from vision.contract import InputError, progress, read_trajectories
@@ -161,6 +161,7 @@ def locate(
     *,
     method: str = "spline",
     effects: Sequence[str] = EFFECTS,
+    filters: Sequence[str] = (),
 ) -> Located:
     """Locate the fiber of a survey.
 
@@ -170,6 +171,8 @@ def locate(
     table : trajectory table; the site's trajectory files where None
     method : "spline" (default) or "network" (the paper's)
     effects : names out of the catalogue; empty = the paper's point loads and straight gauges
+    filters : "fk" or "median", one after the other, of what the matched filter looks at. Fits know the noise: to them a
+        filter is but a loss, and they take the record as it came
 
     Raises
     ------
@@ -189,6 +192,7 @@ def locate(
         said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
         record = decimated(read_das(site.das.files, **{name: getattr(site.das, name) for name in said}))
         anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
+        shown = filtered(record, filters)
     with timed(timings, "smooth"):
         passes = smooth_passes(table, record)
         if "wheel_layout" not in effects:
@@ -196,7 +200,7 @@ def locate(
     ground = site.ground
     with timed(timings, "match"):
         found = begin(
-            record, passes, anchors, depth=ground.depth[0], poisson_ratio=ground.poisson_ratio, warnings=warnings
+            shown, passes, anchors, depth=ground.depth[0], poisson_ratio=ground.poisson_ratio, warnings=warnings
         )
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
     posed = [pose(record, passes, found.anchors, start, found.channel, prior) for start in found.routes]

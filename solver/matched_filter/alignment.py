@@ -53,7 +53,7 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
     if loudest < NOISE_DB:
         raise InputError(
             f"DAS record: no vehicle is seen in it (as noise, half of the frames stay under {NOISE_DB:g} dB); "
-            f"{CLOCK_MEND}, or give more and heavier vehicles"
+            f"{CLOCK_MEND}, filter what the matched filter sees (--filter fk), or give more and heavier vehicles"
         )
     raise InputError(f"DAS record: what moves in it does not follow the trajectories; {CLOCK_MEND}")
 

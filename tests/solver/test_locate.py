@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import roadfiber
-from solver.simulator import Survey, write_survey
+from solver.simulator import Scenario, Survey, simulate, write_survey
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -232,3 +232,20 @@ def test_practice_surveys_within_a_quarter_meter(
     first, last = answer["active_channels"]
     truth = np.array(answer["route_xyz"])[first : last + 1]
     assert np.linalg.norm(table.loc[first:last, ["x", "y", "z"]].to_numpy() - truth, axis=1).max() <= 0.25
+
+
+def test_in_much_noise_filters_help_the_matched_filter(command: Command, tmp_path: Path) -> None:
+    survey = simulate(Scenario(seed=4, noise="street", track_noise="camera", snr_db=-8.0))
+    folder = write_survey(survey, tmp_path / "s").parent
+    status, _, error = command("-q", "locate", folder, "--out", tmp_path / "plain")
+    assert status == 2 and "--filter fk" in error
+    status, _, error = command(
+        "-q", "locate", folder, "--filter", "fk", "--filter", "median", "--out", tmp_path / "run"
+    )
+    assert status == 0, error
+    table = pd.read_csv(tmp_path / "run" / "route.csv")
+    off = table[["x", "y", "z"]] - survey.route[table["channel"]]
+    first, last = survey.active
+    assert np.linalg.norm(off[table["channel"].between(first, last)], axis=1).max() < 0.5
+    status, _, error = command("-q", "locate", folder, "--filter", "kf", "--out", tmp_path / "none")
+    assert status == 2 and "choose of fk, median" in error
