@@ -34,7 +34,7 @@ WORST_SIGMA = 1.5  # m; a fix less certain than this says nothing about a fiber
 WORST_MISFIT = 4.0  # sd; boxes that no vehicle of the class fills
 FEWEST_FIXES = 5
 TURNS = 6  # rounds, at most, of heading from positions and positions from headings
-STEADY = 0.01  # rad; change of heading that ends them
+STEADY = 0.01  # rad; root mean square change of heading that ends them
 SIZE = ("length", "sigma_length", "width", "wheelbase", "sigma_wheelbase")
 COLUMNS = ("x", "y", "sigma_x", "sigma_y", *SIZE, "x_measured", "y_measured")
 
@@ -201,7 +201,7 @@ def _positions(
     whole: NDArray[np.bool_] = np.asarray(np.isfinite(sigma).all(axis=1))
     for _ in range(TURNS):
         before, heading = heading, headings(time, position, whole, WINDOW * shape.size[0])
-        if np.abs(heading - before).max() < STEADY:
+        if not np.isinf(before).any() and turned(heading - before) < STEADY:
             break
         if camera is None:
             position, covariance = contact_positions(calibration, shape, boxes, sigma, heading)
@@ -213,6 +213,15 @@ def _positions(
         covariance[fit.misfit > WORST_MISFIT] = np.nan
     known = np.asarray(np.isfinite(covariance).all(axis=(1, 2)))[:, None]
     return np.where(known, position, np.nan), covariance, size, sigma_length
+
+
+def turned(change: Array) -> float:
+    """Root mean square of changes of heading [n], rad, full turns aside.
+
+    >>> round(turned(np.array([0.02, 2 * np.pi - 0.02])), 3)
+    0.02
+    """
+    return float(np.sqrt(np.mean((np.mod(change + np.pi, 2 * np.pi) - np.pi) ** 2)))
 
 
 def hidden_edges(frame: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:
