@@ -208,6 +208,12 @@ def judge(
         words = unknown_words(first, physical)
         return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
     first = physical[0]
+    if first.effect in tried and tried[first.effect].pushed:
+        words = (
+            f"{first.effect} explains the most of all known effects, but at {first.estimate:.3g}, the edge of what can "
+            f"be: something unknown acts, as it does at the {first.stage} stage"
+        )
+        return Diagnosis("unknown-effect", words, order(listed, replace(first, verdict="excluded")), check, stress)
     fit, state = with_first(bench, first, tried)
     again = Bench.of(fit, state, suspects(bench.table, effects), advance)
     others = [s for s in again.table if s.evidence > FOUND]

@@ -108,6 +108,12 @@ class Refit:
         return np.concatenate([self.numbers(slot) for slot in self.slots if not slot.parameter.is_shape])
 
     @property
+    def pushed(self) -> bool:
+        """Whether the fit drove its size to a bound, beyond which no such thing exists."""
+        sizes = [(slot.parameter, self.numbers(slot)) for slot in self.slots if not slot.parameter.is_shape]
+        return any(len(size) == 1 and not p.lower < size[0] < p.upper for p, size in sizes)
+
+    @property
     def shape(self) -> dict[str, float]:
         """Values of its shape parameters."""
         return {slot.parameter.name: float(self.numbers(slot)[0]) for slot in self.slots if slot.parameter.is_shape}

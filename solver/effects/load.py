@@ -26,19 +26,33 @@ def spread(second: Tensor) -> tuple[Tensor, Tensor]:
     return reach.sqrt(), second / (4 * reach)
 
 
+def share_in_front(wheelbase: Tensor) -> Tensor:
+    """Share of the load on the front axle that goes with a wheelbase, m: the line through the classes of `solver.load`.
+
+    >>> [round(float(share_in_front(torch.tensor(length))), 2) for length in (2.65, 5.9)]
+    [0.56, 0.37]
+    """
+    return torch.clamp(0.71 - 0.058 * wheelbase, 0.36, 0.56)
+
+
 @effect(
     "wheel_layout",
     "load",
     [
         Parameter("wheelbase_squared", "m^2", 8.0, lower=0, upper=64, scope="pass"),
         Parameter("track_squared", "m^2", 2.5, lower=0, upper=6.5, scope="pass"),
+        Parameter("front_heavy", "1", 0.05, lower=-0.3, upper=0.3, scope="pass"),
     ],
     physics="Vehicles stand on axles and wheels, not on a point: the load is spread along and across the lane.",
     source="Superposition of Boussinesq loads; class means are makers' data sheets, see solver.load.",
     told_from="pulse width, if there is one type of vehicle only",
 )
 def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
-    """Point loads of vehicles without a class become three by three loads of the same second moments."""
+    """Point loads of vehicles without a class become three by three loads of the same second moments.
+
+    The longer a vehicle, the more of it is on the rear axle (`share_in_front`), and `front_heavy` is what more of it is on
+    the front axle.
+    """
     if load.position.shape[-2] > 1:
         unknown = (load.class_index == 0).double()[:, None]
     else:
@@ -49,10 +63,10 @@ def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
     steps = [(a, b) for a in (0, 1, -1) for b in (0, 1, -1)]
     moves = torch.stack([a * along[..., None] * forward + b * across[..., None] * right for a, b in steps], -2)
 
-    def weight(which: int, share: Tensor) -> Tensor:
-        return share / 2 if which else 1 - share
-
-    shares = torch.stack([weight(a, outer) * weight(b, side) for a, b in steps], -1)
+    front, more = share_in_front(2 * along), p["front_heavy"] * unknown
+    by_axle = {0: 1 - outer, 1: front * outer + more, -1: (1 - front) * outer - more}
+    by_side = {0: 1 - side, 1: side / 2, -1: side / 2}
+    shares = torch.stack([by_axle[a] * by_side[b] for a, b in steps], -1)
     position = load.position[..., :, None, :] + moves[..., None, :, :]
     share = load.share[..., :, None] * shares[..., None, :]
     return replace(load, position=position.flatten(-3, -2), share=share.flatten(-2))
