@@ -97,16 +97,21 @@ def seen_share(
 
 
 def active_range(share: Array, view: tuple[float, float], bridge: int) -> tuple[int, int]:
-    """First and last channel index of the longest stretch in view that sees its vehicles.
+    """First and last channel index in view that see their vehicles, single finds far off the longest stretch aside.
+
+    A stretch between that feels nothing, as in a conduit where the fiber slips, is part of the fiber: the same line leads
+    on behind it.
 
     Parameters
     ----------
     share : see `seen_share` [channel]
     view : channel indices at the ends of the view, ascending
-    bridge : how many unseen channels within a stretch do not end it
+    bridge : how many unseen channels within a stretch do not end it, and how many a stretch must have to be believed
 
     >>> active_range(np.array([0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1.0]), (0, 10), 2)
     (1, 6)
+    >>> active_range(np.array([0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1.0, 1.0]), (0, 11), 2)
+    (1, 11)
     """
     inside = np.arange(np.ceil(view[0]), np.floor(view[1]) + 1).astype(int)
     inside = inside[(inside >= 0) & (inside < len(share))]
@@ -114,8 +119,9 @@ def active_range(share: Array, view: tuple[float, float], bridge: int) -> tuple[
     if not len(seen):
         raise InputError(f"DAS record: no channel sees the vehicles in most frames (under 7 dB); {CLOCK_MEND}")
     stretches = np.split(seen, np.flatnonzero(np.diff(seen) > bridge + 1) + 1)
-    longest = max(stretches, key=lambda stretch: stretch[-1] - stretch[0])
-    return int(longest[0]), int(longest[-1])
+    longest = max(len(stretch) for stretch in stretches)
+    believed = [stretch for stretch in stretches if len(stretch) >= min(bridge, longest)]
+    return int(believed[0][0]), int(believed[-1][-1])
 
 
 def direction_residual(line: FiberLine, detections: Sequence[Detections]) -> dict[int, float]:
