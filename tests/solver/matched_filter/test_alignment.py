@@ -67,6 +67,8 @@ def test_active_range_bridges_small_gaps_and_stays_in_view():
     share[40:45] = 0.1
     share[70:] = np.nan
     assert active_range(share, (9.2, 200.0), 10) == (10, 69)
-    assert active_range(share, (9.2, 200.0), 3) == (10, 39)
+    assert active_range(share, (9.2, 200.0), 3) == (10, 69)
+    share[48:70] = 0.1
+    assert active_range(share, (9.2, 200.0), 4) == (10, 39)
     with pytest.raises(InputError, match="no channel sees"):
         active_range(np.zeros(100), (0.0, 99.0), 10)
