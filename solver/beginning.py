@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.anchors import Anchor
+from solver.cable import Coil
 from solver.das import DASRecord
-from solver.matched_filter import initialize
+from solver.matched_filter import Initialization, initialize
 from solver.matched_filter.sections import ONE_SECTION, Found, extent, initialize_sections, joined, sides_of
 from solver.pose import near, silent, start_route, straight_part, view_of
 from solver.trajectory import Pass
@@ -27,11 +28,13 @@ class Beginning:
     channel : [channel], numbers of the channels to fit
     routes : rough routes [channel, 3], m, of which any may lead to the fiber
     anchors : within reach of the channels
+    coil : fiber that seems to lie coiled; None where none does
     """
 
     channel: NDArray[np.int64]
     routes: list[Array]
     anchors: list[Anchor]
+    coil: Coil | None = None
 
 
 def begin(
@@ -66,7 +69,22 @@ def begin(
     for end in sorted({int(rough.channel[0]), int(rough.channel[-1])} - set(rough.channel[keep][[0, -1]].tolist())):
         warnings.append(f"the fiber leaves the road near channel {end}, before the view ends; it is not located beyond")
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
-    return Beginning(rough.channel[keep], [start_route(rough, y, used)[keep] for y in sides], used)
+    routes = [start_route(rough, y, used)[keep] for y in sides]
+    return Beginning(rough.channel[keep], routes, used, coiled(rough, routes[0], record.channel_spacing, warnings))
+
+
+def coiled(rough: Initialization, route: Array, channel_spacing: float, warnings: list[str]) -> Coil | None:
+    """The coil that the matched filter sees, beside a rough route; a warning for the user is added."""
+    if rough.coil is None:
+        return None
+    channel, length = rough.coil
+    warnings.append(
+        f"about {length:.0f} m of fiber seem to lie coiled before channel {channel}: beyond it vehicles are felt that "
+        "much later; no model has that by itself, so do not rely on this route: roadfiber add RUN slack_spool"
+    )
+    x0, slope = rough.x_of_channel
+    y, z = np.median(route[:, 1:], axis=0).tolist()
+    return Coil((channel - 0.5) * channel_spacing, length, x0, slope / channel_spacing, y, z)
 
 
 def along_road(record: DASRecord, found: Sequence[Found], anchors: Sequence[Anchor], warnings: list[str]) -> Beginning:

@@ -126,6 +126,35 @@ STATION_OFFSETS, STATION_WEIGHTS = (x / 2 for x in np.polynomial.legendre.leggau
 
 
 @dataclass(frozen=True)
+class Coil:
+    """Fiber that seems to lie coiled, as in a manhole, and the straight road beside which the rest lies.
+
+    Parameters
+    ----------
+    place : distance along the fiber of its middle, m
+    length : m
+    origin, slope : x = origin + slope (distance - length) beyond it, and without that length before it, m and 1
+    lateral, depth : of the fiber, m
+    """
+
+    place: float
+    length: float
+    origin: float
+    slope: float
+    lateral: float
+    depth: float
+
+    def route(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Straight route [distance, 3], m, of a fiber of which half of the coil counts on either side of its middle.
+
+        >>> Coil(50.0, 20.0, 0.0, 1.0, 4.0, 0.9).route(np.array([60.0])).tolist()
+        [[50.0, 4.0, 0.9]]
+        """
+        x = self.origin + self.slope * (distance - self.length / 2)
+        return np.column_stack([x, np.full(len(x), self.lateral), np.full(len(x), self.depth)])
+
+
+@dataclass(frozen=True)
 class PerGauge:
     """Something at the ends of every gauge, its slope there, and the same within; None where that is not wanted."""
 

@@ -205,7 +205,7 @@ def locate(
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
     posed = [pose(record, passes, found.anchors, start, found.channel, prior) for start in found.routes]
     curved = "curved_gauge" in effects
-    problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved)) for one in posed]
+    problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved, coil=found.coil)) for one in posed]
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
         result, problem = fit_finely(result, problem, method)

@@ -11,7 +11,7 @@ import numpy as np
 
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.candidate import Candidate, fault_candidate, score_candidate
-from solver.criticism.refit import Refit, race, unshifted
+from solver.criticism.refit import Refit, elsewhere, race
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
 from solver.criticism.score import FOUND, Score, Scorer, score_all, similarity
 from solver.criticism.spectrum import filtered_by
@@ -160,7 +160,7 @@ def diagnose(
     if not check.passed:
         return unranked(bench, check)
     first = racers(bench.table)
-    late = unshifted(bench.scorer, scorable(problem, effects))[:RACERS] if first else []
+    late = elsewhere(bench.scorer, scorable(problem, effects))[: RACERS + 1] if first else []
     tried = race(bench.scorer, first, advance, late)
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from solver.criticism.refit import Refit, race, unshifted
+from solver.criticism.refit import Refit, elsewhere, race
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
 from solver.criticism.score import Scorer
 from solver.effects.catalogue import find
@@ -116,7 +116,7 @@ def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[in
     scores = sorted(scorer.scores(effect), key=lambda s: s.evidence)
     if not scores or not scores[-1].freedom:
         raise InputError(f"{effect.name}: does nothing in this survey; nothing to add")
-    result = race(scorer, scores[-1:], advance, unshifted(scorer, [effect]))[effect.name]
+    result = race(scorer, scores[-1:], advance, elsewhere(scorer, [effect]))[effect.name]
     end = solve(result.fit, result.solution.state, iterations=60)
     return replace(result, solution=end)
 

@@ -198,6 +198,26 @@ def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
     return [(alone, score) for score in found if score.evidence > LATE * most]
 
 
+def elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
+    """Candidates that start elsewhere than the fit: with unshifted tracks, or with the coil that was seen."""
+    return unshifted(scorer, effects) + with_coil(scorer, effects)
+
+
+def with_coil(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
+    """A coil as the matched filter saw it, beside a straight route: a fit without one ends too far off to find it."""
+    fit, coil = scorer.fit, scorer.fit.problem.coil
+    effect = next((one for one in effects if one.name == "slack_spool"), None)
+    if coil is None or effect is None:
+        return []
+    distance = fit.problem.distance_of(fit.problem.route_channel)
+    route = torch.from_numpy(fit.basis.interpolate(distance, coil.route(distance)))
+    there = Scorer(fit, fit.start_at(route, torch.tensor(fit.problem.prior.poisson_ratio[0]).double()), alone=True)
+    middle = (fit.problem.distance[0] + fit.problem.distance[-1]) / 2
+    size, one = np.array([coil.length]), np.ones(1)
+    signal = torch.zeros(fit.measured.numel(), dtype=torch.float64)
+    return [(there, Score(effect, {"place": coil.place - middle}, False, 0.0, 1, 1, size, one, 1.0, signal))]
+
+
 def race(
     scorer: Scorer,
     scores: Sequence[Score],
@@ -215,7 +235,7 @@ def race(
     scorer : at the converged fit without the candidates
     scores : of the candidates
     advance : called with 1 after the first steps from each start
-    others : candidates that start elsewhere too, see `unshifted`
+    others : candidates that start elsewhere too, see `elsewhere`
     """
     counts = counted(scorer.fit, scorer.at)
     weights, before = Weights((counts > 0).double(), counts**2), loss(scorer.fit, scorer.state, counts)

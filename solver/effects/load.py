@@ -50,7 +50,7 @@ def share_in_front(wheelbase: Tensor) -> Tensor:
 def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
     """Point loads of vehicles without a class become three by three loads of the same second moments.
 
-    The longer a vehicle, the more of it is on the rear axle (`share_in_front`), and `front_heavy` is what more of it is on
+    The longer a vehicle, the more of it is on the rear axle (`share_in_front`); `front_heavy` is what more of it is on
     the front axle.
     """
     if load.position.shape[-2] > 1:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
 from solver.anchors import Anchor
-from solver.cable import Basis, GaugeEnds, SplineBasis
+from solver.cable import Basis, Coil, GaugeEnds, SplineBasis
 from solver.effects.effect import Effect
 from solver.extension import Extension, Scopes
 from solver.fit.prior import Prior
@@ -48,6 +48,7 @@ class Problem:
     signal_noise : how noise grows with the signal: its variance is times 1 + signal_noise (signal / noise)^2
     curved : whether strain is the integral along the fiber's path, see `SignalPath`
     knot_spacing : of the route, m
+    coil : fiber that the matched filter takes to lie coiled; no model has it before it is added
     """
 
     record: NDArray[np.float64]
@@ -67,6 +68,7 @@ class Problem:
     curved: bool = True
     signal_noise: float = 0.0
     knot_spacing: float = KNOT_SPACING
+    coil: Coil | None = None
 
     @cached_property
     def strain_rate(self) -> Tensor:

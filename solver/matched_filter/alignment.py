@@ -1,11 +1,12 @@
 """Which channels lie beside the road in view, and where: the matched filter's detections against the trajectories."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.matched_filter.coil import JumpingLine, find_coil
 from solver.matched_filter.detections import Detections, MatchedFilter
 from solver.matched_filter.fiber_line import TOLERANCE, FiberLine, ransac_line
 from solver.response.wavelets import Array
@@ -99,8 +100,8 @@ def seen_share(
 def active_range(share: Array, view: tuple[float, float], bridge: int) -> tuple[int, int]:
     """First and last channel index in view that see their vehicles, single finds far off the longest stretch aside.
 
-    A stretch between that feels nothing, as in a conduit where the fiber slips, is part of the fiber: the same line leads
-    on behind it.
+    A stretch between that feels nothing, as in a conduit where the fiber slips, is part of the fiber: the same line
+    leads on behind it.
 
     Parameters
     ----------
@@ -133,11 +134,12 @@ def direction_residual(line: FiberLine, detections: Sequence[Detections]) -> dic
 
 @dataclass(frozen=True)
 class Alignment:
-    """Line, active channel indices, and the detections near the line and within them, of each pass."""
+    """Line, active channel indices, the detections of each pass near it and within them, and where it jumps."""
 
     line: FiberLine
     active: tuple[int, int]
     detections: list[Detections]
+    jump: JumpingLine | None = None
 
 
 def detect_near(matched: MatchedFilter, one: Pass, polarity: int, line: FiberLine, gate: int) -> Detections:
@@ -154,6 +156,9 @@ def align(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float
     gauge : gauge length in channels
     """
     line, polarity = find_line(matched, passes, channel_spacing)
+    every = together([matched.detect(one, polarity) for one in passes])
+    if (jump := find_coil(line, *every, channel_spacing)) is not None:
+        return aligned_beyond(matched, passes, polarity, jump, gauge)
     gate = max(2, round(GATE * gauge))
     x = np.concatenate([one.position[one.in_view, 0] for one in passes])
     channels = matched.positive.shape[1]
@@ -166,3 +171,24 @@ def align(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float
         again, _ = ransac_line(*together(near), channel_spacing)
         line = balanced(again or line, near)
     return Alignment(line, active, near)
+
+
+def aligned_beyond(
+    matched: MatchedFilter, passes: Sequence[Pass], polarity: int, jump: JumpingLine, gauge: float
+) -> Alignment:
+    """Alignment of a fiber that lies coiled somewhere: each side has its line."""
+    gate, channels = max(2, round(GATE * gauge)), matched.positive.shape[1]
+    x = np.concatenate([one.position[one.in_view, 0] for one in passes])
+    sides, ends = [], []
+    for line, where in ((jump.line, (0, jump.channel - 1)), (jump.beyond, (jump.channel, channels - 1))):
+        near = [detect_near(matched, one, polarity, line, gate) for one in passes]
+        view = np.clip(np.sort(line.channel_of(np.array([x.min(), x.max()]))), *where)
+        share = seen_share(line, passes, near, channels, gate)
+        first, last = active_range(share, (float(view[0]), float(view[1])), round(BRIDGE * gauge))
+        sides.append([one.where((one.channel >= first) & (one.channel <= last)) for one in near])
+        ends.append((first, last))
+    both = [
+        replace(a, **{f.name: np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(a)})
+        for a, b in zip(*sides, strict=True)
+    ]
+    return Alignment(jump.line, (ends[0][0], ends[1][1]), both, jump)

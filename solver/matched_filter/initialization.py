@@ -48,6 +48,7 @@ class Initialization:
     offset : distance between lane and fiber that the median width of each pass says, by its coupling curve alone
         [pass], m; NaN for a pass never seen
     route : x, y, z of the active channels [channel, 3], m
+    coil : channel before which fiber seems to lie coiled, and how much, m; None where none does
     """
 
     active: tuple[int, int]
@@ -64,6 +65,7 @@ class Initialization:
     snr_db: Array
     offset: Array
     route: Array
+    coil: tuple[int, float] | None = None
 
 
 def bank_scales(curves: Sequence[CouplingCurve], channel_spacing: float) -> Array:
@@ -172,6 +174,9 @@ def initialize(
         if len(one):
             snr_db[number] = np.median(one.snr_db)
             offset[number] = curve.offset_of(float(np.median(one.scale)) * spacing)
+    x, jump = found.line.x_of(index), found.jump
+    if jump is not None:
+        x = np.where(index < jump.channel, x, jump.beyond.x_of(index))
     return Initialization(
         active=(first + origin, last + origin),
         direction=1 if found.line.slope > 0 else -1,
@@ -186,5 +191,6 @@ def initialize(
         detections=tuple(detections),
         snr_db=snr_db,
         offset=offset,
-        route=np.stack([found.line.x_of(index), lateral, np.full(len(index), depth)], axis=1),
+        route=np.stack([x, lateral, np.full(len(index), depth)], axis=1),
+        coil=None if jump is None else (jump.channel + origin, jump.coiled * spacing),
     )

@@ -9,6 +9,7 @@ import torch
 from numpy.typing import NDArray
 
 from solver.anchors import Anchor
+from solver.cable import Coil
 from solver.effects.effect import Effect
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
@@ -57,7 +58,11 @@ def problem_arrays(problem: Problem) -> dict[str, NDArray[Any]]:
 def problem_facts(problem: Problem) -> dict[str, Any]:
     """Return what of a problem are numbers and names."""
     scalars = {name: getattr(problem, name) for name in SCALARS}
-    return scalars | {"prior": asdict(problem.prior), "added": [one.name for one in problem.effects]}
+    return (
+        scalars
+        | {"prior": asdict(problem.prior), "added": [one.name for one in problem.effects]}
+        | {"coil": problem.coil and asdict(problem.coil)}
+    )
 
 
 def problem_from(
@@ -86,5 +91,6 @@ def problem_from(
         prior=Prior(**known),
         law=NoiseLaw(**{f.name: arrays[f"law_{f.name}"] for f in fields(NoiseLaw)}),
         effects=tuple(look_up(name) for name in facts["added"]),
+        coil=facts["coil"] and Coil(**facts["coil"]),
         **{name: facts[name] for name in SCALARS},
     )
