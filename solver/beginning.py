@@ -70,21 +70,22 @@ def begin(
         warnings.append(f"the fiber leaves the road near channel {end}, before the view ends; it is not located beyond")
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     routes = [start_route(rough, y, used)[keep] for y in sides]
-    return Beginning(rough.channel[keep], routes, used, coiled(rough, routes[0], record.channel_spacing, warnings))
+    return Beginning(rough.channel[keep], routes, used, coiled(rough, routes[0], record, warnings))
 
 
-def coiled(rough: Initialization, route: Array, channel_spacing: float, warnings: list[str]) -> Coil | None:
+def coiled(rough: Initialization, route: Array, record: DASRecord, warnings: list[str]) -> Coil | None:
     """The coil that the matched filter sees, beside a rough route; a warning for the user is added."""
     if rough.coil is None:
         return None
     channel, length = rough.coil
     warnings.append(
-        f"about {length:.0f} m of fiber seem to lie coiled before channel {channel}: beyond it vehicles are felt that "
+        f"about {length:.0f} m of fiber seem to lie coiled near channel {channel}: beyond it vehicles are felt that "
         "much later; no model has that by itself, so do not rely on this route: roadfiber add RUN slack_spool"
     )
-    x0, slope = rough.x_of_channel
+    zero = float(record.distance[0] - record.channel[0] * record.channel_spacing)
+    x0, slope = rough.x_of_channel[0], rough.x_of_channel[1] / record.channel_spacing
     y, z = np.median(route[:, 1:], axis=0).tolist()
-    return Coil((channel - 0.5) * channel_spacing, length, x0, slope / channel_spacing, y, z)
+    return Coil(zero + channel * record.channel_spacing, length, x0 - slope * zero, slope, y, z)
 
 
 def along_road(record: DASRecord, found: Sequence[Found], anchors: Sequence[Anchor], warnings: list[str]) -> Beginning:

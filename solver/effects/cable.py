@@ -6,11 +6,15 @@ from dataclasses import replace
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import softplus
 
 from solver.effects.effect import Parameter, effect
 from solver.stages import Cable, Surroundings
 
 Values = Mapping[str, Tensor]
+
+#: Least share of its length over which a gauge reaches.
+SHORTEST = 0.02
 
 
 def at_points(change: Tensor, survey: Surroundings) -> Tensor:
@@ -90,12 +94,21 @@ def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     told_from="smooth errors of the channels' positions",
 )
 def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
-    """Channels beyond a place along the fiber are shifted back by the dead length."""
-    s = survey.distance
-    center = (s.min() + s.max()) / 2 + p["place"]
-    # Half of the length on either side keeps the middle of the route where the anchors have it.
-    beyond = torch.sigmoid((s - center) / (survey.channel_spacing / 2)) - 0.5
-    return replace(cable, distance=cable.distance - p["length"] * beyond)
+    """Gauges end where the fiber leads, which stands still over the coil; what lies coiled feels nothing.
+
+    Half of the length counts on either side, which keeps the middle of the route where the anchors have it.
+    """
+    s, half, soft = survey.distance, survey.gauge_length / 2, survey.channel_spacing / 2
+    begins = (s.min() + s.max()) / 2 + p["place"] - p["length"] / 2
+
+    def led(place: Tensor) -> Tensor:
+        coiled = softplus((place - begins) / soft) - softplus((place - begins - p["length"]) / soft)
+        return place - soft * coiled + p["length"] / 2
+
+    ahead, behind = led(s + half), led(s - half)
+    reach = (ahead - behind) / survey.gauge_length
+    slack = (1 + cable.slack) * reach.clamp_min(SHORTEST) - 1
+    return replace(cable, distance=cable.distance + (ahead + behind) / 2 - s, slack=slack, gain=cable.gain * reach)
 
 
 @effect(

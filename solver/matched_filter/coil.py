@@ -20,7 +20,7 @@ class JumpingLine:
     Parameters
     ----------
     line : of the channels before the coil
-    channel : first channel index beyond the coil
+    channel : middle of the channels where it may jump, as those that lie coiled feel nothing
     coiled : channels that lie coiled
     """
 
@@ -54,7 +54,7 @@ def find_coil(line: FiberLine, x: Array, speed: Array, channel: Array, channel_s
     >>> x = channel - 20.0 * (channel > 60) + rng.normal(0, 0.5, 400)
     >>> found = find_coil(FiberLine(0.0, 1.0, 0.0), x, np.full(400, 12.0), channel, 1.0)
     >>> found.channel, round(found.coiled)
-    (61, 20)
+    (60, 20)
     """
     middle = np.median(channel)
     halves = (
@@ -63,6 +63,7 @@ def find_coil(line: FiberLine, x: Array, speed: Array, channel: Array, channel_s
     )
     lines = [line, *(one for one in halves if one is not None and one.slope * line.slope > 0)]
     order = np.argsort(channel)
+    along = channel[order]
     plain, best, found = 0, 0, None
     for one in lines:
         late = (channel - one.channel_of(x, speed))[order]
@@ -75,12 +76,10 @@ def find_coil(line: FiberLine, x: Array, speed: Array, channel: Array, channel_s
                 off = np.cumsum(np.abs(late - sign * coiled) < tolerance)
                 first, second = (on, off) if sign > 0 else (off, on)
                 total = first + second[-1] - second
-                cut = int(total.argmax())
+                cut, end = int(total.argmax()), len(total) - 1 - int(total[::-1].argmax())
                 least = min(int(first[cut]), int(second[-1] - second[cut]))
                 if total[cut] > best and least >= FEWEST:
                     before = one if sign > 0 else replace(one, x0=one.x0 + one.slope * coiled)
-                    best, found = (
-                        int(total[cut]),
-                        JumpingLine(before, int(np.ceil(channel[order][cut] + 0.5)), float(coiled)),
-                    )
+                    place = round((along[cut] + along[min(end + 1, len(along) - 1)]) / 2)
+                    best, found = int(total[cut]), JumpingLine(before, place, float(coiled))
     return found if best > (1 + MORE) * plain else None

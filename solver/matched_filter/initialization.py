@@ -48,7 +48,7 @@ class Initialization:
     offset : distance between lane and fiber that the median width of each pass says, by its coupling curve alone
         [pass], m; NaN for a pass never seen
     route : x, y, z of the active channels [channel, 3], m
-    coil : channel before which fiber seems to lie coiled, and how much, m; None where none does
+    coil : channel near which fiber seems to lie coiled, and how much, m; None where none does
     """
 
     active: tuple[int, int]
