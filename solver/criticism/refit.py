@@ -199,8 +199,8 @@ def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
 
 
 def elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """Candidates that start elsewhere than the fit: with unshifted tracks, or with the coil that was seen."""
-    return unshifted(scorer, effects) + with_coil(scorer, effects)
+    """Candidates that start elsewhere than the fit: with the coil that was seen, or with unshifted tracks."""
+    return with_coil(scorer, effects) + unshifted(scorer, effects)
 
 
 def with_coil(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:

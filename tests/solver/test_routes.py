@@ -5,9 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 
+from solver.criticism.diagnosis import strict_tracks
+from solver.criticism.growth import fitted_with
+from solver.effects.catalogue import built_in
+from solver.fit.map_fit import MapFit
 from solver.locate import Located, locate
+from solver.matched_filter.coil import find_coil
+from solver.matched_filter.fiber_line import FiberLine
 from solver.simulator import Scenario, Survey, simulate, write_survey
 from solver.site import read_site
 
@@ -74,3 +81,25 @@ def test_a_fiber_that_bends_away_is_located_up_to_the_bend(tmp_path: Path, caplo
     survey, found = located(bending, tmp_path)
     assert np.linalg.norm(errors(survey, found, 50.0), axis=1).max() < 0.3
     print(caplog.text, found.result.route[-1])
+
+
+def test_a_coil_is_seen_and_a_fit_with_it_begins_there(tmp_path: Path) -> None:
+    effects = {"slack_spool": 18.0, "slack_spool_at": 0.5}
+    survey = simulate(Scenario(seed=4, noise="street", track_noise="camera", snr_db=18.0, effects=effects))
+    found = locate(read_site(write_survey(survey, tmp_path / "s")))
+    assert found.problem.coil is not None and abs(found.problem.coil.length - 18.0) < 3.0
+    assert any("lie coiled near channel" in line for line in found.warnings)
+    fit = MapFit(strict_tracks(found.problem))
+    state = fit.state_of(torch.from_numpy(found.result.vector))
+    refit = fitted_with(fit, state, built_in()["slack_spool"], lambda n: None)
+    assert refit.estimate[0] == pytest.approx(18.0, abs=1.5)
+    at = refit.solution.at
+    assert at.misfit < 1.1 * float((fit.measured).sum())
+
+
+def test_a_straight_fiber_has_no_coil() -> None:
+    rng = np.random.default_rng(3)
+    channel = np.repeat(np.arange(0.0, 100.0), 4)
+    x = 5.0 + 0.9 * channel + rng.normal(0, 1.0, 400)
+    x[::7] += rng.uniform(-30, 30, len(x[::7]))
+    assert find_coil(FiberLine(5.0, 0.9, 0.0), x, np.full(400, 12.0), channel, 1.0) is None
