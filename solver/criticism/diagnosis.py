@@ -32,7 +32,7 @@ CLOSE, ALIKE = 6.0, 0.95
 #: Share of a stand-in's evidence at which a known effect, whose law is stricter, is preferred to it.
 STRICTER = 0.9
 #: Share of the winner's evidence at which one of its own family is not ruled out.
-RIVAL = 0.8
+RIVAL = 0.65
 #: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little,
 #: and to one of another kind, before the winner is doubted.
 LEFT, ASTRAY = 0.2, 0.025
