@@ -10,7 +10,7 @@ from solver.cable import STATION_WEIGHTS, Fiber, axial, turning, unit
 from solver.half_space.tangential import tangential_displacement_rate
 from solver.interrogator import gauge_strain_rate
 from solver.observation import BASE, Description
-from solver.stages import Ground, Load
+from solver.stages import Field, Ground, Load
 
 
 @dataclass(frozen=True)
@@ -34,11 +34,34 @@ class GaugeStrain:
 
     @property
     def even(self) -> Tensor:
-        """[row, channel], in ground that is the same along each gauge."""
-        rate = gauge_strain_rate(*self.ends, self.stages.gauge)
+        """[row, channel], in ground that is as stiff all along each gauge."""
+        rate = gauge_strain_rate(*self.ends, self.stages.gauge) if self.change is None else self.varied
         if self.fiber.inner is None:
             return rate
         return rate + self.bends * bend_strain_rates(self.motion(self.fiber.inner, True), self.fiber).sum(-1)
+
+    @property
+    def varied(self) -> Tensor:
+        """[row, channel], of ends whose Poisson ratio differs.
+
+        Strain is local: with a ratio of its own at either end, their difference in settlement would count as strain. So
+        each piece of a gauge has one ratio, the mean of those at its ends.
+        """
+        assert self.change is not None
+        f = self.fiber
+        if f.inner is None or f.inner_slope is None:
+            points, slopes = torch.stack([f.behind, f.ahead], -2), torch.stack([f.behind_slope, f.ahead_slope], -2)
+        else:
+            points = self.points
+            slopes = torch.cat([f.behind_slope[..., None, :], f.inner_slope, f.ahead_slope[..., None, :]], -2)
+        change, tangent = self.change(points), self.tangent(slopes)
+        mean = (change[..., 1:] + change[..., :-1]) / 2
+        ends = (
+            axial(self.motion(points[..., where, :], True, mean), tangent[..., where, :])
+            for where in (slice(1, None), slice(None, -1))
+        )
+        ahead, behind = (motion.sum(-1) for motion in ends)
+        return gauge_strain_rate(ahead, behind, self.stages.gauge)
 
     @property
     def graded(self) -> Tensor:
@@ -69,9 +92,19 @@ class GaugeStrain:
         ahead, behind = (axial(self.motion(point), self.tangent(slope)) for point, slope in places)
         return ahead, behind
 
-    def motion(self, point: Tensor, within: bool = False) -> Tensor:
-        """Velocity of the ground, see `ground_motion`."""
-        return ground_motion(self.load, self.stages.ground, point, self.poisson_ratio, within)
+    @property
+    def change(self) -> Field | None:
+        """What is added to Poisson's ratio here and there."""
+        return self.stages.ground.poisson_change
+
+    def motion(self, point: Tensor, within: bool = False, change: Tensor | None = None) -> Tensor:
+        """Velocity of the ground, see `ground_motion`; `change` is of the ratio, at the points where None."""
+        nu = self.poisson_ratio
+        if nu.ndim:
+            nu = nu.reshape(*nu.shape, *[1] * within)
+        if self.change is not None:
+            nu = nu + (self.change(point) if change is None else change)
+        return ground_motion(self.load, self.stages.ground, point, nu, within)
 
     def tangent(self, slope: Tensor) -> Tensor:
         """The way along which the fiber follows the ground."""
@@ -87,7 +120,7 @@ def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tens
     Parameters
     ----------
     point : [channel, 3] or [row, channel, 3], m; with `stations` one more axis before the last
-    poisson_ratio : scalar or [row, channel]
+    poisson_ratio : scalar, or as `point` without its last axis, or [row, channel]; with `stations` one more axis
 
     Returns
     -------
@@ -100,9 +133,7 @@ def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tens
 
     wheels = beside(load.position, 2)
     velocity = beside(load.trajectory.velocity[..., None, :], 2)
-    nu = poisson_ratio.reshape(*poisson_ratio.shape, *[1] * (1 + stations)) if poisson_ratio.ndim else poisson_ratio
-    if ground.poisson_change is not None:
-        nu = nu + ground.poisson_change(point)[..., None]
+    nu = poisson_ratio[..., None] if poisson_ratio.ndim else poisson_ratio
     offset = offsets(point, wheels)
     motion = ground.response(offset, velocity, nu)
     if ground.radiation is not None:

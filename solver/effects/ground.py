@@ -39,15 +39,16 @@ def poisson_ratio(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     [
         Parameter("change", "1", 0.1, lower=-0.35, upper=0.35),
         Parameter("place", "m", 3.0, grid=(-20.0, -10.0, 0.0, 10.0, 20.0)),
+        Parameter("width", "m", 3.0, lower=2, upper=25, grid=(10.0,)),
     ],
     physics="Poisson's ratio changes along the road, as from dry to wet ground.",
     source="Das 2010, Principles of Geotechnical Engineering, table 11.",
     told_from="a change of stiffness along the road",
 )
 def poisson_gradient(ground: Ground, p: Values, survey: Surroundings) -> Ground:
-    """Falls by the change before a place and rises by it beyond, over about 10 m."""
+    """Falls by the change before a place and rises by it beyond, as a tanh of some width."""
     middle = survey.middle[0] + p["place"]
-    return replace(ground, poisson_change=lambda point: p["change"] * torch.tanh((point[..., 0] - middle) / 10.0))
+    return replace(ground, poisson_change=lambda point: p["change"] * torch.tanh((point[..., 0] - middle) / p["width"]))
 
 
 @effect(
