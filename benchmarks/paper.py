@@ -21,6 +21,7 @@ import numpy as np
 import pandas as pd
 import torch
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from solver.anchors import Anchor
 from solver.curves import hausdorff
@@ -260,8 +261,8 @@ def finished(settings: Sequence[Setting], jobs: int) -> Iterator[tuple[Setting, 
 def table_of(axis: Axis, settings: Sequence[Setting], results: dict[str, dict[str, float | str]]) -> pd.DataFrame:
     """One row per value and method of an axis.
 
-    Surveys, failures, mean error and its spread over surveys, expectation, largest error, share of coordinates within
-    1.96 sigma, share of surveys that say that the fiber may be on the other side, seconds.
+    Surveys, failures, mean error with its spread, 10th and 90th percentile over surveys, expectation, largest error,
+    share of coordinates within 1.96 sigma, share of surveys that say that the fiber may be on the other side, seconds.
     """
     rows = [{**asdict(setting), **results[setting.key]} for setting in settings if setting.key in results]
     frame = pd.DataFrame(rows)
@@ -275,6 +276,8 @@ def table_of(axis: Axis, settings: Sequence[Setting], results: dict[str, dict[st
             "failed": groups["failed"].count(),
             "mean": groups["mean"].mean(),
             "spread": groups["mean"].std(),
+            "low": groups["mean"].quantile(0.1),
+            "high": groups["mean"].quantile(0.9),
             "expected": groups["expected_mean"].mean(),
             "ratio": groups["mean"].mean() / groups["expected_mean"].mean(),
             "largest": groups["largest"].mean(),
@@ -295,23 +298,24 @@ def draw(axis: Axis, table: pd.DataFrame) -> Figure:
     for method, rows in table.groupby("method"):
         at = rows[axis.field]
         (line,) = error.plot(at, rows["mean"], "o-", label=method)
-        spread = rows["spread"].fillna(0.0)
-        error.fill_between(at, (rows["mean"] - spread).clip(lower=1e-3), rows["mean"] + spread, alpha=0.2)
+        error.fill_between(at, rows["low"], rows["high"], color=line.get_color(), alpha=0.2)
         curve.plot(at, rows["hausdorff"], "o-", color=line.get_color(), label=method)
         seconds.plot(at, rows["seconds"], "o-", color=line.get_color(), label=method)
-    expected = table.groupby(axis.field)["expected"].mean()
-    error.plot(expected.index, expected, "k--", label="expected (Cramer-Rao)")
+    # Methods may have been run on different numbers of surveys; what is expected is known best where there are most.
+    most = table.loc[table.groupby(axis.field)["surveys"].idxmax()]
+    error.plot(most[axis.field], most["expected"], "k--", label="expected (Cramer-Rao)")
     curve.axhspan(*FIELD, color="gray", alpha=0.3, label="the paper, in the field")
     if axis.limit is not None:
         curve.axvline(axis.limit, color="gray", linestyle=":", label=axis.said)
     elif axis.field == "poisson_error":
         at = np.linspace(min(axis.values), max(axis.values), 50)
         curve.plot(at, PER_RATIO * np.abs(at), ":", color="gray", label=axis.said)
-    titles = ("mean error and spread, m", "Hausdorff distance, m", "seconds per survey")
+    titles = ("mean error; 80 % of surveys, m", "Hausdorff distance, m", "seconds per survey")
     for panel, title in zip((error, curve, seconds), titles, strict=True):
         panel.set(title=title, xlabel=axis.label, yscale="log")
+        panel.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         panel.yaxis.set_major_formatter("{x:g}")
-        panel.yaxis.set_minor_formatter("{x:g}")
+        panel.yaxis.set_minor_formatter("")
         panel.grid(alpha=0.3)
     error.legend()
     curve.legend()

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from solver.cable import SplineBasis
-from solver.effects.effect import Effect, Parameter
+from solver.effects.effect import BY_ROW, Effect, Parameter
 from solver.observation import BASE, Description
 from solver.stages import STAGES, Cable, Interrogator, Surroundings
 
@@ -159,6 +159,16 @@ class Extension:
             if p.rated:
                 here[p.rate_name] = (self.scopes.rates[p.scope] @ numbers[slot.where])[:, None]
         return values
+
+    def part(self, values: Values, rows: slice) -> Values:
+        """Values at some rows."""
+        part = {name: dict(mine) for name, mine in values.items()}
+        for slot in self.slots:
+            if slot.parameter.scope in BY_ROW:
+                mine = part[slot.effect.name]
+                for name in {slot.parameter.name, slot.parameter.rate_name} & set(mine):
+                    mine[name] = mine[name][rows]
+        return part
 
     def changed(self, stage: str, value: Any, values: Values) -> Any:
         """A stage as its effects change it.

@@ -25,6 +25,9 @@ from solver.whitening import blocks_of
 #: What changes along a vehicle's way, and the degree of its course between samples.
 MOVING = {"position": 3, "velocity": 1, "heading": 1, "sigma": 1}
 
+#: Pairs of a row and a channel that are differentiated at once.
+BLOCK = 8192
+
 
 @dataclass(frozen=True)
 class Traffic:
@@ -276,28 +279,45 @@ class SignalPath:
     ) -> "Sensitivities":
         """Strain rate of each row and its derivative by every local quantity.
 
-        In closed form for the base model; else in one backward pass: each sample depends on its own copy of the
-        local quantities only, so the gradient of the sum over samples holds all derivatives. What acts on the whole map
-        is not in them, see `observed`.
+        In closed form for the base model; else in one backward pass per block of rows: each sample depends on its own
+        copy of the local quantities only, so the gradient of the sum over samples holds all derivatives. What acts on
+        the whole map is not in them, see `observed`.
         """
         values = values or {}
         if self.plain(fiber, values):
             return self.plain_sensitivities(fiber, vehicles, poisson_ratio, values)
         shape = (len(self.traffic.pass_index), fiber.ahead.shape[-2])
-
-        def leaf(x: Tensor, *tail: int) -> Tensor:
-            return outermost(x.expand(*shape, *tail), len(tail)).requires_grad_()
-
-        points = fiber.present()
-        local_fiber = Fiber(**{name: leaf(x, *x.shape[1:]) for name, x in points.items()})
         per_row = vehicles.rows(self.traffic)
-        local_vehicles = Vehicles(*(leaf(getattr(per_row, f.name)[:, None]) for f in fields(per_row)))
-        local_nu = leaf(poisson_ratio)
-        rate = self.rows(local_fiber, local_vehicles, local_nu, values)
-        leaves = {"poisson_ratio": local_nu} | local_fiber.present()
-        leaves |= {f.name: getattr(local_vehicles, f.name) for f in fields(local_vehicles)}
-        gradients = torch.autograd.grad(rate.sum(), list(leaves.values()), materialize_grads=True)
-        return Sensitivities(rate.detach(), dict(zip(leaves, gradients, strict=True)))
+        cars = {f.name: leaf(getattr(per_row, f.name)[:, None], shape) for f in fields(per_row)}
+        load = self.loads(Vehicles(**cars), values)
+        # All rows at once would hold gigabytes, and small tensors stay in the processor's cache.
+        count = max(1, BLOCK // shape[1])
+        blocks = [slice(first, min(first + count, shape[0])) for first in range(0, shape[0], count)]
+        parts = [self._block(rows, load, fiber, cars["amplitude"], poisson_ratio, values) for rows in blocks]
+        rate = torch.cat([one.rate for one, _ in parts])
+        by = {name: torch.cat([one.by[name] for one, _ in parts]) for name in parts[0][0].by}
+        # On from the loads to the vehicles.
+        moved = [x for x in load.tensors.values() if x.requires_grad]
+        back = [torch.cat([part[which] for _, part in parts]) for which in range(len(moved))]
+        others = {name: x for name, x in cars.items() if name != "amplitude"}
+        onward = torch.autograd.grad(moved, list(others.values()), back, materialize_grads=True)
+        return Sensitivities(rate, by | dict(zip(others, onward, strict=True)))
+
+    def _block(
+        self, rows: slice, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, values: Values
+    ) -> tuple["Sensitivities", tuple[Tensor, ...]]:
+        """`sensitivities` of some rows by all but the loads, and the derivatives by each of these that may change."""
+        shape = (rows.stop - rows.start, fiber.ahead.shape[-2])
+        here = {name: x[rows].detach().requires_grad_(x.requires_grad) for name, x in load.tensors.items()}
+        points = {name: leaf(x, shape, *x.shape[1:]) for name, x in fiber.present().items()}
+        own = {"poisson_ratio": leaf(poisson_ratio, shape), "amplitude": leaf(amplitude[rows].detach(), shape)}
+        part = self.extension.part(values, rows)
+        rate = self.rows_of(load.with_tensors(here), Fiber(**points), own["amplitude"], own["poisson_ratio"], part)
+        leaves = own | points
+        moved = [x for x in here.values() if x.requires_grad]
+        wanted = [*leaves.values(), *moved]
+        gradients = torch.autograd.grad(rate.sum(), wanted, materialize_grads=True)
+        return Sensitivities(rate.detach(), dict(zip(leaves, gradients, strict=False))), gradients[len(leaves) :]
 
     def plain(self, fiber: Fiber, values: Values) -> bool:
         """Whether single vehicles do to single channels what the base model says, but for shifts along their way."""
@@ -317,6 +337,11 @@ class SignalPath:
                 fiber.present(), load, per_row.amplitude, float(poisson_ratio), self.gauge_length, self.curved
             )
         )
+
+
+def leaf(x: Tensor, shape: tuple[int, int], *tail: int) -> Tensor:
+    """A copy of a quantity for each row and channel, to differentiate by; see `outermost`."""
+    return outermost(x.expand(*shape, *tail), len(tail)).requires_grad_()
 
 
 def outermost(x: Tensor, axes: int) -> Tensor:

@@ -4,8 +4,8 @@ trajectory -> load -> ground -> cable -> interrogator -> processing. Each is a f
 whose defaults are the base model; `dataclasses.replace` (or one of the methods) makes a changed one.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
@@ -101,6 +101,18 @@ class Load:
     class_index: Tensor
     share_rate: Tensor | None = None
     thrust: Tensor | None = None
+
+    @property
+    def tensors(self) -> dict[str, Tensor]:
+        """All that is known of each row, [row, ...] each; of its trajectory by names with a dot."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if isinstance(getattr(self, f.name), Tensor)}
+        return own | {f"trajectory.{f.name}": getattr(self.trajectory, f.name) for f in fields(self.trajectory)}
+
+    def with_tensors(self, tensors: Mapping[str, Tensor]) -> "Load":
+        """The same of other rows: all of `tensors`, named as there."""
+        own = {name: x for name, x in tensors.items() if "." not in name}
+        driven = {f.name: tensors[f"trajectory.{f.name}"] for f in fields(self.trajectory)}
+        return replace(self, trajectory=replace(self.trajectory, **driven), **own)
 
     def modulated(self, factor: Tensor, rate: Tensor) -> "Load":
         """Vertical force times `factor` [row, 1], which changes by `rate` [row, 1], 1/s."""

@@ -35,7 +35,7 @@ STRICTER = 0.9
 RIVAL = 0.65
 #: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little,
 #: and to one of another kind, before the winner is doubted.
-LEFT, ASTRAY = 0.2, 0.025
+LEFT, ASTRAY = 0.05, 0.025
 #: Correlation of the noise of neighboring channels above which it was mixed after it was read.
 SHARED = 0.1
 #: Residual along fitted directions at which a fit counts as converged, sigmas.

@@ -11,6 +11,8 @@ from solver.stages import STAGES, Load, Surroundings
 
 #: What a parameter may be: one number, one per pass, or smooth along the fiber, the road, each pass, or in time.
 SCOPES = ("one", "pass", "fiber", "road", "track", "time")
+#: Those of which each row, a vehicle at a sample, has a value.
+BY_ROW = ("pass", "road", "track")
 
 
 @dataclass(frozen=True)
@@ -179,7 +181,7 @@ def effect(
     for p in parameters:
         if p.scope not in SCOPES:
             raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is none of {', '.join(SCOPES)}")
-        if p.scope in ("pass", "road", "track") and stage not in ("trajectory", "load", "ground"):
+        if p.scope in BY_ROW and stage not in ("trajectory", "load", "ground"):
             raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is for effects on trajectory, load or ground")
         if p.scope == "time" and stage != "interrogator":
             raise ValueError(f"effect {name}, {p.name}: scope 'time' is for effects on the interrogator")

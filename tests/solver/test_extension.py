@@ -160,3 +160,17 @@ def test_declarations_that_cannot_hold_are_refused(changes, words):
     told = {"name": "mine", "stage": "cable", "parameters": [Parameter("a", "1", 1.0)], "physics": "-", "source": "-"}
     with pytest.raises(ValueError, match=f"effect mine.*{words}"):
         effect(**(told | changes))
+
+
+@pytest.mark.parametrize("name", ["dynamic_load", "rayleigh_wave", "generic_load", "layered_ground"])
+def test_rows_differentiated_in_blocks_are_as_those_differentiated_at_once(name, monkeypatch):
+    one = Trial(built_in()[name], *trial_survey())
+    numbers = one.extension.bounded(one.numbers() + 0.1 * torch.rand(one.extension.size, dtype=torch.float64))
+    whole = one.seen(numbers).local.by
+    assert len(one.path.traffic.pass_index) * whole.rate.shape[1] > 3 * 1000
+    monkeypatch.setattr("solver.model.BLOCK", 1000)
+    parts = one.seen(numbers).local.by
+    torch.testing.assert_close(parts.rate, whole.rate)
+    assert parts.by.keys() == whole.by.keys()
+    for key, derivative in whole.by.items():
+        torch.testing.assert_close(parts.by[key], derivative)
