@@ -7,7 +7,7 @@ from torch import Tensor
 
 from solver.ground import Ratio, displacement, displacement_rate
 from solver.half_space.blocks import double, in_blocks
-from solver.half_space.table import RadialTable
+from solver.half_space.table import RadialTable, RatioTable
 
 #: Poisson ratio -> table.
 Build = Callable[[Tensor], RadialTable]
@@ -76,12 +76,4 @@ def _interpolation(
         return nu, lambda square, depth, _: table(square, depth)
     # Nearly incompressible layers are too stiff to be solved for: all three ratios stay below one half.
     middle = nu.detach().mean().double().clamp(max=0.49 - SPREAD)
-    tables = [build(middle + SPREAD * i) for i in (-1, 0, 1)]
-
-    def varying(square: Tensor, depth: Tensor, nu: Tensor) -> list[Tensor]:
-        away = (nu - middle) / SPREAD
-        weights = away * (away - 1) / 2, 1 - away * away, away * (away + 1) / 2
-        parts = zip(*(table(square, depth) for table in tables), strict=True)
-        return [sum(w * p for w, p in zip(weights, same, strict=True)) for same in parts]
-
-    return nu, varying
+    return nu, RatioTable(*(build(middle + SPREAD * i) for i in (-1, 0, 1)), middle, SPREAD)
