@@ -76,4 +76,5 @@ def _interpolation(
         return nu, lambda square, depth, _: table(square, depth)
     # Nearly incompressible layers are too stiff to be solved for: all three ratios stay below one half.
     middle = nu.detach().mean().double().clamp(max=0.49 - SPREAD)
-    return nu, RatioTable(*(build(middle + SPREAD * i) for i in (-1, 0, 1)), middle, SPREAD)
+    below, at, above = (build(middle + SPREAD * i) for i in (-1, 0, 1))
+    return nu, RatioTable(below, at, above, middle, SPREAD)

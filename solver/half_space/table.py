@@ -1,5 +1,6 @@
 """A response to a load, the same in all horizontal directions, tabulated over distance and depth and interpolated."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -123,13 +124,19 @@ def looked_up(square: Tensor, depth: Tensor, away: Tensor, parabolas: Tensor, ta
     return tuple(value.to(square.dtype).unbind())
 
 
+def arrays(tensors: Sequence[Tensor]) -> list[Array]:
+    """Their values, all in one order of memory: the compiled functions are compiled once."""
+    return [x.detach().contiguous().numpy() for x in tensors]
+
+
 class _Interpolated(torch.autograd.Function):
     """`interpolated` with its derivatives: what autograd keeps of its forty operations is ten times as slow."""
 
     @staticmethod
     def forward(*arguments: Any) -> tuple[Tensor, Tensor]:
         *tensors, step = arguments
-        value, slope = interpolated(*(x.detach().numpy() for x in tensors), step)
+        square, depth, away, parabolas, edges = arrays(tensors)
+        value, slope = interpolated(square, depth, away, parabolas, edges, step)
         return torch.from_numpy(value), torch.from_numpy(slope)
 
     @staticmethod
@@ -144,14 +151,14 @@ class _Interpolated(torch.autograd.Function):
         *tensors, slope = ctx.saved_tensors
         table = None
         if ctx.needs_input_grad[3]:
-            arrays = (x.detach().contiguous().numpy() for x in (*tensors, by_value))
-            table = torch.from_numpy(interpolated_back(*arrays, ctx.step))
+            square, depth, away, parabolas, edges, gradient = arrays([*tensors, by_value])
+            table = torch.from_numpy(interpolated_back(square, depth, away, parabolas, edges, gradient, ctx.step))
         return (*(slope * by_value[:, None]).sum(0).unbind(), table, None, None)
 
     @staticmethod
     def jvp(ctx: Any, *tangents: Tensor) -> tuple[Tensor, None]:
         square, depth, away, _, edges, slope = ctx.saved_tensors
-        moved = sum(slope[:, which] * tangent for which, tangent in enumerate(tangents[:3]))
+        moved = (slope * torch.stack(tangents[:3])).sum(1)
         if bool(tangents[3].any()):
             moved = moved + _Interpolated.apply(square, depth, away, tangents[3], edges, ctx.step)[0]
         return moved, None
@@ -160,7 +167,7 @@ class _Interpolated(torch.autograd.Function):
 @njit(nogil=True, cache=True)
 def placed(square: float, depth: float, edges: Array, columns: int, step: float) -> tuple[int, float, float, float]:
     """Cell, share of it passed in depth, and in t, and the derivative of t in steps by `square`."""
-    row = min(max(np.searchsorted(edges, depth, side="right") - 1, 0), len(edges) - 2)
+    row = min(max(int(np.searchsorted(edges, depth, side="right")) - 1, 0), len(edges) - 2)
     x = min(max((depth - edges[row]) / (edges[row + 1] - edges[row]), 0.0), 1.0)
     t = np.log1p(square) * (0.5 / step)
     column = min(int(t), columns - 1)
