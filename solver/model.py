@@ -4,7 +4,7 @@ Rows are (pass, sample) pairs of all passes, one after the other, so that any nu
 one tensor operation; rows of the same sample superpose.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from torch import Tensor
 
 from solver.cable import Fiber
 from solver.closed_form import strain_rate_derivatives
+from solver.effects.effect import BY_ROW
 from solver.extension import NONE, SLOW_ERROR, Extension, Values
 from solver.gauge_strain import GaugeStrain
 from solver.load import class_number, layout_of, wheel_loads
@@ -25,7 +26,7 @@ from solver.whitening import blocks_of
 #: What changes along a vehicle's way, and the degree of its course between samples.
 MOVING = {"position": 3, "velocity": 1, "heading": 1, "sigma": 1}
 
-#: Pairs of a row and a channel that are differentiated at once.
+#: Pairs of a row and a channel that are computed at once.
 BLOCK = 8192
 
 
@@ -211,6 +212,14 @@ class SignalPath:
         """Ground, cable, interrogator and processing with the effects at `values`."""
         return self.extension.described(values, self.gauge_length)
 
+    def stages_of(self, values: Values) -> Callable[[slice], Description]:
+        """Function of some rows to `described` for them: once for all unless each row has its own ground."""
+        by_row = (slot.parameter.scope in BY_ROW for slot in self.extension.slots if slot.effect.stage == "ground")
+        if any(by_row):
+            return lambda rows: self.described(self.extension.part(values, rows))
+        whole = self.described(values)
+        return lambda rows: whole
+
     def trajectory(self, vehicles: Vehicles, values: Values) -> Trajectory:
         """Where the vehicles are; fields of `vehicles` are [row, 1 or channel]."""
         traffic = self.traffic
@@ -246,19 +255,31 @@ class SignalPath:
         # Fields per row get a channel axis, so that per-row and per-sample fields mix freely.
         columns = (getattr(vehicles, f.name) for f in fields(vehicles))
         v = Vehicles(*(x if x.ndim > 1 else x[:, None] for x in columns))
-        return self.rows_of(self.loads(v, values), fiber, v.amplitude, poisson_ratio, values)
+        load, stages, by_row = self.loads(v, values), self.stages_of(values), fiber.ahead.ndim > 2
 
-    def rows_of(self, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, values: Values) -> Tensor:
+        def some(rows: slice) -> Tensor:
+            here = Fiber(**{name: x[rows] for name, x in fiber.present().items()}) if by_row else fiber
+            nu = poisson_ratio[rows] if poisson_ratio.ndim else poisson_ratio
+            return self.rows_of(load.part(rows), here, v.amplitude[rows], nu, stages(rows))
+
+        return torch.cat([some(rows) for rows in self.blocks(fiber)])
+
+    def blocks(self, fiber: Fiber) -> list[slice]:
+        """Rows that are computed at once: small tensors stay in the processor's cache, and all would hold gigabytes."""
+        rows, count = len(self.traffic.pass_index), max(1, BLOCK // fiber.ahead.shape[-2])
+        return [slice(first, min(first + count, rows)) for first in range(0, rows, count)]
+
+    def rows_of(
+        self, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, stages: Description
+    ) -> Tensor:
         """The same [row, channel] for loads that are known; `amplitude` is [row, 1 or channel]."""
-        stages = self.described(values)
-        strain = self.strain(load, fiber, poisson_ratio, values)
+        strain = self.strain(load, fiber, poisson_ratio, stages)
         compliance = stages.ground.compliance
         rate = strain.even if compliance is None else (strain.graded * compliance(strain.points)).sum(-1)
         return amplitude * stages.cable.gain * rate
 
-    def strain(self, load: Load, fiber: Fiber, poisson_ratio: Tensor, values: Values) -> GaugeStrain:
+    def strain(self, load: Load, fiber: Fiber, poisson_ratio: Tensor, stages: Description) -> GaugeStrain:
         """What loads of unit amplitude do to each gauge."""
-        stages = self.described(values)
         bends = 1.0 if self.curved else stages.cable.path_integral
         return GaugeStrain(load, fiber, torch.as_tensor(poisson_ratio), stages, bends)
 
@@ -289,11 +310,8 @@ class SignalPath:
         shape = (len(self.traffic.pass_index), fiber.ahead.shape[-2])
         per_row = vehicles.rows(self.traffic)
         cars = {f.name: leaf(getattr(per_row, f.name)[:, None], shape) for f in fields(per_row)}
-        load = self.loads(Vehicles(**cars), values)
-        # All rows at once would hold gigabytes, and small tensors stay in the processor's cache.
-        count = max(1, BLOCK // shape[1])
-        blocks = [slice(first, min(first + count, shape[0])) for first in range(0, shape[0], count)]
-        parts = [self._block(rows, load, fiber, cars["amplitude"], poisson_ratio, values) for rows in blocks]
+        load, stages = self.loads(Vehicles(**cars), values), self.stages_of(values)
+        parts = [self._block(r, load, fiber, cars["amplitude"], poisson_ratio, stages(r)) for r in self.blocks(fiber)]
         rate = torch.cat([one.rate for one, _ in parts])
         by = {name: torch.cat([one.by[name] for one, _ in parts]) for name in parts[0][0].by}
         # On from the loads to the vehicles.
@@ -304,15 +322,14 @@ class SignalPath:
         return Sensitivities(rate, by | dict(zip(others, onward, strict=True)))
 
     def _block(
-        self, rows: slice, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, values: Values
+        self, rows: slice, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, stages: Description
     ) -> tuple["Sensitivities", tuple[Tensor, ...]]:
         """`sensitivities` of some rows by all but the loads, and the derivatives by each of these that may change."""
         shape = (rows.stop - rows.start, fiber.ahead.shape[-2])
         here = {name: x[rows].detach().requires_grad_(x.requires_grad) for name, x in load.tensors.items()}
         points = {name: leaf(x, shape, *x.shape[1:]) for name, x in fiber.present().items()}
         own = {"poisson_ratio": leaf(poisson_ratio, shape), "amplitude": leaf(amplitude[rows].detach(), shape)}
-        part = self.extension.part(values, rows)
-        rate = self.rows_of(load.with_tensors(here), Fiber(**points), own["amplitude"], own["poisson_ratio"], part)
+        rate = self.rows_of(load.with_tensors(here), Fiber(**points), own["amplitude"], own["poisson_ratio"], stages)
         leaves = own | points
         moved = [x for x in here.values() if x.requires_grad]
         wanted = [*leaves.values(), *moved]

@@ -114,6 +114,10 @@ class Load:
         driven = {f.name: tensors[f"trajectory.{f.name}"] for f in fields(self.trajectory)}
         return replace(self, trajectory=replace(self.trajectory, **driven), **own)
 
+    def part(self, rows: slice) -> "Load":
+        """Some of its rows."""
+        return self.with_tensors({name: x[rows] for name, x in self.tensors.items()})
+
     def modulated(self, factor: Tensor, rate: Tensor) -> "Load":
         """Vertical force times `factor` [row, 1], which changes by `rate` [row, 1], 1/s."""
         before = 0.0 if self.share_rate is None else self.share_rate * factor[..., None]

@@ -10,10 +10,10 @@ from torch import Tensor
 from solver.effects.effect import Parameter, effect
 from solver.effects.waves import loudest_waves, sent_from
 from solver.half_space import (
-    gibson_displacement_rate,
-    layered_displacement_rate,
+    gibson_response,
+    layered_response,
     moving_displacement_rate,
-    pavement_displacement_rate,
+    pavement_response,
 )
 from solver.stages import Ground, Surroundings
 
@@ -85,12 +85,7 @@ def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Groun
 )
 def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Shear modulus of the layer over that below is exp(log_ratio)."""
-    return replace(
-        ground,
-        response=lambda offset, velocity, nu: layered_displacement_rate(
-            offset, velocity, nu, p["log_ratio"], p["thickness"]
-        ),
-    )
+    return replace(ground, response=layered_response(p["log_ratio"], p["thickness"]))
 
 
 @effect(
@@ -103,10 +98,7 @@ def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 )
 def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Stiffness is (G_pavement / G_ground - 1) times thickness, of 0.2 m."""
-    return replace(
-        ground,
-        response=lambda offset, velocity, nu: pavement_displacement_rate(offset, velocity, nu, p["stiffness"]),
-    )
+    return replace(ground, response=pavement_response(p["stiffness"]))
 
 
 @effect(
@@ -119,10 +111,7 @@ def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 )
 def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Shear modulus that grows linearly with depth."""
-    return replace(
-        ground,
-        response=lambda offset, velocity, nu: gibson_displacement_rate(offset, velocity, nu, p["gradient"]),
-    )
+    return replace(ground, response=gibson_response(p["gradient"]))
 
 
 @effect(

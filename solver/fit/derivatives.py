@@ -65,10 +65,10 @@ class WheelResponses:
 
     def _each(self, **force: Any) -> Tensor:
         still = replace(self.load, share=torch.zeros_like(self._one), share_rate=None, thrust=None)
-        single = []
+        single, stages = [], self.path.described(self.values)
         for wheel in range(self.load.position.shape[-2]):
             one = replace(still, position=self.load.position[..., wheel : wheel + 1, :], **force)
-            single.append(self.path.rows_of(one, self.fiber, self.amplitude, self.poisson_ratio, self.values))
+            single.append(self.path.rows_of(one, self.fiber, self.amplitude, self.poisson_ratio, stages))
         return torch.stack(single, -1)
 
 
@@ -115,7 +115,7 @@ class Local:
         """Derivative [row, computed channel] by how much farther the gauge reaches, relative to its length."""
         stages = self.path.described(self.values)
         length, gauge = stages.interrogator.gauge_length, torch.as_tensor(stages.gauge)
-        strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, self.values)
+        strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, stages)
         total = -self.rows.amplitude * stages.cable.gain * gauge_strain_rate(*strain.ends, gauge) * length / gauge
         half = torch.tensor(0.5)
         reach = {"ahead": half, "behind": -half, "inner": torch.from_numpy(STATION_OFFSETS)[:, None]}
@@ -132,9 +132,9 @@ class Local:
     @cached_property
     def graded(self) -> tuple[Tensor, Tensor]:
         """Points [channel, point, 3] along each gauge, m, and derivatives [row, channel, point] by compliance there."""
-        strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, self.values)
-        gain = self.path.described(self.values).cable.gain
-        return strain.points, torch.as_tensor(self.rows.amplitude * gain)[..., None] * strain.graded
+        stages = self.path.described(self.values)
+        strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, stages)
+        return strain.points, torch.as_tensor(self.rows.amplitude * stages.cable.gain)[..., None] * strain.graded
 
     @cached_property
     def load(self) -> Load:

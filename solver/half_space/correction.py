@@ -9,19 +9,47 @@ from solver.ground import Ratio, displacement, displacement_rate
 from solver.half_space.blocks import double, in_blocks
 from solver.half_space.table import RadialTable, RatioTable
 
-#: Poisson ratio -> table.
-Build = Callable[[Tensor], RadialTable]
+#: (offset, velocity, Poisson's ratio) -> displacement rate.
+Response = Callable[[Tensor, Tensor, Ratio], Tensor]
 
 #: Distance of the three Poisson ratios through which a correction that varies with them is interpolated.
 SPREAD = 0.04
 
 
-def corrected_displacement(build: Build, offset: Tensor, poisson_ratio: Ratio, length: Ratio) -> Tensor:
+class Tables:
+    """What some ground adds to Boussinesq's displacement, tabulated for a Poisson's ratio when it is asked for.
+
+    Parameters
+    ----------
+    build : Poisson's ratio, scalar -> table
+    """
+
+    def __init__(self, build: Callable[[Tensor], RadialTable]):
+        self.build = build
+        self._at: dict[Tensor, RadialTable] = {}
+        self._around: dict[float, RatioTable] = {}
+
+    def at(self, poisson_ratio: Tensor) -> RadialTable:
+        """For one ratio, scalar, variable or not; built once for the same tensor."""
+        if poisson_ratio not in self._at:
+            self._at[poisson_ratio] = self.build(poisson_ratio.reshape(()).double())
+        return self._at[poisson_ratio]
+
+    def around(self, poisson_ratio: Tensor) -> RatioTable:
+        """For ratios that vary about one, scalar, that is no variable; built once."""
+        key = float(poisson_ratio)
+        if key not in self._around:
+            below, at, above = (self.build(poisson_ratio + SPREAD * i) for i in (-1, 0, 1))
+            self._around[key] = RatioTable(below, at, above, poisson_ratio, SPREAD)
+        return self._around[key]
+
+
+def corrected_displacement(tables: Tables, offset: Tensor, poisson_ratio: Ratio, length: Ratio) -> Tensor:
     """Displacement [..., 3] of the ground, 1/m, per the unit that the table has.
 
     Parameters
     ----------
-    build : tabulates the correction for a Poisson ratio
+    tables : of the correction
     offset : [..., 3], ground point minus load point, m
     poisson_ratio : scalar or [...]
     length : scalar, unit of length of the table, m
@@ -32,18 +60,18 @@ def corrected_displacement(build: Build, offset: Tensor, poisson_ratio: Ratio, l
         horizontal = offset[..., :2] * (radial / length**2)[..., None]
         return displacement(offset, nu) + torch.cat([horizontal, (vertical / length)[..., None]], -1)
 
-    nu, interpolate = _interpolation(build, poisson_ratio)
+    nu, interpolate = _interpolation(tables, poisson_ratio)
     return in_blocks(total, [offset], [nu, length]).to(offset.dtype)
 
 
-def corrected_rate(build: Build, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio, length: Ratio) -> Tensor:
+def corrected_rate(tables: Tables, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio, length: Ratio) -> Tensor:
     """Displacement rate [..., 3] of the ground while the load moves, 1/(m s).
 
     With u_h = h a / L^2, u_z = b / L, t = ln(1 + r^2 / L^2) / 2: dt/dt = -(h . v) / (L^2 + r^2), dh/dt = -v_h.
 
     Parameters
     ----------
-    build, offset, poisson_ratio, length : see `corrected_displacement`
+    tables, offset, poisson_ratio, length : see `corrected_displacement`
     velocity : [..., 2], horizontal velocity of the load, m/s
     """
 
@@ -56,7 +84,7 @@ def corrected_rate(build: Build, offset: Tensor, velocity: Tensor, poisson_ratio
         extra = torch.stack([x * grown - vx * a, y * grown - vy * a, vertical_slope * passed / length], -1)
         return displacement_rate(offset, velocity, nu) + extra
 
-    nu, interpolate = _interpolation(build, poisson_ratio)
+    nu, interpolate = _interpolation(tables, poisson_ratio)
     return in_blocks(total, [offset, velocity], [nu, length]).to(offset.dtype)
 
 
@@ -66,15 +94,13 @@ def _places(offset: Tensor, length: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _interpolation(
-    build: Build, poisson_ratio: Ratio
+    tables: Tables, poisson_ratio: Ratio
 ) -> tuple[Tensor, Callable[[Tensor, Tensor, Tensor], Sequence[Tensor]]]:
     """Poisson ratio as a tensor, and the function of r^2, depth and it."""
     nu = double(poisson_ratio)
     if nu.numel() == 1:
-        nu = nu.reshape(())
-        table = build(nu.double())
-        return nu, lambda square, depth, _: table(square, depth)
+        table = tables.at(nu)
+        return nu.reshape(()), lambda square, depth, _: table(square, depth)
     # Nearly incompressible layers are too stiff to be solved for: all three ratios stay below one half.
     middle = nu.detach().mean().double().clamp(max=0.49 - SPREAD)
-    below, at, above = (build(middle + SPREAD * i) for i in (-1, 0, 1))
-    return nu, RatioTable(below, at, above, middle, SPREAD)
+    return nu, tables.around(middle)

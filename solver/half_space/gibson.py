@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from solver.ground import Ratio
-from solver.half_space.correction import Build, corrected_displacement, corrected_rate
+from solver.half_space.correction import Response, Tables, corrected_displacement, corrected_rate
 from solver.half_space.images import images
 from solver.half_space.layered import boussinesq_traction, scalar
 from solver.half_space.stack import Stack
@@ -41,7 +41,7 @@ def gibson_displacement(offset: Tensor, poisson_ratio: Ratio, gradient: Ratio) -
     >>> gibson_displacement(point, 0.25, 1.0)
     tensor([-0.0052, -0.0017,  0.0578], dtype=torch.float64)
     """
-    return corrected_displacement(_build(gradient), offset, poisson_ratio, LENGTH)
+    return corrected_displacement(gibson_tables(gradient), offset, poisson_ratio, LENGTH)
 
 
 def gibson_displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio, gradient: Ratio) -> Tensor:
@@ -60,7 +60,13 @@ def gibson_displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ra
     >>> gibson_displacement_rate(point, velocity, 0.25, 0.0)  # Boussinesq
     tensor([0.2027, 0.0309, 1.4559])
     """
-    return corrected_rate(_build(gradient), offset, velocity, poisson_ratio, LENGTH)
+    return gibson_response(gradient)(offset, velocity, poisson_ratio)
+
+
+def gibson_response(gradient: Ratio) -> Response:
+    """`gibson_displacement_rate` as a function of offset, velocity and Poisson's ratio; its tables are built once."""
+    tables = gibson_tables(gradient)
+    return lambda offset, velocity, poisson_ratio: corrected_rate(tables, offset, velocity, poisson_ratio, LENGTH)
 
 
 def gibson_table(poisson_ratio: Tensor, gradient: Tensor) -> RadialTable:
@@ -97,5 +103,6 @@ def gibson_table(poisson_ratio: Tensor, gradient: Tensor) -> RadialTable:
     return RadialTable.of(cells, hankel)
 
 
-def _build(gradient: Ratio) -> Build:
-    return lambda poisson_ratio: gibson_table(poisson_ratio, scalar(gradient))
+def gibson_tables(gradient: Ratio) -> Tables:
+    """Tables of a ground that stiffens by `gradient`, 1/m, by Poisson's ratio."""
+    return Tables(lambda poisson_ratio: gibson_table(poisson_ratio, scalar(gradient)))

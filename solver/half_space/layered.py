@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from solver.ground import Ratio
-from solver.half_space.correction import Build, corrected_displacement, corrected_rate
+from solver.half_space.correction import Response, Tables, corrected_displacement, corrected_rate
 from solver.half_space.images import images
 from solver.half_space.stack import Stack
 from solver.half_space.table import Cells, RadialTable
@@ -36,7 +36,7 @@ def layered_displacement(offset: Tensor, poisson_ratio: Ratio, log_ratio: Ratio,
     >>> layered_displacement(point, 0.25, 0.7, 2.0)
     tensor([-0.0520, -0.0173,  0.9450], dtype=torch.float64)
     """
-    return corrected_displacement(_build(torch.expm1(-scalar(log_ratio))), offset, poisson_ratio, thickness)
+    return corrected_displacement(layered_tables(torch.expm1(-scalar(log_ratio))), offset, poisson_ratio, thickness)
 
 
 def layered_displacement_rate(
@@ -57,8 +57,13 @@ def layered_displacement_rate(
     >>> layered_displacement_rate(point, velocity, 0.25, 0.0, 2.0)  # Boussinesq
     tensor([0.2027, 0.0309, 1.4559])
     """
-    build = _build(torch.expm1(-scalar(log_ratio)))
-    return corrected_rate(build, offset, velocity, poisson_ratio, thickness)
+    return layered_response(log_ratio, thickness)(offset, velocity, poisson_ratio)
+
+
+def layered_response(log_ratio: Ratio, thickness: Ratio) -> Response:
+    """`layered_displacement_rate` as a function of offset, velocity and Poisson's ratio; its tables are built once."""
+    tables = layered_tables(torch.expm1(-scalar(log_ratio)))
+    return lambda offset, velocity, poisson_ratio: corrected_rate(tables, offset, velocity, poisson_ratio, thickness)
 
 
 def pavement_displacement_rate(
@@ -84,9 +89,18 @@ def pavement_displacement_rate(
     >>> pavement_displacement_rate(point, velocity, 0.25, 3.8)  # 0.2 m, twenty times as stiff
     tensor([0.2883, 0.1261, 1.3303], dtype=torch.float64)
     """
+    return pavement_response(stiffness, thickness)(offset, velocity, poisson_ratio)
+
+
+def pavement_response(stiffness: Ratio, thickness: Ratio = 0.2) -> Response:
+    """`pavement_displacement_rate` as a function of offset, velocity and Poisson's ratio; its tables are built once."""
     excess = scalar(stiffness) / thickness
-    rate = corrected_rate(_build(-excess / (1 + excess)), offset, velocity, poisson_ratio, thickness)
-    return rate / (1 + excess).to(offset.dtype)
+    tables = layered_tables(-excess / (1 + excess))
+
+    def response(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
+        return corrected_rate(tables, offset, velocity, poisson_ratio, thickness) / (1 + excess).to(offset.dtype)
+
+    return response
 
 
 def layered_table(poisson_ratio: Tensor, contrast: Tensor) -> RadialTable:
@@ -142,8 +156,9 @@ def scalar(parameter: Ratio) -> Tensor:
     return torch.as_tensor(parameter, dtype=torch.float64).reshape(())
 
 
-def _build(contrast: Tensor) -> Build:
-    return lambda poisson_ratio: layered_table(poisson_ratio, contrast)
+def layered_tables(contrast: Tensor) -> Tables:
+    """Tables of a layer on ground of another stiffness, by Poisson's ratio; see `layered_table`."""
+    return Tables(lambda poisson_ratio: layered_table(poisson_ratio, contrast))
 
 
 def _continued(moved: Tensor, k: Tensor, nu: Tensor) -> tuple[Tensor, Tensor]:
