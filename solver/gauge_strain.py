@@ -35,33 +35,33 @@ class GaugeStrain:
     @property
     def even(self) -> Tensor:
         """[row, channel], in ground that is as stiff all along each gauge."""
-        rate = gauge_strain_rate(*self.ends, self.stages.gauge) if self.change is None else self.varied
+        change = None if self.change is None else self.change(self.points)
+        rate = gauge_strain_rate(*self.ends, self.stages.gauge) if change is None else self.varied(change).sum(-1)
         if self.fiber.inner is None:
             return rate
-        return rate + self.bends * bend_strain_rates(self.motion(self.fiber.inner, True), self.fiber).sum(-1)
+        return rate + self.bent(None if change is None else change[..., 1:-1]).sum(-1)
 
-    @property
-    def varied(self) -> Tensor:
-        """[row, channel], of ends whose Poisson ratio differs.
+    def varied(self, change: Tensor) -> Tensor:
+        """[row, channel, piece], of a gauge's pieces; `change` [..., channel, point] of the ratio is at `points`.
 
         Strain is local: with a ratio of its own at either end, their difference in settlement would count as strain. So
         each piece of a gauge has one ratio, the mean of those at its ends.
         """
-        assert self.change is not None
-        f = self.fiber
-        if f.inner is None or f.inner_slope is None:
-            points, slopes = torch.stack([f.behind, f.ahead], -2), torch.stack([f.behind_slope, f.ahead_slope], -2)
-        else:
-            points = self.points
-            slopes = torch.cat([f.behind_slope[..., None, :], f.inner_slope, f.ahead_slope[..., None, :]], -2)
-        change, tangent = self.change(points), self.tangent(slopes)
-        mean = (change[..., 1:] + change[..., :-1]) / 2
-        ends = (
+        f, points = self.fiber, self.points
+        slopes = [f.behind_slope[..., None, :], f.ahead_slope[..., None, :]]
+        if f.inner_slope is not None:
+            slopes.insert(1, f.inner_slope)
+        tangent, mean = self.tangent(torch.cat(slopes, -2)), (change[..., 1:] + change[..., :-1]) / 2
+        ahead, behind = (
             axial(self.motion(points[..., where, :], True, mean), tangent[..., where, :])
             for where in (slice(1, None), slice(None, -1))
         )
-        ahead, behind = (motion.sum(-1) for motion in ends)
-        return gauge_strain_rate(ahead, behind, self.stages.gauge)
+        return gauge_strain_rate(ahead, behind, torch.as_tensor(self.stages.gauge)[..., None])
+
+    def bent(self, change: Tensor | None) -> Tensor:
+        """[row, channel, station], of the turning within; `change` [..., channel, station] of the ratio is there."""
+        assert self.fiber.inner is not None
+        return self.bends * bend_strain_rates(self.motion(self.fiber.inner, True, change), self.fiber)
 
     @property
     def graded(self) -> Tensor:
@@ -80,9 +80,9 @@ class GaugeStrain:
 
     @property
     def points(self) -> Tensor:
-        """[..., channel, point, 3], m: the end behind, the stations within, the end ahead."""
-        assert self.fiber.inner is not None
-        return torch.cat([self.fiber.behind[..., None, :], self.fiber.inner, self.fiber.ahead[..., None, :]], -2)
+        """[..., channel, point, 3], m: the end behind, the stations within where there are any, the end ahead."""
+        behind, ahead = self.fiber.behind[..., None, :], self.fiber.ahead[..., None, :]
+        return torch.cat([behind, ahead] if self.fiber.inner is None else [behind, self.fiber.inner, ahead], -2)
 
     @property
     def ends(self) -> tuple[Tensor, Tensor]:

@@ -255,12 +255,17 @@ class SignalPath:
         # Fields per row get a channel axis, so that per-row and per-sample fields mix freely.
         columns = (getattr(vehicles, f.name) for f in fields(vehicles))
         v = Vehicles(*(x if x.ndim > 1 else x[:, None] for x in columns))
-        load, stages, by_row = self.loads(v, values), self.stages_of(values), fiber.ahead.ndim > 2
+        return self.rows_of(self.loads(v, values), fiber, v.amplitude, poisson_ratio, self.stages_of(values))
+
+    def rows_of(
+        self, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, stages: Callable[[slice], Description]
+    ) -> Tensor:
+        """The same [row, channel] for loads that are known; `amplitude` is [row, 1 or channel]; see `stages_of`."""
 
         def some(rows: slice) -> Tensor:
-            here = Fiber(**{name: x[rows] for name, x in fiber.present().items()}) if by_row else fiber
+            here = Fiber(**{name: x[rows] for name, x in fiber.present().items()}) if fiber.ahead.ndim > 2 else fiber
             nu = poisson_ratio[rows] if poisson_ratio.ndim else poisson_ratio
-            return self.rows_of(load.part(rows), here, v.amplitude[rows], nu, stages(rows))
+            return self._rows_of(load.part(rows), here, amplitude[rows], nu, stages(rows))
 
         return torch.cat([some(rows) for rows in self.blocks(fiber)])
 
@@ -269,10 +274,9 @@ class SignalPath:
         rows, count = len(self.traffic.pass_index), max(1, BLOCK // fiber.ahead.shape[-2])
         return [slice(first, min(first + count, rows)) for first in range(0, rows, count)]
 
-    def rows_of(
+    def _rows_of(
         self, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, stages: Description
     ) -> Tensor:
-        """The same [row, channel] for loads that are known; `amplitude` is [row, 1 or channel]."""
         strain = self.strain(load, fiber, poisson_ratio, stages)
         compliance = stages.ground.compliance
         rate = strain.even if compliance is None else (strain.graded * compliance(strain.points)).sum(-1)
@@ -329,7 +333,7 @@ class SignalPath:
         here = {name: x[rows].detach().requires_grad_(x.requires_grad) for name, x in load.tensors.items()}
         points = {name: leaf(x, shape, *x.shape[1:]) for name, x in fiber.present().items()}
         own = {"poisson_ratio": leaf(poisson_ratio, shape), "amplitude": leaf(amplitude[rows].detach(), shape)}
-        rate = self.rows_of(load.with_tensors(here), Fiber(**points), own["amplitude"], own["poisson_ratio"], stages)
+        rate = self._rows_of(load.with_tensors(here), Fiber(**points), own["amplitude"], own["poisson_ratio"], stages)
         leaves = own | points
         moved = [x for x in here.values() if x.requires_grad]
         wanted = [*leaves.values(), *moved]

@@ -13,7 +13,7 @@ from solver.cable import STATION_OFFSETS, Fiber
 from solver.extension import Slot, Values
 from solver.interrogator import gauge_strain_rate
 from solver.model import Sensitivities, SignalPath, Vehicles
-from solver.observation import BASE
+from solver.observation import BASE, Description
 from solver.stages import Load
 
 #: Columns that are filtered at once.
@@ -65,7 +65,7 @@ class WheelResponses:
 
     def _each(self, **force: Any) -> Tensor:
         still = replace(self.load, share=torch.zeros_like(self._one), share_rate=None, thrust=None)
-        single, stages = [], self.path.described(self.values)
+        single, stages = [], self.path.stages_of(self.values)
         for wheel in range(self.load.position.shape[-2]):
             one = replace(still, position=self.load.position[..., wheel : wheel + 1, :], **force)
             single.append(self.path.rows_of(one, self.fiber, self.amplitude, self.poisson_ratio, stages))
@@ -135,6 +135,24 @@ class Local:
         stages = self.path.described(self.values)
         strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, stages)
         return strain.points, torch.as_tensor(self.rows.amplitude * stages.cable.gain)[..., None] * strain.graded
+
+    @cached_property
+    def by_ratio(self) -> tuple[Tensor, Tensor, Tensor | None]:
+        """Points [channel, point, 3], m, and derivatives by Poisson's ratio there.
+
+        Of each gauge's pieces [row, channel, piece], by the mean ratio at their ends, and of what the fiber's turning
+        within adds [row, channel, station].
+        """
+        stages = self.path.described(self.values)
+        strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, stages)
+        points = strain.points
+        change = torch.zeros_like(points[..., 0]) if strain.change is None else strain.change(points)
+        scale = torch.as_tensor(self.rows.amplitude * stages.cable.gain)[..., None]
+        pieces = jvp(strain.varied, (change,), (torch.ones_like(change),))[1]
+        if strain.fiber.inner is None:
+            return points, scale * pieces, None
+        within = change[..., 1:-1]
+        return points, scale * pieces, scale * jvp(strain.bent, (within,), (torch.ones_like(within),))[1]
 
     @cached_property
     def load(self) -> Load:
@@ -258,8 +276,10 @@ def strength_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | Non
     total = torch.zeros_like(seen.local.by.rate)
     if not bool(moved.any() | share.any() | rate.any() | thrust.any()):
         return total
-    if share.shape[-1] != wheels.load.share.shape[-1] or bool(moved.any()):
+    if bool(moved.any()):
         return None
+    if share.shape[-1] != wheels.load.share.shape[-1]:
+        return of_strengths(seen, changed(here), share, rate, thrust)
     if bool(share.any()):
         total = total + (wheels.share * share).sum(-1)
     if bool(rate.any()):
@@ -267,11 +287,63 @@ def strength_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | Non
     return total + (wheels.thrust * thrust).sum((-1, -2)) if bool(thrust.any()) else total
 
 
-def compliance_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
-    """Derivative [row, channel] by a parameter that changes the compliance of the ground only."""
+def of_strengths(seen: Seen, values: Values, share: Tensor, rate: Tensor, thrust: Tensor) -> Tensor:
+    """What wheels of other strengths do [row, channel], those of none left out: all is in proportion to strength."""
+    local, load = seen.local, seen.path.loads(seen.local.rows, values)
+    acting = (share.abs() + rate.abs() + thrust.abs().sum(-1)).flatten(0, 1).any(0)
+    part = replace(
+        load,
+        position=load.position[..., acting, :],
+        share=share[..., acting],
+        share_rate=rate[..., acting] if bool(rate.any()) else None,
+        thrust=thrust[..., acting, :] if bool(thrust.any()) else None,
+    )
+    stages = seen.path.stages_of(values)
+    return seen.path.rows_of(part, local.gauges, local.rows.amplitude, local.poisson_ratio, stages)
+
+
+def ground_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
+    """Derivative [row, channel] by a parameter that changes one property of the ground only, of those told apart."""
     ground = seen.path.described(changed(here)).ground
-    if ground.compliance is None or replace(BASE, ground=replace(ground, compliance=None)).in_rows:
-        return None
+    for name, tangent in GROUND_SHORTCUTS.items():
+        without: dict[str, Any] = {name: None}
+        if getattr(ground, name) is not None and not replace(BASE, ground=replace(ground, **without)).in_rows:
+            return tangent(seen, changed, here)
+    return None
+
+
+def ratio_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor:
+    """Derivative [row, channel] by a parameter that changes Poisson's ratio here and there."""
+    points, pieces, within = seen.local.by_ratio
+
+    def change(value: Tensor) -> Tensor:
+        field = seen.path.described(changed(value)).ground.poisson_change
+        assert field is not None
+        return field(points)
+
+    by_point = jvp(change, (here,), (torch.ones_like(here),))[1]
+    total = (pieces * (by_point[..., 1:] + by_point[..., :-1]) / 2).sum(-1)
+    return total if within is None else total + (within * by_point[..., 1:-1]).sum(-1)
+
+
+def radiation_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor:
+    """Derivative [row, channel] by a parameter that changes what the loads radiate."""
+    path, local = seen.path, seen.local
+
+    def radiated(value: Tensor) -> Tensor:
+        of = path.stages_of(changed(value))
+
+        def silent(rows: slice) -> Description:
+            stages = of(rows)
+            return replace(stages, ground=replace(stages.ground, response=lambda offset, velocity, nu: 0 * offset))
+
+        return path.rows_of(local.load, local.gauges, local.rows.amplitude, local.poisson_ratio, silent)
+
+    return jvp(radiated, (here,), (torch.ones_like(here),))[1]
+
+
+def compliance_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor:
+    """Derivative [row, channel] by a parameter that changes the compliance of the ground here and there."""
     points, graded = seen.local.graded
 
     def softness(value: Tensor) -> Tensor:
@@ -310,10 +382,15 @@ def no_shortcut(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     return None
 
 
+GROUND_SHORTCUTS = {
+    "compliance": compliance_tangent,
+    "poisson_change": ratio_tangent,
+    "radiation": radiation_tangent,
+}
 SHORTCUTS = {
     "trajectory": shift_tangent,
     "load": strength_tangent,
-    "ground": compliance_tangent,
+    "ground": ground_tangent,
     "cable": no_shortcut,
     "interrogator": no_shortcut,
     "processing": no_shortcut,
