@@ -30,7 +30,7 @@ Advance = Callable[[int], None]
 #: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
 CLOSE, ALIKE = 6.0, 0.95
 #: Share of a stand-in's evidence at which a known effect, whose law is stricter, is preferred to it.
-STRICTER = 0.9
+STRICTER = 0.95
 #: Share of the winner's evidence at which one of its own family is not ruled out.
 RIVAL = 0.65
 #: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little,
