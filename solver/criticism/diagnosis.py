@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.candidate import Candidate, fault_candidate, score_candidate
@@ -23,9 +24,11 @@ from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
+from solver.trajectory import Pass
 from solver.whitening import NoiseLaw
 
 Advance = Callable[[int], None]
+Array = NDArray[np.float64]
 
 #: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
 CLOSE, ALIKE = 6.0, 0.95
@@ -40,8 +43,12 @@ LEFT, ASTRAY = 0.05, 0.025
 SHARED = 0.1
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
-#: What a whole track may be off without being an effect, m.
-ALONG, ACROSS = 0.3, 0.08
+#: What a whole track may be off without being an effect, m; along travel at least, however alike all tracks are.
+ALONG, ACROSS, SUREST = 0.3, 0.08, 0.1
+#: What tracks may be off along travel over how much they differ from one another.
+APART = 1.5
+#: Tracks beyond what they may have in common that tell how much they differ.
+ENOUGH = 3
 #: How many enter the race of full fits, and how many that for what the winner leaves.
 RACERS, BESIDE = 7, 4
 
@@ -100,12 +107,34 @@ def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
     return [one for one in effects if one.name not in inside]
 
 
-def strict_tracks(problem: Problem) -> Problem:
-    """The problem with tracks trusted as they should be.
+def strict_tracks(problem: Problem, along: float = ALONG) -> Problem:
+    """The problem with tracks trusted as they should be, to be off by `along` travel, m.
 
     A size of the tracks' errors that is fitted takes up whatever shifts all passes.
     """
-    return replace(problem, prior=replace(problem.prior, along=ALONG, across=ACROSS, belief=1e3))
+    return replace(problem, prior=replace(problem.prior, along=along, across=ACROSS, belief=1e3))
+
+
+def track_spread(passes: Sequence[Pass], along: Array) -> float:
+    """What tracks of `passes` may be off along travel, m, by how much their shifts `along` [pass], m, differ.
+
+    What they have in common by an effect (a bias, a clock, an offset of the camera) is no chance error: a constant, a
+    part that grows with the speed and one by direction are taken out first.
+
+    >>> from types import SimpleNamespace
+    >>> ways = [SimpleNamespace(velocity=np.array([[v, 0.0]])) for v in (9.0, -12.0, 15.0, -17.0, 11.0, 14.0, -10.0)]
+    >>> off = np.array([0.01, -0.02, 0.0, 0.01, -0.01, 0.02, -0.01])
+    >>> track_spread(ways, 0.5 + off), track_spread(ways, 30 * off) > 0.2
+    (0.1, True)
+    """
+    velocity = np.array([one.velocity.mean(0) for one in passes])
+    speed, way = np.linalg.norm(velocity, axis=1), np.sign(velocity[:, 0])
+    common = np.column_stack([np.ones(len(along)), speed, way])
+    fitted, _, rank, _ = np.linalg.lstsq(common, along)
+    spare = len(along) - int(rank)
+    if spare < ENOUGH:
+        return ALONG
+    return float(np.clip(APART * np.sqrt(((along - common @ fitted) ** 2).sum() / spare), SUREST, ALONG))
 
 
 def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
@@ -148,7 +177,8 @@ def diagnose(
     -------
     diagnosis
     """
-    problem = strict_tracks(problem)
+    fit, state = converged(strict_tracks(problem), state)
+    problem = strict_tracks(problem, track_spread(problem.passes, state.vehicles.along.numpy()))
     fit, state = converged(problem, state)
     at = fit.linearized(state)
     noise = fit.problem.noise
