@@ -120,16 +120,16 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
     return with_growth(run, steps[-1], effects, time.perf_counter() - begun), steps
 
 
-def climbed(before: "Run", folder: Path, after: "Run", out: Path) -> "list[Rung]":
-    """The ladder of a run that has grown out of another."""
+def ladder_of(before: "Run", folder: Path, after: "Run", out: Path, step: "Grown") -> "list[Rung]":
+    """The ladder of a run that has grown out of another by a step."""
     from solver.criticism.files import read_ladder
-    from solver.criticism.growth import first_rung, next_rung
+    from solver.criticism.growth import climbed, first_rung, next_rung
     from solver.run import read_run
 
     rungs = read_ladder(folder) or [first_rung(before, folder)]
     source = Path(rungs[0].run)
     first = read_run(source) if source != folder and (source / "fit.json").is_file() else before
-    return [*rungs, next_rung(before, after, first, out)]
+    return climbed(rungs, step, next_rung(before, after, first, out))
 
 
 @app.command()
@@ -159,7 +159,7 @@ def add(
     plugins = plugins_of(run, plugin)
     after, steps = grown(before, effects, plugins, force)
     write_files(out, after, plugins)
-    rungs = climbed(before, run, after, out)
+    rungs = ladder_of(before, run, after, out, steps[0])
     write_ladder(out, rungs, after.facts["name"])
     if as_json:
         print((out / "ladder.json").read_text(encoding="utf-8"))
@@ -184,8 +184,9 @@ def clock(run: RunFolder, as_json: AsJson = False) -> None:
     """
     import json
 
-    from solver.criticism.diagnosis import converged, strict_tracks
+    from solver.criticism.diagnosis import converged
     from solver.criticism.growth import fitted_with
+    from solver.criticism.track_trust import strict_tracks
     from solver.effects.catalogue import built_in
     from solver.run import read_run
 
@@ -244,7 +245,7 @@ def explain(
     import time
 
     from solver.criticism.files import read_ladder, write_diagnosis, write_ladder, write_story
-    from solver.criticism.growth import first_rung, next_rung, with_growth
+    from solver.criticism.growth import climbed, first_rung, next_rung, with_growth
     from solver.criticism.growth import grow as grow_by
     from solver.criticism.pages import Chapter
     from solver.effects.plugins import catalogue
@@ -271,7 +272,7 @@ def explain(
             break
         effects = [*current.facts["effects"], name]
         after = with_growth(current, step, effects, time.perf_counter() - begun)
-        climb.append(next_rung(current, after, first, out))
+        climb = climbed(climb, step, next_rung(current, after, first, out))
         chapters.append(Chapter(diagnosis, f"{name} was added; the route moved {climb[-1].route_change:.2f} m."))
         print(f"added {name}: chi2 per degree of freedom {climb[-2].chi2_per_dof:.3f} -> {climb[-1].chi2_per_dof:.3f}")
         current = after

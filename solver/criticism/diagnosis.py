@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.candidate import Candidate, fault_candidate, score_candidate
@@ -16,6 +15,7 @@ from solver.criticism.refit import Refit, elsewhere, race
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
 from solver.criticism.score import FOUND, Score, Scorer, score_all, similarity
 from solver.criticism.spectrum import filtered_by
+from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.criticism.verdict_words import missing_words, power_words, unknown_words
 from solver.effects.catalogue import FAMILIES, MIXING, STAND_INS, families_of
 from solver.effects.effect import Effect
@@ -24,11 +24,9 @@ from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
-from solver.trajectory import Pass
 from solver.whitening import NoiseLaw
 
 Advance = Callable[[int], None]
-Array = NDArray[np.float64]
 
 #: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
 CLOSE, ALIKE = 6.0, 0.95
@@ -43,12 +41,6 @@ LEFT, ASTRAY = 0.05, 0.025
 SHARED = 0.1
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
-#: What a whole track may be off without being an effect, m; along travel at least, however alike all tracks are.
-ALONG, ACROSS, SUREST = 0.3, 0.08, 0.1
-#: What tracks may be off along travel over how much they differ from one another.
-APART = 1.5
-#: Tracks beyond what they may have in common that tell how much they differ.
-ENOUGH = 3
 #: How many enter the race of full fits, and how many that for what the winner leaves.
 RACERS, BESIDE = 7, 4
 
@@ -105,36 +97,6 @@ def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
     """Effects that are not in the model already."""
     inside = {one.name for one in problem.effects} | ({"curved_gauge"} if problem.curved else set())
     return [one for one in effects if one.name not in inside]
-
-
-def strict_tracks(problem: Problem, along: float = ALONG) -> Problem:
-    """The problem with tracks trusted as they should be, to be off by `along` travel, m.
-
-    A size of the tracks' errors that is fitted takes up whatever shifts all passes.
-    """
-    return replace(problem, prior=replace(problem.prior, along=along, across=ACROSS, belief=1e3))
-
-
-def track_spread(passes: Sequence[Pass], along: Array) -> float:
-    """What tracks of `passes` may be off along travel, m, by how much their shifts `along` [pass], m, differ.
-
-    What they have in common by an effect (a bias, a clock, an offset of the camera) is no chance error: a constant, a
-    part that grows with the speed and one by direction are taken out first.
-
-    >>> from types import SimpleNamespace
-    >>> ways = [SimpleNamespace(velocity=np.array([[v, 0.0]])) for v in (9.0, -12.0, 15.0, -17.0, 11.0, 14.0, -10.0)]
-    >>> off = np.array([0.01, -0.02, 0.0, 0.01, -0.01, 0.02, -0.01])
-    >>> track_spread(ways, 0.5 + off), track_spread(ways, 30 * off) > 0.2
-    (0.1, True)
-    """
-    velocity = np.array([one.velocity.mean(0) for one in passes])
-    speed, way = np.linalg.norm(velocity, axis=1), np.sign(velocity[:, 0])
-    common = np.column_stack([np.ones(len(along)), speed, way])
-    fitted, _, rank, _ = np.linalg.lstsq(common, along)
-    spare = len(along) - int(rank)
-    if spare < ENOUGH:
-        return ALONG
-    return float(np.clip(APART * np.sqrt(((along - common @ fitted) ** 2).sum() / spare), SUREST, ALONG))
 
 
 def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:

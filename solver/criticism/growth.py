@@ -10,6 +10,7 @@ import numpy as np
 from solver.criticism.refit import Refit, elsewhere, race
 from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
 from solver.criticism.score import Scorer
+from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.effects.catalogue import find
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
@@ -92,7 +93,13 @@ def grow(
     InputError
         If there is no such effect, it is in the model already, or it does nothing in this survey.
     """
-    before = held_out_chi2(fit.problem, advance, at=(fit, state))
+    # Tracks that may be off by anything would take up what shifts them all, held-out ones too.
+    strict = strict_tracks(fit.problem, track_spread(fit.problem.passes, state.vehicles.along.numpy())).prior
+
+    def held_out(fit: MapFit, state: State) -> float | None:
+        return held_out_chi2(replace(fit.problem, prior=strict), advance, at=(fit, state))
+
+    before = held_out(fit, state)
     if name in FAULTS:
         fault = FAULTS[name](fit, state)
         if fault is None:
@@ -101,13 +108,12 @@ def grow(
         if name == "cycle_skips":
             # Samples are taken out and no model changes: there is nothing that held-out passes could compare.
             return Grown(new, end, (None, before))
-        return Grown(new, end, (before, held_out_chi2(new.problem, advance, at=(new, end.state))))
+        return Grown(new, end, (before, held_out(new, end.state)))
     effect = find(name, dict(catalogue))
     if name in {one.name for one in fit.problem.effects}:
         raise InputError(f"{name}: is in the model already; choose another effect")
     refit = fitted_with(fit, state, effect, advance)
-    after = held_out_chi2(refit.fit.problem, advance, at=(refit.fit, refit.solution.state))
-    return Grown(refit.fit, refit.solution, (before, after))
+    return Grown(refit.fit, refit.solution, (before, held_out(refit.fit, refit.solution.state)))
 
 
 def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[int], None]) -> Refit:
@@ -187,3 +193,9 @@ def next_rung(before: Run, after: Run, first: Run, folder: Path) -> Rung:
         apart(first.result, after.result),
         str(folder),
     )
+
+
+def climbed(rungs: Sequence[Rung], step: Grown, rung: Rung) -> list[Rung]:
+    """A ladder with the rung that a step led to; below it the held-out misfit it was compared by."""
+    below = rungs[-1] if step.held_out[0] is None else replace(rungs[-1], held_out_chi2_per_dof=step.held_out[0])
+    return [*rungs[:-1], below, rung]

@@ -8,8 +8,8 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from solver.criticism.diagnosis import strict_tracks
 from solver.criticism.growth import fitted_with
+from solver.criticism.track_trust import strict_tracks
 from solver.effects.catalogue import built_in
 from solver.fit.map_fit import MapFit
 from solver.locate import Located, locate
