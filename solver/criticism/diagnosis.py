@@ -32,6 +32,8 @@ Advance = Callable[[int], None]
 CLOSE, ALIKE = 6.0, 0.95
 #: Share of a stand-in's evidence at which a known effect, whose law is stricter, is preferred to it.
 STRICTER = 0.95
+#: Numbers of an effect whose law is strict, and above which it is as flexible as a stand-in.
+FEW, MANY = 3, 20
 #: Share of the winner's evidence at which one of its own family is not ruled out.
 RIVAL = 0.65
 #: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little,
@@ -199,7 +201,7 @@ def judge(
         first = placed(generic[0], bench.scorer.fit.problem.law)
         words = unknown_words(first, physical)
         return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
-    first = physical[0]
+    first = plainest(physical)
     if first.effect in tried and tried[first.effect].pushed:
         words = (
             f"{first.effect} explains the most of all known effects, but at {first.estimate:.3g}, the edge of what can "
@@ -234,6 +236,13 @@ def judge(
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     rest = [faults.get(c.effect, c) for c in rest]
     return Diagnosis("missing-effect", words, order(rest, first), check, stress, separate, left)
+
+
+def plainest(physical: Sequence[Candidate]) -> Candidate:
+    """The best known effect, or one of few numbers that explains nearly as much as a best one of many."""
+    best = physical[0]
+    few = [c for c in physical if c.numbers <= FEW and c.refitted]
+    return few[0] if best.numbers > MANY and few and not outdone(few[0].evidence, best.evidence) else best
 
 
 def placed(stand_in: Candidate, law: NoiseLaw) -> Candidate:

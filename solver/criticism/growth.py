@@ -24,6 +24,9 @@ from solver.run.facts import strict
 from solver.run.problem_arrays import problem_facts
 from vision.contract import InputError
 
+#: Fall of chi2 that is chance.
+CHANCE = 4.0
+
 FAULTS: Mapping[str, Callable[[MapFit, State], Fault | None]] = {
     "unseen_vehicle": find_unseen_vehicle,
     "cycle_skips": lambda fit, state: find_cycle_skips(fit, state, fit.linearized(state).weights.good.numpy()),
@@ -68,9 +71,9 @@ class Grown:
 
     @property
     def better(self) -> bool:
-        """Whether passes held out agree that it is better."""
+        """Whether passes held out agree that it is better, by more than what does nothing may gain by chance."""
         before, after = self.held_out
-        return before is None or after is None or after < before
+        return before is None or after is None or after < before - CHANCE / float(self.fit.measured.sum())
 
 
 def grow(
@@ -96,8 +99,11 @@ def grow(
     # Tracks that may be off by anything would take up what shifts them all, held-out ones too.
     strict = strict_tracks(fit.problem, track_spread(fit.problem.passes, state.vehicles.along.numpy())).prior
 
+    def trusting(fit: MapFit) -> MapFit:
+        return MapFit(replace(fit.problem, prior=strict))
+
     def held_out(fit: MapFit, state: State) -> float | None:
-        return held_out_chi2(replace(fit.problem, prior=strict), advance, at=(fit, state))
+        return held_out_chi2(trusting(fit).problem, advance, at=(fit, state))
 
     before = held_out(fit, state)
     if name in FAULTS:
@@ -112,8 +118,11 @@ def grow(
     effect = find(name, dict(catalogue))
     if name in {one.name for one in fit.problem.effects}:
         raise InputError(f"{name}: is in the model already; choose another effect")
-    refit = fitted_with(fit, state, effect, advance)
-    return Grown(refit.fit, refit.solution, (before, held_out(refit.fit, refit.solution.state)))
+    trusted = trusting(fit)
+    refit = fitted_with(trusted, solve(trusted, state, iterations=60).state, effect, advance)
+    new = MapFit(replace(refit.fit.problem, prior=fit.problem.prior))
+    end = solve(new, refit.solution.state, iterations=60)
+    return Grown(new, end, (before, held_out(new, end.state)))
 
 
 def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[int], None]) -> Refit:

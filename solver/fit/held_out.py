@@ -55,11 +55,22 @@ def carried(chain: Chain, state: State, new: Chain) -> State:
     return State(state.coefficients, vehicles_of(state.vehicles, keep), state.poisson_ratio, numbers)
 
 
+def by_direction(passes: Sequence[Pass]) -> np.ndarray:
+    """Numbers [pass] of the passes, those of one direction first: dealt by turns, each group gets both.
+
+    >>> from types import SimpleNamespace
+    >>> by_direction([SimpleNamespace(velocity=np.array([[v, 0.1]])) for v in (9.0, -12.0, 15.0, -17.0)]).tolist()
+    [0, 2, 1, 3]
+    """
+    velocity = np.array([one.velocity.mean(0) for one in passes])
+    return np.argsort(velocity @ velocity[0] < 0, kind="stable")
+
+
 def splits(problem: Problem, folds: int) -> Iterator[tuple[Chain, Chain, list[Pass]]]:
     """Chains of the passes that are seen and of those held out, and the former, for each group of passes."""
-    every = np.arange(len(problem.passes))
+    every = by_direction(problem.passes)
     for first in range(folds):
-        group = every[first::folds]
+        group = np.sort(every[first::folds])
         others = np.setdiff1d(every, group)
         held = Chain.of(part(problem, group), known_ground=True)
         yield Chain.of(part(problem, others)), held, [problem.passes[i] for i in others]

@@ -91,11 +91,22 @@ def test_what_is_in_no_catalogue_is_called_unknown(tmp_path: Path, name: str, am
     assert found["verdict"] in ("unknown-effect", "inconclusive"), found["words"]
 
 
-def test_the_clocks_offset_is_estimated(tmp_path: Path) -> None:
+def test_the_clocks_offset_is_estimated_and_kept_where_it_is_added(tmp_path: Path) -> None:
     folder = located(tmp_path, {"clock_offset": 0.2})
     found = json.loads(run("clock", folder, "--json"))
     assert found["clock_offset"] == pytest.approx(0.2, abs=4 * found["sigma"])
     assert 0 < found["sigma"] < 0.03
+    # Every track is off by as much: passes held out, which may shift a little by themselves, fit better all the same.
+    run("add", folder, "clock_offset", "--out", tmp_path / "second")
+    before, after = json.loads((tmp_path / "second" / "ladder.json").read_text(encoding="utf-8"))["rungs"]
+    assert after["held_out_chi2_per_dof"] < before["held_out_chi2_per_dof"]
+
+
+def test_a_bias_of_all_tracks_is_told_from_chance(tmp_path: Path) -> None:
+    found = diagnosis(located(tmp_path, {"track_bias": 0.4}, passes=8, seed=5))
+    first = found["candidates"][0]
+    assert found["verdict"] == "missing-effect", found["words"]
+    assert "track_bias" in {first["effect"], *first["confounded_with"]}, found["words"]
 
 
 def test_two_effects_are_found_one_after_the_other(tmp_path: Path) -> None:
