@@ -3,6 +3,7 @@
     python benchmarks/blind.py --trials 40                    # locate each; errors and chi2 by kind
     python benchmarks/blind.py --trials 40 --write blind      # write the surveys with truth.json, and no more
     python benchmarks/blind.py --trials 40 --diagnose         # diagnose each too, and judge
+    python benchmarks/blind.py --trials 40 --kind one --add   # put the hidden effect in: errors before and after
     python benchmarks/blind.py --score blind                  # once each has its run/diagnosis.json
 
 Trial n is the same survey everywhere. The generator shares no code with the signal path or the catalogue.
@@ -14,6 +15,7 @@ import tempfile
 import time
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +172,43 @@ def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
     return facts | errors | said | judged(truth, asdict(found))
 
 
+def added(seed: int, kind: str | None) -> dict[str, object]:
+    """Put the first hidden effect of a trial into the model, as `roadfiber add` does, and compare with none hidden."""
+    from solver.criticism.growth import grow
+    from solver.effects.catalogue import built_in
+    from solver.fit.map_fit import MapFit
+    from solver.fit.posterior import assemble
+
+    def surveyed(scenario: Scenario) -> tuple[Survey, Located]:
+        survey = simulate(scenario)
+        with tempfile.TemporaryDirectory() as folder:
+            return survey, locate(read_site(write_survey(survey, Path(folder) / "survey")))
+
+    scenario = draw_trial(seed, kind)
+    name = next(iter(scenario.effects))
+    without = surveyed(replace(scenario, effects={}))
+    survey, located = surveyed(scenario)
+    fit = MapFit(located.problem)
+    step = grow(fit, fit.state_of(torch.from_numpy(located.result.vector)), name, built_in())
+    result = assemble(
+        step.fit.problem,
+        step.fit,
+        step.solution.state,
+        method="spline",
+        iterations=step.solution.iterations,
+        seconds=0.0,
+        converged=step.solution.converged,
+    )
+    cases = {"without": without, "before": (survey, located), "after": (survey, replace(located, result=result))}
+    rows = {case: scored(*of, 0.0) for case, of in cases.items()}
+    figures = {
+        f"{key} {case}": round(float(row[key]), 3)
+        for case, row in rows.items()
+        for key in ("largest error", "chi2_per_dof")
+    }  # type: ignore[arg-type]
+    return {"seed": seed, "hidden": name, "kept": step.better, "held out": step.held_out} | figures
+
+
 def main() -> None:
     """Run trials, or write them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -179,6 +218,7 @@ def main() -> None:
     parser.add_argument("--write", type=Path, metavar="DIR", help="write the surveys there, numbered, and no more")
     parser.add_argument("--score", type=Path, metavar="DIR", help="judge the diagnoses of written trials, and no more")
     parser.add_argument("--diagnose", action="store_true", help="diagnose each too, and judge what is said")
+    parser.add_argument("--add", action="store_true", help="put each trial's first hidden effect into the model")
     options = parser.parse_args()
     if options.score:
         table = judge_all(options.score)
@@ -197,6 +237,11 @@ def main() -> None:
             )
         return
     rows = []
+    if options.add:
+        for seed in (seed for seed in seeds if draw_trial(seed, options.kind).effects):
+            rows.append(added(seed, options.kind))
+            print(rows[-1], flush=True)
+        return
     if options.diagnose:
         for seed in seeds:
             rows.append(diagnosed(seed, options.kind))
