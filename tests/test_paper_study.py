@@ -120,7 +120,7 @@ def test_table_and_figure():
     assert table.loc[(30, "spline"), "seconds"] == pytest.approx(2.0)
     figure = draw(AXES["snr"], table.reset_index())
     assert [axis.get_title() for axis in figure.axes] == [
-        "mean error and spread, m",
+        "mean error; 80 % of surveys, m",
         "Hausdorff distance, m",
         "seconds per survey",
     ]
