@@ -130,7 +130,7 @@ def arrays(tensors: Sequence[Tensor]) -> list[Array]:
 
 
 class _Interpolated(torch.autograd.Function):
-    """`interpolated` with its derivatives: what autograd keeps of its forty operations is ten times as slow."""
+    """`interpolated` with its derivatives: what autograd keeps of its forty operations is several times as slow."""
 
     @staticmethod
     def forward(*arguments: Any) -> tuple[Tensor, Tensor]:
