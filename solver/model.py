@@ -272,7 +272,7 @@ class SignalPath:
     def blocks(self, fiber: Fiber) -> list[slice]:
         """Rows that are computed at once: small tensors stay in the processor's cache, and all would hold gigabytes."""
         rows, count = len(self.traffic.pass_index), max(1, BLOCK // fiber.ahead.shape[-2])
-        return [slice(first, min(first + count, rows)) for first in range(0, rows, count)]
+        return [slice(first, min(first + count, rows)) for first in range(0, max(rows, 1), count)]
 
     def _rows_of(
         self, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, stages: Description
