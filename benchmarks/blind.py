@@ -138,14 +138,19 @@ def scored(survey: Survey, located: Located, seconds: float) -> dict[str, object
     }
 
 
-def tried(seed: int, kind: str | None) -> dict[str, object]:
-    """Simulate, write, read and locate one trial."""
-    survey = simulate(draw_trial(seed, kind))
+def surveyed(scenario: Scenario) -> tuple[Survey, Located, float]:
+    """Simulate, write, read and locate a survey; with the seconds that locating took."""
+    survey = simulate(scenario)
     with tempfile.TemporaryDirectory() as folder:
         site = read_site(write_survey(survey, Path(folder) / "survey"))
         begun = time.perf_counter()
         located = locate(site)
-    return scored(survey, located, time.perf_counter() - begun)
+    return survey, located, time.perf_counter() - begun
+
+
+def tried(seed: int, kind: str | None) -> dict[str, object]:
+    """Simulate, write, read and locate one trial."""
+    return scored(*surveyed(draw_trial(seed, kind)))
 
 
 def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
@@ -177,29 +182,15 @@ def added(seed: int, kind: str | None) -> dict[str, object]:
     from solver.criticism.growth import grow
     from solver.effects.catalogue import built_in
     from solver.fit.map_fit import MapFit
-    from solver.fit.posterior import assemble
-
-    def surveyed(scenario: Scenario) -> tuple[Survey, Located]:
-        survey = simulate(scenario)
-        with tempfile.TemporaryDirectory() as folder:
-            return survey, locate(read_site(write_survey(survey, Path(folder) / "survey")))
 
     scenario = draw_trial(seed, kind)
     name = next(iter(scenario.effects))
-    without = surveyed(replace(scenario, effects={}))
-    survey, located = surveyed(scenario)
+    without, plain, _ = surveyed(replace(scenario, effects={}))
+    survey, located, _ = surveyed(scenario)
     fit = MapFit(located.problem)
     step = grow(fit, fit.state_of(torch.from_numpy(located.result.vector)), name, built_in())
-    result = assemble(
-        step.fit.problem,
-        step.fit,
-        step.solution.state,
-        method="spline",
-        iterations=step.solution.iterations,
-        seconds=0.0,
-        converged=step.solution.converged,
-    )
-    cases = {"without": without, "before": (survey, located), "after": (survey, replace(located, result=result))}
+    after = replace(located, result=step.result(0.0))
+    cases = {"without": (without, plain), "before": (survey, located), "after": (survey, after)}
     rows = {case: scored(*of, 0.0) for case, of in cases.items()}
     figures = {
         f"{key} {case}": round(float(row[key]), 3)

@@ -1,9 +1,13 @@
 """Ground stage: what a vertical load does to a homogeneous elastic half-space (Boussinesq)."""
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
 Ratio = Tensor | float
+#: (offset [..., 3], velocity [..., 2], Poisson's ratio) -> displacement rate [..., 3] of a unit load.
+Response = Callable[[Tensor, Tensor, Ratio], Tensor]
 
 
 def displacement(offset: Tensor, poisson_ratio: Ratio) -> Tensor:

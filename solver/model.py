@@ -313,15 +313,15 @@ class SignalPath:
             return self.plain_sensitivities(fiber, vehicles, poisson_ratio, values)
         shape = (len(self.traffic.pass_index), fiber.ahead.shape[-2])
         per_row = vehicles.rows(self.traffic)
-        cars = {f.name: leaf(getattr(per_row, f.name)[:, None], shape) for f in fields(per_row)}
-        load, stages = self.loads(Vehicles(**cars), values), self.stages_of(values)
-        parts = [self._block(r, load, fiber, cars["amplitude"], poisson_ratio, stages(r)) for r in self.blocks(fiber)]
+        own = {f.name: leaf(getattr(per_row, f.name)[:, None], shape) for f in fields(per_row)}
+        load, stages = self.loads(Vehicles(**own), values), self.stages_of(values)
+        parts = [self._block(r, load, fiber, own["amplitude"], poisson_ratio, stages(r)) for r in self.blocks(fiber)]
         rate = torch.cat([one.rate for one, _ in parts])
         by = {name: torch.cat([one.by[name] for one, _ in parts]) for name in parts[0][0].by}
         # On from the loads to the vehicles.
         moved = [x for x in load.tensors.values() if x.requires_grad]
         back = [torch.cat([part[which] for _, part in parts]) for which in range(len(moved))]
-        others = {name: x for name, x in cars.items() if name != "amplitude"}
+        others = {name: x for name, x in own.items() if name != "amplitude"}
         onward = torch.autograd.grad(moved, list(others.values()), back, materialize_grads=True)
         return Sensitivities(rate, by | dict(zip(others, onward, strict=True)))
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 import torch
 from torch import Tensor
 
-from solver.ground import Ratio, displacement, displacement_rate
+from solver.ground import Ratio, Response, displacement, displacement_rate
 
 #: Complex transfer of a time filter at the complex frequency s = sigma + i omega, rad/s.
 TimeTransfer = Callable[[Tensor], Tensor]
@@ -147,9 +147,6 @@ class Load:
             share_rate=rate,
             thrust=thrust,
         )
-
-
-Response = Callable[[Tensor, Tensor, Ratio], Tensor]
 
 
 @dataclass(frozen=True)

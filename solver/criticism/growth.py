@@ -75,6 +75,18 @@ class Grown:
         before, after = self.held_out
         return before is None or after is None or after < before - CHANCE / float(self.fit.measured.sum())
 
+    def result(self, seconds: float) -> FitResult:
+        """The fit as a result that took so many seconds."""
+        return assemble(
+            self.fit.problem,
+            self.fit,
+            self.solution.state,
+            method="spline",
+            iterations=self.solution.iterations,
+            seconds=seconds,
+            converged=self.solution.converged,
+        )
+
 
 def grow(
     fit: MapFit,
@@ -97,13 +109,10 @@ def grow(
         If there is no such effect, it is in the model already, or it does nothing in this survey.
     """
     # Tracks that may be off by anything would take up what shifts them all, held-out ones too.
-    strict = strict_tracks(fit.problem, track_spread(fit.problem.passes, state.vehicles.along.numpy())).prior
-
-    def trusting(fit: MapFit) -> MapFit:
-        return MapFit(replace(fit.problem, prior=strict))
+    trusting = strict_tracks(fit.problem, track_spread(fit.problem.passes, state.vehicles.along.numpy()))
 
     def held_out(fit: MapFit, state: State) -> float | None:
-        return held_out_chi2(trusting(fit).problem, advance, at=(fit, state))
+        return held_out_chi2(replace(fit.problem, prior=trusting.prior), advance, at=(fit, state))
 
     before = held_out(fit, state)
     if name in FAULTS:
@@ -118,7 +127,7 @@ def grow(
     effect = find(name, dict(catalogue))
     if name in {one.name for one in fit.problem.effects}:
         raise InputError(f"{name}: is in the model already; choose another effect")
-    trusted = trusting(fit)
+    trusted = MapFit(trusting)
     refit = fitted_with(trusted, solve(trusted, state, iterations=60).state, effect, advance)
     new = MapFit(replace(refit.fit.problem, prior=fit.problem.prior))
     end = solve(new, refit.solution.state, iterations=60)
@@ -138,16 +147,7 @@ def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[in
 
 def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) -> Run:
     """The run as it is with more in its model."""
-    result = assemble(
-        grown.fit.problem,
-        grown.fit,
-        grown.solution.state,
-        method="spline",
-        iterations=grown.solution.iterations,
-        seconds=seconds,
-        converged=grown.solution.converged,
-    )
-    result = replace(result, ambiguous_side=run.result.ambiguous_side)
+    result = replace(grown.result(seconds), ambiguous_side=run.result.ambiguous_side)
     at = np.isin(result.channel, grown.fit.problem.channel)
     problem = replace(grown.fit.problem, start=result.route[at])
     facts = run.facts | {

@@ -9,9 +9,6 @@ from solver.ground import Ratio, displacement, displacement_rate
 from solver.half_space.blocks import double, in_blocks
 from solver.half_space.table import RadialTable, RatioTable
 
-#: (offset, velocity, Poisson's ratio) -> displacement rate.
-Response = Callable[[Tensor, Tensor, Ratio], Tensor]
-
 #: Distance of the three Poisson ratios through which a correction that varies with them is interpolated.
 SPREAD = 0.04
 

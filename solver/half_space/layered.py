@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
-from solver.ground import Ratio
-from solver.half_space.correction import Response, Tables, corrected_displacement, corrected_rate
+from solver.ground import Ratio, Response
+from solver.half_space.correction import Tables, corrected_displacement, corrected_rate
 from solver.half_space.images import images
 from solver.half_space.stack import Stack
 from solver.half_space.table import Cells, RadialTable

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ HERMITE = torch.tensor(
     [[1, 0, 0, 0], [0, 0, 1, 0], [-3, 3, -2, -1], [2, -2, 1, 1]],
     dtype=torch.float64,
 )
-
 
 Array = NDArray[np.float64]
 
@@ -112,9 +112,13 @@ class RatioTable:
 
     def __call__(self, square: Tensor, depth: Tensor, poisson_ratio: Tensor) -> tuple[Tensor, ...]:
         """As `RadialTable` gives it, all [point]."""
+        return looked_up(square, depth, (poisson_ratio - self.ratio) / self.spread, self.parabolas, self.middle)
+
+    @cached_property
+    def parabolas(self) -> Tensor:
+        """Coefficients [cell, power, 32], by powers of the ratio's distance over the spread."""
         below, middle, above = (table.coefficients for table in (self.below, self.middle, self.above))
-        parabolas = torch.stack([middle, (above - below) / 2, (above + below) / 2 - middle], 1)
-        return looked_up(square, depth, (poisson_ratio - self.ratio) / self.spread, parabolas, self.middle)
+        return torch.stack([middle, (above - below) / 2, (above + below) / 2 - middle], 1)
 
 
 def looked_up(square: Tensor, depth: Tensor, away: Tensor, parabolas: Tensor, table: RadialTable) -> tuple[Tensor, ...]:
