@@ -18,8 +18,9 @@ Array = NDArray[np.float64]
 
 #: Longest memory of the noise that is looked for, s, and samples.
 MEMORY, LONGEST = 8.0, 40
-#: Correlations between channels below this are within the scatter of their estimate.
-SPATIAL_FLOOR, SPATIAL_LAGS = 0.04, 12
+#: Correlations between channels below this are within the scatter of their estimate. The noise of overlapping gauges
+#: correlates over a gauge length; lags twice as large are needed, as the older half is tapered.
+SPATIAL_FLOOR, SPATIAL_LAGS = 0.04, 24
 CHUNK = 64
 
 

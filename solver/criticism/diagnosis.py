@@ -11,20 +11,19 @@ import numpy as np
 
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.candidate import Candidate, fault_candidate, score_candidate
-from solver.criticism.refit import Refit, elsewhere, race
-from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
+from solver.criticism.refit import HOPE, Refit, elsewhere, race
+from solver.criticism.repairs import SEARCHES, Fault, mended
 from solver.criticism.score import FOUND, Score, Scorer, score_all, similarity
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.track_trust import strict_tracks, track_spread
-from solver.criticism.verdict_words import missing_words, power_words, unknown_words
-from solver.effects.catalogue import FAMILIES, MIXING, STAND_INS, families_of
+from solver.criticism.verdict_words import fault_words, leveled_words, missing_words, power_words, unknown_words
+from solver.effects.catalogue import FAMILIES, GAINS, MIXING, STAND_INS, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
-from solver.whitening import NoiseLaw
 
 Advance = Callable[[int], None]
 
@@ -36,9 +35,9 @@ STRICTER = 0.95
 FEW, MANY = 3, 20
 #: Share of the winner's evidence at which one of its own family is not ruled out.
 RIVAL = 0.65
-#: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little,
-#: and to one of another kind, before the winner is doubted.
-LEFT, ASTRAY = 0.05, 0.025
+#: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little
+#: (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
+LEFT, FINER, ASTRAY = 0.05, 0.1, 0.025
 #: Correlation of the noise of neighboring channels above which it was mixed after it was read.
 SHARED = 0.1
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
@@ -91,8 +90,7 @@ class Bench:
         """Score `effects`, those in the model left out."""
         scorer = Scorer(fit, state)
         table = score_all(scorer, scorable(fit.problem, effects), advance)
-        searches = (find_unseen_vehicle(fit, state), find_cycle_skips(fit, state, scorer.at.weights.good.numpy()))
-        return cls(scorer, table, [fault for fault in searches if fault is not None])
+        return cls(scorer, table, [fault for search in SEARCHES.values() if (fault := search(fit, state)) is not None])
 
 
 def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
@@ -115,7 +113,7 @@ def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
 
 
 def steps(effects: Sequence[Effect]) -> int:
-    """How often a diagnosis advances at most: two tables of scores, two races, one of them from two places."""
+    """How often a diagnosis advances at most where no fault is mended: two tables, two races, one from two places."""
     return 2 * len(effects) + 2 * RACERS + BESIDE
 
 
@@ -135,7 +133,7 @@ def diagnose(
     state : where its fit ended; it is fitted again where None
     effects : the catalogue
     held_out : confirm the winner on passes that its fit has not seen
-    advance : called with 1 after each effect scored and each candidate begun to be fitted; at most `steps` times
+    advance : called with 1 after each effect scored and each candidate begun to be fitted, some `steps` times
 
     Returns
     -------
@@ -150,11 +148,21 @@ def diagnose(
     if check.signal_noise > 0:
         problem = replace(problem, signal_noise=check.signal_noise)
         fit, state = converged(problem, state)
-    bench = Bench.of(fit, state, effects, advance)
     if not check.passed:
-        return unranked(bench, check)
+        return unranked(Bench.of(fit, state, effects, advance), check)
+    return examined(fit, state, check, effects, held_out, advance)
+
+
+def examined(
+    fit: MapFit, state: State, check: NoiseAudit, effects: Sequence[Effect], held_out: bool, advance: Advance
+) -> Diagnosis:
+    """Rank what a converged fit may lack, race the best, and judge."""
+    bench = Bench.of(fit, state, effects, advance)
+    plain = max(map(fault_candidate, bench.faults), key=lambda c: c.evidence, default=None)
+    if plain is not None and plain.verdict == "present" and plain.evidence > HOPE * bench.table[0].evidence:
+        return beside_fault(bench, plain, check, effects, held_out, advance)
     first = racers(bench.table)
-    late = elsewhere(bench.scorer, scorable(problem, effects))[: RACERS + 1] if first else []
+    late = elsewhere(bench.scorer, scorable(fit.problem, effects))[: RACERS + 1] if first else []
     tried = race(bench.scorer, first, advance, late)
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]
@@ -191,6 +199,10 @@ def judge(
     """The verdict on a ranked list."""
     stress = bench.scorer.stress
     present = [c for c in listed if c.verdict == "present" and (c.refitted or is_fault(bench, c))]
+    if not present and check.leveled:
+        level = next(c for c in listed if c.effect in GAINS)
+        words = leveled_words(check.loud)
+        return Diagnosis("unknown-effect", words, order(listed, placed(level, bench, check)), check, stress)
     if not present:
         weakest = power_words(listed)
         words = f"nothing is missing that this survey could show. {weakest}"
@@ -198,17 +210,20 @@ def judge(
     physical = [c for c in present if not c.generic]
     generic = [c for c in present if c.generic]
     if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence)):
-        first = placed(generic[0], bench.scorer.fit.problem.law)
+        first = placed(generic[0], bench, check)
         words = unknown_words(first, physical)
         return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
     first = plainest(physical)
-    if first.effect in tried and tried[first.effect].pushed:
+    if not is_fault(bench, first) and tried[first.effect].pushed:
         words = (
             f"{first.effect} explains the most of all known effects, but at {first.estimate:.3g}, the edge of what can "
             f"be: something unknown acts, as it does at the {first.stage} stage"
         )
         return Diagnosis("unknown-effect", words, order(listed, replace(first, verdict="excluded")), check, stress)
-    fit, state = with_first(bench, first, tried)
+    if is_fault(bench, first):
+        return beside_fault(bench, first, check, effects, held_out, advance)
+    winner = tried[first.effect]
+    fit, state = winner.fit, solve(winner.fit, winner.solution, iterations=40).state
     again = Bench.of(fit, state, suspects(bench.table, effects), advance)
     others = [s for s in again.table if s.evidence > FOUND]
     left = others[0].evidence if others else 0.0
@@ -217,20 +232,20 @@ def judge(
     known = max((r.evidence for r in second.values() if not r.effect.generic), default=0.0)
     if best is not None and outdone(known, best.evidence) and doubted(first, best, others):
         stand_in = score_candidate(next(s for s in others if s.effect is best.effect), best)
-        stand_in = placed(stand_in, bench.scorer.fit.problem.law)
+        stand_in = placed(stand_in, bench, check)
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
             f"acts at the {stand_in.stage} stage ({best.effect.physics.rstrip('.').lower()})"
         )
         return Diagnosis("unknown-effect", words, order(listed, stand_in), check, stress, left=left)
-    if held_out and first.effect in tried:
-        gain = held_out_gain(bench.scorer, tried[first.effect])
+    if held_out:
+        gain = held_out_gain(bench.scorer, winner)
         first = replace(first, held_out_gain=gain)
         if gain is not None and gain <= 0:
             words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
             return Diagnosis("inconclusive", words, order(listed, first), check, stress, left=left)
     first = replace(first, confounded_with=confounded(bench, first, listed, tried))
-    words, separate = missing_words(first, bench.faults, left)
+    words, separate = missing_words(first, left)
     # Whatever else lowers the misfit may do so in the winner's place: that is open until the winner is in the model.
     rest = [replace(c, verdict="inconclusive") if c.verdict == "present" else c for c in listed]
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
@@ -245,11 +260,11 @@ def plainest(physical: Sequence[Candidate]) -> Candidate:
     return few[0] if best.numbers > MANY and few and not outdone(few[0].evidence, best.evidence) else best
 
 
-def placed(stand_in: Candidate, law: NoiseLaw) -> Candidate:
-    """A stand-in at the stage where it acts: what mixes the channels' noise too comes after the reading."""
-    if stand_in.effect in MIXING and len(law.across) > 1 and abs(law.across[1]) > SHARED:
-        return replace(stand_in, stage="processing")
-    return stand_in
+def placed(stand_in: Candidate, bench: Bench, check: NoiseAudit) -> Candidate:
+    """A stand-in at the stage where it acts: what mixes or levels the channels' noise too comes after the reading."""
+    across = bench.scorer.fit.problem.law.across
+    mixed = stand_in.effect in MIXING and len(across) > 1 and abs(across[1]) > SHARED
+    return replace(stand_in, stage="processing") if mixed or (stand_in.effect in GAINS and check.leveled) else stand_in
 
 
 def outdone(known: float, stand_in: float) -> bool:
@@ -260,7 +275,8 @@ def outdone(known: float, stand_in: float) -> bool:
 def doubted(first: Candidate, best: Refit, others: Sequence[Score]) -> bool:
     """Whether the first candidate leaves more to the best stand-in for the unknown than its own law may be off by."""
     alike = [s.fall for s in others if s.effect.generic and akin(first, s.effect)]
-    most = LEFT if max(alike, default=0.0) >= best.fall or akin(first, best.effect) else ASTRAY
+    own = FINER if first.numbers > MANY else LEFT
+    most = own if max(alike, default=0.0) >= best.fall or akin(first, best.effect) else ASTRAY
     return best.fall > most * max(first.delta_chi2, 1.0)
 
 
@@ -270,14 +286,19 @@ def akin(first: Candidate, stand_in: Effect) -> bool:
     return stand_in.stage == first.stage or not set(families).isdisjoint(families_of(first.effect))
 
 
-def with_first(bench: Bench, first: Candidate, tried: Mapping[str, Refit]) -> tuple[MapFit, State]:
-    """The survey fitted with the first candidate in its model, or with the fault mended."""
-    if first.effect in tried:
-        winner = tried[first.effect]
-        return winner.fit, solve(winner.fit, winner.solution, iterations=40).state
+def beside_fault(
+    bench: Bench, first: Candidate, check: NoiseAudit, effects: Sequence[Effect], held_out: bool, advance: Advance
+) -> Diagnosis:
+    """The verdict where a fault of the survey explains the most: it is mended, and what is left judged by itself."""
     fault = next(fault for fault in bench.faults if fault.name == first.effect)
     fit, solution = mended(bench.scorer.fit, bench.scorer.state, fault)
-    return fit, solution.state
+    rest = examined(fit, solution.state, check, effects, held_out, advance)
+    words = f"{fault_words(first, fault)}. Once it is mended, {rest.words}"
+    if rest.verdict == "unknown-effect":
+        candidates = (rest.candidates[0], *order(rest.candidates[1:], first))
+        return replace(rest, words=words, candidates=candidates)
+    left = rest.candidates[0].evidence if rest.verdict == "missing-effect" else 0.0
+    return replace(rest, verdict="missing-effect", words=words, candidates=order(rest.candidates, first), left=left)
 
 
 def is_fault(bench: Bench, candidate: Candidate) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from solver.criticism.refit import Refit, elsewhere, race
-from solver.criticism.repairs import Fault, find_cycle_skips, find_unseen_vehicle, mended
+from solver.criticism.repairs import SEARCHES, TAKEN_OUT, mended
 from solver.criticism.score import Scorer
 from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.effects.catalogue import find
@@ -26,11 +26,6 @@ from vision.contract import InputError
 
 #: Fall of chi2 that is chance.
 CHANCE = 4.0
-
-FAULTS: Mapping[str, Callable[[MapFit, State], Fault | None]] = {
-    "unseen_vehicle": find_unseen_vehicle,
-    "cycle_skips": lambda fit, state: find_cycle_skips(fit, state, fit.linearized(state).weights.good.numpy()),
-}
 
 
 @dataclass(frozen=True)
@@ -115,12 +110,12 @@ def grow(
         return held_out_chi2(replace(fit.problem, prior=trusting.prior), advance, at=(fit, state))
 
     before = held_out(fit, state)
-    if name in FAULTS:
-        fault = FAULTS[name](fit, state)
+    if name in SEARCHES:
+        fault = SEARCHES[name](fit, state)
         if fault is None:
             raise InputError(f"{name}: nothing of the kind is in this survey's residual")
         new, end = mended(fit, state, fault)
-        if name == "cycle_skips":
+        if name in TAKEN_OUT:
             # Samples are taken out and no model changes: there is nothing that held-out passes could compare.
             return Grown(new, end, (None, before))
         return Grown(new, end, (before, held_out(new, end.state)))

@@ -1,15 +1,17 @@
-"""Faults of a survey that are no change to a stage: a vehicle that the trajectories lack, samples that jumped.
+"""Faults of a survey that are no change to a stage: a vehicle the trajectories lack, jumped samples, deaf channels.
 
-Each is searched for in the residual, and mended in the survey itself: a pass more, samples taken out.
+Each is searched for in the residual, and mended in the survey itself: a pass more, samples or channels taken out.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.optimize import minimize
 
 from solver.cable import Fiber
 from solver.fit.least_squares import Solution, solve
@@ -28,6 +30,12 @@ SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
 REACH = 90.0
 #: Sigmas by which a sample that jumped differs from its neighbors.
 JUMP = 8.0
+#: Share of its neighbors' gain below which a channel is deaf, over how many channels they are, and how many are named.
+DEAF, AROUND, NAMED = 0.3, 15, 8
+#: m; uncertainty of the track of an unseen vehicle, which drives straight on.
+GUESSED = 0.3
+#: How far from the known vehicles' course an unseen one may drive, m.
+LANE = 2.0
 #: s; a vehicle of the trajectories that passes the middle within this time is not unseen.
 KNOWN = 1.5
 
@@ -77,7 +85,7 @@ def straight(problem: Problem, speed: float, way: int, y: float, start: float, r
     keep = np.flatnonzero(np.abs(speed * time) <= REACH)
     position = np.column_stack([x[keep], np.full(len(keep), y)])
     velocity = np.tile([way * speed, 0.0], (len(keep), 1))
-    sigma = np.full((len(keep), 2), 0.05)
+    sigma = np.full((len(keep), 2), GUESSED)
     return Pass("unseen", "car", keep, position, velocity, sigma, np.ones(len(keep), bool))
 
 
@@ -117,7 +125,16 @@ def passing_times(problem: Problem) -> list[tuple[int, float]]:
 
 
 class Peak(NamedTuple):
-    """A match: in sigmas, weight and its sigma relative to a typical car, time of passing, s, direction, speed, m/s."""
+    """A match.
+
+    Parameters
+    ----------
+    snr : sigmas
+    weight, sigma : relative to a typical car
+    time : of passing the middle of the channels, s since the first row
+    way, speed, y : direction (+1, -1 along x), m/s, lateral position, m
+    free : moments at which no known vehicle passes
+    """
 
     snr: float
     weight: float
@@ -125,6 +142,8 @@ class Peak(NamedTuple):
     time: float
     way: int
     speed: float
+    y: float
+    free: int
 
 
 def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
@@ -136,36 +155,47 @@ def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
     white = whiten(torch.from_numpy(rest)).numpy()
     white = np.clip(white, -8, 8)
     known = passing_times(problem)
-    best: Peak | None = None
-    trials = 0
-    for way, y in lanes(problem):
-        for speed in SPEEDS:
-            shape = template(fit, state, speed, way, y)
-            own = replace(whiten, samples=np.arange(len(shape)))
-            shape = own(torch.from_numpy(shape)).numpy()
-            match = correlate(white, shape)
-            energy = float((shape**2).sum())
-            time = (np.arange(len(match)) - (len(shape) - 1) + len(shape) // 2) / problem.sampling_rate
-            free = np.ones(len(match), bool)
-            for other, at in known:
-                free &= (np.abs(time - at) > KNOWN) | (other != way)
-            free &= (time > 0) & (time < rows / problem.sampling_rate)
-            trials += int(free.sum())
-            snr = np.where(free, match / np.sqrt(energy), -np.inf)
-            peak = int(snr.argmax())
-            if best is None or snr[peak] > best.snr:
-                best = Peak(float(snr[peak]), float(match[peak] / energy), energy**-0.5, float(time[peak]), way, speed)
-    if best is None:
+
+    def match(speed: float, way: int, y: float) -> Peak:
+        shape = template(fit, state, speed, way, y)
+        shape = replace(whiten, samples=np.arange(len(shape)))(torch.from_numpy(shape)).numpy()
+        product = correlate(white, shape)
+        energy = float((shape**2).sum())
+        time = (np.arange(len(product)) - (len(shape) - 1) + len(shape) // 2) / problem.sampling_rate
+        free = (time > 0) & (time < rows / problem.sampling_rate)
+        for other, at in known:
+            free &= (np.abs(time - at) > KNOWN) | (other != way)
+        snr = np.where(free, product / np.sqrt(energy), -np.inf)
+        at = int(snr.argmax())
+        size, sigma = float(product[at] / energy), energy**-0.5
+        return Peak(float(snr[at]), size, sigma, float(time[at]), way, speed, y, int(free.sum()))
+
+    coarse = [match(speed, way, y) for way, y in lanes(problem) for speed in SPEEDS]
+    if not coarse:
         return None
-    found, lane = best, dict(lanes(problem))[best.way]
+    found = refined(max(coarse), match)
 
     def mend(survey: Problem) -> Problem:
-        return with_pass(survey, straight(survey, found.speed, found.way, lane, found.time, len(survey.record)))
+        return with_pass(survey, straight(survey, found.speed, found.way, found.y, found.time, len(survey.record)))
 
     speed_x = found.way * found.speed * 3.6
     words = f"a vehicle the trajectories lack passes the middle at {found.time:.1f} s, {speed_x:+.0f} km/h along x"
     fall, least = max(found.snr, 0.0) ** 2, 6 * found.sigma
-    return Fault("unseen_vehicle", "load", fall, 3, trials, found.weight, found.sigma, "1", least, words, mend)
+    trials = sum(one.free for one in coarse)
+    return Fault("unseen_vehicle", "load", fall, 4, trials, found.weight, found.sigma, "1", least, words, mend)
+
+
+def refined(coarse: Peak, match: Callable[[float, int, float], Peak]) -> Peak:
+    """The best match at any speed near that of the coarse search, and in any part of the lane."""
+
+    def miss(at: Array) -> float:
+        return -match(float(at[0]), coarse.way, float(at[1])).snr
+
+    corners = [[coarse.speed, coarse.y], [coarse.speed * 1.08, coarse.y], [coarse.speed, coarse.y + LANE / 2]]
+    bounds = [(SPEEDS[0] / 2, 2 * SPEEDS[-1]), (coarse.y - LANE, coarse.y + LANE)]
+    options = {"initial_simplex": corners, "xatol": 0.02, "fatol": 0.05, "maxfev": 60}
+    best = minimize(miss, corners[0], method="Nelder-Mead", bounds=bounds, options=options).x
+    return match(float(best[0]), coarse.way, float(best[1]))
 
 
 def correlate(values: Array, shape: Array) -> Array:
@@ -183,10 +213,10 @@ def with_pass(problem: Problem, one: Pass) -> Problem:
     return replace(problem, passes=passes, traffic=Traffic.of(passes, problem.traffic.samples))
 
 
-def find_cycle_skips(fit: MapFit, state: State, good: NDArray[np.float64]) -> Fault | None:
+def find_cycle_skips(fit: MapFit, state: State) -> Fault | None:
     """Samples far out of the noise whose neighbors are not: jumps of the unwrapped phase, spikes."""
     measured = fit.measured.numpy()
-    bad = measured & (good == 0)
+    bad = measured & (fit.linearized(state).weights.good.numpy() == 0)
     near = np.zeros_like(bad)
     for axis in (0, 1):
         for step in (1, -1):
@@ -212,6 +242,43 @@ def find_cycle_skips(fit: MapFit, state: State, good: NDArray[np.float64]) -> Fa
     rate = count / total
     words = f"{count} of {total} samples jump by many sigmas and back; they are left out of the fit"
     return Fault("cycle_skips", "interrogator", fall, 1, 1, rate, rate / count**0.5, "1", 5 / total, words, mend)
+
+
+def find_faded_channels(fit: MapFit, state: State) -> Fault | None:
+    """Single channels that hear next to nothing of what their neighbors do."""
+    use = fit.measured.numpy()
+    model = np.where(use, fit.model(state).numpy(), 0.0)
+    energy = (model**2).sum(0)
+    gain = np.where(use, np.nan_to_num(fit.data.numpy()) * model, 0.0).sum(0) / np.maximum(energy, 1e-300)
+    heard = energy / fit.problem.noise.numpy() ** 2
+    around = median_filter(gain, AROUND, mode="nearest")
+    deaf = (np.abs(gain) < DEAF * around) & (heard * (around - gain) ** 2 > JUMP**2)
+    count = int(deaf.sum())
+    if count == 0:
+        return None
+    fall = float((heard * (around - gain) ** 2)[deaf].sum())
+    numbers = fit.problem.channel[deaf]
+
+    def mend(survey: Problem) -> Problem:
+        record = survey.record.copy()
+        record[:, np.isin(survey.channel, numbers)] = np.nan
+        return replace(survey, record=record)
+
+    share, least = count / len(deaf), 1 / len(deaf)
+    named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if count > NAMED else "")
+    words = f"channels that hear next to nothing of what their neighbors do ({named}) are left out of the fit"
+    sigma = share / count**0.5
+    return Fault("faded_channels", "interrogator", fall, count, len(deaf), share, sigma, "1", least, words, mend)
+
+
+#: How to look for each fault, by its name in the catalogue.
+SEARCHES: Mapping[str, Callable[[MapFit, State], Fault | None]] = {
+    "unseen_vehicle": find_unseen_vehicle,
+    "cycle_skips": find_cycle_skips,
+    "faded_channels": find_faded_channels,
+}
+#: Those that are mended by leaving out what was measured.
+TAKEN_OUT = ("cycle_skips", "faded_channels")
 
 
 def mended(fit: MapFit, state: State, fault: Fault) -> tuple[MapFit, Solution]:

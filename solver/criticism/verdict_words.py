@@ -23,13 +23,21 @@ def number(value: float) -> str:
     return f"{value:.3g}"
 
 
-def missing_words(first: Candidate, faults: Sequence[Fault], left: float) -> tuple[str, str]:
-    """Verdict on a missing effect, and what survey would tell its twins apart."""
-    fault = next((f for f in faults if f.name == first.effect), None)
-    what = fault.words if fault else f"{first.effect} is missing at the {first.stage} stage"
+def size_words(first: Candidate) -> str:
+    """How large something is, and what it explains."""
     unit = "" if first.unit == "1" else f" {first.unit}"
-    size = f"; size {number(first.estimate)} +- {number(first.sigma)}{unit}"
-    words = f"{what}{size}; adding it lowers chi2 by {first.delta_chi2:.0f}"
+    size = f"size {number(first.estimate)} +- {number(first.sigma)}{unit}"
+    return f"{size}; adding it lowers chi2 by {first.delta_chi2:.0f}"
+
+
+def fault_words(first: Candidate, fault: Fault) -> str:
+    """What is wrong with the survey itself."""
+    return f"{fault.words}; {size_words(first)}"
+
+
+def missing_words(first: Candidate, left: float) -> tuple[str, str]:
+    """Verdict on a missing effect, and what survey would tell its twins apart."""
+    words = f"{first.effect} is missing at the {first.stage} stage; {size_words(first)}"
     if left > FOUND:
         words += "; more is missing beside it: add it and diagnose again"
     if not first.confounded_with:
@@ -49,6 +57,15 @@ def unknown_words(first: Candidate, physical: Sequence[Candidate]) -> str:
             f"; nearest is {physical[0].effect}, with {100 * physical[0].delta_chi2 / first.delta_chi2:.0f} % of it"
         )
     return words
+
+
+def leveled_words(loud: float) -> str:
+    """Verdict on a record whose gain followed the signal, which the fit takes for lighter vehicles."""
+    return (
+        f"an unknown effect acts at the processing stage: where vehicles are loud the noise has {100 * loud:.0f} % of "
+        "the variance that it has elsewhere, as an automatic gain or a normalization leaves it; diagnose the record as "
+        "it was before"
+    )
 
 
 def power_words(listed: Sequence[Candidate]) -> str:

@@ -38,6 +38,8 @@ FAMILIES: dict[str, tuple[str, ...]] = {
 
 #: Stand-ins that mix channels, whether in the instrument or after it.
 MIXING = ("generic_echo", "generic_neighbors")
+#: Stand-ins that change how strongly all channels are read, whether in the instrument or after it.
+GAINS = ("generic_gain", "generic_nonlinearity")
 #: Families of which a stand-in for the unknown takes up what the catalogue's laws leave.
 STAND_INS = {
     "generic_track": ("place",),
@@ -88,6 +90,14 @@ FAULTS = {
             "Itoh 1982, Appl. Opt. 21, 2470: unwrapping fails where the phase moves by more than pi a sample.",
             "1",
             (1e-4, 1e-2),
+        ),
+        FaultKind(
+            "faded_channels",
+            "interrogator",
+            "Single channels hear next to nothing of what their neighbors do; they are left out of the fit.",
+            "Fading of Rayleigh backscatter: Healey 1984, Electron. Lett. 20, 30.",
+            "1",
+            (1e-2, 0.2),
         ),
     )
 }

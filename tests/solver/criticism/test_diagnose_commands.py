@@ -85,7 +85,9 @@ def test_nothing_hidden_is_adequate_and_says_what_could_have_hidden(tmp_path: Pa
     assert found["audit"]["faults"] == []
 
 
-@pytest.mark.parametrize(("name", "amount"), [("unknown_echo", 0.2), ("unknown_quadratic", 0.4)])
+@pytest.mark.parametrize(
+    ("name", "amount"), [("unknown_echo", 0.2), ("unknown_quadratic", 0.4), ("unknown_equalized", 0.6)]
+)
 def test_what_is_in_no_catalogue_is_called_unknown(tmp_path: Path, name: str, amount: float) -> None:
     found = diagnosis(located(tmp_path, {name: amount}))
     assert found["verdict"] in ("unknown-effect", "inconclusive"), found["words"]
@@ -119,6 +121,13 @@ def test_two_effects_are_found_one_after_the_other(tmp_path: Path) -> None:
     assert rungs[-1]["chi2_per_dof"] < 1.05 * rungs[-1]["noise_floor"]
     page = (tmp_path / "explained" / "explain.html").read_text(encoding="utf-8")
     assert "gauge_length was added" in page
+
+
+def test_a_vehicle_that_the_camera_missed_hides_no_other_effect(tmp_path: Path) -> None:
+    found = diagnosis(located(tmp_path, {"unseen_vehicle": 0.8, "gauge_length": 0.15}))
+    present = [c["effect"] for c in found["candidates"] if c["verdict"] == "present"]
+    assert found["verdict"] == "missing-effect", found["words"]
+    assert set(present) == {"unseen_vehicle", "gauge_length"}, found["words"]
 
 
 PLUGIN = """
