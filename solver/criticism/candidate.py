@@ -9,6 +9,7 @@ from scipy.stats import chi2 as chi2_law
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import Fault
 from solver.criticism.score import FOUND, Score, evidence
+from solver.effects.catalogue import FAULTS
 
 #: Share of its plausible size below which an effect may be there and explains nothing.
 NEGLIGIBLE = 0.1
@@ -60,7 +61,8 @@ class Candidate:
 def fault_candidate(fault: Fault) -> Candidate:
     """What is said of a fault of the survey."""
     strength = evidence(fault.fall, fault.freedom, fault.trials)
-    found = strength > FOUND and (fault.name != "unseen_vehicle" or fault.estimate > 5 * fault.sigma)
+    least = NEGLIGIBLE * FAULTS[fault.name].plausible[0]
+    found = strength > FOUND and (fault.name != "unseen_vehicle" or fault.estimate > max(5 * fault.sigma, least))
     return Candidate(
         effect=fault.name,
         stage=fault.stage,

@@ -16,6 +16,7 @@ from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
+from solver.load import LAYOUTS
 from solver.model import Vehicles
 
 #: Steps of each round of the race, of the first one from far away, and rounds.
@@ -30,6 +31,8 @@ STAY = 0.75
 SHIFTED = 1.0
 #: Share of the best one's evidence that an effect must have to start with unshifted tracks.
 LATE = 0.25
+#: Classes from light to heavy, and weights relative to the lighter half's mean that divide them.
+HEAVIER, TIMES = ("car", "truck", "bus"), (1.8, 5.0)
 
 
 def counted(fit: MapFit, at: Linearized) -> Tensor:
@@ -165,7 +168,8 @@ def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> Stat
     moved = torch.zeros_like(scorer.fit.mean)
     moved[scorer.fit.free] = scorer.along(score)
     best, cost = replace(state, numbers=base), np.inf
-    for step in (1.0, 0.5, 0.2, 0.05):
+    # What is told and not predicted may raise the misfit until all else has followed.
+    for step in (1.0, 0.5, 0.2, 0.05) if score.fall > 0 else (1.0,):
         there = state.moved(state.vector() + step * moved)
         numbers = base + step * change
         numbers[: len(there.numbers)] = there.numbers
@@ -199,8 +203,8 @@ def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
 
 
 def elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """Candidates that start elsewhere than the fit: with the coil that was seen, or with unshifted tracks."""
-    return with_coil(scorer, effects) + unshifted(scorer, effects)
+    """Candidates that start elsewhere than the fit: with the coil that was seen, usual wheels, or unshifted tracks."""
+    return with_coil(scorer, effects) + with_wheels(scorer, effects) + unshifted(scorer, effects)
 
 
 def with_coil(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
@@ -213,9 +217,33 @@ def with_coil(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
     route = torch.from_numpy(fit.basis.interpolate(distance, coil.route(distance)))
     there = Scorer(fit, fit.start_at(route, torch.tensor(fit.problem.prior.poisson_ratio[0]).double()), alone=True)
     middle = (fit.problem.distance[0] + fit.problem.distance[-1]) / 2
-    size, one = np.array([coil.length]), np.ones(1)
+    return [(there, as_told(fit, effect, np.array([coil.length]), {"place": coil.place - middle}))]
+
+
+def with_wheels(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
+    """Vehicles of unknown class on the wheels of the classes that their weights suggest.
+
+    Point loads have driven the ground's Poisson ratio and the depth elsewhere, from where steps lead nowhere.
+    """
+    fit, state = scorer.fit, scorer.state
+    effect = next((one for one in effects if one.name == "wheel_layout"), None)
+    unknown = np.array([one.vehicle_class not in LAYOUTS for one in fit.problem.passes])
+    if effect is None or not unknown.any():
+        return []
+    weight = np.abs(state.vehicles.amplitude.numpy())
+    light = np.sort(weight)[: (len(weight) + 1) // 2].mean()
+    kinds = [LAYOUTS[HEAVIER[np.searchsorted(TIMES, one / light)]] for one in weight]
+    along = np.array([kind.wheelbase**2 for kind in kinds]) * unknown
+    across = np.array([kind.track**2 for kind in kinds]) * unknown
+    fresh = fit.start_at(state.coefficients, torch.tensor(fit.problem.prior.poisson_ratio[0]).double(), state.numbers)
+    there = Scorer(fit, replace(fresh, vehicles=state.vehicles), alone=True)
+    return [(there, as_told(fit, effect, np.concatenate([along, across, 0 * along]), {}))]
+
+
+def as_told(fit: MapFit, effect: Effect, numbers: NDArray[np.float64], shape: dict[str, float]) -> Score:
+    """A score in form only: numbers to start from, of which nothing is predicted."""
     signal = torch.zeros(fit.measured.numel(), dtype=torch.float64)
-    return [(there, Score(effect, {"place": coil.place - middle}, False, 0.0, 1, 1, size, one, 1.0, signal))]
+    return Score(effect, shape, False, 0.0, len(numbers), 1, numbers, np.ones(len(numbers)), 1.0, signal)
 
 
 def race(

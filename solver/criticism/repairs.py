@@ -35,7 +35,7 @@ DEAF, AROUND, NAMED = 0.3, 15, 8
 #: m; uncertainty of the track of an unseen vehicle, which drives straight on.
 GUESSED = 0.3
 #: How far from the known vehicles' course an unseen one may drive, m.
-LANE = 2.0
+LANE = 1.0
 #: s; a vehicle of the trajectories that passes the middle within this time is not unseen.
 KNOWN = 1.5
 
