@@ -24,20 +24,20 @@ def number(value: float) -> str:
 
 
 def size_words(first: Candidate) -> str:
-    """How large something is, and what it explains."""
+    """How large something is."""
     unit = "" if first.unit == "1" else f" {first.unit}"
-    size = f"size {number(first.estimate)} +- {number(first.sigma)}{unit}"
-    return f"{size}; adding it lowers chi2 by {first.delta_chi2:.0f}"
+    return f"size {number(first.estimate)} +- {number(first.sigma)}{unit}"
 
 
 def fault_words(first: Candidate, fault: Fault) -> str:
     """What is wrong with the survey itself."""
-    return f"{fault.words}; {size_words(first)}"
+    return f"{fault.words}; {size_words(first)}; mending it lowers chi2 by {first.delta_chi2:.0f}"
 
 
 def missing_words(first: Candidate, left: float) -> tuple[str, str]:
     """Verdict on a missing effect, and what survey would tell its twins apart."""
     words = f"{first.effect} is missing at the {first.stage} stage; {size_words(first)}"
+    words += f"; adding it lowers chi2 by {first.delta_chi2:.0f}"
     if left > FOUND:
         words += "; more is missing beside it: add it and diagnose again"
     if not first.confounded_with:

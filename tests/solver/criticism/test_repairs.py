@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from solver.criticism.audit import NoiseAudit, audit, signal_growth
-from solver.criticism.repairs import find_cycle_skips, find_faded_channels, find_unseen_vehicle, mended
+from solver.criticism.repairs import SEARCHES, find_cycle_skips, find_faded_channels, find_unseen_vehicle, mended
+from solver.effects.catalogue import FAULTS
 from solver.effects.trial_survey import trial_survey
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
@@ -35,6 +36,10 @@ def fitted(problem: Problem) -> tuple[MapFit, State]:
 def misfit(fit: MapFit, state: State) -> float:
     """Mean square of what is left of the measured samples, noise variances."""
     return float(fit.residual(state).square().sum() / fit.measured.sum())
+
+
+def test_every_fault_of_the_catalogue_is_searched_for() -> None:
+    assert set(SEARCHES) == set(FAULTS)
 
 
 def test_a_sound_survey_has_no_fault(survey: Problem) -> None:

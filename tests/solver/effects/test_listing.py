@@ -29,7 +29,8 @@ def test_all_effects_are_listed_by_stage():
         assert f"│ {name} " in text
     places = [text.index(f"\n{stage} ") if stage != "trajectory" else 0 for stage in STAGES]
     assert places == sorted(places)
-    assert text.count("(generic)") == sum(one.generic for one in built_in().values()) and text.count("(fault)") == 2
+    assert text.count("(generic)") == sum(one.generic for one in built_in().values())
+    assert text.count("(fault)") == len(FAULTS)
     assert "offset: plausible 0.2 s, null 0, -5 to 5" in text
     assert "family blur" in text and "one per pass" in text and "smooth along the fiber" in text
 
