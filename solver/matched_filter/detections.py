@@ -15,6 +15,8 @@ THRESHOLD_DB = 7.0
 FRAME_RATE = 10.0  # Hz; a vehicle moves less than its response is wide between two frames
 SPIKE = 6.0  # noise standard deviations off its neighbors
 ROWS_FOR_NOISE = 2000
+#: Times the usual level of a channel above which it is brought down to it.
+LOUD = 4.0
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,24 @@ def mended(strain_rate: Array) -> Array:
     noise = 1.4826 * np.median(np.abs(bend)) / np.sqrt(6) if len(bend) else 0.0
     spike = (rough > SPIKE * noise) & (rough > five[..., 3] - five[..., 1])
     return interpolated(np.where(spike, np.nan, filled))
+
+
+def quieted(strain_rate: Array) -> Array:
+    """Strain rate [frame, channel] whose loudest channels are brought down to the usual level.
+
+    A machine beside the fiber, a splice or a fading point would else be all that is detected in every frame.
+
+    >>> loud = np.random.default_rng(0).normal(size=(300, 20)) * np.where(np.arange(20) == 3, 30.0, 1.0)
+    >>> [round(float(one.std())) for one in (loud[:, 3], quieted(loud)[:, 3], quieted(loud)[:, 4])]
+    [30, 1, 1]
+    """
+    some = np.abs(strain_rate[:: max(1, len(strain_rate) // ROWS_FOR_NOISE)])
+    heard = np.isfinite(some).any(0)
+    level = np.zeros(strain_rate.shape[1])
+    level[heard] = np.nanmedian(some[:, heard], axis=0)
+    usual = float(np.median(level[level > 0])) if (level > 0).any() else 0.0
+    loud = level > LOUD * usual
+    return strain_rate / np.where(loud, level / usual, 1.0) if loud.any() else strain_rate
 
 
 def scale_maps(strain_rate: Array, scales: Array, heard: NDArray[np.bool_] | None = None) -> Iterator[Array]:

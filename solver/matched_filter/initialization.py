@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from solver.das import DASRecord
 from solver.matched_filter.alignment import align, direction_residual
-from solver.matched_filter.detections import FRAME_RATE, Detections, MatchedFilter, thinned
+from solver.matched_filter.detections import FRAME_RATE, Detections, MatchedFilter, quieted, thinned
 from solver.matched_filter.fiber_line import FiberLine
 from solver.matched_filter.lateral import binned_widths, locate_sides
 from solver.response.coupling import CouplingCurve, coupling_curve
@@ -156,7 +156,7 @@ def initialize(
     thin = [thin[index] for index in seen]
     curves = [curves_by_depth(one.vehicle_class, depth, record.gauge_length, poisson_ratio) for one in thin]
     believed = [curve[1.0] for curve in curves]
-    matched = MatchedFilter(frames, thin, bank_scales(believed, spacing))
+    matched = MatchedFilter(quieted(frames), thin, bank_scales(believed, spacing))
     gauge = record.gauge_length / spacing
     found = align(matched, thin, spacing, gauge)
     check_clocks(found.line)

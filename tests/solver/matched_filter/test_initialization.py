@@ -167,8 +167,16 @@ def test_signals_that_do_not_follow_the_trajectories():
         standing[one.rows] = shape + 0.02 * np.abs(shape).max() * np.random.default_rng(1).normal(
             size=(len(one.rows), len(shape))
         )
-    with pytest.raises(InputError, match=r"does not follow the trajectories|no channel sees"):
+    with pytest.raises(InputError, match=r"does not follow the trajectories|no channel sees|no vehicle is seen"):
         initialize(replace(record, strain_rate=standing), passes)
+
+
+def test_a_machine_beside_the_fiber_is_not_taken_for_the_vehicles():
+    record, passes, route = a_street()
+    noise = np.random.default_rng(2).normal(size=(len(record.strain_rate), 12)) * 5 * np.abs(record.strain_rate).max()
+    loud = record.strain_rate.copy()
+    loud[:, :12] += noise
+    check(initialize(replace(record, strain_rate=loud), passes), route, aside=2.0)
 
 
 def test_passes_never_in_view_are_left_out():
