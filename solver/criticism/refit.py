@@ -20,7 +20,7 @@ from solver.load import LAYOUTS
 from solver.model import Vehicles
 
 #: Steps of each round of the race, of the first one from far away, and rounds.
-PACE, FAR_PACE, ROUNDS = 2, 6, 12
+PACE, FAR_PACE, ROUNDS = 2, 3, 12
 #: Times the fall that the next step predicts which a fit may still hope for.
 HOPE = 2.0
 #: ln of the Bayes factor beyond which one pass may speak for all, as the heaviest vehicle alone may clip.
