@@ -17,7 +17,7 @@ from solver.criticism.score import FOUND, Score, Scorer, score_all, similarity
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.criticism.verdict_words import fault_words, leveled_words, missing_words, power_words, unknown_words
-from solver.effects.catalogue import FAMILIES, GAINS, MIXING, STAND_INS, families_of
+from solver.effects.catalogue import FAMILIES, GAINS, MEANT_FOR, MIXING, STAND_INS, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
 from solver.fit.least_squares import solve
@@ -29,8 +29,9 @@ Advance = Callable[[int], None]
 
 #: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
 CLOSE, ALIKE = 6.0, 0.95
-#: Share of a stand-in's evidence at which a known effect, whose law is stricter, is preferred to it.
-STRICTER = 0.95
+#: Share of a stand-in's evidence at which a known effect, whose law is stricter, is preferred to it; and where the
+#: stand-in has as few numbers.
+STRICTER, AS_STRICT = 0.95, 0.98
 #: Numbers of an effect whose law is strict, and above which it is as flexible as a stand-in.
 FEW, MANY = 3, 20
 #: Share of the winner's evidence at which one of its own family is not ruled out.
@@ -209,7 +210,7 @@ def judge(
         return Diagnosis("adequate", words, tuple(listed), check, stress)
     physical = [c for c in present if not c.generic]
     generic = [c for c in present if c.generic]
-    if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence)):
+    if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence, generic[0].numbers)):
         first = placed(generic[0], bench, check)
         words = unknown_words(first, physical)
         return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
@@ -230,7 +231,7 @@ def judge(
     second = race(again.scorer, racers(others, BESIDE), advance)
     best = max((r for r in second.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
     known = max((r.evidence for r in second.values() if not r.effect.generic), default=0.0)
-    if best is not None and outdone(known, best.evidence) and doubted(first, best, others):
+    if best is not None and outdone(known, best.evidence, best.score.freedom) and doubted(first, best, others):
         stand_in = score_candidate(next(s for s in others if s.effect is best.effect), best)
         stand_in = placed(stand_in, bench, check)
         words = (
@@ -257,19 +258,21 @@ def plainest(physical: Sequence[Candidate]) -> Candidate:
     """The best known effect, or one of few numbers that explains nearly as much as a best one of many."""
     best = physical[0]
     few = [c for c in physical if c.numbers <= FEW and c.refitted]
-    return few[0] if best.numbers > MANY and few and not outdone(few[0].evidence, best.evidence) else best
+    return few[0] if best.numbers > MANY and few and not outdone(few[0].evidence, best.evidence, best.numbers) else best
 
 
 def placed(stand_in: Candidate, bench: Bench, check: NoiseAudit) -> Candidate:
     """A stand-in at the stage where it acts: what mixes or levels the channels' noise too comes after the reading."""
     across = bench.scorer.fit.problem.law.across
     mixed = stand_in.effect in MIXING and len(across) > 1 and abs(across[1]) > SHARED
-    return replace(stand_in, stage="processing") if mixed or (stand_in.effect in GAINS and check.leveled) else stand_in
+    if mixed or (stand_in.effect in GAINS and check.leveled):
+        return replace(stand_in, stage="processing")
+    return replace(stand_in, stage=MEANT_FOR.get(stand_in.effect, stand_in.stage))
 
 
-def outdone(known: float, stand_in: float) -> bool:
-    """Whether a stand-in for the unknown explains more, by its evidence, than the best known effect can."""
-    return known + CLOSE < STRICTER * stand_in
+def outdone(known: float, stand_in: float, numbers: int) -> bool:
+    """Whether a stand-in of so many numbers explains more, by its evidence, than the best known effect can."""
+    return known + CLOSE < (STRICTER if numbers > FEW else AS_STRICT) * stand_in
 
 
 def doubted(first: Candidate, best: Refit, others: Sequence[Score]) -> bool:

@@ -40,6 +40,8 @@ FAMILIES: dict[str, tuple[str, ...]] = {
 MIXING = ("generic_echo", "generic_neighbors")
 #: Stand-ins that change how strongly all channels are read, whether in the instrument or after it.
 GAINS = ("generic_gain", "generic_nonlinearity")
+#: Stand-ins that are put in at one stage for what acts at another.
+MEANT_FOR = {"generic_twin": "cable"}
 #: Families of which a stand-in for the unknown takes up what the catalogue's laws leave.
 STAND_INS = {
     "generic_track": ("place",),

@@ -90,6 +90,23 @@ def generic_train(load: Load, p: Values, survey: Surroundings) -> Load:
 
 
 @effect(
+    "generic_twin",
+    "load",
+    [
+        Parameter("share", "1", 0.2, lower=-3, upper=3),
+        Parameter("aside", "m", 3.0, lower=-12, upper=12, grid=(-8.0, -5.0, 5.0, 8.0)),
+    ],
+    physics="Something else is heard besides, as by a second fiber some meters to one side.",
+    source=SOURCE,
+    generic=True,
+)
+def generic_twin(load: Load, p: Values, survey: Surroundings) -> Load:
+    """A share of every wheel's load once more, aside: a fiber beside this one sees the road that far away."""
+    across = torch.stack([torch.zeros_like(p["aside"]), p["aside"]], -1)
+    return load.joined(load.position + across, p["share"] * load.share)
+
+
+@effect(
     "generic_kernel",
     "ground",
     [
@@ -259,6 +276,7 @@ EFFECTS = (
     generic_load,
     generic_road,
     generic_train,
+    generic_twin,
     generic_kernel,
     generic_softening,
     generic_time_filter,
