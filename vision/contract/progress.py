@@ -32,5 +32,8 @@ def progress(label: str, total: int | None = None) -> Iterator[Callable[[int], N
 
         def advance(steps: int = 1) -> None:
             bar.advance(task, steps)
+            if bar.tasks[0].finished:
+                # There was more to do than was thought.
+                bar.update(task, total=bar.tasks[0].completed)
 
         yield advance

@@ -86,7 +86,8 @@ def test_nothing_hidden_is_adequate_and_says_what_could_have_hidden(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("name", "amount"), [("unknown_echo", 0.2), ("unknown_quadratic", 0.4), ("unknown_equalized", 0.6)]
+    ("name", "amount"),
+    [("unknown_echo", 0.2), ("unknown_quadratic", 0.4), ("unknown_equalized", 0.6), ("unknown_twin_path", 0.5)],
 )
 def test_what_is_in_no_catalogue_is_called_unknown(tmp_path: Path, name: str, amount: float) -> None:
     found = diagnosis(located(tmp_path, {name: amount}))
