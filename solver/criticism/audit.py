@@ -14,7 +14,8 @@ from solver.whitening import Whitener, reach_of
 
 #: Fewer quiet samples than this say too little about the noise to rank effects by it.
 ENOUGH = 400
-#: What whitened noise may be off white: variance, correlation in time and between channels, variance over time.
+#: What whitened noise may be off white: variance, correlation in time and between all channels, that between channels
+#: some apart, variance over time.
 VARIANCE, CORRELATION, NEARBY, UNSTEADY = (0.8, 1.25), 0.06, 0.1, 1.8
 #: Variance of the noise, loud over quiet, below which a gain follows the signal.
 LEVELED = 0.7

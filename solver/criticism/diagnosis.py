@@ -159,9 +159,10 @@ def examined(
 ) -> Diagnosis:
     """Rank what a converged fit may lack, race the best, and judge."""
     bench = Bench.of(fit, state, effects, advance)
-    plain = max(map(fault_candidate, bench.faults), key=lambda c: c.evidence, default=None)
-    if plain is not None and plain.verdict == "present" and plain.evidence > HOPE * bench.table[0].evidence:
-        return beside_fault(bench, plain, check, effects, held_out, advance)
+    fault = max(map(fault_candidate, bench.faults), key=lambda c: c.evidence, default=None)
+    # Full fits of effects would not come near it.
+    if fault is not None and fault.verdict == "present" and fault.evidence > HOPE * bench.table[0].evidence:
+        return beside_fault(bench, fault, check, effects, held_out, advance)
     first = racers(bench.table)
     late = elsewhere(bench.scorer, scorable(fit.problem, effects))[: RACERS + 1] if first else []
     tried = race(bench.scorer, first, advance, late)
@@ -215,15 +216,15 @@ def judge(
         words = unknown_words(first, physical)
         return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
     first = plainest(physical)
-    if not is_fault(bench, first) and tried[first.effect].pushed:
+    if is_fault(bench, first):
+        return beside_fault(bench, first, check, effects, held_out, advance)
+    winner = tried[first.effect]
+    if winner.pushed:
         words = (
             f"{first.effect} explains the most of all known effects, but at {first.estimate:.3g}, the edge of what can "
             f"be: something unknown acts, as it does at the {first.stage} stage"
         )
         return Diagnosis("unknown-effect", words, order(listed, replace(first, verdict="excluded")), check, stress)
-    if is_fault(bench, first):
-        return beside_fault(bench, first, check, effects, held_out, advance)
-    winner = tried[first.effect]
     fit, state = winner.fit, solve(winner.fit, winner.solution, iterations=40).state
     again = Bench.of(fit, state, suspects(bench.table, effects), advance)
     others = [s for s in again.table if s.evidence > FOUND]
@@ -331,14 +332,13 @@ def confounded(
     ]
     scores = {s.effect.name: s for s in bench.table}
     family = {name for kind in families_of(first.effect) for name in FAMILIES[kind]} - {first.effect}
-    if first.effect in scores:
-        mine = scores[first.effect]
-        for name in sorted(family & set(scores)):
-            # Laws of one family differ by little more than what any of them idealizes.
-            rival = tried[name].evidence if name in tried else -np.inf
-            alike = name not in tried and similarity(bench.scorer, mine, scores[name]) > ALIKE
-            if alike or rival > RIVAL * first.evidence:
-                close.append(name)
+    mine = scores[first.effect]
+    for name in sorted(family & set(scores)):
+        # Laws of one family differ by little more than what any of them idealizes.
+        rival = tried[name].evidence if name in tried else -np.inf
+        alike = name not in tried and similarity(bench.scorer, mine, scores[name]) > ALIKE
+        if alike or rival > RIVAL * first.evidence:
+            close.append(name)
     # What the route hides is never named alone.
     for kind in ("depth", "rigid"):
         if first.effect in FAMILIES[kind]:

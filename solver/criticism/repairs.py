@@ -30,8 +30,9 @@ SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
 REACH = 90.0
 #: Sigmas by which a sample that jumped differs from its neighbors.
 JUMP = 8.0
-#: Share of its neighbors' gain below which a channel is deaf, over how many channels they are, and how many are named.
-DEAF, AROUND, NAMED = 0.3, 15, 8
+#: Share of its neighbors' gain below which a channel is deaf, sigmas by which it must be below theirs, over how many
+#: channels they are, and how many deaf ones are named.
+DEAF, SURE, AROUND, NAMED = 0.3, 8.0, 15, 8
 #: m; uncertainty of the track of an unseen vehicle, which drives straight on.
 GUESSED = 0.3
 #: How far from the known vehicles' course an unseen one may drive, m.
@@ -166,9 +167,9 @@ def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
         for other, at in known:
             free &= (np.abs(time - at) > KNOWN) | (other != way)
         snr = np.where(free, product / np.sqrt(energy), -np.inf)
-        at = int(snr.argmax())
-        size, sigma = float(product[at] / energy), energy**-0.5
-        return Peak(float(snr[at]), size, sigma, float(time[at]), way, speed, y, int(free.sum()))
+        peak = int(snr.argmax())
+        size, sigma = float(product[peak] / energy), energy**-0.5
+        return Peak(float(snr[peak]), size, sigma, float(time[peak]), way, speed, y, int(free.sum()))
 
     coarse = [match(speed, way, y) for way, y in lanes(problem) for speed in SPEEDS]
     if not coarse:
@@ -216,7 +217,7 @@ def with_pass(problem: Problem, one: Pass) -> Problem:
 def find_cycle_skips(fit: MapFit, state: State) -> Fault | None:
     """Samples far out of the noise whose neighbors are not: jumps of the unwrapped phase, spikes."""
     measured = fit.measured.numpy()
-    bad = measured & (fit.linearized(state).weights.good.numpy() == 0)
+    bad = measured & (fit.weighted(fit.felt(state))[0].good.numpy() == 0)
     near = np.zeros_like(bad)
     for axis in (0, 1):
         for step in (1, -1):
@@ -252,7 +253,7 @@ def find_faded_channels(fit: MapFit, state: State) -> Fault | None:
     gain = np.where(use, np.nan_to_num(fit.data.numpy()) * model, 0.0).sum(0) / np.maximum(energy, 1e-300)
     heard = energy / fit.problem.noise.numpy() ** 2
     around = median_filter(gain, AROUND, mode="nearest")
-    deaf = (np.abs(gain) < DEAF * around) & (heard * (around - gain) ** 2 > JUMP**2)
+    deaf = (np.abs(gain) < DEAF * around) & (heard * (around - gain) ** 2 > SURE**2)
     count = int(deaf.sum())
     if count == 0:
         return None

@@ -265,18 +265,23 @@ class MapFit:
         shift = (self.mean - state.vector())[free]
         return matrix[free][:, free] + torch.diag(precision), right[free] + precision * shift, at.weights
 
-    def linearized(self, state: State, felt: Felt | None = None) -> Linearized:
-        """The problem near a state: whitened, weighted residual and derivatives; `felt` there, where it is known."""
-        felt = felt or self.felt(state)
-        local, model = felt.local, felt.model
-        difference = torch.where(self.measured, self.data - model, 0.0)
-        variance = 1 + self.added_variance(local, model)
+    def weighted(self, felt: Felt) -> tuple[Weights, Tensor]:
+        """Weights of the samples, and the whitened residual [sample, channel] of those that are no spikes."""
+        difference = torch.where(self.measured, self.data - felt.model, 0.0)
+        variance = 1 + self.added_variance(felt.local, felt.model)
         good = self.measured * near_noise(difference / self.problem.noise / variance.sqrt(), self.measured)
         residual = self.whiten(difference * good)
         soft = self.measured / variance
-        soft = soft * huber(residual * soft.sqrt(), self.measured)
-        jacobian = self.whiten(self.jacobian(state, local, felt.values) * good[..., None]) * soft.sqrt()[..., None]
-        return Linearized(jacobian.flatten(0, 1), (residual * soft.sqrt()).flatten(), Weights(good, soft), model, local)
+        return Weights(good, soft * huber(residual * soft.sqrt(), self.measured)), residual
+
+    def linearized(self, state: State, felt: Felt | None = None) -> Linearized:
+        """The problem near a state: whitened, weighted residual and derivatives; `felt` there, where it is known."""
+        felt = felt or self.felt(state)
+        weights, residual = self.weighted(felt)
+        scale = weights.soft.sqrt()
+        jacobian = self.jacobian(state, felt.local, felt.values) * weights.good[..., None]
+        jacobian = self.whiten(jacobian) * scale[..., None]
+        return Linearized(jacobian.flatten(0, 1), (residual * scale).flatten(), weights, felt.model, felt.local)
 
 
 def vehicles_of(vehicles: Vehicles, chosen: Tensor) -> Vehicles:
