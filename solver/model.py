@@ -27,7 +27,7 @@ from solver.whitening import blocks_of
 MOVING = {"position": 3, "velocity": 1, "heading": 1, "sigma": 1}
 
 #: Pairs of a row and a channel that are computed at once.
-BLOCK = 8192
+BLOCK = 16384
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from solver.criticism.candidate import Candidate, fault_candidate, score_candida
 from solver.criticism.refit import HOPE, Refit, elsewhere, race
 from solver.criticism.repairs import SEARCHES, Fault, mended
 from solver.criticism.score import FOUND, Score, Scorer, score_all, similarity
+from solver.criticism.side_by_side import side_by_side
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.criticism.verdict_words import fault_words, leveled_words, missing_words, power_words, unknown_words
@@ -348,6 +349,6 @@ def confounded(
 
 def held_out_gain(scorer: Scorer, winner: Refit) -> float | None:
     """Fall of the held-out chi2 per degree of freedom with the winner in the model."""
-    without = held_out_chi2(scorer.fit.problem, at=(scorer.fit, scorer.state))
-    with_it = held_out_chi2(winner.fit.problem, at=(winner.fit, winner.solution.state))
+    fits = (scorer.fit, scorer.state), (winner.fit, winner.solution.state)
+    without, with_it = side_by_side(lambda at: held_out_chi2(at[0].problem, at=at), fits)
     return None if without is None or with_it is None else without - with_it

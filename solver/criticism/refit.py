@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.criticism.score import FOUND, Score, Scorer, evidence, score_all
+from solver.criticism.side_by_side import side_by_side
 from solver.effects.effect import Effect
 from solver.extension import Slot
 from solver.fit.least_squares import Solution, solve
@@ -267,25 +268,34 @@ def race(
     """
     counts = counted(scorer.fit, scorer.at)
     weights, before = Weights((counts > 0).double(), counts**2), loss(scorer.fit, scorer.state, counts)
-    running: dict[str, Refit] = {}
+    starts = [*((scorer, one) for one in scores), *others]
+    with_it = {one.effect.name: one.effect for _, one in starts}
+    fits = {name: MapFit(with_effect(scorer.fit.problem, effect)) for name, effect in with_it.items()}
 
-    def run(score: Score, fit: MapFit, start: State | Solution, pace: int = PACE) -> Refit:
+    def run(fit: MapFit, start: State | Solution, pace: int) -> tuple[Solution, float]:
         end = solve(fit, start, iterations=pace)
-        return Refit(score, fit, end, before - loss(fit, end.state, counts))
+        return end, before - loss(fit, end.state, counts)
 
-    for at, score in [*((scorer, one) for one in scores), *others]:
+    def begin(start: tuple[Scorer, Score]) -> tuple[Solution, float]:
+        at, score = start
+        fit = fits[score.effect.name]
+        return run(fit, started(fit, at, score, weights), PACE if at is scorer else FAR_PACE)
+
+    def onward(one: Refit) -> tuple[Solution, float]:
+        return run(one.fit, one.solution, PACE)
+
+    running: dict[str, Refit] = {}
+    for (_, score), (end, fall) in zip(starts, side_by_side(begin, starts, advance), strict=True):
         name = score.effect.name
-        fit = running[name].fit if name in running else MapFit(with_effect(scorer.fit.problem, score.effect))
-        begun = run(score, fit, started(fit, at, score, weights), PACE if at is scorer else FAR_PACE)
-        if name not in running or begun.fall > running[name].fall:
-            running[name] = begun
-        advance(1)
+        if name not in running or fall > running[name].fall:
+            running[name] = Refit(score, fits[name], end, fall)
     favorite = next(iter(running), None)
     for _ in range(ROUNDS - 1):
         least = STAY * max((one.evidence for one in running.values()), default=0.0)
-        for name, one in running.items():
-            if not one.solution.converged and (name == favorite or one.hoped > least):
-                running[name] = run(one.score, one.fit, one.solution)
+        unended = (one for one in running.values() if not one.solution.converged)
+        going = [one for one in unended if one.effect.name == favorite or one.hoped > least]
+        for one, (end, fall) in zip(going, side_by_side(onward, going), strict=True):
+            running[one.effect.name] = replace(one, solution=end, fall=fall)
     return {name: replace(one, lone=rests_on_one(scorer, one, counts)) for name, one in running.items()}
 
 

@@ -7,16 +7,18 @@ Philos. Soc. 44, 50; the projection is that of Neyman 1959, C(alpha) tests).
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from solver.criticism.side_by_side import side_by_side
+from solver.criticism.windowed import Windowed
 from solver.effects.catalogue import built_in
 from solver.effects.effect import Effect, Heard
 from solver.extension import SLOW_ERROR, Extension
@@ -150,26 +152,32 @@ class Scorer:
         self.at: Linearized = fit.linearized(state)
         matrix, right, _ = fit.normal_of(state, self.at)
         self.fitted = len(matrix)
-        self.jacobian = self.at.jacobian[:, fit.free]
         self._local: dict[tuple[int, bool, int], Local] = {}
         self._slow: tuple[Tensor, list[int]] | None = None
         factor = torch.linalg.cholesky(matrix)
         #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
+        jacobian = self.at.jacobian[:, fit.free]
         if not alone and all(one.name != SLOW_ERROR for one in fit.extension.effects):
-            matrix, right = self._with_slow_errors(matrix, right)
+            columns, _ = self._slow = self.slow_errors()
+            jacobian = torch.cat([jacobian, columns], 1)
+        #: What was fitted, and then the tracks' slow errors [sample * channel, column].
+        self.jacobian = Windowed.of(jacobian, fit.data.shape[1])
+        if self._slow is not None:
+            matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
         self.factor = torch.linalg.cholesky(matrix)
         self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
 
-    def _with_slow_errors(self, matrix: Tensor, right: Tensor) -> tuple[Tensor, Tensor]:
-        """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
+    def slow_errors(self) -> tuple[Tensor, list[int]]:
+        """Directions of the tracks' slow errors, as `columns` gives them."""
         effect = built_in()[SLOW_ERROR]
-        extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
-        columns, _ = self._slow = self.columns(effect, {}, extension)
-        crossed = self.jacobian.T @ columns
-        self.jacobian = torch.cat([self.jacobian, columns], 1)
+        return self.columns(effect, {}, self.fit.problem.extension([*self.fit.extension.effects, effect]))
+
+    def _with_slow_errors(self, matrix: Tensor, right: Tensor, columns: Tensor) -> tuple[Tensor, Tensor]:
+        """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
+        crossed, own = self.jacobian.transposed_times(columns).split([self.fitted, columns.shape[1]])
         expected = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2 / SPLINE_VARIANCE
-        own = columns.T @ columns + torch.eye(columns.shape[1], dtype=torch.float64) / expected
+        own = own + torch.eye(len(own), dtype=torch.float64) / expected
         whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
         return whole, torch.cat([right, columns.T @ self.at.residual])
 
@@ -302,7 +310,7 @@ class Scorer:
         grams, scores = [one.T @ one for one in parts], [one.T @ self.at.residual for one in parts]
         if self.alone or not parts:
             return [Projected(score, gram, gram) for score, gram in zip(scores, grams, strict=True)]
-        crossed = (self.jacobian.T @ torch.cat(list(parts), 1)).split([one.shape[1] for one in parts], 1)
+        crossed = self.jacobian.transposed_times(torch.cat(list(parts), 1)).split([one.shape[1] for one in parts], 1)
         halves = [torch.linalg.solve_triangular(self.factor, one, upper=False) for one in crossed]
         return [
             Projected(score - cross.T @ self.step, gram - half.T @ half, gram)
@@ -313,7 +321,8 @@ class Scorer:
         """How all that was fitted [free] moves with a score's estimate."""
         if self.alone:
             return torch.zeros(self.fitted, dtype=torch.float64)
-        return -torch.cholesky_solve((self.jacobian.T @ score.signal)[:, None], self.factor)[: self.fitted, 0]
+        crossed = self.jacobian.transposed_times(score.signal[:, None])
+        return -torch.cholesky_solve(crossed, self.factor)[: self.fitted, 0]
 
 
 def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]]:
@@ -366,13 +375,22 @@ def score_all(
     scorer: Scorer, effects: Sequence[Effect], advance: Callable[[int], None] = lambda n: None
 ) -> list[Score]:
     """Best score of every effect, highest evidence first; effects that do nothing in this survey are left out."""
-    table = []
-    for effect in effects:
-        table += sorted(scorer.scores(effect), key=lambda s: s.evidence)[-1:]
-        advance(1)
+
+    def best(effect: Effect) -> dict[str, Any] | None:
+        ranked = sorted(scorer.scores(effect), key=lambda s: s.evidence)
+        return figures(ranked[-1]) if ranked else None
+
+    found = side_by_side(best, effects, advance)
+    table = [Score(effect, **one) for effect, one in zip(effects, found, strict=True) if one is not None]
     if any(s.evidence > FOUND for s in table):
-        table = [scorer.reaching(s) for s in table]
+        reached = side_by_side(lambda score: figures(scorer.reaching(score)), table)
+        table = [Score(score.effect, **one) for score, one in zip(table, reached, strict=True)]
     return sorted((s for s in table if s.freedom), key=lambda s: -s.evidence)
+
+
+def figures(score: Score) -> dict[str, Any]:
+    """A score without its effect, which is code and stays where it is."""
+    return {f.name: getattr(score, f.name) for f in fields(score) if f.name != "effect"}
 
 
 def similarity(scorer: Scorer, one: Score, other: Score) -> float:

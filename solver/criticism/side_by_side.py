@@ -1,0 +1,73 @@
+"""Independent tasks on all cores: forward derivatives hold Python's lock and are no business of threads."""
+
+import multiprocessing
+import pickle
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from typing import TypeVar
+
+import torch
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+#: Processes at most: each holds about a gigabyte of its own.
+MOST = 8
+
+_task: Callable[[int], bytes]
+
+
+def side_by_side(
+    function: Callable[[S], T], of: Sequence[S], advance: Callable[[int], None] = lambda n: None
+) -> list[T]:
+    """What a function makes of each of some things, in their order.
+
+    Each core that PyTorch may use (`torch.set_num_threads`) is one process, forked with all that the function refers
+    to; only the results are sent back. Where forks are not safe, it is all done here.
+
+    Parameters
+    ----------
+    function : what it returns can be pickled; what it changes may not be seen here
+    of : what it is called with
+    advance : called with 1 after each
+
+    >>> side_by_side(lambda number: number**2, [0, 1, 4])
+    [0, 1, 16]
+    """
+    workers = min(torch.get_num_threads(), MOST, len(of))
+    parallel = workers > 1 and can_fork()
+    results = {}
+    for number, result in forked(function, of, workers) if parallel else enumerate(map(function, of)):
+        results[number] = result
+        advance(1)
+    return [results[number] for number in range(len(of))]
+
+
+def can_fork() -> bool:
+    """Whether a forked process can go on computing: not beside the threads of macOS's libraries, nor those of CUDA."""
+    return sys.platform == "linux" and not torch.cuda.is_initialized()
+
+
+def forked(function: Callable[[S], T], of: Sequence[S], workers: int) -> Iterator[tuple[int, T]]:
+    """Number and result of each as it ends."""
+
+    def task(number: int) -> bytes:
+        # Else tensors would go through shared memory, of which containers have little.
+        return pickle.dumps(function(of[number]))
+
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(task,)) as pool:
+        numbers = {pool.submit(_run, number): number for number in range(len(of))}
+        for one in as_completed(numbers):
+            yield numbers[one], pickle.loads(one.result())
+
+
+def _begin(task: Callable[[int], bytes]) -> None:
+    global _task
+    torch.set_num_threads(1)
+    _task = task
+
+
+def _run(number: int) -> bytes:
+    return _task(number)

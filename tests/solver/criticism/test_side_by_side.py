@@ -1,0 +1,55 @@
+"""The same scores, whether one process computes them or several; and what a task raises is raised here."""
+
+import os
+
+import numpy as np
+import pytest
+import torch
+
+from solver.criticism.score import Scorer, score_all
+from solver.criticism.side_by_side import can_fork, side_by_side
+from solver.effects.catalogue import built_in
+from solver.effects.trial_survey import trial_survey
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit
+
+forks = pytest.mark.skipif(not can_fork(), reason="processes are forked on Linux without CUDA only")
+
+
+@pytest.fixture
+def two_threads():
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    yield
+    torch.set_num_threads(before)
+
+
+@forks
+@pytest.mark.usefixtures("two_threads")
+def test_tasks_run_in_other_processes_and_keep_their_order():
+    advanced = []
+    results = side_by_side(lambda task: (task, os.getpid()), range(5), advanced.append)
+    assert [task for task, _ in results] == list(range(5))
+    assert os.getpid() not in {process for _, process in results}
+    assert advanced == [1] * 5
+
+
+@forks
+@pytest.mark.usefixtures("two_threads")
+def test_what_a_task_raises_is_raised_here():
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(lambda task: 1 / task, range(3))
+
+
+@forks
+def test_scores_are_those_of_one_process(two_threads):
+    fit = MapFit(trial_survey()[0].problem)
+    scorer = Scorer(fit, solve(fit, fit.start()).state)
+    effects = [built_in()[name] for name in ("gauge_length", "wheel_layout", "viscoelastic_lag", "track_jitter")]
+    several = score_all(scorer, effects)
+    torch.set_num_threads(1)
+    alone = score_all(scorer, effects)
+    assert [one.effect for one in several] == [one.effect for one in alone]
+    for one, other in zip(several, alone, strict=True):
+        assert one.fall == pytest.approx(other.fall, rel=1e-6, abs=1e-6)
+        assert np.allclose(one.signal, other.signal, rtol=1e-5, atol=1e-8)
