@@ -14,6 +14,8 @@ from solver.anchor_check import contradiction
 from solver.anchors import Anchor, read_anchors
 from solver.beginning import begin
 from solver.das import DASRecord, read_das
+from solver.das.record import ranges
+from solver.deaf import deaf_channels
 from solver.effects.catalogue import find
 from solver.effects.plugins import catalogue
 from solver.fit import METHODS, FitResult, Prior, Problem, fit_spline
@@ -203,7 +205,13 @@ def locate(
             shown, passes, anchors, depth=ground.depth[0], poisson_ratio=ground.poisson_ratio, warnings=warnings
         )
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
-    posed = [pose(record, passes, found.anchors, start, found.channel, prior) for start in found.routes]
+    deaf = deaf_channels(record, found.channel)
+    if len(deaf):
+        warnings.append(
+            f"channels {ranges(deaf)} hear next to nothing of what those beside them hear; they are left out, and the "
+            "route there hangs on their neighbors"
+        )
+    posed = [pose(record, passes, found.anchors, start, found.channel, prior, deaf) for start in found.routes]
     curved = "curved_gauge" in effects
     problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved, coil=found.coil)) for one in posed]
     with timed(timings, "fit"):

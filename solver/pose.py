@@ -113,15 +113,16 @@ def pose(
     route: np.ndarray,
     channel: np.ndarray,
     prior: Prior,
+    deaf: np.ndarray,
 ) -> Problem:
-    """State the fitting problem over the active `channel` numbers, starting at `route` [channel, 3]."""
+    """State the fitting problem over the active `channel` numbers but for `deaf` ones, from `route` [channel, 3] on."""
     column = np.searchsorted(record.channel, channel)
     whole = column[-1] - column[0] == len(column) - 1
     # A view where it can be: on a long fiber a copy is a large part of the memory.
     strain_rate = record.strain_rate[:, slice(column[0], column[-1] + 1) if whole else column]
     still = quiet(len(strain_rate), route, passes)
     noise = noise_level(strain_rate, still)
-    alive = np.isfinite(noise) & (noise > 0)
+    alive = np.isfinite(noise) & (noise > 0) & ~np.isin(channel, deaf)
     kept = strain_rate if alive.all() else strain_rate[:, alive]
     middle = slice(max(0, (int(alive.sum()) - TYPICAL) // 2), (int(alive.sum()) + TYPICAL) // 2)
     passes = [guessed_less(part) for one in passes if (part := nearby(one, route)) is not None]
