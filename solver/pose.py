@@ -132,6 +132,7 @@ def pose(
             "where the DAS feels vehicles; check the frame (origin, x_azimuth) and the clocks"
         )
     traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))
+    gauge = record.gauge_length / record.channel_spacing
     return Problem(
         record=kept,
         noise=torch.from_numpy(noise[alive]),
@@ -145,7 +146,7 @@ def pose(
         start=route[alive],
         prior=prior,
         sampling_rate=record.sampling_rate,
-        law=noise_law(kept[:, middle] / noise[alive][middle], still[:, alive][:, middle], record.sampling_rate),
+        law=noise_law(kept[:, middle] / noise[alive][middle], still[:, alive][:, middle], record.sampling_rate, gauge),
     )
 
 

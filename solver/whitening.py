@@ -18,9 +18,11 @@ Array = NDArray[np.float64]
 
 #: Longest memory of the noise that is looked for, s, and samples.
 MEMORY, LONGEST = 8.0, 40
-#: Correlations between channels below this are within the scatter of their estimate. The noise of overlapping gauges
-#: correlates over a gauge length; lags twice as large are needed, as the older half is tapered.
-SPATIAL_FLOOR, SPATIAL_LAGS = 0.04, 24
+#: Correlations between channels below this are within the scatter of their estimate.
+SPATIAL_FLOOR = 0.04
+#: Neighbors that noise may be shared with: so many at least, and so many gauge lengths. The noise of overlapping gauges
+#: correlates over one; lags twice as large are needed, as the older half is tapered.
+NEIGHBORS, GAUGES = 24, 2.4
 CHUNK = 64
 
 
@@ -87,7 +89,7 @@ class NoiseLaw:
         return float(self.common[0] / (self.own[0] + self.common[0]))
 
 
-def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float) -> NoiseLaw:
+def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float, gauge: float = 1.0) -> NoiseLaw:
     """Estimate the noise from quiet samples.
 
     Parameters
@@ -95,6 +97,7 @@ def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float) -> 
     record : [sample, channel], measured strain rate in units of each channel's noise level; NaN = not measured
     still : [sample, channel] bool, no vehicle near
     sampling_rate : Hz
+    gauge : gauge length, channels
 
     Notes
     -----
@@ -107,7 +110,8 @@ def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float) -> 
     lags = int(np.clip(round(MEMORY * sampling_rate), 4, LONGEST)) + 1
     lags = min(lags, max(1, len(record) // 8))
     number = count.sum(1)
-    far, far_count = beyond_neighbors(value), beyond_neighbors(count)
+    reach = reach_of(value.shape[1], gauge)
+    far, far_count = beyond_neighbors(value, reach), beyond_neighbors(count, reach)
     both, common = np.zeros(lags), np.zeros(lags)
     for lag in range(lags):
         ahead, behind = slice(lag, None), slice(None, len(value) - lag)
@@ -121,33 +125,38 @@ def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float) -> 
     moments = max(1.0, float((number > 1).sum()))
     common = np.where(common[0] > 3 / np.sqrt(moments) * both[0] / max(number.mean(), 1.0), common, 0.0)
     own = both - common
-    return NoiseLaw(positive(own), positive(common) if common[0] > 0 else common, across(value, count, common[0]))
+    return NoiseLaw(
+        positive(own), positive(common) if common[0] > 0 else common, across(value, count, common[0], reach)
+    )
 
 
-def reach_of(channels: int) -> int:
-    """How many neighbors on either side noise may be shared with."""
-    return min(SPATIAL_LAGS, channels // 4)
+def reach_of(channels: int, gauge: float) -> int:
+    """How many neighbors on either side noise may be shared with, of so many channels with gauges of some channels.
+
+    >>> reach_of(116, 9.8), reach_of(400, 40.0), reach_of(40, 40.0)
+    (24, 96, 10)
+    """
+    return min(max(NEIGHBORS, round(GAUGES * gauge)), channels // 4)
 
 
-def beyond_neighbors(value: Array) -> Array:
+def beyond_neighbors(value: Array, reach: int) -> Array:
     """Sum [sample, channel] over all channels but each one and its neighbors.
 
-    >>> beyond_neighbors(np.ones((1, 8))).tolist()
+    >>> beyond_neighbors(np.ones((1, 8)), 2).tolist()
     [[5.0, 4.0, 3.0, 3.0, 3.0, 3.0, 4.0, 5.0]]
     """
     channels = value.shape[1]
-    reach = reach_of(channels)
     summed = np.pad(np.cumsum(value, 1), ((0, 0), (1, 0)))
     at = np.arange(channels)
     near = summed[:, np.minimum(at + reach + 1, channels)] - summed[:, np.maximum(at - reach, 0)]
     return np.asarray(summed[:, -1:] - near)
 
 
-def across(value: Array, count: Array, common: float) -> Array:
+def across(value: Array, count: Array, common: float, reach: int) -> Array:
     """Correlation [lag] of the own noise between channels; 1 alone where neighbors are independent."""
     variance = float((value**2).sum() / max(count.sum(), 1.0)) - common
     result = np.ones(1)
-    for lag in range(1, reach_of(value.shape[1]) + 1):
+    for lag in range(1, reach + 1):
         pairs = (count[:, lag:] * count[:, :-lag]).sum()
         mean = (value[:, lag:] * value[:, :-lag]).sum() / max(pairs, 1.0)
         result = np.append(result, (mean - common) / variance)

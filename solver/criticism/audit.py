@@ -37,7 +37,7 @@ class NoiseAudit:
     unsteady : largest over smallest variance of a part of the record
     common_share : share of the noise that all channels have in common
     memory : correlation of the noise itself with the sample before
-    nearby : largest correlation of channels up to 24 apart
+    nearby : largest correlation of channels that may share noise, some gauge lengths apart
     signal_noise : how its variance grows with the signal, see `Problem.signal_noise`
     loud : its variance where the signal is strongest over that where it is weak
     faults : in words; none where the noise is understood
@@ -96,7 +96,7 @@ def audit(problem: Problem, residual: NDArray[np.float64], model: NDArray[np.flo
     total, number = np.where(use, white, 0).sum(1), use.sum(1)
     pairs = float((number * (number - 1)).sum())
     across = float((total**2 - np.where(use, white**2, 0).sum(1)).sum() / max(pairs, 1.0)) / variance
-    lags = range(1, reach_of(white.shape[1]) + 1)
+    lags = range(1, reach_of(white.shape[1], problem.gauge_length / problem.channel_spacing) + 1)
     nearby = max((correlation(white, use, lag, 1) / variance - across for lag in lags), key=abs, default=0.0)
     parts = [np.where(use, white**2, 0)[a].sum() / use[a].sum() for a in stretches(use)]
     unsteady = float(max(parts) / min(parts)) if parts else 1.0
