@@ -54,7 +54,8 @@ def without(problem: Problem, result: FitResult, anchor: Anchor) -> LeftOut:
     fit = Chain.of(rest, basis=problem.basis)
     found = solve(fit, fit.state_of(torch.from_numpy(result.vector)))
     end = found.state
-    place = fit.basis.along(end.coefficients.numpy(), problem.distance_of([anchor.channel]))[0]
+    at, _, _ = fit.prior.led(end, problem.distance_of([anchor.channel]))
+    place = fit.basis.along(end.coefficients.numpy(), at.numpy())[0]
     cost = found.at.misfit + fit.prior.total(end)
     return LeftOut(anchor, cost, float(np.linalg.norm(place - [anchor.x, anchor.y, anchor.z])))
 

@@ -71,9 +71,11 @@ class SplineBasis:
         """
         return SplineBasis(self.start + first * self.step, self.start + last * self.step, self.step)
 
-    def along(self, coefficients: NDArray[np.float64], distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    def along(
+        self, coefficients: NDArray[np.float64], distance: NDArray[np.float64], derivative: int = 0
+    ) -> NDArray[np.float64]:
         """Points [distance, ...] of the route with `coefficients` [coefficient, ...], without the whole matrix."""
-        return np.asarray(BSpline(self.knots, coefficients, DEGREE, extrapolate=True)(distance))
+        return np.asarray(BSpline(self.knots, coefficients, DEGREE, extrapolate=True)(distance, nu=derivative))
 
     def at(self, distance: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
         """Basis matrix [distance, coefficient], or its derivative with respect to distance."""

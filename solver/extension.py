@@ -189,6 +189,43 @@ class Extension:
                     )
         return value
 
+    @property
+    def moving(self) -> list[Slot]:
+        """Parameters of the whole cable, which may lead its channels elsewhere."""
+        return [s for s in self.slots if s.effect.stage == "cable" and s.parameter.scope in ("one", "fiber")]
+
+    def places(self, numbers: Tensor, distance: Tensor) -> Tensor:
+        """Where along the route the fiber lies, m, that counts as `distance` [place], m, along itself.
+
+        Beyond the channels it is as far off as at their ends.
+        """
+        if self.surroundings is None or not self.moving:
+            return distance
+        counted = self.surroundings.distance
+        cable = self.changed("cable", Cable(counted), self.local(numbers))
+        moved = cable.distance + cable.middle - counted
+        upper = torch.searchsorted(counted, distance.contiguous()).clamp(1, len(counted) - 1)
+        share = ((distance - counted[upper - 1]) / (counted[upper] - counted[upper - 1])).clamp(0, 1)
+        return distance + (1 - share) * moved[upper - 1] + share * moved[upper]
+
+    def moves(self, numbers: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
+        """`places` [place] and their derivatives [place, number] by the numbers of `moving`."""
+        mine = [numbers[slot.where] for slot in self.moving]
+        if not mine:
+            return distance, distance.new_zeros(len(distance), 0)
+        with torch.no_grad():
+            at = self.places(numbers, distance)
+
+        def placed(values: Tensor) -> Tensor:
+            whole = numbers.clone()
+            for slot, value in zip(self.moving, values.split([len(one) for one in mine]), strict=True):
+                whole[slot.where] = value
+            return self.places(whole, distance)
+
+        by = torch.autograd.functional.jacobian(placed, torch.cat(mine))
+        assert isinstance(by, Tensor)
+        return at, by
+
     def clock(self, traffic: "Traffic") -> tuple[Tensor, Tensor]:
         """Time since the record's start and since each pass's first row, [row, 1], s."""
         time = self.time if self.time is not None else traffic.sample_index.double()

@@ -113,7 +113,7 @@ def pose(
     route: np.ndarray,
     channel: np.ndarray,
     prior: Prior,
-    deaf: np.ndarray,
+    deaf: Sequence[int] | np.ndarray = (),
 ) -> Problem:
     """State the fitting problem over the active `channel` numbers but for `deaf` ones, from `route` [channel, 3] on."""
     column = np.searchsorted(record.channel, channel)

@@ -189,8 +189,9 @@ class Cable:
 
     Parameters
     ----------
-    distance : [channel], along the fiber, m
+    distance : [channel], along the route, halfway between the ends of each gauge, m
     slack : [channel] or scalar, share by which a gauge reaches farther along the route than its length says
+    middle : [channel] or scalar, how much farther along the route the middle of a gauge lies than halfway, m
     gain : [channel] or scalar, strain of the fiber over that of the ground
     vertical : share of the ground's vertical motion that the fiber follows
     path_integral : share of the strain that bends within a gauge add to the motion of its two ends
@@ -200,6 +201,7 @@ class Cable:
 
     distance: Tensor
     slack: Tensor | float = 0.0
+    middle: Tensor | float = 0.0
     gain: Tensor | float = 1.0
     vertical: Tensor | float = 1.0
     path_integral: Tensor | float = 0.0

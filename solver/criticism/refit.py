@@ -32,6 +32,8 @@ STAY = 0.75
 SHIFTED = 1.0
 #: Share of the best one's evidence that an effect must have to start with unshifted tracks.
 LATE = 0.25
+#: What is raised where steps led to where the model has no numbers: who gets there stops, and the rest goes on.
+UNSOLVED = (ValueError, np.linalg.LinAlgError, torch.linalg.LinAlgError)
 #: Classes from light to heavy, and weights relative to the lighter half's mean that divide them.
 HEAVIER, TIMES = ("car", "truck", "bus"), (1.8, 5.0)
 
@@ -272,31 +274,35 @@ def race(
     with_it = {one.effect.name: one.effect for _, one in starts}
     fits = {name: MapFit(with_effect(scorer.fit.problem, effect)) for name, effect in with_it.items()}
 
-    def run(fit: MapFit, start: State | Solution, pace: int) -> tuple[Solution, float]:
-        end = solve(fit, start, iterations=pace)
+    def run(fit: MapFit, start: State | Solution, pace: int) -> tuple[Solution, float] | None:
+        try:
+            end = solve(fit, start, iterations=pace)
+        except UNSOLVED:
+            return None
         return end, before - loss(fit, end.state, counts)
 
-    def begin(start: tuple[Scorer, Score]) -> tuple[Solution, float]:
+    def begin(start: tuple[Scorer, Score]) -> tuple[Solution, float] | None:
         at, score = start
         fit = fits[score.effect.name]
         return run(fit, started(fit, at, score, weights), PACE if at is scorer else FAR_PACE)
 
     def onward(one: Refit) -> tuple[Solution, float]:
-        return run(one.fit, one.solution, PACE)
+        return run(one.fit, one.solution, PACE) or (replace(one.solution, converged=True), one.fall)
 
-    running: dict[str, Refit] = {}
-    for (_, score), (end, fall) in zip(starts, side_by_side(begin, starts, advance), strict=True):
-        name = score.effect.name
-        if name not in running or fall > running[name].fall:
-            running[name] = Refit(score, fits[name], end, fall)
-    favorite = next(iter(running), None)
+    begun = zip(starts, side_by_side(begin, starts, advance), strict=True)
+    running = [Refit(score, fits[score.effect.name], *end) for (_, score), end in begun if end is not None]
     for _ in range(ROUNDS - 1):
-        least = STAY * max((one.evidence for one in running.values()), default=0.0)
-        unended = (one for one in running.values() if not one.solution.converged)
-        going = [one for one in unended if one.effect.name == favorite or one.hoped > least]
-        for one, (end, fall) in zip(going, side_by_side(onward, going), strict=True):
-            running[one.effect.name] = replace(one, solution=end, fall=fall)
-    return {name: replace(one, lone=rests_on_one(scorer, one, counts)) for name, one in running.items()}
+        least = STAY * max((one.evidence for one in running), default=0.0)
+        unended = [n for n, one in enumerate(running) if not one.solution.converged]
+        going = [n for n in unended if n == 0 or running[n].hoped > least]
+        for n, (end, fall) in zip(going, side_by_side(onward, [running[n] for n in going]), strict=True):
+            running[n] = replace(running[n], solution=end, fall=fall)
+    best: dict[str, Refit] = {}
+    for one in running:
+        name = one.effect.name
+        if name not in best or one.fall > best[name].fall:
+            best[name] = one
+    return {name: replace(one, lone=rests_on_one(scorer, one, counts)) for name, one in best.items()}
 
 
 def rests_on_one(scorer: Scorer, refit: Refit, counts: Tensor) -> bool:

@@ -96,9 +96,9 @@ def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
 def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Gauges end where the fiber leads, which stands still over the coil; what lies coiled feels nothing.
 
-    Half of the length counts on either side, which keeps the middle of the route where the anchors have it.
+    Half of the length counts on either side, which leaves the middle of the route where it was.
     """
-    s, half, soft = survey.distance, survey.gauge_length / 2, survey.channel_spacing / 2
+    s, half, soft = survey.distance, survey.gauge_length / 2, survey.channel_spacing / 5
     begins = (s.min() + s.max()) / 2 + p["place"] - p["length"] / 2
 
     def led(place: Tensor) -> Tensor:
@@ -106,9 +106,12 @@ def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
         return place - soft * coiled + p["length"] / 2
 
     ahead, behind = led(s + half), led(s - half)
-    reach = (ahead - behind) / survey.gauge_length
+    # Never quite nothing: derivatives divide by it.
+    reach = ((ahead - behind) / survey.gauge_length).clamp_min(1e-9)
     slack = (1 + cable.slack) * reach.clamp_min(SHORTEST) - 1
-    return replace(cable, distance=cable.distance + (ahead + behind) / 2 - s, slack=slack, gain=cable.gain * reach)
+    halfway = (ahead + behind) / 2
+    middle = cable.middle + led(s) - halfway
+    return replace(cable, distance=cable.distance + halfway - s, slack=slack, middle=middle, gain=cable.gain * reach)
 
 
 @effect(

@@ -1,7 +1,7 @@
 """What is believed of all that is fitted: means, standard deviations, and the cost of departing from them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from solver.anchors import Anchor
 from solver.cable import DEGREE, SplineBasis
-from solver.extension import SLOW_ERROR, Extension, Slot
+from solver.extension import NONE, SLOW_ERROR, Extension, Slot
 from solver.fit.prior import Prior, Rows, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.state import PER_PASS, State
 from solver.load import layout_of
@@ -41,15 +41,21 @@ def spreads(extension: Extension, prior: Prior) -> Tensor:
 
 @dataclass(frozen=True)
 class RouteRows:
-    """Rows of a prior on the coefficients from number `first` on."""
+    """Rows of a prior on the coefficients from number `first` on, and on some `other` parameters [other]."""
 
     first: int
     rows: Rows
+    other: Tensor = field(default_factory=lambda: torch.zeros(0, dtype=torch.int64))
 
     @property
-    def where(self) -> slice:
+    def count(self) -> int:
+        """How many of the route's parameters they are of."""
+        return self.rows.jacobian.shape[1] - len(self.other)
+
+    @property
+    def where(self) -> Tensor:
         """Which parameters they are of."""
-        return slice(3 * self.first, 3 * self.first + self.rows.jacobian.shape[1])
+        return torch.cat([torch.arange(3 * self.first, 3 * self.first + self.count), self.other])
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,7 @@ class Belief:
     numbers, number_sd : [number], of the effects
     held : whether all but the vehicles is left as it is
     own : [number] bool, numbers that are of single passes
+    extension : whose effects may lead the fiber at the anchors elsewhere; None: they do not
     """
 
     basis: SplineBasis
@@ -77,6 +84,7 @@ class Belief:
     number_sd: Tensor
     own: Tensor
     held: bool = False
+    extension: Extension | None = None
 
     @cached_property
     def mean(self) -> Tensor:
@@ -145,26 +153,38 @@ class Belief:
             for first, part in self.pieces
         ]
 
-    def anchored(self, coefficients: Tensor) -> list[RouteRows]:
-        """Rows of the anchors."""
+    def led(self, state: State, distance: np.ndarray) -> tuple[Tensor, Tensor, Tensor]:
+        """Where effects lead the fiber that counts as `distance` [place], m: how far along the route.
+
+        With the derivatives [place, other] by those parameters [other] that may change it.
+        """
+        extension = self.extension or NONE
+        first_number = len(self.mean) - len(self.numbers)
+        every = [torch.arange(slot.where.start, slot.where.stop) + first_number for slot in extension.moving]
+        other = torch.cat([torch.zeros(0, dtype=torch.int64), *every])
+        return *extension.moves(state.numbers, torch.from_numpy(distance)), other
+
+    def anchored(self, state: State) -> list[RouteRows]:
+        """Rows of the anchors, at the places to which effects lead the fiber."""
+        place, by_number, other = self.led(state, self.anchor_distance)
         basis, found = self.basis, []
         if len(self.pieces) == 1:
-            return [RouteRows(0, anchor_rows(basis, self.anchors, self.anchor_distance, coefficients))]
-        for anchor, distance in zip(self.anchors, self.anchor_distance, strict=True):
-            first = int(np.clip((distance - basis.start) // basis.step, 0, basis.intervals - 1))
-            part = basis.part(first, first + 1)
-            near = coefficients[first : first + DEGREE + 1]
-            found.append(RouteRows(first, anchor_rows(part, [anchor], np.array([distance]), near)))
+            return [RouteRows(0, anchor_rows(basis, self.anchors, place, by_number, state.coefficients), other)]
+        for number, anchor in enumerate(self.anchors):
+            first = int(np.clip((float(place[number]) - basis.start) // basis.step, 0, basis.intervals - 1))
+            part, one = basis.part(first, first + 1), slice(number, number + 1)
+            near = state.coefficients[first : first + DEGREE + 1]
+            found.append(RouteRows(first, anchor_rows(part, [anchor], place[one], by_number[one], near), other))
         return found
 
-    def route_rows(self, coefficients: Tensor) -> list[RouteRows]:
+    def route_rows(self, state: State) -> list[RouteRows]:
         """Rows of the priors on the route: its shape and its anchors."""
-        return [*self.shape(coefficients), *self.anchored(coefficients)]
+        return [*self.shape(state.coefficients), *self.anchored(state)]
 
-    def route_cost(self, coefficients: Tensor) -> float:
+    def route_cost(self, state: State) -> float:
         """-2 ln of the prior density of the route and of the anchors, but for a constant."""
-        return sum(float((one.rows.residual**2).sum()) for one in self.route_rows(coefficients))
+        return sum(float((one.rows.residual**2).sum()) for one in self.route_rows(state))
 
     def total(self, state: State) -> float:
         """-2 ln of the prior density of all and of the anchors, but for a constant."""
-        return self.cost(state) + self.route_cost(state.coefficients)
+        return self.cost(state) + self.route_cost(state)

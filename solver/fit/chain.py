@@ -318,23 +318,28 @@ class Chain:
         """Rows of the priors on the route: its shape and its anchors; none where it is held."""
         if self.prior.held:
             return []
-        return self.prior.route_rows(state.coefficients)
+        return self.prior.route_rows(state)
 
     def known(self, state: State, precision: Tensor) -> Iterator[Block]:
         """Normal matrices of the priors on what is shared."""
-        none = np.zeros(0, int)
         for one in self.rows(state):
             matrix = (one.rows.jacobian.T @ one.rows.jacobian).numpy()
-            yield Block(3 * one.first, len(matrix), none, matrix)
+            yield Block(3 * one.first, one.count, self.rank(one.other), matrix)
         yield Block(0, 0, np.arange(len(self.border)), np.diag(precision[self.border].numpy()))
 
     def pull(self, state: State, precision: Tensor) -> np.ndarray:
         """Right-hand side [shared] of the priors on what is shared."""
         right = np.zeros(self.size + len(self.border))
-        for one in self.rows(state):
-            right[one.where] -= (one.rows.jacobian.T @ one.rows.residual).numpy()
         right[self.size :] = (precision * (self.mean - state.vector()))[self.border].numpy()
+        for one in self.rows(state):
+            route = np.arange(3 * one.first, 3 * one.first + one.count)
+            where = np.concatenate([route, self.size + self.rank(one.other)])
+            right[where] -= (one.rows.jacobian.T @ one.rows.residual).numpy()
         return right
+
+    def rank(self, where: Tensor) -> np.ndarray:
+        """Which of the border some of its parameters [where] are."""
+        return np.searchsorted(self.border.numpy(), where.numpy())
 
     def stepped(self, state: State, step: tuple[np.ndarray, list[np.ndarray]]) -> State:
         """The state after a step of `Normal.step`."""

@@ -71,6 +71,7 @@ class MapFit:
             spreads(self.extension, problem.prior),
             own,
             known_ground,
+            self.extension,
         )
         self.mean, self.sd, self.free = self.prior.mean, self.prior.sd, self.prior.free
 
@@ -257,9 +258,10 @@ class MapFit:
     def normal_of(self, state: State, at: Linearized) -> tuple[Tensor, Tensor, Weights]:
         """The same of a problem that is linearized already."""
         matrix, right = at.jacobian.T @ at.jacobian, at.jacobian.T @ at.residual
-        for one in self.prior.route_rows(state.coefficients):
-            matrix[one.where, one.where] += one.rows.jacobian.T @ one.rows.jacobian
-            right[one.where] -= one.rows.jacobian.T @ one.rows.residual
+        for one in self.prior.route_rows(state):
+            where = one.where
+            matrix[where[:, None], where] += one.rows.jacobian.T @ one.rows.jacobian
+            right[where] -= one.rows.jacobian.T @ one.rows.residual
         free = self.free
         precision = self.prior.precision(state)[free]
         shift = (self.mean - state.vector())[free]

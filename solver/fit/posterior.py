@@ -125,7 +125,7 @@ class Posterior:
         total = 0.0
         for one in self.chain.prior.shape(self.visit.state.coefficients):
             if self.visit.normal.size:
-                where = np.arange(one.where.start, one.where.stop)
+                where = one.where.numpy()
                 total += float((self.columns(where)[where] * gram(one)).sum())
         return total
 
@@ -141,27 +141,37 @@ class Posterior:
 
         In the data or at the anchors (Birge ratio).
         """
-        missed = [one.rows.residual for one in self.chain.prior.anchored(self.visit.state.coefficients)]
+        missed = [one.rows.residual for one in self.chain.prior.anchored(self.visit.state)]
         square = sum(float((miss**2).sum()) for miss in missed)
         return max(1.0, self.chi2_per_dof, square / max(sum(map(len, missed)), 1))
 
     def route(self, distance: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Covariance [channel, 3, 3] at `distance` [channel], m, the prior's part of it, and that of shape alone."""
-        basis = self.chain.basis
+        """Route [channel, 3] of the fiber that counts as `distance` [channel], m, and covariances [channel, 3, 3].
+
+        The whole covariance, the prior's part of it, and that of shape alone.
+        """
+        basis, state = self.chain.basis, self.visit.state
+        place, by_number, other = self.chain.prior.led(state, distance)
+        border = self.visit.normal.size + self.chain.rank(other)
+        at = place.clamp(basis.start, basis.stop).numpy()
+        coefficients = state.coefficients.numpy()
+        tangent = basis.along(coefficients, at, 1)
+        route = basis.along(coefficients, at) + tangent * (place.numpy() - at)[:, None]
         out = tuple(np.full((len(distance), 3, 3), np.nan) for _ in range(3))
-        interval = np.clip((distance - basis.start) // basis.step, 0, basis.intervals - 1).astype(int)
+        interval = np.clip((at - basis.start) // basis.step, 0, basis.intervals - 1).astype(int)
         for first in range(0, basis.intervals, INTERVALS):
             here = (interval >= first) & (interval < first + INTERVALS)
             part = basis.part(first, min(first + INTERVALS, basis.intervals))
-            where = np.arange(3 * first, 3 * (first + part.size))
+            where = np.concatenate([np.arange(3 * first, 3 * (first + part.size)), border])
             if not here.any():
                 continue
-            columns, at = self.columns(where), part.at(distance[here])
+            moves = tangent[here][:, :, None] * by_number.numpy()[here][:, None, :]
+            by = np.concatenate([np.kron(part.at(at[here]), np.eye(3)).reshape(len(moves), 3, -1), moves], 2)
+            columns = self.columns(where)
             decided = columns.T @ (self.priors @ columns) + columns.T @ (self.through_vehicles @ columns)
             for total, block in zip(out, (columns[where], decided, columns.T @ (self.shape @ columns)), strict=True):
-                cube = block.reshape(part.size, 3, part.size, 3)
-                total[here] = self.scale * np.einsum("ci,iajb,cj->cab", at, cube, at, optimize=True)
-        return out
+                total[here] = self.scale * (by @ block @ by.transpose(0, 2, 1))
+        return route, *out
 
     def sigmas(self) -> Tensor:
         """Standard deviation [parameter] of all but the route; 0 where it is fixed."""
@@ -256,8 +266,7 @@ def assemble(
     posterior = Posterior(chain, near or chain.visit(state))
     state, channel = posterior.visit.state, problem.route_channel
     distance = problem.distance_of(channel)
-    route = chain.basis.along(state.coefficients.numpy(), distance)
-    total, prior, shape = posterior.route(distance)
+    route, total, prior, shape = posterior.route(distance)
     share = 1 - np.diagonal(prior, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
     model, weight = maps(chain, posterior.visit)
     return FitResult(

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.anchors import Anchor
@@ -124,18 +123,19 @@ def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
 
 
 def anchor_rows(
-    basis: SplineBasis, anchors: Sequence[Anchor], distance: NDArray[np.float64], coefficients: Tensor
+    basis: SplineBasis, anchors: Sequence[Anchor], distance: Tensor, by_number: Tensor, coefficients: Tensor
 ) -> Rows:
-    """Route at the anchors' distances [anchor], m, against the anchors."""
-    matrix = torch.from_numpy(basis.at(distance))
+    """Route at the anchors' distances [anchor], m, against the anchors.
 
-    def column(name: str) -> Tensor:
-        return torch.tensor([getattr(a, name) for a in anchors], dtype=torch.float64)
-
-    sigmas = ("sigma_xy", "sigma_xy", "sigma_z")
-    return Rows.stack(
-        [
-            Rows.linear(matrix, coefficients, axis, column(name), column(sigma))
-            for axis, (name, sigma) in enumerate(zip("xyz", sigmas, strict=True))
-        ]
-    )
+    Parameters
+    ----------
+    by_number : [anchor, number], derivatives of the distances by numbers of effects, columns after the coefficients'
+    """
+    matrix, slope = basis.weights(distance), basis.weights(distance, 1) @ coefficients
+    found = []
+    for axis, name, sigma in zip(range(3), "xyz", ("sigma_xy", "sigma_xy", "sigma_z"), strict=True):
+        target, sd = (torch.tensor([getattr(a, of) for a in anchors], dtype=torch.float64) for of in (name, sigma))
+        rows = Rows.linear(matrix, coefficients, axis, target, sd)
+        moved = slope[:, axis, None] * by_number / sd[:, None]
+        found.append(Rows(rows.residual, torch.cat([rows.jacobian, moved], 1)))
+    return Rows.stack(found)

@@ -175,3 +175,25 @@ def test_rows_differentiated_in_blocks_are_as_those_differentiated_at_once(name,
     assert parts.by.keys() == whole.by.keys()
     for key, derivative in whole.by.items():
         torch.testing.assert_close(parts.by[key], derivative)
+
+
+def test_a_coil_leads_the_fiber_beyond_it_back_along_the_route():
+    coil = extension("slack_spool")
+    assert coil.surroundings is not None
+    numbers, counted = coil.numbers(), coil.surroundings.distance
+    numbers[:2] = torch.tensor([6.0, 1.3])
+    middle = float(counted[0] + counted[-1]) / 2 + 1.3
+    told = torch.tensor([float(counted[0]) - 20, middle - 15, middle, middle + 15, float(counted[-1]) + 20]).double()
+    place, by_number = coil.moves(numbers, told)
+    assert (place - told).tolist() == pytest.approx([3.0, 3.0, 0.0, -3.0, -3.0], abs=0.05)
+    for number in range(2):
+        step = torch.zeros(2, dtype=torch.float64)
+        step[number] = 1e-5
+        numeric = (coil.places(numbers + step, told) - coil.places(numbers - step, told)) / 2e-5
+        torch.testing.assert_close(by_number[:, number], numeric, atol=1e-6, rtol=1e-5)
+
+
+def test_what_does_not_move_channels_leaves_anchors_where_they_are():
+    told = torch.tensor([0.0, 40.0], dtype=torch.float64)
+    place, by_number = extension("clock_offset", "shear_lag").moves(torch.zeros(2, dtype=torch.float64), told)
+    assert torch.equal(place, told) and not by_number.any()

@@ -43,7 +43,8 @@ def test_prior_rows_by_finite_differences(case, rows: str) -> None:
     def at(coefficients: torch.Tensor):
         if rows == "shape":
             return shape_rows(basis, Prior(), coefficients)
-        return anchor_rows(basis, case.problem.anchors, np.array([20.0, 41.5]), coefficients)
+        place = torch.tensor([20.0, 41.5], dtype=torch.float64)
+        return anchor_rows(basis, case.problem.anchors, place, torch.zeros(2, 0, dtype=torch.float64), coefficients)
 
     numeric = torch.autograd.functional.jacobian(lambda c: at(c).residual, route).flatten(1)
     torch.testing.assert_close(at(route).jacobian, numeric)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from solver.effects.catalogue import built_in
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
@@ -96,7 +97,7 @@ def dense(chain: Chain, visit) -> tuple[torch.Tensor, np.ndarray]:
         at = link.fit.linearized(chain.part_of(visit.state, link))
         matrix[link.where[:, None], link.where] += at.jacobian.T @ at.jacobian
     for one in chain.rows(visit.state):
-        matrix[one.where, one.where] += one.rows.jacobian.T @ one.rows.jacobian
+        matrix[one.where[:, None], one.where] += one.rows.jacobian.T @ one.rows.jacobian
     matrix += torch.diag(torch.nan_to_num(chain.prior.precision(visit.state), posinf=0.0))
     free = torch.nonzero(chain.free).flatten()
     return matrix[free][:, free], free.numpy()
@@ -118,7 +119,7 @@ def test_a_chain_has_the_covariance_of_the_dense_problem(case, cut_short: None) 
     at = chain.basis.at(case.problem.distance)
     block = covariance[:route, :route].reshape(chain.basis.size, 3, chain.basis.size, 3)
     total = posterior.scale * np.einsum("ci,iajb,cj->cab", at, block, at)
-    np.testing.assert_allclose(posterior.route(case.problem.distance)[0], total, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(posterior.route(case.problem.distance)[1], total, rtol=1e-4, atol=1e-9)
 
 
 def test_stretches_find_the_route_that_one_fit_finds(case, cut_short: None) -> None:
@@ -135,7 +136,7 @@ def test_stretches_find_the_route_that_one_fit_finds(case, cut_short: None) -> N
 def test_prior_parts_are_shares_of_the_whole(case, cut_short: None) -> None:
     chain = Chain.of(case.problem)
     posterior = Posterior(chain, chain.visit(chain.start(), None))
-    total, prior, shape = posterior.route(case.problem.distance)
+    _, total, prior, shape = posterior.route(case.problem.distance)
     for part in (prior, shape):
         ratio = np.diagonal(part, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
         assert (ratio > -1e-9).all() and (ratio < 1 + 1e-9).all()
@@ -183,3 +184,29 @@ def route_of(state, case) -> np.ndarray:
     """The route [channel, 3] of a state."""
     chain = Chain.of(case.problem)
     return chain.basis.along(state.coefficients.numpy(), case.problem.distance)
+
+
+@pytest.mark.parametrize("name", ["channel_stretch", "channel_wander"])
+def test_covariance_of_a_route_holds_what_effects_may_move_along_it(case, name: str) -> None:
+    fit = MapFit(replace(case.problem, effects=(built_in()[name],)))
+    chain, state = Chain.single(fit), solve(fit, fit.start(), iterations=2).state
+    visit = chain.visit(state)
+    matrix, free = dense(chain, visit)
+    posterior = Posterior(chain, visit)
+    distance = case.problem.distance[::20]
+    route, total, _, _ = posterior.route(distance)
+
+    def routed(vector: torch.Tensor) -> np.ndarray:
+        moved = replace(visit, state=state.moved(vector))
+        return Posterior(chain, moved).route(distance)[0]
+
+    vector, by = state.vector(), []
+    for number in free:
+        step = torch.zeros_like(vector)
+        step[number] = 1e-4
+        by.append((routed(vector + step) - routed(vector - step)) / 2e-4)
+    columns = np.stack(by, -1)
+    covariance = posterior.scale * torch.linalg.inv(matrix).numpy()
+    expected = np.einsum("cai,ij,cbj->cab", columns, covariance, columns)
+    np.testing.assert_allclose(total, expected, rtol=1e-3, atol=1e-7)
+    assert np.abs(routed(vector) - route).max() == 0
