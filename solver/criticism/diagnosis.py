@@ -25,6 +25,7 @@ from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
+from solver.noise import quiet
 
 Advance = Callable[[int], None]
 
@@ -181,7 +182,8 @@ def unranked(bench: Bench, check: NoiseAudit) -> Diagnosis:
     words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(check.faults)
     listed = tuple(replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table)
     survey = bench.scorer.fit.problem
-    found = filtered_by(survey.record / survey.noise.numpy(), survey.sampling_rate, survey.channel_spacing)
+    still = quiet(len(survey.record), survey.start, survey.passes)
+    found = filtered_by(survey.record / survey.noise.numpy(), still, survey.sampling_rate, survey.channel_spacing)
     filtered = next((c for c in listed if found and c.effect == found[0]), None)
     if found is None or filtered is None:
         return Diagnosis("inconclusive", words, listed, check, bench.scorer.stress)

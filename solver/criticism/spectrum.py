@@ -1,16 +1,18 @@
 """Filters that a record went through before, as its noise and its very values show them."""
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
-
-from solver.processing.fk import HIGHEST, SPEEDS
 
 Array = NDArray[np.float64]
 
 #: s; blocks whose spectra are averaged.
 BLOCK = 25.0
-#: Wavelengths too short for a load on the road to make them, 1/m: noise alone.
-SHORT = 0.18
+#: Highest frequencies, Hz, and lowest speeds, m/s, that FK filters are tried to have kept.
+HIGHEST, SLOWEST = (0.5, 0.7, 1.0, 1.4, 2.0), (1.5, 2.5, 4.0, 6.0)
+#: Least wavenumber that is looked at, 1/m, and how many cells of the spectrum on each side.
+LONGEST, CELLS = 0.03, 20
 #: Contrast of the noise's spectrum that an FK filter leaves, and share of repeated samples that a median filter does.
 FILTERED, REPEATED = 5.0, 0.05
 
@@ -36,15 +38,19 @@ def power(record: Array, sampling_rate: float, spacing: float) -> tuple[Array, A
 
 
 def fan_contrast(record: Array, sampling_rate: float, spacing: float) -> float:
-    """Power of the noise within the pass band of an FK filter over that outside, as usual for roads.
+    """Power of the noise within the pass band of an FK filter over that outside, for the best of some such bands.
 
     Compared is noise of about the same wavelengths and frequencies on either side of the highest frequency and of the
     lowest speed, the smaller contrast of the two; about 1 if nothing was filtered, nan where the sampling cannot tell.
 
+    Parameters
+    ----------
+    record : [sample, channel] of noise alone, NaN where vehicles are near
+
     >>> rng = np.random.default_rng(0)
     >>> noise = rng.normal(size=(600, 100))
     >>> round(fan_contrast(noise, 5.0, 1.0), 1)
-    1.0
+    1.1
     >>> import torch
     >>> from solver.processing import fk_filter
     >>> fan_contrast(fk_filter(torch.from_numpy(noise), 0.2, 1.0).numpy(), 5.0, 1.0) > 100
@@ -52,16 +58,18 @@ def fan_contrast(record: Array, sampling_rate: float, spacing: float) -> float:
     """
     total, frequency, wavenumber = power(record, sampling_rate, spacing)
     f, k = frequency[:, None], wavenumber[None, :]
-    speed = f / np.maximum(k, 1e-9)
-    near = (f > 0.6 * HIGHEST) & (f < 0.9 * HIGHEST)
-    inside = near & (k > SHORT) & (speed > 1.2 * SPEEDS[0])
-    fast = (f > 1.4 * HIGHEST) & (k > SHORT) & (k < HIGHEST / SPEEDS[0])
-    slow = near & (speed < 0.7 * SPEEDS[0])
-    if not (inside.any() and fast.any() and slow.any()):
-        return float("nan")
-    # Medians: a machine hums at one frequency.
-    level = [float(np.median(total[where])) for where in (inside, fast, slow)]
-    return level[0] / max(level[1:])
+    speed, long = f / np.maximum(k, 1e-9), k > LONGEST
+    best = float("nan")
+    for highest, slowest in product(HIGHEST, SLOWEST):
+        near = (f > 0.6 * highest) & (f < 0.9 * highest)
+        inside = near & long & (speed > 1.2 * slowest)
+        fast = (f > 1.4 * highest) & long & (k < highest / slowest)
+        slow = near & (speed < 0.7 * slowest)
+        if min(inside.sum(), fast.sum(), slow.sum()) >= CELLS:
+            # Medians: a machine hums at one frequency.
+            level = [float(np.median(total[where])) for where in (inside, fast, slow)]
+            best = float(np.fmax(best, level[0] / max(*level[1:], 1e-300)))
+    return best
 
 
 def repeated_share(record: Array) -> float:
@@ -82,9 +90,16 @@ def repeated_share(record: Array) -> float:
     return float(near - far)
 
 
-def filtered_by(record: Array, sampling_rate: float, spacing: float) -> tuple[str, str] | None:
-    """Name of the filter that a record [sample, channel] went through, as in the catalogue, and how it shows."""
-    contrast = fan_contrast(record, sampling_rate, spacing)
+def filtered_by(
+    record: Array, still: NDArray[np.bool_], sampling_rate: float, spacing: float
+) -> tuple[str, str] | None:
+    """Name of the filter that a record [sample, channel] went through, as in the catalogue, and how it shows.
+
+    Parameters
+    ----------
+    still : [sample, channel], no vehicle near
+    """
+    contrast = fan_contrast(np.where(still, record, np.nan), sampling_rate, spacing)
     if contrast > FILTERED:
         return "fk_filter", f"noise at speeds and frequencies of vehicles is {contrast:.0f} times that beside them"
     repeated = repeated_share(record)
