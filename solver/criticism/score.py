@@ -8,7 +8,7 @@ Philos. Soc. 44, 50; the projection is that of Neyman 1959, C(alpha) tests).
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
-from functools import partial
+from functools import cached_property, partial
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn.functional import pad
 
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.windowed import Windowed
@@ -24,6 +25,7 @@ from solver.effects.effect import Effect, Heard
 from solver.extension import SLOW_ERROR, Extension
 from solver.fit.derivatives import Local, Seen, acts_on_rows, derivative
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
+from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
 from solver.pose import track_sigma
 
@@ -74,7 +76,7 @@ class Score:
     trials : how many shapes were tried
     estimate, sigma : [number]
     retained : share of the effect's signal that the fit leaves visible
-    signal : [sample * channel], whitened, what the estimate would change
+    signal : [sample * channel + anchor], whitened, what the estimate would change
     """
 
     effect: Effect
@@ -125,7 +127,7 @@ class Made(NamedTuple):
     Attributes
     ----------
     shape : values of its shape parameters
-    columns : [sample * channel, number], whitened
+    columns : [sample * channel + anchor, number], whitened
     counts : how many numbers each amplitude has
     """
 
@@ -157,11 +159,13 @@ class Scorer:
         factor = torch.linalg.cholesky(matrix)
         #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
-        jacobian = self.at.jacobian[:, fit.free]
+        #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.
+        self.residual = torch.cat([self.at.residual, self._below(-self._anchors.residual[:, None])[:, 0]])
+        jacobian = torch.cat([self.at.jacobian, self._below(self._anchors.jacobian)])[:, fit.free]
         if not alone and all(one.name != SLOW_ERROR for one in fit.extension.effects):
             columns, _ = self._slow = self.slow_errors()
             jacobian = torch.cat([jacobian, columns], 1)
-        #: What was fitted, and then the tracks' slow errors [sample * channel, column].
+        #: What was fitted, and then the tracks' slow errors [sample * channel + anchor, column].
         self.jacobian = Windowed.of(jacobian, fit.data.shape[1])
         if self._slow is not None:
             matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
@@ -179,7 +183,34 @@ class Scorer:
         expected = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2 / SPLINE_VARIANCE
         own = own + torch.eye(len(own), dtype=torch.float64) / expected
         whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
-        return whole, torch.cat([right, columns.T @ self.at.residual])
+        return whole, torch.cat([right, columns.T @ self.residual])
+
+    @cached_property
+    def _anchors(self) -> Rows:
+        """The anchors' rows, with derivatives by every parameter of the fit."""
+        fit, state = self.fit, self.state
+        place, by_number, other = fit.prior.led(state, fit.prior.anchor_distance)
+        rows = anchor_rows(fit.basis, fit.prior.anchors, place, by_number, state.coefficients)
+        jacobian = torch.zeros(len(rows.residual), len(fit.mean), dtype=torch.float64)
+        route = 3 * fit.basis.size
+        jacobian[:, :route], jacobian[:, other] = rows.jacobian[:, :route], rows.jacobian[:, route:]
+        return Rows(rows.residual, jacobian)
+
+    def _below(self, rows: Tensor) -> Tensor:
+        """Rows of the anchors [anchor, column], filled up with zeros to whole samples of all channels."""
+        return pad(rows, (0, 0, 0, -len(rows) % self.fit.data.shape[1]))
+
+    def _anchor_columns(self, effect: Effect, numbers: Tensor, extension: Extension) -> Tensor:
+        """Derivatives [anchor, number] of the anchors' rows by an effect's amplitudes, which may lead channels away."""
+        place, by_number = extension.moves(numbers, torch.from_numpy(self.fit.prior.anchor_distance))
+        counts = [slot.where.stop - slot.where.start for slot in extension.moving]
+        parts = zip(extension.moving, by_number.split(counts, 1), strict=True)
+        found = {slot.parameter.name: part for slot, part in parts if slot.effect is effect}
+        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
+        nothing = [torch.zeros(len(place), s.where.stop - s.where.start, dtype=torch.float64) for s in slots]
+        by_amplitude = torch.cat([found.get(s.parameter.name, none) for s, none in zip(slots, nothing, strict=True)], 1)
+        rows = anchor_rows(self.fit.basis, self.fit.prior.anchors, place, by_amplitude, self.state.coefficients)
+        return self._below(rows.jacobian[:, 3 * self.fit.basis.size :])
 
     def seen(self, extension: Extension) -> Seen:
         """The model with a candidate at its null; what candidates share is computed once."""
@@ -202,7 +233,7 @@ class Scorer:
         return numbers
 
     def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Tensor, list[int]]:
-        """Whitened derivatives [sample * channel, number] by an effect's amplitudes, and how many each has."""
+        """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, how many each has."""
         if effect.name == SLOW_ERROR and self._slow is not None:
             return self._slow
         seen, numbers = self.seen(extension), self.numbers(extension, shape)
@@ -211,7 +242,8 @@ class Scorer:
         weights = self.at.weights
         every = torch.cat(maps).permute(1, 2, 0) * weights.good[..., None]
         white = self.fit.whiten(every) * weights.soft.sqrt()[..., None]
-        return white.flatten(0, 1), [len(m) for m in maps]
+        below = self._anchor_columns(effect, numbers, extension)
+        return torch.cat([white.flatten(0, 1), below]), [len(m) for m in maps]
 
     def scores(self, effect: Effect) -> Iterator[Score]:
         """The best shape of an effect, with separate and with shared numbers of passes."""
@@ -276,13 +308,26 @@ class Scorer:
             if numbers[where] == p.null:
                 continue
             change = (self.model(extension, numbers) - self.at.model) * weights.good
-            column = (self.fit.whiten(change) * weights.soft.sqrt()).reshape(-1, 1)
+            white = (self.fit.whiten(change) * weights.soft.sqrt()).reshape(-1, 1)
+            column = torch.cat([white, self._below(self._anchor_change(extension, base, numbers))])
             fall, freedom, estimate, sigma, retained = outcome(self.project([column])[0], 1)
             if fall > score.fall:
                 signal, step = column @ torch.from_numpy(estimate), float(numbers[where] - p.null)
                 numbered = step * estimate, abs(step) * sigma
                 score = Score(effect, score.shape, False, fall, freedom, score.trials, *numbered, retained, signal)
         return score
+
+    def _anchor_change(self, extension: Extension, base: Tensor, numbers: Tensor) -> Tensor:
+        """How the anchors' rows [anchor, 1] change with an effect's numbers."""
+        told = torch.from_numpy(self.fit.prior.anchor_distance)
+        none = torch.zeros(len(told), 0, dtype=torch.float64)
+        before, after = (
+            anchor_rows(
+                self.fit.basis, self.fit.prior.anchors, extension.places(at, told), none, self.state.coefficients
+            )
+            for at in (base, numbers)
+        )
+        return (after.residual - before.residual)[:, None]
 
     def model(self, extension: Extension, numbers: Tensor) -> Tensor:
         """Map [sample, channel] with a candidate at some numbers."""
@@ -306,8 +351,8 @@ class Scorer:
         return Heard(residual, load, seen.path.traffic.record_sample, middle, slope)
 
     def project(self, parts: Sequence[Tensor]) -> list[Projected]:
-        """What the fit leaves of directions [sample * channel, number]; those of several shapes at once are faster."""
-        grams, scores = [one.T @ one for one in parts], [one.T @ self.at.residual for one in parts]
+        """What the fit leaves of directions, as `columns` has them; those of several shapes at once are faster."""
+        grams, scores = [one.T @ one for one in parts], [one.T @ self.residual for one in parts]
         if self.alone or not parts:
             return [Projected(score, gram, gram) for score, gram in zip(scores, grams, strict=True)]
         crossed = self.jacobian.transposed_times(torch.cat(list(parts), 1)).split([one.shape[1] for one in parts], 1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from solver.anchors import Anchor
 from solver.criticism.score import FOUND, Scorer
 from solver.effects.catalogue import built_in
 from solver.effects.trial_survey import trial_survey
@@ -47,3 +48,30 @@ def test_what_tracks_may_be_off_by_their_own_account_is_no_effect(name):
 def test_tracks_off_by_more_than_they_say_are_found():
     found = max(Scorer(*off_by(0.4, 0.03)).scores(built_in()["track_jitter"]), key=lambda s: s.evidence)
     assert found.evidence > FOUND
+
+
+@pytest.mark.parametrize("name", ["channel_stretch", "slack_spool", "channel_wander", "gauge_length"])
+def test_anchors_have_their_say_on_what_leads_channels_elsewhere(name):
+    problem = trial_survey()[0].problem
+    mean = problem.start[len(problem.start) // 2]
+    anchors = [Anchor("a", int(problem.channel[k]), *mean, 0.05, 0.05) for k in (3, -4)]
+    fit = MapFit(replace(problem, anchors=anchors))
+    scorer, effect = Scorer(fit, fit.start()), built_in()[name]
+    extension = fit.problem.extension([effect])
+    shape = {p.name: p.grid[0] for p in effect.shapes}
+    columns, _ = scorer.columns(effect, shape, extension)
+    rows = columns[fit.measured.numel() :][:6]
+    numbers = extension.numbers({name: shape})
+    grown = MapFit(replace(fit.problem, effects=(effect,)))
+    slots = [slot for slot in grown.extension.slots if not slot.parameter.is_shape]
+    free = torch.cat([torch.arange(slot.where.start, slot.where.stop) for slot in slots])
+
+    def missed(at: torch.Tensor) -> torch.Tensor:
+        return grown.prior.anchored(replace(scorer.state, numbers=at))[0].rows.residual
+
+    for column, number in enumerate(free):
+        step = torch.zeros_like(numbers)
+        step[number] = 1e-5
+        numeric = (missed(numbers + step) - missed(numbers - step)) / 2e-5
+        torch.testing.assert_close(rows[:, column], numeric, rtol=1e-4, atol=1e-4)
+    assert bool(rows.any()) == (name != "gauge_length")
