@@ -110,7 +110,12 @@ def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Prob
 
 
 def fit_straight(result: FitResult, problem: Problem, method: str, warnings: list[str]) -> tuple[FitResult, Problem]:
-    """Fit again without the ends at which the fiber turns off the road, until none is left."""
+    """Fit again without the ends at which the fiber turns off the road, until none is left.
+
+    Beyond a coil that the model does not have the route turns too, though the fiber does not.
+    """
+    if problem.coil is not None:
+        return result, problem
     gauge = round(problem.gauge_length / problem.channel_spacing)
     while (keep := bent_ends(result, gauge)) != slice(0, len(problem.channel)):
         whole, problem = problem, shortened(problem, keep, result)

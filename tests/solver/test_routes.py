@@ -90,6 +90,8 @@ def test_a_coil_is_seen_and_a_fit_with_it_begins_there(tmp_path: Path) -> None:
     survey = simulate(Scenario(seed=4, noise="street", track_noise="camera", snr_db=18.0, effects=effects))
     found = locate(read_site(write_survey(survey, tmp_path / "s")))
     assert found.problem.coil is not None and abs(found.problem.coil.length - 18.0) < 3.0
+    # What turns there is the model, not the fiber: all of it stays.
+    assert np.isin(np.arange(survey.active[0] + 10, survey.active[1] - 9), found.problem.channel).all()
     assert any("lie coiled near channel" in line for line in found.warnings)
     fit = MapFit(strict_tracks(found.problem))
     state = fit.state_of(torch.from_numpy(found.result.vector))
