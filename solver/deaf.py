@@ -31,15 +31,11 @@ def deaf_channels(record: DASRecord, channel: Integers) -> Integers:
     """
     reach = min(int(record.gauge_length / 2 / record.channel_spacing), MOST)
     found = [np.empty(0, np.int64)]
-    for first in range(0, len(channel) if reach else 0, TOGETHER):
-        lot = channel[max(0, first - reach) : first + TOGETHER + reach]
-        # Of the record alone, by its numbers: some of its channels may not be in view.
-        every = np.arange(lot[0], lot[-1] + 1)
-        column = np.searchsorted(record.channel, every)
-        known = np.isin(every, lot) & np.isin(every, record.channel)
-        values = np.full((len(record.strain_rate), len(every)), np.nan)
-        values[:, known] = record.strain_rate[:, column[known]]
-        found.append(every[deaf(values, reach) & np.isin(every, channel[first : first + TOGETHER])])
+    for run in np.split(channel, np.flatnonzero(np.diff(channel) != 1) + 1) if reach else ():
+        for first in range(0, len(run), TOGETHER):
+            lot = run[max(0, first - reach) : first + TOGETHER + reach]
+            values = record.strain_rate[:, np.searchsorted(record.channel, lot)]
+            found.append(lot[deaf(values, reach) & np.isin(lot, run[first : first + TOGETHER])])
     return np.concatenate(found)
 
 

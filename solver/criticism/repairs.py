@@ -14,6 +14,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import minimize
 
 from solver.cable import Fiber
+from solver.deaf import DEAF, SURE
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
@@ -30,9 +31,8 @@ SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
 REACH = 90.0
 #: Sigmas by which a sample that jumped differs from its neighbors.
 JUMP = 8.0
-#: Share of its neighbors' gain below which a channel is deaf, sigmas by which it must be below theirs, over how many
-#: channels they are, and how many deaf ones are named.
-DEAF, SURE, AROUND, NAMED = 0.3, 8.0, 15, 8
+#: Over how many channels the neighbors of a deaf one are, and how many deaf ones are named.
+AROUND, NAMED = 15, 8
 #: m; uncertainty of the track of an unseen vehicle, which drives straight on.
 GUESSED = 0.3
 #: How far from the known vehicles' course an unseen one may drive, m.
