@@ -224,6 +224,11 @@ class Whitener:
     position: NDArray[np.int64]
     law: NoiseLaw
 
+    @property
+    def memory(self) -> int:
+        """How many samples back it looks."""
+        return len(self.law.own) - 1
+
     @cached_property
     def _parts(self) -> tuple[Tensor, Tensor, Filter, Filter]:
         """Mixing of channels, direction of the common mode after it, filters of the own part and along that direction.

@@ -45,7 +45,7 @@ FAR, FAR_ALONE = (1.0, 3.0), (0.5, 1.0, 2.0, 3.0)
 SMALLEST = 0.01
 #: What an effect of plausible size must change at least, sigmas over all samples, to be more than rounding.
 FEEBLE = 0.1
-#: Directions that are projected at once: few take as long as that many.
+#: Directions that act all the while, or as much of others, that are projected at once: few take as long as that many.
 BATCH = 36
 #: Stages whose effects are in proportion to their numbers, once tracks may shift.
 NEAR_STAGES = ("trajectory", "load")
@@ -132,7 +132,7 @@ class Made(NamedTuple):
     """
 
     shape: dict[str, float]
-    columns: Tensor
+    columns: Windowed
     counts: list[int]
 
 
@@ -155,35 +155,35 @@ class Scorer:
         matrix, right, _ = fit.normal_of(state, self.at)
         self.fitted = len(matrix)
         self._local: dict[tuple[int, bool, int], Local] = {}
-        self._slow: tuple[Tensor, list[int]] | None = None
+        self._seen: Seen | None = None
+        self._slow: tuple[Windowed, list[int]] | None = None
         factor = torch.linalg.cholesky(matrix)
         #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
         #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.
         self.residual = torch.cat([self.at.residual, self._below(-self._anchors.residual[:, None])[:, 0]])
-        jacobian = torch.cat([self.at.jacobian, self._below(self._anchors.jacobian)])[:, fit.free]
-        if not alone and all(one.name != SLOW_ERROR for one in fit.extension.effects):
-            columns, _ = self._slow = self.slow_errors()
-            jacobian = torch.cat([jacobian, columns], 1)
+        fitted = Windowed.of(self.at.jacobian[:, fit.free], fit.data.shape[1])
         #: What was fitted, and then the tracks' slow errors [sample * channel + anchor, column].
-        self.jacobian = Windowed.of(jacobian, fit.data.shape[1])
-        if self._slow is not None:
+        self.jacobian = fitted.above(self._below(self._anchors.jacobian[:, fit.free]))
+        if not alone and all(one.name != SLOW_ERROR for one in fit.extension.effects):
+            self._slow = self.slow_errors()
+            self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
             matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
         self.factor = torch.linalg.cholesky(matrix)
         self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
 
-    def slow_errors(self) -> tuple[Tensor, list[int]]:
+    def slow_errors(self) -> tuple[Windowed, list[int]]:
         """Directions of the tracks' slow errors, as `columns` gives them."""
         effect = built_in()[SLOW_ERROR]
         return self.columns(effect, {}, self.fit.problem.extension([*self.fit.extension.effects, effect]))
 
-    def _with_slow_errors(self, matrix: Tensor, right: Tensor, columns: Tensor) -> tuple[Tensor, Tensor]:
+    def _with_slow_errors(self, matrix: Tensor, right: Tensor, columns: Windowed) -> tuple[Tensor, Tensor]:
         """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
-        crossed, own = self.jacobian.transposed_times(columns).split([self.fitted, columns.shape[1]])
+        crossed, own = self.jacobian.transposed_times(columns).split([self.fitted, columns.width])
         expected = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2 / SPLINE_VARIANCE
         own = own + torch.eye(len(own), dtype=torch.float64) / expected
         whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
-        return whole, torch.cat([right, columns.T @ self.residual])
+        return whole, torch.cat([right, columns.along(self.residual)])
 
     @cached_property
     def _anchors(self) -> Rows:
@@ -214,6 +214,8 @@ class Scorer:
 
     def seen(self, extension: Extension) -> Seen:
         """The model with a candidate at its null; what candidates share is computed once."""
+        if self._seen is not None and self._seen.path.extension is extension:
+            return self._seen
         path = self.fit.path.with_effects(extension)
         fiber = partial(self.fit.fiber_at, path, self.state.coefficients)
         values = extension.local(self.numbers(extension, {}))
@@ -223,7 +225,8 @@ class Scorer:
             vehicles, ratio = self.state.vehicles, self.state.poisson_ratio
             by = path.sensitivities(gauges, vehicles, ratio, values)
             self._local[key] = Local(path, fiber, vehicles, ratio, values, by)
-        return Seen(path, fiber, self._local[key])
+        self._seen = Seen(path, fiber, self._local[key])
+        return self._seen
 
     def numbers(self, extension: Extension, shape: dict[str, float]) -> Tensor:
         """All effects' numbers: those of the fit, then the candidate's null and shape."""
@@ -232,18 +235,25 @@ class Scorer:
         numbers[: len(self.state.numbers)] = self.state.numbers
         return numbers
 
-    def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Tensor, list[int]]:
+    def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Windowed, list[int]]:
         """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, how many each has."""
         if effect.name == SLOW_ERROR and self._slow is not None:
             return self._slow
         seen, numbers = self.seen(extension), self.numbers(extension, shape)
         slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
         maps = [derivative(seen, slot, numbers) for slot in slots]
+        white = Windowed.through(torch.cat(maps), self._white, self.fit.whiten.memory)
+        return white.above(self._anchor_columns(effect, numbers, extension)), [len(m) for m in maps]
+
+    def _white(self, maps: Tensor) -> Tensor:
+        """Whitened, weighted maps [sample, channel, column]."""
         weights = self.at.weights
-        every = torch.cat(maps).permute(1, 2, 0) * weights.good[..., None]
-        white = self.fit.whiten(every) * weights.soft.sqrt()[..., None]
-        below = self._anchor_columns(effect, numbers, extension)
-        return torch.cat([white.flatten(0, 1), below]), [len(m) for m in maps]
+        return self.fit.whiten(maps * weights.good[..., None]) * weights.soft.sqrt()[..., None]
+
+    def _changed(self, model: Tensor, anchors: Tensor) -> Windowed:
+        """How the whitened record changes with the model's map [sample, channel] and the anchors' rows [anchor, 1]."""
+        white = Windowed.through((model - self.at.model)[None], self._white, self.fit.whiten.memory)
+        return white.above(self._below(anchors))
 
     def scores(self, effect: Effect) -> Iterator[Score]:
         """The best shape of an effect, with separate and with shared numbers of passes."""
@@ -263,9 +273,9 @@ class Scorer:
         made: list[Made] = []
         for last, shape in zip([False] * (len(shapes) - 1) + [True], shapes, strict=True):
             columns, counts = self.columns(effect, shape, extension)
-            if columns.norm() * max(p.plausible for p in effect.amplitudes) > FEEBLE:
+            if columns.norm * max(p.plausible for p in effect.amplitudes) > FEEBLE:
                 made.append(Made(shape, columns, counts))
-            if last or sum(one.columns.shape[1] for one in made) >= BATCH:
+            if last or sum(one.columns.extent for one in made) >= BATCH:
                 yield from self.of_made(effect, made, trials)
                 made = []
 
@@ -275,7 +285,7 @@ class Scorer:
             for shared, mix in mixes(effect, one.counts):
                 sign = one_sided(effect, mix.shape[1])
                 fall, freedom, estimate, sigma, retained = outcome(projected.combined(mix), sign)
-                signal = one.columns @ (mix @ torch.from_numpy(estimate))
+                signal = one.columns.times(mix @ torch.from_numpy(estimate))
                 yield Score(effect, one.shape, shared, fall, freedom, trials, estimate, sigma, retained, signal)
 
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
@@ -300,19 +310,17 @@ class Scorer:
         if effect.generic or near or [p.scope for p in effect.amplitudes] != ["one"]:
             return score
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
-        base, weights, p = self.numbers(extension, score.shape), self.at.weights, effect.amplitudes[0]
+        base, p = self.numbers(extension, score.shape), effect.amplitudes[0]
         where = next(slot.where for slot in extension.slots if slot.effect is effect and slot.parameter is p)
         for size, sign in product(FAR_ALONE if self.alone else FAR, (1, -1)):
             numbers = base.clone()
             numbers[where] = float(np.clip(p.null + sign * size * p.plausible, p.lower, p.upper))
             if numbers[where] == p.null:
                 continue
-            change = (self.model(extension, numbers) - self.at.model) * weights.good
-            white = (self.fit.whiten(change) * weights.soft.sqrt()).reshape(-1, 1)
-            column = torch.cat([white, self._below(self._anchor_change(extension, base, numbers))])
+            column = self._changed(self.model(extension, numbers), self._anchor_change(extension, base, numbers))
             fall, freedom, estimate, sigma, retained = outcome(self.project([column])[0], 1)
             if fall > score.fall:
-                signal, step = column @ torch.from_numpy(estimate), float(numbers[where] - p.null)
+                signal, step = column.times(torch.from_numpy(estimate)), float(numbers[where] - p.null)
                 numbered = step * estimate, abs(step) * sigma
                 score = Score(effect, score.shape, False, fall, freedom, score.trials, *numbered, retained, signal)
         return score
@@ -350,12 +358,12 @@ class Scorer:
             middle, slope = middle[chosen], slope[chosen]
         return Heard(residual, load, seen.path.traffic.record_sample, middle, slope)
 
-    def project(self, parts: Sequence[Tensor]) -> list[Projected]:
+    def project(self, parts: Sequence[Windowed]) -> list[Projected]:
         """What the fit leaves of directions, as `columns` has them; those of several shapes at once are faster."""
-        grams, scores = [one.T @ one for one in parts], [one.T @ self.residual for one in parts]
+        grams, scores = [one.transposed_times(one) for one in parts], [one.along(self.residual) for one in parts]
         if self.alone or not parts:
             return [Projected(score, gram, gram) for score, gram in zip(scores, grams, strict=True)]
-        crossed = self.jacobian.transposed_times(torch.cat(list(parts), 1)).split([one.shape[1] for one in parts], 1)
+        crossed = self.jacobian.transposed_times(Windowed.beside(parts)).split([one.width for one in parts], 1)
         halves = [torch.linalg.solve_triangular(self.factor, one, upper=False) for one in crossed]
         return [
             Projected(score - cross.T @ self.step, gram - half.T @ half, gram)
@@ -366,8 +374,8 @@ class Scorer:
         """How all that was fitted [free] moves with a score's estimate."""
         if self.alone:
             return torch.zeros(self.fitted, dtype=torch.float64)
-        crossed = self.jacobian.transposed_times(score.signal[:, None])
-        return -torch.cholesky_solve(crossed, self.factor)[: self.fitted, 0]
+        crossed = self.jacobian.along(score.signal)
+        return -torch.cholesky_solve(crossed[:, None], self.factor)[: self.fitted, 0]
 
 
 def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]]:
@@ -440,6 +448,6 @@ def figures(score: Score) -> dict[str, Any]:
 
 def similarity(scorer: Scorer, one: Score, other: Score) -> float:
     """Correlation of what the fit leaves of two effects' signals, 0 to 1."""
-    pair = torch.stack([one.signal, other.signal], 1)
+    pair = Windowed.of(torch.stack([one.signal, other.signal], 1), 1)
     left = scorer.project([pair])[0].information
     return float(left[0, 1].abs() / (left[0, 0] * left[1, 1]).clamp_min(1e-300).sqrt())

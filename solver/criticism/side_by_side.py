@@ -8,6 +8,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import TypeVar
 
 import torch
+from torch.autograd import forward_ad
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -56,6 +57,9 @@ def forked(function: Callable[[S], T], of: Sequence[S], workers: int) -> Iterato
         # Else tensors would go through shared memory, of which containers have little.
         return pickle.dumps(function(of[number]))
 
+    # PyTorch loads much at its first forward derivative, which each process would do anew.
+    with forward_ad.dual_level():
+        forward_ad.make_dual(torch.zeros(1), torch.zeros(1))
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(task,)) as pool:
         numbers = {pool.submit(_run, number): number for number in range(len(of))}

@@ -1,12 +1,13 @@
 """Derivatives of which most act for a short while: each vehicle's numbers on its own pass."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-#: Columns that are kept together where they act for a short while, and the share of all rows that is no short while.
-TOGETHER, SHORT = 16, 0.5
+#: Columns are kept together where the rows between which they act are at most this many times as many as each's own.
+TOGETHER = 1.3
 
 
 @dataclass(frozen=True)
@@ -30,35 +31,189 @@ class Part:
 class Windowed:
     """A matrix [row, column], each part of its columns kept between the rows where they are not zero.
 
+    A column may be in several parts, which do not overlap.
+
     >>> matrix = torch.block_diag(*[torch.ones(50, 1, dtype=torch.float64)] * 40)
     >>> windowed = Windowed.of(matrix, 5)
-    >>> bool((windowed.transposed_times(matrix) == matrix.T @ matrix).all())
+    >>> bool((windowed.transposed_times(windowed) == matrix.T @ matrix).all())
     True
-    >>> round(sum(part.values.numel() for part in windowed.parts) / matrix.numel(), 2)
-    0.36
+    >>> sum(part.values.numel() for part in windowed.parts) / matrix.numel()
+    0.025
     """
 
     parts: tuple[Part, ...]
+    rows: int
     width: int
 
     @classmethod
     def of(cls, matrix: Tensor, grain: int) -> "Windowed":
         """A matrix [row, column] whose rows belong together by `grain`: the channels of a sample."""
-        acts = matrix.reshape(-1, grain, matrix.shape[1]).abs().amax(1) > 0
-        first, last = acts.int().argmax(0), len(acts) - acts.flip(0).int().argmax(0)
-        short = last - first < SHORT * len(acts)
-        order = torch.argsort(first + last, stable=True)
-        chunks = [order[~short[order]], *order[short[order]].split(TOGETHER)]
+        rows, width = matrix.shape
+        windows = acting(matrix.reshape(-1, grain, width).ne(0).any(1).T)
         parts = []
-        for columns in (chunk for chunk in chunks if len(chunk)):
-            begin, end = int(first[columns].min()) * grain, int(last[columns].max()) * grain
-            parts.append(Part(columns, begin, end, matrix[begin:end, columns].T.contiguous()))
-        return cls(tuple(parts), matrix.shape[1])
+        for columns in alike(windows):
+            first, last = spanned(windows[columns]) * grain
+            parts.append(Part(columns, int(first), int(last), matrix[first:last, columns].T.contiguous()))
+        return cls(tuple(parts), rows, width)
 
-    def transposed_times(self, other: Tensor) -> Tensor:
-        """The product [column, other's] of the transpose with another matrix [row, other's]."""
-        rows = other.T.contiguous()
-        product = other.new_empty(self.width, other.shape[1])
+    @classmethod
+    def through(cls, maps: Tensor, linear: Callable[[Tensor], Tensor], memory: int) -> "Windowed":
+        """What a linear map of [sample, channel, column] makes of maps [column, sample, channel], as columns.
+
+        Maps that act at different times go through it as one.
+
+        Parameters
+        ----------
+        memory : samples for which `linear` remembers
+        """
+        samples, channels = maps.shape[1:]
+        windows = acting(maps.ne(0).any(-1))
+        lanes = lanes_of(windows, memory)
+        packed = maps.new_zeros(samples, channels, len(lanes))
+        for number, lane in enumerate(lanes):
+            for column in lane:
+                first, last = windows[column].tolist()
+                packed[first:last, :, number] = maps[column, first:last]
+        made = linear(packed)
+        parts = []
+        for number, lane in enumerate(lanes):
+            for column in lane:
+                first, last = windows[column].tolist()
+                last = min(last + memory, samples)
+                values = made[first:last, :, number].reshape(1, -1)
+                parts.append(Part(torch.tensor([column]), first * channels, last * channels, values))
+        return cls(joined(parts), samples * channels, len(maps))
+
+    @classmethod
+    def beside(cls, matrices: "Sequence[Windowed]") -> "Windowed":
+        """Matrices of as many rows beside one another."""
+        parts, width = [], 0
+        for one in matrices:
+            parts += [Part(part.columns + width, part.first, part.last, part.values) for part in one.parts]
+            width += one.width
+        return cls(joined(parts), matrices[0].rows, width)
+
+    @property
+    def norm(self) -> float:
+        """Root of the sum of squares."""
+        return float(sum(part.values.square().sum() for part in self.parts)) ** 0.5
+
+    @property
+    def extent(self) -> float:
+        """How many columns would hold as much if none had zeros left out."""
+        return sum(part.values.numel() for part in self.parts) / self.rows
+
+    def above(self, below: Tensor) -> "Windowed":
+        """With more rows [row, column] below its own."""
+        more = below.any(0).nonzero()[:, 0]
+        parts = self.parts
+        if len(more):
+            parts = (*parts, Part(more, self.rows, self.rows + len(below), below[:, more].T.contiguous()))
+        return Windowed(parts, self.rows + len(below), self.width)
+
+    def times(self, factors: Tensor) -> Tensor:
+        """The product [row] with as many factors as it has columns."""
+        product = factors.new_zeros(self.rows)
         for part in self.parts:
-            product[part.columns] = part.values @ rows[:, part.first : part.last].T
+            product[part.first : part.last] += factors[part.columns] @ part.values
         return product
+
+    def along(self, vector: Tensor) -> Tensor:
+        """The product [column] of the transpose with a vector [row]."""
+        product = vector.new_zeros(self.width)
+        for part in self.parts:
+            product[part.columns] += part.values @ vector[part.first : part.last]
+        return product
+
+    def transposed_times(self, other: "Windowed") -> Tensor:
+        """The product [column, other's] of the transpose with another matrix of as many rows."""
+        product = torch.zeros(self.width, other.width, dtype=torch.float64)
+        for one in self.parts:
+            for two in other.parts:
+                first, last = max(one.first, two.first), min(one.last, two.last)
+                if first < last:
+                    mine, theirs = (part.values[:, first - part.first : last - part.first] for part in (one, two))
+                    product[one.columns[:, None], two.columns] += mine @ theirs.T
+        return product
+
+
+def acting(acts: Tensor) -> Tensor:
+    """First row at which each column acts and that after the last [column, 2], of acts [column, row].
+
+    >>> acting(torch.tensor([[False, True, False, True, False], [False] * 5])).tolist()
+    [[1, 4], [0, 0]]
+    """
+    first = acts.int().argmax(1)
+    last = (acts.shape[1] - acts.flip(1).int().argmax(1)) * acts.any(1)
+    return torch.stack([first, last], 1)
+
+
+def spanned(windows: Tensor) -> Tensor:
+    """First and last of windows [window, 2], together."""
+    return torch.stack([windows[:, 0].min(), windows[:, 1].max()])
+
+
+def alike(windows: Tensor) -> list[Tensor]:
+    """Numbers [window] of those that are much the same, of windows [window, 2]; those of no length are left out.
+
+    >>> [group.tolist() for group in alike(torch.tensor([[0, 10], [20, 30], [1, 11], [0, 30], [5, 5]]))]
+    [[0, 2], [3], [1]]
+    """
+    length = windows[:, 1] - windows[:, 0]
+    middles = windows.sum(1).tolist()
+    some = sorted(length.nonzero()[:, 0].tolist(), key=lambda one: middles[one])
+    groups: list[list[int]] = []
+    spans: list[tuple[int, int, int]] = []
+    for one in some:
+        first, last = windows[one].tolist()
+        for number, (lowest, highest, shortest) in enumerate(spans):
+            together = min(first, lowest), max(last, highest), min(last - first, shortest)
+            if together[1] - together[0] <= TOGETHER * together[2]:
+                groups[number].append(one)
+                spans[number] = together
+                break
+        else:
+            groups.append([one])
+            spans.append((first, last, last - first))
+    return [torch.tensor(group) for group in groups]
+
+
+def lanes_of(windows: Tensor, apart: int) -> list[list[int]]:
+    """Numbers of windows [window, 2] that follow one another at least so far apart, in as few lanes as it takes.
+
+    >>> lanes_of(torch.tensor([[0, 10], [12, 20], [5, 9], [30, 40]]), 3)
+    [[0, 3], [2, 1]]
+    """
+    lanes: list[list[int]] = []
+    ends: list[int] = []
+    for one in torch.argsort(windows[:, 0], stable=True).tolist():
+        first, last = windows[one].tolist()
+        if first == last:
+            continue
+        free = (number for number, end in enumerate(ends) if end + apart <= first)
+        number = next(free, len(lanes))
+        if number == len(lanes):
+            lanes.append([])
+            ends.append(0)
+        lanes[number].append(one)
+        ends[number] = last
+    return lanes
+
+
+def joined(parts: Sequence[Part]) -> tuple[Part, ...]:
+    """Parts, those of about the same rows as one."""
+    windows = torch.tensor([[part.first, part.last] for part in parts]).reshape(-1, 2)
+    whole = []
+    for group in alike(windows):
+        if len(group) == 1:
+            whole.append(parts[int(group)])
+            continue
+        first, last = spanned(windows[group]).tolist()
+        some = [parts[number] for number in group.tolist()]
+        values = some[0].values.new_zeros(sum(len(part.values) for part in some), last - first)
+        at = 0
+        for part in some:
+            values[at : at + len(part.values), part.first - first : part.last - first] = part.values
+            at += len(part.values)
+        whole.append(Part(torch.cat([part.columns for part in some]), first, last, values))
+    return tuple(whole)

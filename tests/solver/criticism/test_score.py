@@ -60,7 +60,8 @@ def test_anchors_have_their_say_on_what_leads_channels_elsewhere(name):
     extension = fit.problem.extension([effect])
     shape = {p.name: p.grid[0] for p in effect.shapes}
     columns, _ = scorer.columns(effect, shape, extension)
-    rows = columns[fit.measured.numel() :][:6]
+    every = torch.stack([columns.times(one) for one in torch.eye(columns.width, dtype=torch.float64)], 1)
+    rows = every[fit.measured.numel() :][:6]
     numbers = extension.numbers({name: shape})
     grown = MapFit(replace(fit.problem, effects=(effect,)))
     slots = [slot for slot in grown.extension.slots if not slot.parameter.is_shape]
