@@ -7,7 +7,7 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from solver.cable import STATION_WEIGHTS, Fiber, axial, turning, unit
-from solver.half_space.tangential import tangential_displacement_rate
+from solver.half_space.tangential import tangential_displacement, tangential_displacement_rate
 from solver.interrogator import gauge_strain_rate
 from solver.observation import BASE, Description
 from solver.stages import Field, Ground, Load
@@ -143,6 +143,8 @@ def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tens
         motion = motion + beside(load.share_rate, 1)[..., None] * ground.settlement(offset, nu)
     if load.thrust is not None:
         motion = motion + tangential_displacement_rate(offset, velocity, nu, beside(load.thrust, 2))
+    if load.thrust_rate is not None:
+        motion = motion + tangential_displacement(offset, nu, beside(load.thrust_rate, 2))
     return motion.sum(-2)
 
 

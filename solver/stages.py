@@ -75,6 +75,23 @@ class Trajectory:
         """[row, 1 or channel, 2], unit vector to the driver's right."""
         return torch.stack([-self.heading[..., 1], self.heading[..., 0]], -1)
 
+    def since_passing(self, beyond: Tensor) -> Tensor:
+        """Time [row, 1 or channel], s, since each vehicle was where `beyond` [row, 1 or channel], m on its way, is 0.
+
+        By its sample nearest to there and the speed that it had, so that it may slow down before and after.
+        """
+        with torch.no_grad():
+            away = beyond[:, :1].abs()
+            least = away.new_full((int(self.pass_index.max()) + 1,), torch.inf)
+            least = least.scatter_reduce(0, self.pass_index, away[:, 0], "amin")[self.pass_index]
+            nearest = (away[:, 0] == least).nonzero()[:, 0]
+            row = torch.zeros(int(self.pass_index.max()) + 1, dtype=torch.long)
+            row = row.index_copy(0, self.pass_index[nearest], nearest)[self.pass_index]
+            speed = self.speed.clamp_min(0.5)[row]
+            passed = self.time - self.time[row] + beyond[row] / speed
+        # Each sample's own place alone is differentiated: a place, or a shift of the vehicle, moves all of them alike.
+        return passed + (beyond - beyond.detach()) / speed
+
     def shifted(self, along: Tensor | float = 0.0, across: Tensor | float = 0.0) -> "Trajectory":
         """Moved along travel and to the right, each [row, 1 or channel], m."""
         forward, sideways = torch.as_tensor(along)[..., None], torch.as_tensor(across)[..., None]
@@ -93,6 +110,7 @@ class Load:
     class_index : [row], which vehicle class, see `solver.load.CLASSES`
     share_rate : like `share`, its time derivative, 1/s; None where constant
     thrust : [row, 1 or channel, wheel, 2], horizontal force on the road over the static weight; None: no such force
+    thrust_rate : like `thrust`, its time derivative, 1/s; None where constant
     """
 
     position: Tensor
@@ -101,6 +119,7 @@ class Load:
     class_index: Tensor
     share_rate: Tensor | None = None
     thrust: Tensor | None = None
+    thrust_rate: Tensor | None = None
 
     @property
     def tensors(self) -> dict[str, Tensor]:
@@ -123,12 +142,22 @@ class Load:
         before = 0.0 if self.share_rate is None else self.share_rate * factor[..., None]
         return replace(self, share=self.share * factor[..., None], share_rate=before + self.share * rate[..., None])
 
-    def pushing(self, along: Tensor | float = 0.0, across: Tensor | float = 0.0) -> "Load":
-        """With a horizontal force on the road, along travel and to the right, each [row, 1] over the weight."""
+    def pushing(
+        self, along: Tensor | float = 0.0, across: Tensor | float = 0.0, along_rate: Tensor | float = 0.0
+    ) -> "Load":
+        """With a horizontal force on the road, along travel and to the right, each [row, 1] over the vertical force.
+
+        `along_rate` [row, 1], 1/s, is how fast that along travel changes.
+        """
         forward, right = self.trajectory.heading, self.trajectory.right
-        push = torch.as_tensor(along)[..., None] * forward + torch.as_tensor(across)[..., None] * right
-        thrust = self.share[..., None] * push[..., None, :]
-        return replace(self, thrust=thrust if self.thrust is None else self.thrust + thrust)
+        push = (torch.as_tensor(along)[..., None] * forward + torch.as_tensor(across)[..., None] * right)[..., None, :]
+        faster = (torch.as_tensor(along_rate)[..., None] * forward)[..., None, :]
+        rate = self.share[..., None] * faster
+        if self.share_rate is not None:
+            rate = rate + self.share_rate[..., None] * push
+        thrust, thrust_rate = added(self.thrust, self.share[..., None] * push), added(self.thrust_rate, rate)
+        steady = self.share_rate is None and not isinstance(along_rate, Tensor)
+        return replace(self, thrust=thrust, thrust_rate=self.thrust_rate if steady else thrust_rate)
 
     def joined(self, position: Tensor, share: Tensor) -> "Load":
         """With more wheels: position [row, 1 or channel, wheel, 2], share [row, 1 or channel, wheel]."""
@@ -139,14 +168,22 @@ class Load:
             return torch.cat([one.expand(*lead, *cut[0]), other.expand(*lead, *cut[1])], len(lead))
 
         rate = None if self.share_rate is None else both(self.share_rate, torch.zeros_like(share), 1)
-        thrust = None if self.thrust is None else both(self.thrust, torch.zeros_like(position), 2)
+        none = torch.zeros_like(position)
+        pushes = (None if one is None else both(one, none, 2) for one in (self.thrust, self.thrust_rate))
+        thrust, thrust_rate = pushes
         return replace(
             self,
             position=both(self.position, position, 2),
             share=both(self.share, share, 1),
             share_rate=rate,
             thrust=thrust,
+            thrust_rate=thrust_rate,
         )
+
+
+def added(before: Tensor | None, more: Tensor) -> Tensor:
+    """A force with more of it."""
+    return more if before is None else before + more
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,7 @@ class Refit:
     @property
     def hoped(self) -> float:
         """The evidence that it may still come to."""
-        return self.standing(0.0 if self.solution.converged else HOPE * self.solution.at.open.decrement() ** 2)
+        return self.standing(0.0 if self.solution.converged else HOPE * self.solution.at.open.decrement**2)
 
     def standing(self, more: float) -> float:
         """Evidence if the misfit fell by more."""

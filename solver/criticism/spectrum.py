@@ -99,10 +99,11 @@ def filtered_by(
     ----------
     still : [sample, channel], no vehicle near
     """
-    contrast = fan_contrast(np.where(still, record, np.nan), sampling_rate, spacing)
-    if contrast > FILTERED:
-        return "fk_filter", f"noise at speeds and frequencies of vehicles is {contrast:.0f} times that beside them"
+    # First what nothing else does: medians smooth, and so leave less beside the fan too.
     repeated = repeated_share(record)
     if repeated > REPEATED:
         return "median_filter", f"{100 * repeated:.0f} % of the samples are exactly the same as their neighbors"
+    contrast = fan_contrast(np.where(still, record, np.nan), sampling_rate, spacing)
+    if contrast > FILTERED:
+        return "fk_filter", f"noise at speeds and frequencies of vehicles is {contrast:.0f} times that beside them"
     return None

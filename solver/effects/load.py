@@ -9,7 +9,7 @@ from torch import Tensor
 
 from solver.effects.effect import Parameter, effect
 from solver.load import CLASSES
-from solver.stages import Load, Surroundings
+from solver.stages import Load, Surroundings, added
 
 Values = Mapping[str, Tensor]
 
@@ -143,8 +143,8 @@ def dynamic_load(load: Load, p: Values, survey: Surroundings) -> Load:
 def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
     """The swing begins where the front axle meets the bump; place is from the middle of the view along x."""
     driven = load.trajectory
-    toward = (driven.position[..., 0] - survey.middle[0] - p["place"]) * driven.heading[..., 0].sign()
-    time = toward / driven.speed.clamp_min(0.5)
+    beyond = (driven.position[..., 0] - survey.middle[0] - p["place"]) * driven.heading[..., 0].sign()
+    time = driven.since_passing(beyond)
     after = torch.where(time > 0, time, torch.zeros_like(time))
     omega = 2 * torch.pi * p["frequency"]
     damping = p["damping"]
@@ -161,26 +161,27 @@ def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
         Parameter("deceleration", "g", 0.15, lower=-0.6, upper=0.8, scope="pass"),
         Parameter("place", "m", 2.0, grid=tuple(np.arange(-40.0, 40.1, 10.0).tolist())),
         Parameter("before", "m", 2.0, grid=(-15.0, 0.0, 15.0)),
-        Parameter("width", "s", 0.3, lower=0.2, upper=3.0, grid=(0.8,)),
+        Parameter("later", "s", 0.3, lower=-1.0, upper=3.0, grid=(0.0,)),
+        Parameter("width", "s", 0.3, lower=0.2, upper=3.0, grid=(0.5,)),
     ],
     physics="A vehicle that brakes pushes the road ahead and loads its front axle, for some seconds.",
     source="Cerruti 1882; Johnson 1985, Contact Mechanics, section 3.6; Gillespie 1992, section 3.",
     told_from="an error of the track over the same seconds",
 )
 def braking(load: Load, p: Values, survey: Surroundings) -> Load:
-    """Smooth push so far before a place, either way; each vehicle brakes as hard as it does."""
+    """Smooth push some time after passing so far before a place, either way; each vehicle brakes as hard as it does."""
     driven = load.trajectory
     way = driven.heading[..., 0].sign()
-    ahead = (driven.position[..., 0] - survey.middle[0] - p["place"]) * way + p["before"]
-    time = ahead / driven.speed.clamp_min(0.5) / p["width"]
+    beyond = (driven.position[..., 0] - survey.middle[0] - p["place"]) * way + p["before"]
+    time = (driven.since_passing(beyond) - p["later"]) / p["width"]
     push = p["deceleration"] * torch.exp(-0.5 * time**2)
-    pushed = load.pushing(along=push)
-    if load.position.shape[-2] != 4:
-        return pushed
-    # Height of the center of mass over the wheelbase of most vehicles: 0.6 m over 2.7 m.
-    transfer = 0.22 * push[..., None] * torch.tensor([0.5, 0.5, -0.5, -0.5], dtype=torch.float64)
-    rate = -transfer * (time / p["width"])[..., None]
-    return replace(pushed, share=load.share + transfer, share_rate=rate)
+    faster = -push * time / p["width"]
+    if load.position.shape[-2] == 4:
+        # Height of the center of mass over the wheelbase of most vehicles: 0.6 m over 2.7 m.
+        dip = 0.22 * torch.tensor([0.5, 0.5, -0.5, -0.5], dtype=torch.float64)
+        rate = added(load.share_rate, faster[..., None] * dip)
+        load = replace(load, share=load.share + push[..., None] * dip, share_rate=rate)
+    return load.pushing(along=push, along_rate=faster)
 
 
 @effect(

@@ -30,6 +30,7 @@ AXES: dict[str, dict[str, tuple[str | int, ...]]] = {
         "share": ("row", "column", "wheel"),
         "share_rate": ("row", "column", "wheel"),
         "thrust": ("row", "column", "wheel", 2),
+        "thrust_rate": ("row", "column", "wheel", 2),
     },
     "ground": {},
     "cable": {"distance": ("channel",), "gain": ("channel",)},

@@ -17,6 +17,8 @@ from solver.model import Sensitivities, SignalPath, Vehicles
 from solver.observation import BASE, Description
 from solver.stages import Load
 
+#: What may act on the road at each wheel.
+FORCES = ("share", "share_rate", "thrust", "thrust_rate")
 #: Columns that are filtered at once.
 COLUMNS = 16
 
@@ -57,15 +59,23 @@ class WheelResponses:
     @cached_property
     def thrust(self) -> Tensor:
         """Strain rate [row, channel, wheel, 2] by horizontal force along x and y."""
+        return self._both_ways("thrust")
+
+    @cached_property
+    def thrust_rate(self) -> Tensor:
+        """Strain rate [row, channel, wheel, 2] by the time derivative of horizontal force along x and y."""
+        return self._both_ways("thrust_rate")
+
+    def _both_ways(self, force: str) -> Tensor:
         axes = torch.eye(2, dtype=self.amplitude.dtype)
-        return torch.stack([self._each(thrust=self._one[..., None] * axis) for axis in axes], -1)
+        return torch.stack([self._each(**{force: self._one[..., None] * axis}) for axis in axes], -1)
 
     @property
     def _one(self) -> Tensor:
         return torch.ones_like(self.load.share[..., :1])
 
     def _each(self, **force: Any) -> Tensor:
-        still = replace(self.load, share=torch.zeros_like(self._one), share_rate=None, thrust=None)
+        still = replace(self.load, share=torch.zeros_like(self._one), share_rate=None, thrust=None, thrust_rate=None)
         single, stages = [], self.path.stages_of(self.values)
         for wheel in range(self.load.position.shape[-2]):
             one = replace(still, position=self.load.position[..., wheel : wheel + 1, :], **force)
@@ -294,40 +304,35 @@ def strength_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | Non
     """Derivative [row, channel] by a parameter that changes the strength of wheels only; None where it moves them."""
     vehicles, path, wheels = seen.local.rows, seen.path, seen.local.wheels
 
-    def strengths(value: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    def strengths(value: Tensor) -> tuple[Tensor, ...]:
         load = path.loads(vehicles, changed(value))
-        rate = torch.zeros_like(load.share) if load.share_rate is None else load.share_rate
-        thrust = torch.zeros_like(load.position) if load.thrust is None else load.thrust
-        return load.position, load.share, rate, thrust
+        alike = (load.share, load.share, load.position, load.position)
+        forces = (getattr(load, name) for name in FORCES)
+        none = (torch.zeros_like(x) if force is None else force for force, x in zip(forces, alike, strict=True))
+        return load.position, *none
 
-    moved, share, rate, thrust = pushed_all(strengths, here, torch.ones_like(here))
+    moved, *tangents = pushed_all(strengths, here, torch.ones_like(here))
+    forces = {name: force for name, force in zip(FORCES, tangents, strict=True) if bool(force.any())}
     total = torch.zeros_like(seen.local.by.rate)
-    if not bool(moved.any() | share.any() | rate.any() | thrust.any()):
-        return total
     if bool(moved.any()):
         return None
-    if share.shape[-1] != wheels.load.share.shape[-1]:
-        return of_strengths(seen, changed(here), share, rate, thrust)
-    if bool(share.any()):
-        total = total + (wheels.share * share).sum(-1)
-    if bool(rate.any()):
-        total = total + (wheels.share_rate * rate).sum(-1)
-    return total + (wheels.thrust * thrust).sum((-1, -2)) if bool(thrust.any()) else total
+    if tangents[0].shape[-1] != wheels.load.share.shape[-1]:
+        return of_strengths(seen, changed(here), tangents[0], forces) if forces else total
+    for name, force in forces.items():
+        total = total + (getattr(wheels, name) * force).flatten(2).sum(-1)
+    return total
 
 
-def of_strengths(seen: Seen, values: Values, share: Tensor, rate: Tensor, thrust: Tensor) -> Tensor:
+def of_strengths(seen: Seen, values: Values, share: Tensor, forces: dict[str, Tensor]) -> Tensor:
     """What wheels of other strengths do [row, channel], those of none left out: all is in proportion to strength."""
     local, load = seen.local, seen.path.loads(seen.local.rows, values)
-    acting = (share.abs() + rate.abs() + thrust.abs().sum(-1)).flatten(0, 1).any(0)
-    part = replace(
-        load,
-        position=load.position[..., acting, :],
-        share=share[..., acting],
-        share_rate=rate[..., acting] if bool(rate.any()) else None,
-        thrust=thrust[..., acting, :] if bool(thrust.any()) else None,
-    )
+    acting = torch.stack([force.reshape(*share.shape, -1).any(-1) for force in forces.values()]).flatten(0, 2).any(0)
+    strong = {"share_rate": None, "thrust": None, "thrust_rate": None, "share": torch.zeros_like(share)} | forces
+    chosen = acting.nonzero()[:, 0]
+    part: dict[str, Any] = {name: None if x is None else x.index_select(2, chosen) for name, x in strong.items()}
+    wheels = replace(load, position=load.position.index_select(2, chosen), **part)
     stages = seen.path.stages_of(values)
-    return seen.path.rows_of(part, local.gauges, local.rows.amplitude, local.poisson_ratio, stages)
+    return seen.path.rows_of(wheels, local.gauges, local.rows.amplitude, local.poisson_ratio, stages)
 
 
 def ground_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
@@ -361,7 +366,7 @@ def answer_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor:
     Strain is in proportion to the answer: what the answer's derivative would make of the loads is wanted.
     """
     path, local = seen.path, seen.local
-    load = replace(local.load, thrust=None)
+    load = replace(local.load, thrust=None, thrust_rate=None)
     with forward_ad.dual_level():
         dual = path.stages_of(changed(forward_ad.make_dual(here, torch.ones_like(here))))
 

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from solver.fit.chain import Chain, Visit
 from solver.fit.map_fit import MapFit
 from solver.fit.state import State
@@ -68,7 +70,7 @@ def solve(
     cost = at.misfit + chain.prior.total(at.state)
     # On a long fiber the steps of thousands of numbers add up: each may be as far from its end as a short fiber's.
     enough = ENOUGH * (float(chain.free.sum()) / USUAL) ** 0.5 if chain.long else ENOUGH
-    while not (converged := (left := at.open.decrement()) < enough) and taken < iterations and damping < 1e8:
+    while not (converged := (left := at.open.decrement) < enough) and taken < iterations and damping < 1e8:
         # A quadratic misfit would fall by the decrement squared; this one by a few times that at most.
         if taken >= PATIENCE and at.misfit - PATIENCE * left**2 > hopeless:
             break
@@ -76,7 +78,8 @@ def solve(
         advance(1)
         candidate = chain.stepped(at.state, at.open.step(damping))
         new = chain.visit(candidate, at.weights) if chain.buried(candidate) else None
-        if new is None or new.cost > cost:
+        # Where a gauge nearly reaches the road, equations may be singular to rounding: from there no step leads on.
+        if new is None or new.cost > cost or not np.isfinite(new.open.decrement):
             damping *= 8
             continue
         damping = max(damping / 8, 1e-9)

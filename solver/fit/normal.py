@@ -240,13 +240,19 @@ class Normal:
         ]
         return shared, own
 
+    @cached_property
     def decrement(self) -> float:
         """Newton decrement sqrt(g' H^-1 g): the length of the whole step in posterior sigmas.
 
+        Infinite where H is singular to rounding.
+
         >>> flat = Block(0, 2, np.zeros(0, int), np.diag([4.0, 1.0]))
-        >>> round(Normal(2, 0, [flat], [], [], np.array([6.0, 4.0])).decrement(), 3)
+        >>> round(Normal(2, 0, [flat], [], [], np.array([6.0, 4.0])).decrement, 3)
         5.0
         """
-        shared, own = self.step(0.0)
+        try:
+            shared, own = self.step(0.0)
+        except np.linalg.LinAlgError:
+            return float("inf")
         gain = float(self.right @ shared) + sum(float(p.right @ s) for p, s in zip(self.parts, own, strict=True))
         return float(np.sqrt(max(gain, 0.0)))

@@ -1,10 +1,13 @@
 """The stages' own methods: moved vehicles, changed loads, filters one after another."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
+from solver.gauge_strain import ground_motion
+from solver.half_space.tangential import tangential_displacement
 from solver.stages import Cable, Ground, Interrogator, Load, Processing, Trajectory
 
 
@@ -72,6 +75,68 @@ def test_wheels_push_by_their_share(load):
     torch.testing.assert_close(pushed.thrust[1, 0], tensor([0.01, -0.05], [0.01, -0.05]))
     again = pushed.pushing(along=-tensor([0.1], [0.1]), across=-0.02)
     assert again.thrust is not None and again.thrust.abs().max() < 1e-15
+
+
+def test_a_push_that_changes_moves_the_ground_as_its_displacement_changes():
+    """Ground motion under a vehicle that brakes, against finite differences of where the push leaves the ground."""
+    point = tensor([3.0, 2.0, 1.2], [-4.0, 5.0, 1.0])
+    nu, speed, weight = torch.tensor(0.3, dtype=torch.float64), 9.0, 0.7
+
+    def push(t):
+        return 0.3 * math.exp(-(((t - 0.2) / 0.4) ** 2))
+
+    def displaced(t):
+        offset = point - tensor(speed * t, 0.0, 0.0)
+        return tangential_displacement(offset, nu, tensor(weight * push(t), 0.0))
+
+    t, step = 0.33, 1e-5
+    at = Trajectory(
+        tensor([t]),
+        tensor([t]),
+        tensor([[speed * t, 0.0]]),
+        tensor([[speed, 0.0]]),
+        tensor([[1.0, 0.0]]),
+        torch.zeros(1),
+    )
+    faster = (push(t + step) - push(t - step)) / (2 * step)
+    pushing = Load(at.position[..., None, :], tensor([[weight]]), at, torch.zeros(1)).pushing(
+        along=tensor([push(t)]), along_rate=tensor([faster])
+    )
+    alone = replace(pushing, share=torch.zeros_like(pushing.share))
+    numeric = (displaced(t + step) - displaced(t - step)) / (2 * step)
+    torch.testing.assert_close(ground_motion(alone, Ground(), point, nu)[0], numeric, rtol=1e-7, atol=1e-9)
+
+
+def test_a_push_grows_with_the_force_that_it_is_a_share_of(load):
+    swinging = load.modulated(tensor([1.0], [1.0]), tensor([0.5], [0.5]))
+    pushed = swinging.pushing(along=tensor([0.1], [0.1]))
+    assert load.pushing(along=0.1).thrust_rate is None
+    assert pushed.thrust_rate is not None
+    torch.testing.assert_close(pushed.thrust_rate[0, 0], tensor([0.03, 0.0], [0.02, 0.0]))
+
+
+def test_time_since_a_place_is_right_for_vehicles_that_brake():
+    # The first slows from 20 to 10 m/s in 2 s, the second comes the other way, the third never gets there.
+    time = torch.arange(0.0, 2.01, 0.1, dtype=torch.float64)
+    along = [20 * time - 2.5 * time**2, 50 - 12 * time, -40 + 10 * time]
+    speed = [20 - 5 * time, torch.full_like(time, 12.0), torch.full_like(time, 10.0)]
+    way = [1.0, -1.0, 1.0]
+    forward = torch.cat([sign * one for sign, one in zip(way, speed, strict=True)])
+    none = torch.zeros_like(forward)
+    driven = Trajectory(
+        time.repeat(3)[:, None],
+        time.repeat(3)[:, None],
+        torch.stack([torch.cat(along), none], -1)[:, None],
+        torch.stack([forward, none], -1)[:, None],
+        torch.stack([forward.sign(), none], -1)[:, None],
+        torch.arange(3).repeat_interleave(len(time)),
+    )
+    place = torch.tensor(30.0, dtype=torch.float64, requires_grad=True)
+    since = driven.since_passing((driven.position[..., 0] - place) * driven.heading[..., 0])
+    passed = torch.tensor([2.0, 20 / 12, 7.0]).repeat_interleave(len(time))
+    assert (since[:, 0] - (driven.time[:, 0] - passed)).abs().max() < 1e-6
+    (slope,) = torch.autograd.grad(since.sum(), place)
+    assert float(slope) == pytest.approx(len(time) * (-1 / 10 + 1 / 12 - 1 / 10), rel=1e-6)
 
 
 def test_joined_wheels_stand_beside_the_others(load):

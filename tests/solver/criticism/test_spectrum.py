@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from scipy.ndimage import median_filter
 
 from solver.criticism.spectrum import filtered_by
 from solver.processing import fk_filter
@@ -30,6 +31,13 @@ def test_a_fan_filter_shows_in_the_quiet_samples_whatever_it_kept(speeds, highes
     kept = fk_filter(torch.from_numpy(record), 1 / RATE, SPACING, speeds=speeds, highest=highest).numpy()
     found = filtered_by(kept, far, RATE, SPACING)
     assert found is not None and found[0] == "fk_filter"
+
+
+@pytest.mark.parametrize("window", [(3, 3), (5, 9), (1, 7)])
+def test_a_median_is_no_fan_filter_though_it_smooths(window):
+    record, far = survey()
+    found = filtered_by(median_filter(record, window), far, RATE, SPACING)
+    assert found is not None and found[0] == "median_filter"
 
 
 def test_nothing_shows_where_nothing_was_filtered_or_in_time_alone():

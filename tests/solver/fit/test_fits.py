@@ -1,9 +1,12 @@
 """Both fits on surveys of the independent simulator, whose route is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from simulated import case_of
 
+from solver.effects.catalogue import built_in
 from solver.fit import FitResult, fit_network, fit_spline
 from solver.fit.held_out import held_out_chi2
 from solver.simulator import Scenario, Survey, simulate
@@ -63,6 +66,13 @@ def test_held_out_passes_are_explained_unless_the_gauge_is_wrong(street: Survey,
     assert right is not None and wrong is not None
     assert 0.8 < right < 1.3
     assert wrong > right + 0.1
+
+
+def test_passes_are_not_judged_by_effects_that_the_others_do_not_show(case) -> None:
+    effect = built_in()["saturation"]
+    assert held_out_chi2(replace(case.problem, effects=(effect,))) == pytest.approx(
+        held_out_chi2(case.problem), rel=1e-9
+    )
 
 
 def test_one_pass_cannot_be_held_out() -> None:

@@ -65,7 +65,7 @@ def test_the_end_is_a_minimum(case) -> None:
     matrix, right, _ = fit.normal(end.state)
     decrement = float(right @ torch.linalg.solve(matrix, right)) ** 0.5
     assert decrement < 0.2
-    assert Chain.single(fit).visit(end.state).normal.decrement() == pytest.approx(decrement, rel=1e-6)
+    assert Chain.single(fit).visit(end.state).normal.decrement == pytest.approx(decrement, rel=1e-6)
     assert end.iterations < 10
 
 

@@ -57,7 +57,7 @@ def test_steps_are_those_of_the_dense_equations(equations: tuple, damping: float
 
 def test_the_decrement_is_the_length_of_the_step_in_sigmas(equations: tuple) -> None:
     normal, whole, right = equations
-    assert normal.decrement() == pytest.approx(float(right @ np.linalg.solve(whole, right)) ** 0.5)
+    assert normal.decrement == pytest.approx(float(right @ np.linalg.solve(whole, right)) ** 0.5)
 
 
 def test_what_is_held_takes_no_step_and_the_rest_as_if_it_were_not_there(equations: tuple) -> None:
