@@ -211,8 +211,8 @@ class Extension:
     def moves(self, numbers: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
         """`places` [place] and their derivatives [place, number] by the numbers of `moving`."""
         mine = [numbers[slot.where] for slot in self.moving]
-        if not mine:
-            return distance, distance.new_zeros(len(distance), 0)
+        if not mine or not len(distance):
+            return distance, distance.new_zeros(len(distance), sum(len(one) for one in mine))
         with torch.no_grad():
             at = self.places(numbers, distance)
 

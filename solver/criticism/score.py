@@ -47,6 +47,8 @@ SMALLEST = 0.01
 FEEBLE = 0.1
 #: Directions that act all the while, or as much of others, that are projected at once: few take as long as that many.
 BATCH = 36
+#: Share of its diagonal that is added to a normal matrix that is singular to rounding.
+RIDGE = 1e-10
 #: Stages whose effects are in proportion to their numbers, once tracks may shift.
 NEAR_STAGES = ("trajectory", "load")
 #: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
@@ -157,7 +159,7 @@ class Scorer:
         self._local: dict[tuple[int, bool, int], Local] = {}
         self._seen: Seen | None = None
         self._slow: tuple[Windowed, list[int]] | None = None
-        factor = torch.linalg.cholesky(matrix)
+        factor = factor_of(matrix)
         #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
         #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.
@@ -169,7 +171,7 @@ class Scorer:
             self._slow = self.slow_errors()
             self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
             matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
-        self.factor = torch.linalg.cholesky(matrix)
+        self.factor = factor_of(matrix)
         self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
 
     def slow_errors(self) -> tuple[Windowed, list[int]]:
@@ -376,6 +378,18 @@ class Scorer:
             return torch.zeros(self.fitted, dtype=torch.float64)
         crossed = self.jacobian.along(score.signal)
         return -torch.cholesky_solve(crossed[:, None], self.factor)[: self.fitted, 0]
+
+
+def factor_of(matrix: Tensor) -> Tensor:
+    """Cholesky factor of a normal matrix, with a ridge where rounding has left it indefinite.
+
+    A route that nearly stands still somewhere, as it does along a coil that the model lacks, turns there at once.
+
+    >>> factor_of(torch.ones(2, 2, dtype=torch.float64)).diagonal()
+    tensor([1.0000e+00, 1.4142e-05], dtype=torch.float64)
+    """
+    factor, failed = torch.linalg.cholesky_ex(matrix)
+    return torch.linalg.cholesky(matrix + RIDGE * torch.diag(matrix.diagonal())) if int(failed) else factor
 
 
 def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]]:

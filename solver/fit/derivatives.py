@@ -155,9 +155,13 @@ class Local:
         within adds [row, channel, station].
         """
         stages = self.path.described(self.values)
+        if stages.ground.poisson_change is None:
+            # Else the ratio would be the same everywhere, whatever is added to it.
+            stages = replace(stages, ground=replace(stages.ground, poisson_change=lambda point: 0 * point[..., 0]))
         strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, stages)
-        points = strain.points
-        change = torch.zeros_like(points[..., 0]) if strain.change is None else strain.change(points)
+        points, field = strain.points, strain.change
+        assert field is not None
+        change = field(points)
         scale = torch.as_tensor(self.rows.amplitude * stages.cable.gain)[..., None]
         pieces = jvp(strain.varied, (change,), (torch.ones_like(change),))[1]
         if strain.fiber.inner is None:
@@ -316,7 +320,8 @@ def strength_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | Non
     total = torch.zeros_like(seen.local.by.rate)
     if bool(moved.any()):
         return None
-    if tangents[0].shape[-1] != wheels.load.share.shape[-1]:
+    # Others may be joined to them, or stand elsewhere.
+    if not torch.equal(path.loads(vehicles, changed(here)).position, wheels.load.position):
         return of_strengths(seen, changed(here), tangents[0], forces) if forces else total
     for name, force in forces.items():
         total = total + (getattr(wheels, name) * force).flatten(2).sum(-1)

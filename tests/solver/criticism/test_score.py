@@ -76,3 +76,22 @@ def test_anchors_have_their_say_on_what_leads_channels_elsewhere(name):
         numeric = (missed(numbers + step) - missed(numbers - step)) / 2e-5
         torch.testing.assert_close(rows[:, column], numeric, rtol=1e-4, atol=1e-4)
     assert bool(rows.any()) == (name != "gauge_length")
+
+
+@pytest.fixture(scope="module")
+def scorer() -> Scorer:
+    fit = MapFit(trial_survey()[0].problem)
+    return Scorer(fit, fit.start())
+
+
+@pytest.mark.parametrize("name", sorted(name for name in built_in() if name != "curved_gauge"))
+def test_what_candidates_share_changes_no_derivative(scorer, name):
+    effect = built_in()[name]
+    extension = scorer.fit.problem.extension([effect])
+    shape = {p.name: p.grid[0] for p in effect.shapes}
+    shared, _ = scorer.columns(effect, shape, extension)
+    alone = Scorer(scorer.fit, scorer.state, alone=True)
+    own, _ = alone.columns(effect, shape, extension)
+    every = torch.eye(own.width, dtype=torch.float64)
+    for number in (0, own.width - 1):
+        torch.testing.assert_close(shared.times(every[number]), own.times(every[number]), rtol=1e-6, atol=1e-9)
