@@ -169,8 +169,7 @@ class Load:
 
         rate = None if self.share_rate is None else both(self.share_rate, torch.zeros_like(share), 1)
         none = torch.zeros_like(position)
-        pushes = (None if one is None else both(one, none, 2) for one in (self.thrust, self.thrust_rate))
-        thrust, thrust_rate = pushes
+        thrust, thrust_rate = (None if x is None else both(x, none, 2) for x in (self.thrust, self.thrust_rate))
         return replace(
             self,
             position=both(self.position, position, 2),

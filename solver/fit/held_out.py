@@ -55,11 +55,7 @@ def shared_numbers(chain: Chain, state: State, new: Chain) -> torch.Tensor:
 
 def unshown(fit: MapFit, state: State) -> list[str]:
     """Effects, the same for all passes, that a fit cannot tell from none (test of Wald 1943, Trans. AMS 54, 426)."""
-    scopes = {
-        slot.effect.name: {s.parameter.scope for s in fit.extension.slots if s.effect is slot.effect}
-        for slot in fit.extension.slots
-    }
-    common = [name for name, every in scopes.items() if not every & set(SINGLE)]
+    common = [one for one in fit.extension.effects if all(p.scope not in SINGLE for p in one.amplitudes)]
     if not common:
         return []
     covariance = torch.linalg.inv(fit.normal(state)[0])
@@ -67,14 +63,14 @@ def unshown(fit: MapFit, state: State) -> list[str]:
     place[fit.free] = torch.arange(int(fit.free.sum()))
     place = place[len(place) - len(state.numbers) :]
     found = []
-    for name in common:
-        sizes = [s for s in fit.extension.slots if s.effect.name == name and not s.parameter.is_shape]
+    for effect in common:
+        sizes = [s for s in fit.extension.slots if s.effect is effect and not s.parameter.is_shape]
         away = torch.cat([state.numbers[s.where] - s.parameter.null for s in sizes])
         mine = torch.cat([place[s.where] for s in sizes])
         mine, away = mine[mine >= 0], away[mine >= 0]
         wald = float(away @ torch.linalg.solve(covariance[mine[:, None], mine], away))
         if wald < len(mine) + SHOWN * (2 * len(mine)) ** 0.5:
-            found.append(name)
+            found.append(effect.name)
     return found
 
 

@@ -78,7 +78,7 @@ def solve(
         advance(1)
         candidate = chain.stepped(at.state, at.open.step(damping))
         new = chain.visit(candidate, at.weights) if chain.buried(candidate) else None
-        # Where a gauge nearly reaches the road, equations may be singular to rounding: from there no step leads on.
+        # Where a route nearly stands still, equations are singular to rounding: from there no step leads on.
         if new is None or new.cost > cost or not np.isfinite(new.open.decrement):
             damping *= 8
             continue
