@@ -29,6 +29,7 @@ class Surroundings:
     Parameters
     ----------
     distance : [channel], along the fiber, m
+    recorded : channels of the whole record, those beyond the stretch that is fitted included
     gauge_length, channel_spacing : m
     sampling_rate : Hz
     passes : number of passes
@@ -37,6 +38,7 @@ class Surroundings:
     """
 
     distance: Tensor
+    recorded: int
     gauge_length: float
     channel_spacing: float
     sampling_rate: float

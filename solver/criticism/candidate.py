@@ -10,6 +10,7 @@ from solver.criticism.refit import Refit
 from solver.criticism.repairs import Fault
 from solver.criticism.score import FOUND, Score, evidence
 from solver.effects.catalogue import FAULTS
+from solver.effects.effect import Effect
 
 #: Share of its plausible size below which an effect may be there and explains nothing.
 NEGLIGIBLE = 0.1
@@ -79,6 +80,28 @@ def fault_candidate(fault: Fault) -> Candidate:
         shape={},
         retained_share=1.0,
         detectable_size=fault.detectable,
+    )
+
+
+def idle_candidate(effect: Effect) -> Candidate:
+    """What is said of an effect that finds nothing to act on in a survey, as one of trucks where none drives."""
+    parameter = effect.amplitudes[0]
+    return Candidate(
+        effect=effect.name,
+        stage=effect.stage,
+        generic=effect.generic,
+        verdict="inconclusive",
+        delta_chi2=0.0,
+        predicted=0.0,
+        evidence=0.0,
+        p_value=1.0,
+        estimate=parameter.null,
+        sigma=float("inf"),
+        unit=parameter.unit,
+        numbers=0,
+        shape={},
+        retained_share=0.0,
+        detectable_size=float("inf"),
     )
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.criticism.audit import NoiseAudit, audit
-from solver.criticism.candidate import Candidate, fault_candidate, score_candidate
+from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.refit import HOPE, Refit, elsewhere, race
 from solver.criticism.repairs import SEARCHES, Fault, mended
 from solver.criticism.score import FOUND, Score, Scorer, score_all, similarity
@@ -81,24 +81,34 @@ class Bench:
     ----------
     scorer : at that fit, without the candidates
     table : scores, best evidence first
+    idle : effects that find nothing to act on
     faults : of the survey itself
     """
 
     scorer: Scorer
     table: list[Score]
+    idle: list[Effect]
     faults: list[Fault]
 
     @classmethod
     def of(cls, fit: MapFit, state: State, effects: Sequence[Effect], advance: Advance) -> "Bench":
         """Score `effects`, those in the model left out."""
         scorer = Scorer(fit, state)
-        table = score_all(scorer, scorable(fit.problem, effects), advance)
-        return cls(scorer, table, [fault for search in SEARCHES.values() if (fault := search(fit, state)) is not None])
+        asked = scorable(fit.problem, effects)
+        table = score_all(scorer, asked, advance)
+        scored = {score.effect.name for score in table}
+        idle = [one for one in asked if one.name not in scored]
+        faults = [fault for search in SEARCHES.values() if (fault := search(fit, state)) is not None]
+        return cls(scorer, table, idle, faults)
 
 
 def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
     """Effects that are not in the model already."""
-    inside = {one.name for one in problem.effects} | ({"curved_gauge"} if problem.curved else set())
+    inside = {one.name for one in problem.effects}
+    if problem.curved:
+        inside.add("curved_gauge")
+    if all(one.vehicle_class != "vehicle" for one in problem.passes):
+        inside.add("wheel_layout")
     return [one for one in effects if one.name not in inside]
 
 
@@ -171,6 +181,7 @@ def examined(
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]
     ranked.sort(key=lambda c: -c.evidence)
+    ranked += [idle_candidate(one) for one in bench.idle]
     if bench.scorer.stress > CONVERGED and ranked[0].evidence < FOUND:
         words = f"the fit has not converged ({bench.scorer.stress:.1f} sigmas are left along what it fits)"
         return Diagnosis("inconclusive", words, tuple(ranked), check, bench.scorer.stress)
@@ -181,6 +192,7 @@ def unranked(bench: Bench, check: NoiseAudit) -> Diagnosis:
     """The verdict where the noise is not understood, which a filter that it went through may explain."""
     words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(check.faults)
     listed = tuple(replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table)
+    listed += tuple(map(idle_candidate, bench.idle))
     survey = bench.scorer.fit.problem
     still = quiet(len(survey.record), survey.start, survey.passes)
     found = filtered_by(survey.record / survey.noise.numpy(), still, survey.sampling_rate, survey.channel_spacing)

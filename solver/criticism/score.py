@@ -37,6 +37,8 @@ G = 30.0
 FOUND = 12.0
 #: A direction of which less than this share of its variance is left by the fit cannot be told from the route.
 INVISIBLE = 1e-6
+#: Directions that change less than this share of what the strongest of an effect changes, squared, are not looked at.
+SILENT = 1e-12
 #: Standard deviations of chi2 from its mean at which a fall is more than noise.
 NOTED = 4.0
 #: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
@@ -401,7 +403,9 @@ def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]
 
 def outcome(projected: Projected, sign: int | None) -> tuple[float, int, Array, Array, float]:
     """Fall, freedom, estimate and sigma [number], and retained share; `sign` is what a single number must have."""
-    scale = projected.gram.diagonal().clamp_min(1e-300).sqrt()
+    size = projected.gram.diagonal()
+    # What next to nothing changes with has no number, rather than a huge one.
+    scale = size.clamp_min(max(SILENT * float(size.max()), 1e-300)).sqrt()
     values, vectors = torch.linalg.eigh(projected.information / scale[:, None] / scale)
     keep = values > INVISIBLE
     scaled = vectors[:, keep] / scale[:, None]

@@ -20,8 +20,9 @@ Values = Mapping[str, Tensor]
     source="Lindsey et al. 2020, JGR Solid Earth 125: removal of laser phase noise.",
 )
 def common_mode(processing: Processing, p: Values, survey: Surroundings) -> Processing:
-    """A share of the mean over the channels is removed."""
-    return processing.then(lambda rate: rate - p["share"] * rate.mean(-1, keepdim=True))
+    """A share of the mean over the record's channels is removed; those not fitted are taken to feel nothing."""
+    channels = max(survey.recorded, len(survey.distance))
+    return processing.then(lambda rate: rate - p["share"] * rate.sum(-1, keepdim=True) / channels)
 
 
 @effect(

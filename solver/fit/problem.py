@@ -36,6 +36,7 @@ class Problem:
     record : [row, channel], the whole record of the fitted channels, 1/s; NaN where there is none
     noise : [channel], standard deviation of the noise, 1/s
     channel : [channel], numbers of the fitted channels
+    recorded : how many channels the whole record has
     zero_distance : distance along the fiber of channel 0, m
     channel_spacing, gauge_length : m
     passes : vehicles; `traffic.samples` are the rows of the record that are fitted
@@ -54,6 +55,7 @@ class Problem:
     record: NDArray[np.float64]
     noise: Tensor
     channel: NDArray[np.int64]
+    recorded: int
     zero_distance: float
     channel_spacing: float
     gauge_length: float
@@ -148,6 +150,7 @@ class Problem:
         inside = self.traffic.position.numpy()
         around = Surroundings(
             distance=torch.from_numpy(distance),
+            recorded=self.recorded,
             gauge_length=self.gauge_length,
             channel_spacing=self.channel_spacing,
             sampling_rate=self.sampling_rate,

@@ -19,7 +19,7 @@ from solver.whitening import NoiseLaw
 
 ROWS = ("rows", "position", "velocity", "sigma", "in_view")
 SCALARS = (
-    *("zero_distance", "channel_spacing", "gauge_length", "sampling_rate"),
+    *("recorded", "zero_distance", "channel_spacing", "gauge_length", "sampling_rate"),
     *("curved", "signal_noise", "knot_spacing"),
 )
 

@@ -74,14 +74,22 @@ def test_a_hidden_effect_is_named(tmp_path: Path, name: str) -> None:
     assert first["evidence"] > FOUND
 
 
-@pytest.mark.parametrize("seed", [11, 12])
-def test_nothing_hidden_is_adequate_and_says_what_could_have_hidden(tmp_path: Path, seed: int) -> None:
+@pytest.mark.parametrize(("seed", "idle"), [(11, {"long_vehicle"}), (12, set())])
+def test_nothing_hidden_is_adequate_and_says_what_could_have_hidden(tmp_path: Path, seed: int, idle: set[str]) -> None:
+    """Where no truck drives, trucks' length is among what could not have shown."""
     found = diagnosis(located(tmp_path, {}, seed=seed))
     assert found["verdict"] == "adequate", found["words"]
     assert all(c["verdict"] != "present" for c in found["candidates"])
     gauge = next(c for c in found["candidates"] if c["effect"] == "gauge_length")
     assert gauge["verdict"] == "excluded"
     assert 0 < gauge["detectable_size"] < 0.05
+    assert {c["effect"] for c in found["candidates"] if c["numbers"] == 0} == idle
+    blind = found["words"].split("It could not have shown: ")[1].rstrip(".").split(", ")
+    assert set(blind) == {
+        c["effect"] for c in found["candidates"] if c["verdict"] == "inconclusive" and not c["generic"]
+    }
+    assert idle <= set(blind)
+    assert all(abs(c["estimate"]) < 1e6 for c in found["candidates"])
     assert found["audit"]["faults"] == []
 
 

@@ -14,6 +14,7 @@ from solver.effects.catalogue import FAMILIES, built_in, families_of, find
 from solver.effects.trial_survey import Trial, trial_survey
 from solver.effects.verify import plausible, verify
 from solver.fit.derivatives import derivative
+from solver.fit.map_fit import MapFit
 from solver.observation import BASE
 from vision.contract import InputError
 
@@ -201,6 +202,17 @@ def test_effects_add_up():
     alone = trial("clock_offset")
     expected = alone.map(alone.numbers({"offset": 0.3}))
     torch.testing.assert_close(made, expected, rtol=0, atol=1e-9 * float(expected.abs().max()))
+
+
+def test_the_mean_that_is_taken_off_is_that_of_the_whole_record():
+    """Most of a long record feels no vehicle."""
+    fit, state = trial_survey()
+    effect = built_in()["common_mode"]
+    long = Trial(effect, MapFit(replace(fit.problem, recorded=3200)), state)
+    short = Trial(effect, MapFit(replace(fit.problem, recorded=320)), state)
+    changes = [one.map(one.numbers({"share": 1.0})) - one.base() for one in (short, long)]
+    assert changes[0].abs().max() > 0
+    torch.testing.assert_close(changes[0], 10 * changes[1])
 
 
 def test_a_filter_that_delays_does_what_a_late_clock_does():
