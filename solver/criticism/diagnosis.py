@@ -13,7 +13,8 @@ from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.refit import HOPE, Refit, elsewhere, race
 from solver.criticism.repairs import SEARCHES, Fault, mended
-from solver.criticism.score import FOUND, Score, Scorer, score_all, similarity
+from solver.criticism.score import FOUND, Score
+from solver.criticism.scorer import Scorer, score_all, similarity
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.track_trust import strict_tracks, track_spread

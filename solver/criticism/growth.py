@@ -9,7 +9,7 @@ import numpy as np
 
 from solver.criticism.refit import Refit, elsewhere, race
 from solver.criticism.repairs import SEARCHES, TAKEN_OUT, mended
-from solver.criticism.score import Scorer
+from solver.criticism.scorer import Scorer
 from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.effects.catalogue import find
 from solver.effects.effect import Effect

@@ -8,7 +8,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.criticism.score import FOUND, Score, Scorer, evidence, score_all
+from solver.criticism.score import FOUND, Score, evidence
+from solver.criticism.scorer import Scorer, score_all
 from solver.criticism.side_by_side import side_by_side
 from solver.effects.effect import Effect
 from solver.extension import Slot
@@ -169,7 +170,7 @@ def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> Stat
             first += count
     change = torch.nan_to_num(change).clamp(-1e6, 1e6)
     moved = torch.zeros_like(scorer.fit.mean)
-    moved[scorer.fit.free] = scorer.along(score)
+    moved[scorer.fit.free] = scorer.following(score)
     best, cost = replace(state, numbers=base), np.inf
     # What is told and not predicted may raise the misfit until all else has followed.
     for step in (1.0, 0.5, 0.2, 0.05) if score.fall > 0 else (1.0,):

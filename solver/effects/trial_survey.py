@@ -12,7 +12,8 @@ from torch import Tensor
 from solver.cable import Fiber
 from solver.effects.effect import Effect
 from solver.extension import Extension, Values
-from solver.fit.derivatives import Local, Seen, derivative
+from solver.fit.derivatives import derivative
+from solver.fit.local import Local, Seen
 from solver.fit.map_fit import MapFit
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem

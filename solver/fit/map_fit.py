@@ -14,7 +14,8 @@ from torch import Tensor
 from solver.cable import Fiber, GaugeEnds, SplineBasis
 from solver.extension import SLOW_ERROR, Values
 from solver.fit.belief import Belief, spreads
-from solver.fit.derivatives import Local, Seen, derivative, observed_tangents
+from solver.fit.derivatives import derivative, observed_tangents
+from solver.fit.local import Local, Seen
 from solver.fit.problem import Problem
 from solver.fit.robust import huber, near_noise
 from solver.fit.state import PER_PASS, Felt, Linearized, State, Weights

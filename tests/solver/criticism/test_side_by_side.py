@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from solver.criticism.score import Scorer, score_all
+from solver.criticism.scorer import Scorer, score_all
 from solver.criticism.side_by_side import can_fork, side_by_side
 from solver.effects.catalogue import built_in
 from solver.effects.trial_survey import trial_survey

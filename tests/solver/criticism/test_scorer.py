@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from solver.anchors import Anchor
-from solver.criticism.score import FOUND, Scorer
+from solver.criticism.score import FOUND
+from solver.criticism.scorer import Scorer
 from solver.effects.catalogue import built_in
 from solver.effects.trial_survey import trial_survey
 from solver.fit.least_squares import solve

@@ -1,0 +1,353 @@
+"""Score tests of effects at the end of a fit: their directions, what the fit leaves of them, their best shapes."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields
+from functools import cached_property, partial
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import pad
+
+from solver.criticism.score import FOUND, Projected, Score, mixes, one_sided, outcome
+from solver.criticism.side_by_side import side_by_side
+from solver.criticism.windowed import Windowed
+from solver.effects.catalogue import built_in
+from solver.effects.effect import Effect, Heard
+from solver.extension import SLOW_ERROR, Extension
+from solver.fit.derivatives import acts_on_rows, derivative
+from solver.fit.local import Local, Seen
+from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
+from solver.fit.prior import Rows, anchor_rows
+from solver.fit.state import Linearized, State
+from solver.pose import track_sigma
+
+#: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
+FAR, FAR_ALONE = (1.0, 3.0), (0.5, 1.0, 2.0, 3.0)
+#: What tracks may be off slowly at least, m, however sure of themselves they are.
+SMALLEST = 0.01
+#: What an effect of plausible size must change at least, sigmas over all samples, to be more than rounding.
+FEEBLE = 0.1
+#: Directions that act all the while, or as much of others, that are projected at once: few take as long as that many.
+BATCH = 36
+#: Share of its diagonal that is added to a normal matrix that is singular to rounding.
+RIDGE = 1e-10
+#: Stages whose effects are in proportion to their numbers, once tracks may shift.
+NEAR_STAGES = ("trajectory", "load")
+#: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
+FINE, STARTS, HALVINGS = 8, 2, 3
+
+
+class Made(NamedTuple):
+    """Directions of one shape.
+
+    Attributes
+    ----------
+    shape : values of its shape parameters
+    columns : [sample * channel + anchor, number], whitened
+    counts : how many numbers each amplitude has
+    """
+
+    shape: dict[str, float]
+    columns: Windowed
+    counts: list[int]
+
+
+class Scorer:
+    """Score tests at the end of one fit.
+
+    What tracks may be off slowly by their own account is open beside all that was fitted, as no fault of the model:
+    else an effect that changes vehicle by vehicle would take it up.
+
+    Parameters
+    ----------
+    fit : the fit
+    state : where it converged
+    alone : hold all that was fitted, wherever the state is
+    """
+
+    def __init__(self, fit: MapFit, state: State, alone: bool = False):
+        self.fit, self.state, self.alone = fit, state, alone
+        self.at: Linearized = fit.linearized(state)
+        matrix, right, _ = fit.normal_of(state, self.at)
+        self.fitted = len(matrix)
+        self._local: dict[tuple[int, bool, int], Local] = {}
+        self._seen: Seen | None = None
+        self._slow: tuple[Windowed, list[int]] | None = None
+        factor = factor_of(matrix)
+        #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
+        self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
+        #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.
+        self.residual = torch.cat([self.at.residual, self._below(-self._anchors.residual[:, None])[:, 0]])
+        fitted = Windowed.of(self.at.jacobian[:, fit.free], fit.data.shape[1])
+        #: What was fitted, and then the tracks' slow errors [sample * channel + anchor, column].
+        self.jacobian = fitted.above(self._below(self._anchors.jacobian[:, fit.free]))
+        if not alone and all(one.name != SLOW_ERROR for one in fit.extension.effects):
+            self._slow = self.slow_errors()
+            self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
+            matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
+        self.factor = factor_of(matrix)
+        self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
+
+    def slow_errors(self) -> tuple[Windowed, list[int]]:
+        """Directions of the tracks' slow errors, as `columns` gives them."""
+        effect = built_in()[SLOW_ERROR]
+        return self.columns(effect, {}, self.fit.problem.extension([*self.fit.extension.effects, effect]))
+
+    def _with_slow_errors(self, matrix: Tensor, right: Tensor, columns: Windowed) -> tuple[Tensor, Tensor]:
+        """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
+        crossed, own = self.jacobian.transposed_times(columns).split([self.fitted, columns.width])
+        expected = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2 / SPLINE_VARIANCE
+        own = own + torch.eye(len(own), dtype=torch.float64) / expected
+        whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
+        return whole, torch.cat([right, columns.along(self.residual)])
+
+    @cached_property
+    def _anchors(self) -> Rows:
+        """The anchors' rows, with derivatives by every parameter of the fit."""
+        fit, state = self.fit, self.state
+        place, by_number, other = fit.prior.led(state, fit.prior.anchor_distance)
+        rows = anchor_rows(fit.basis, fit.prior.anchors, place, by_number, state.coefficients)
+        jacobian = torch.zeros(len(rows.residual), len(fit.mean), dtype=torch.float64)
+        route = 3 * fit.basis.size
+        jacobian[:, :route], jacobian[:, other] = rows.jacobian[:, :route], rows.jacobian[:, route:]
+        return Rows(rows.residual, jacobian)
+
+    def _below(self, rows: Tensor) -> Tensor:
+        """Rows of the anchors [anchor, column], filled up with zeros to whole samples of all channels."""
+        return pad(rows, (0, 0, 0, -len(rows) % self.fit.data.shape[1]))
+
+    def _anchor_columns(self, effect: Effect, numbers: Tensor, extension: Extension) -> Tensor:
+        """Derivatives [anchor, number] of the anchors' rows by an effect's amplitudes, which may lead channels away."""
+        place, by_number = extension.moves(numbers, torch.from_numpy(self.fit.prior.anchor_distance))
+        counts = [slot.where.stop - slot.where.start for slot in extension.moving]
+        parts = zip(extension.moving, by_number.split(counts, 1), strict=True)
+        found = {slot.parameter.name: part for slot, part in parts if slot.effect is effect}
+        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
+        nothing = [torch.zeros(len(place), s.where.stop - s.where.start, dtype=torch.float64) for s in slots]
+        by_amplitude = torch.cat([found.get(s.parameter.name, none) for s, none in zip(slots, nothing, strict=True)], 1)
+        rows = anchor_rows(self.fit.basis, self.fit.prior.anchors, place, by_amplitude, self.state.coefficients)
+        return self._below(rows.jacobian[:, 3 * self.fit.basis.size :])
+
+    def seen(self, extension: Extension) -> Seen:
+        """The model with a candidate at its null; what candidates share is computed once."""
+        if self._seen is not None and self._seen.path.extension is extension:
+            return self._seen
+        path = self.fit.path.with_effects(extension)
+        fiber = partial(self.fit.fiber_at, path, self.state.coefficients)
+        values = extension.local(self.numbers(extension, {}))
+        gauges = fiber(values)
+        key = len(gauges.ahead), gauges.inner is None, path.traffic.over
+        if key not in self._local:
+            vehicles, ratio = self.state.vehicles, self.state.poisson_ratio
+            by = path.sensitivities(gauges, vehicles, ratio, values)
+            self._local[key] = Local(path, fiber, vehicles, ratio, values, by)
+        self._seen = Seen(path, fiber, self._local[key])
+        return self._seen
+
+    def numbers(self, extension: Extension, shape: dict[str, float]) -> Tensor:
+        """All effects' numbers: those of the fit, then the candidate's null and shape."""
+        candidate = extension.effects[-1]
+        numbers = extension.numbers({candidate.name: shape})
+        numbers[: len(self.state.numbers)] = self.state.numbers
+        return numbers
+
+    def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Windowed, list[int]]:
+        """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, how many each has."""
+        if effect.name == SLOW_ERROR and self._slow is not None:
+            return self._slow
+        seen, numbers = self.seen(extension), self.numbers(extension, shape)
+        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
+        maps = [derivative(seen, slot, numbers) for slot in slots]
+        white = Windowed.through(torch.cat(maps), self._white, self.fit.whiten.memory)
+        return white.above(self._anchor_columns(effect, numbers, extension)), [len(m) for m in maps]
+
+    def _white(self, maps: Tensor) -> Tensor:
+        """Whitened, weighted maps [sample, channel, column]."""
+        weights = self.at.weights
+        return self.fit.whiten(maps * weights.good[..., None]) * weights.soft.sqrt()[..., None]
+
+    def _changed(self, model: Tensor, anchors: Tensor) -> Windowed:
+        """How the whitened record changes with the model's map [sample, channel] and the anchors' rows [anchor, 1]."""
+        white = Windowed.through((model - self.at.model)[None], self._white, self.fit.whiten.memory)
+        return white.above(self._below(anchors))
+
+    def scores(self, effect: Effect) -> Iterator[Score]:
+        """The best shape of an effect, with separate and with shared numbers of passes."""
+        extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
+        shapes, trials = effect.tried(lambda: self.heard(extension))
+        tried = list(self.of_shapes(effect, shapes, extension, trials))
+        for shared in {score.shared for score in tried}:
+            ranked = sorted((s for s in tried if s.shared == shared), key=lambda s: -s.fall)
+            if len(shapes) > FINE and effect.seek is None:
+                ranked = [self.refined(s, extension, trials) if s.beyond_noise else s for s in apart(ranked)]
+            yield max(ranked, key=lambda s: s.fall)
+
+    def of_shapes(
+        self, effect: Effect, shapes: Sequence[dict[str, float]], extension: Extension, trials: int
+    ) -> Iterator[Score]:
+        """Scores of each shape, with separate and with shared numbers of passes; none where it does nothing."""
+        made: list[Made] = []
+        for last, shape in zip([False] * (len(shapes) - 1) + [True], shapes, strict=True):
+            columns, counts = self.columns(effect, shape, extension)
+            if columns.norm * max(p.plausible for p in effect.amplitudes) > FEEBLE:
+                made.append(Made(shape, columns, counts))
+            if last or sum(one.columns.extent for one in made) >= BATCH:
+                yield from self.of_made(effect, made, trials)
+                made = []
+
+    def of_made(self, effect: Effect, made: "Sequence[Made]", trials: int) -> Iterator[Score]:
+        """Scores of shapes whose directions are made."""
+        for one, projected in zip(made, self.project([one.columns for one in made]), strict=True):
+            for shared, mix in mixes(effect, one.counts):
+                sign = one_sided(effect, mix.shape[1])
+                fall, freedom, estimate, sigma, retained = outcome(projected.combined(mix), sign)
+                signal = one.columns.times(mix @ torch.from_numpy(estimate))
+                yield Score(effect, one.shape, shared, fall, freedom, trials, estimate, sigma, retained, signal)
+
+    def refined(self, score: Score, extension: Extension, trials: int) -> Score:
+        """A better shape near that of a score, by steps along each of its numbers, from half the grid's on."""
+        shapes, step = score.effect.shapes, {p.name: p.spacing / 2 for p in score.effect.shapes}
+        for _ in range(HALVINGS):
+            for p, sign in product(shapes, (1, -1)):
+                value = float(np.clip(score.shape[p.name] + sign * step[p.name], p.lower, p.upper))
+                near = self.of_shapes(score.effect, [score.shape | {p.name: value}], extension, trials)
+                score = max([score, *(one for one in near if one.shared == score.shared)], key=lambda s: s.fall)
+            step = {name: size / 2 for name, size in step.items()}
+        return score
+
+    def reaching(self, score: Score) -> Score:
+        """The score of the whole change that an effect of one number makes at some size, where that says more.
+
+        Filters along the fiber and much of the ground act far from in proportion to their number, and what a small one
+        does may be what the route hides.
+        """
+        effect = score.effect
+        near = effect.stage in NEAR_STAGES and not self.alone
+        if effect.generic or near or [p.scope for p in effect.amplitudes] != ["one"]:
+            return score
+        extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
+        base, p = self.numbers(extension, score.shape), effect.amplitudes[0]
+        where = next(slot.where for slot in extension.slots if slot.effect is effect and slot.parameter is p)
+        for size, sign in product(FAR_ALONE if self.alone else FAR, (1, -1)):
+            numbers = base.clone()
+            numbers[where] = float(np.clip(p.null + sign * size * p.plausible, p.lower, p.upper))
+            if numbers[where] == p.null:
+                continue
+            column = self._changed(self.model(extension, numbers), self._anchor_change(extension, base, numbers))
+            fall, freedom, estimate, sigma, retained = outcome(self.project([column])[0], 1)
+            if fall > score.fall:
+                signal, step = column.times(torch.from_numpy(estimate)), float(numbers[where] - p.null)
+                numbered = step * estimate, abs(step) * sigma
+                score = Score(effect, score.shape, False, fall, freedom, score.trials, *numbered, retained, signal)
+        return score
+
+    def _anchor_change(self, extension: Extension, base: Tensor, numbers: Tensor) -> Tensor:
+        """How the anchors' rows [anchor, 1] change with an effect's numbers."""
+        told = torch.from_numpy(self.fit.prior.anchor_distance)
+        none = torch.zeros(len(told), 0, dtype=torch.float64)
+        before, after = (
+            anchor_rows(
+                self.fit.basis, self.fit.prior.anchors, extension.places(at, told), none, self.state.coefficients
+            )
+            for at in (base, numbers)
+        )
+        return (after.residual - before.residual)[:, None]
+
+    def model(self, extension: Extension, numbers: Tensor) -> Tensor:
+        """Map [sample, channel] with a candidate at some numbers."""
+        seen, values = self.seen(extension), extension.local(numbers)
+        slot = extension.slots[-1]
+        if acts_on_rows(seen, slot, values):
+            state = self.state
+            return seen.path.strain_rate(seen.fiber(values, 0), state.vehicles, state.poisson_ratio, values)
+        return seen.path.observed(seen.local.alone, values)
+
+    def heard(self, extension: Extension) -> Heard:
+        """What the fit leaves, for effects that seek their shapes in it."""
+        seen, numbers = self.seen(extension), self.numbers(extension, {})
+        values = extension.local(numbers)
+        load = seen.path.loads(seen.local.rows, values)
+        fiber = self.fit.fiber(self.state, self.fit.values(self.state))
+        residual = self.at.residual.reshape(self.fit.data.shape)
+        middle, slope = (fiber.ahead + fiber.behind) / 2, fiber.ahead - fiber.behind
+        if (chosen := self.fit.extension.chosen) is not None:
+            middle, slope = middle[chosen], slope[chosen]
+        return Heard(residual, load, seen.path.traffic.record_sample, middle, slope)
+
+    def project(self, parts: Sequence[Windowed]) -> list[Projected]:
+        """What the fit leaves of directions, as `columns` has them; those of several shapes at once are faster."""
+        grams, scores = [one.transposed_times(one) for one in parts], [one.along(self.residual) for one in parts]
+        if self.alone or not parts:
+            return [Projected(score, gram, gram) for score, gram in zip(scores, grams, strict=True)]
+        crossed = self.jacobian.transposed_times(Windowed.beside(parts)).split([one.width for one in parts], 1)
+        halves = [torch.linalg.solve_triangular(self.factor, one, upper=False) for one in crossed]
+        return [
+            Projected(score - cross.T @ self.step, gram - half.T @ half, gram)
+            for score, cross, gram, half in zip(scores, crossed, grams, halves, strict=True)
+        ]
+
+    def following(self, score: Score) -> Tensor:
+        """How all that was fitted [free] moves with a score's estimate."""
+        if self.alone:
+            return torch.zeros(self.fitted, dtype=torch.float64)
+        crossed = self.jacobian.along(score.signal)
+        return -torch.cholesky_solve(crossed[:, None], self.factor)[: self.fitted, 0]
+
+
+def factor_of(matrix: Tensor) -> Tensor:
+    """Cholesky factor of a normal matrix, with a ridge where rounding has left it indefinite.
+
+    A route that nearly stands still somewhere, as it does along a coil that the model lacks, turns there at once.
+
+    >>> factor_of(torch.ones(2, 2, dtype=torch.float64)).diagonal()
+    tensor([1.0000e+00, 1.4142e-05], dtype=torch.float64)
+    """
+    factor, failed = torch.linalg.cholesky_ex(matrix)
+    return torch.linalg.cholesky(matrix + RIDGE * torch.diag(matrix.diagonal())) if int(failed) else factor
+
+
+def apart(ranked: Sequence[Score]) -> list[Score]:
+    """The best few [score] that are not neighbors on the grid of shapes."""
+    chosen: list[Score] = []
+    for score in ranked:
+        near = (
+            all(abs(score.shape[p.name] - other.shape[p.name]) < 1.5 * p.spacing for p in score.effect.shapes)
+            for other in chosen
+        )
+        if not any(near):
+            chosen.append(score)
+        if len(chosen) == STARTS:
+            break
+    return chosen
+
+
+def score_all(
+    scorer: Scorer, effects: Sequence[Effect], advance: Callable[[int], None] = lambda n: None
+) -> list[Score]:
+    """Best score of every effect, highest evidence first; effects that do nothing in this survey are left out."""
+
+    def best(effect: Effect) -> dict[str, Any] | None:
+        ranked = sorted(scorer.scores(effect), key=lambda s: s.evidence)
+        return figures(ranked[-1]) if ranked else None
+
+    found = side_by_side(best, effects, advance)
+    table = [Score(effect, **one) for effect, one in zip(effects, found, strict=True) if one is not None]
+    if any(s.evidence > FOUND for s in table):
+        reached = side_by_side(lambda score: figures(scorer.reaching(score)), table)
+        table = [Score(score.effect, **one) for score, one in zip(table, reached, strict=True)]
+    return sorted((s for s in table if s.freedom), key=lambda s: -s.evidence)
+
+
+def figures(score: Score) -> dict[str, Any]:
+    """A score without its effect, which is code and stays where it is."""
+    return {f.name: getattr(score, f.name) for f in fields(score) if f.name != "effect"}
+
+
+def similarity(scorer: Scorer, one: Score, other: Score) -> float:
+    """Correlation of what the fit leaves of two effects' signals, 0 to 1."""
+    pair = Windowed.of(torch.stack([one.signal, other.signal], 1), 1)
+    left = scorer.project([pair])[0].information
+    return float(left[0, 1].abs() / (left[0, 0] * left[1, 1]).clamp_min(1e-300).sqrt())

