@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solver.matched_filter.coil import JumpingLine, find_coil
 from solver.matched_filter.detections import Detections, MatchedFilter
@@ -46,9 +45,10 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
         loudest = max(loudest, float(np.median(snr_db)) if len(snr_db) else -np.inf)
         line, inliers = ransac_line(*together(found), channel_spacing)
         if line is not None and inliers.sum() >= FEWEST + FOLLOWING * len(inliers):
-            lines.append((energy(found, inliers), line, polarity))
+            lines.append((float(snr_db[inliers].sum()), line, polarity))
     if lines:
-        # Upside down, the filter sees the weaker outer lobes, beside the vehicle: a line too, but of less energy.
+        # Upside down, the filter sees the outer lobes on either side of the vehicle: two lines, each fainter. In dB,
+        # since where the ground is soft its lobes are louder than all that is felt elsewhere.
         _, line, polarity = max(lines, key=lambda choice: choice[0])
         return line, polarity
     if loudest < NOISE_DB:
@@ -57,13 +57,6 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
             f"{CLOCK_MEND}, filter what the matched filter sees (--filter fk), or give more and heavier vehicles"
         )
     raise InputError(f"DAS record: what moves in it does not follow the trajectories; {CLOCK_MEND}")
-
-
-def energy(detections: Sequence[Detections], inliers: NDArray[np.bool_]) -> float:
-    """Energy of the detections that are `inliers` [detection], by the median of each pass, in units of the noise's."""
-    parts = np.split(inliers, np.cumsum([len(one) for one in detections])[:-1])
-    levels = [one.snr_db[part] for one, part in zip(detections, parts, strict=True) if part.any()]
-    return float(sum(len(level) * 10 ** (np.median(level) / 10) for level in levels))
 
 
 def balanced(line: FiberLine, detections: Sequence[Detections]) -> FiberLine:

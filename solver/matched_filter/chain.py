@@ -188,7 +188,7 @@ class Trace:
 
 
 def trace(record: DASRecord, one: Pass, *, scales: Array = SCALES, threshold_db: float = THRESHOLD_DB) -> Trace:
-    """Run the whole chain on one pass, for wavelets of either sign; the sign of more energy along the line is right.
+    """Run the whole chain on one pass, for wavelets of either sign: the one louder along the line (sum of dB) is right.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def trace(record: DASRecord, one: Pass, *, scales: Array = SCALES, threshold_db:
             f"pass {one.track_id}: nothing above {threshold_db:g} dB in the DAS moves as it does; leave it out, "
             "or check that the clocks agree"
         )
-    best = max((each for each in traces if each), key=lambda each: (10 ** (each.snr_db[each.inliers] / 10)).sum())
+    best = max((each for each in traces if each), key=lambda each: each.snr_db[each.inliers].sum())
     return replace(best, row=best.row * stride + stride // 2)
 
 
