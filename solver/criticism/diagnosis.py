@@ -11,6 +11,7 @@ import numpy as np
 
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
+from solver.criticism.placing import stage_of
 from solver.criticism.refit import HOPE, Refit, elsewhere, race
 from solver.criticism.repairs import SEARCHES, Fault, mended
 from solver.criticism.score import FOUND, Score
@@ -19,7 +20,7 @@ from solver.criticism.side_by_side import side_by_side
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.criticism.verdict_words import fault_words, leveled_words, missing_words, power_words, unknown_words
-from solver.effects.catalogue import FAMILIES, GAINS, MEANT_FOR, MIXING, STAND_INS, families_of
+from solver.effects.catalogue import FAMILIES, GAINS, STAND_INS, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
 from solver.fit.least_squares import solve
@@ -42,8 +43,6 @@ RIVAL = 0.65
 #: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little
 #: (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
 LEFT, FINER, ASTRAY = 0.05, 0.1, 0.025
-#: Correlation of the noise of neighboring channels above which it was mixed after it was read.
-SHARED = 0.1
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: How many enter the race of full fits, and how many that for what the winner leaves.
@@ -279,12 +278,9 @@ def plainest(physical: Sequence[Candidate]) -> Candidate:
 
 
 def placed(stand_in: Candidate, bench: Bench, check: NoiseAudit) -> Candidate:
-    """A stand-in at the stage where it acts: what mixes or levels the channels' noise too comes after the reading."""
-    across = bench.scorer.fit.problem.law.across
-    mixed = stand_in.effect in MIXING and len(across) > 1 and abs(across[1]) > SHARED
-    if mixed or (stand_in.effect in GAINS and check.leveled):
-        return replace(stand_in, stage="processing")
-    return replace(stand_in, stage=MEANT_FOR.get(stand_in.effect, stand_in.stage))
+    """A stand-in at the stage where it acts."""
+    effect = next(score.effect for score in bench.table if score.effect.name == stand_in.effect)
+    return replace(stand_in, stage=stage_of(effect, bench.scorer, check))
 
 
 def outdone(known: float, stand_in: float, numbers: int) -> bool:

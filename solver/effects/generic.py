@@ -6,7 +6,9 @@ catalogue lacks.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -18,6 +20,8 @@ SOURCE = "Generic; sieve of smooth functions (Chen 2007, Handbook of Econometric
 
 #: Scales of the distance from a wheel, and places before and behind a vehicle, m; lags, samples or channels.
 SCALES, TRAIN, TAPS = (1.5, 4.0, 10.0), (5, 10, 18), (1, 2, 4)
+#: Slacks of strain, in thousandths of what the largest rate adds in 1 s: a truck's strain reaches some hundreds.
+SLACKS = (10, 20, 50, 100)
 
 
 @effect(
@@ -155,6 +159,58 @@ def generic_softening(ground: Ground, p: Values, survey: Surroundings) -> Ground
     return ground.yielding(factor)
 
 
+class Engaged(torch.autograd.Function):
+    """Share of a strain's change [..., sample, channel] that is left beyond some slack: 0 or 1 but where it turns.
+
+    The play operator (Krasnosel'skii and Pokrovskii 1989, Systems with Hysteresis, section 2): what is pulled along
+    stays where it is until the slack is taken up. It changes with the strain at single samples only: no derivative.
+    """
+
+    @staticmethod
+    def forward(strain: Tensor, slack: float) -> Tensor:
+        """Follow the strain sample by sample."""
+        drive = strain.movedim(-2, 0).numpy()
+        low, high, pulled = drive - slack, drive + slack, np.empty_like(drive)
+        last = np.zeros_like(drive[0])
+        for row in range(len(drive)):
+            last = np.clip(last, low[row], high[row], out=pulled[row])
+        change = np.diff(drive, axis=0, prepend=0.0)
+        share = np.diff(pulled, axis=0, prepend=0.0) / np.where(change == 0, 1.0, change)
+        return torch.from_numpy(share).movedim(0, -2)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        """Nothing is kept."""
+
+    @staticmethod
+    def jvp(ctx: Any, strain: Tensor, slack: None) -> Tensor:
+        """No derivative."""
+        return torch.zeros_like(strain)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
+        """No derivative."""
+        return torch.zeros_like(gradient), None
+
+
+@effect(
+    "generic_friction",
+    "ground",
+    [Parameter(f"slack_{slack}", "1", 0.2) for slack in SLACKS],
+    physics="Strain stays behind where it turns, by friction: the ground remembers, however slowly it is strained.",
+    source="Prandtl-Ishlinskii model of hysteresis: Krasnosel'skii and Pokrovskii 1989, Systems with Hysteresis.",
+    generic=True,
+)
+def generic_friction(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Strain plus shares of what it pulls along beyond some slacks (of what the largest rate adds in 1 s)."""
+
+    def factor(strain: Tensor) -> Tensor:
+        shares = (p[f"slack_{slack}"] * Engaged.apply(strain, 1e-3 * slack * survey.largest) for slack in SLACKS)
+        return 1 + sum(shares)
+
+    return ground.yielding(factor)
+
+
 @effect(
     "generic_time_filter",
     "interrogator",
@@ -279,6 +335,7 @@ EFFECTS = (
     generic_twin,
     generic_kernel,
     generic_softening,
+    generic_friction,
     generic_time_filter,
     generic_delay,
     generic_echo,

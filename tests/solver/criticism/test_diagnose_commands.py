@@ -102,6 +102,16 @@ def test_what_is_in_no_catalogue_is_called_unknown(tmp_path: Path, name: str, am
     assert found["verdict"] in ("unknown-effect", "inconclusive"), found["words"]
 
 
+@pytest.mark.parametrize(
+    ("name", "amount", "stage"),
+    [("unknown_hysteresis", 0.35, "ground"), ("unknown_skewed_kernel", 0.4, "interrogator")],
+)
+def test_the_unknown_is_placed_at_its_stage(tmp_path: Path, name: str, amount: float, stage: str) -> None:
+    """Friction of the ground is told from an instrument's curve, what is fixed to the fiber from what vehicles do."""
+    found = diagnosis(located(tmp_path, {name: amount}))
+    assert (found["verdict"], found["candidates"][0]["stage"]) == ("unknown-effect", stage), found["words"]
+
+
 def test_the_clocks_offset_is_estimated_and_kept_where_it_is_added(tmp_path: Path) -> None:
     folder = located(tmp_path, {"clock_offset": 0.2})
     found = json.loads(run("clock", folder, "--json"))
