@@ -6,6 +6,7 @@ families, the best few are fitted in full and race each other, passes held out c
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -73,25 +74,43 @@ class Diagnosis:
     left: float = 0.0
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What a diagnosis is asked.
+
+    Parameters
+    ----------
+    effects : the catalogue
+    held_out : whether to confirm the winner on passes that its fit has not seen
+    advance : called with 1 after each effect scored and each candidate begun to be fitted
+    """
+
+    effects: Sequence[Effect]
+    held_out: bool
+    advance: Advance
+
+
 @dataclass
 class Bench:
     """A converged fit with its scores.
 
     Parameters
     ----------
+    audit : of the survey's noise
     scorer : at that fit, without the candidates
     table : scores, best evidence first
     idle : effects that find nothing to act on
     faults : of the survey itself
     """
 
+    audit: NoiseAudit
     scorer: Scorer
     table: list[Score]
     idle: list[Effect]
     faults: list[Fault]
 
     @classmethod
-    def of(cls, fit: MapFit, state: State, effects: Sequence[Effect], advance: Advance) -> "Bench":
+    def of(cls, fit: MapFit, state: State, audit: NoiseAudit, effects: Sequence[Effect], advance: Advance) -> "Bench":
         """Score `effects`, those in the model left out."""
         scorer = Scorer(fit, state)
         asked = scorable(fit.problem, effects)
@@ -99,7 +118,15 @@ class Bench:
         scored = {score.effect.name for score in table}
         idle = [one for one in asked if one.name not in scored]
         faults = [fault for search in SEARCHES.values() if (fault := search(fit, state)) is not None]
-        return cls(scorer, table, idle, faults)
+        return cls(audit, scorer, table, idle, faults)
+
+    def says(self, verdict: str, words: str, candidates: Sequence[Candidate], **more: Any) -> Diagnosis:
+        """A verdict on this fit."""
+        return Diagnosis(verdict, words, tuple(candidates), self.audit, self.scorer.stress, **more)
+
+    def is_fault(self, candidate: Candidate) -> bool:
+        """Whether a candidate is a fault of the survey, and no effect."""
+        return any(fault.name == candidate.effect for fault in self.faults)
 
 
 def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
@@ -162,112 +189,102 @@ def diagnose(
         problem = replace(problem, signal_noise=check.signal_noise)
         fit, state = converged(problem, state)
     if not check.passed:
-        return unranked(Bench.of(fit, state, effects, advance), check)
-    return examined(fit, state, check, effects, held_out, advance)
+        return unranked(Bench.of(fit, state, check, effects, advance))
+    return examined(fit, state, check, Asked(effects, held_out, advance))
 
 
-def examined(
-    fit: MapFit, state: State, check: NoiseAudit, effects: Sequence[Effect], held_out: bool, advance: Advance
-) -> Diagnosis:
+def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diagnosis:
     """Rank what a converged fit may lack, race the best, and judge."""
-    bench = Bench.of(fit, state, effects, advance)
+    bench = Bench.of(fit, state, check, asked.effects, asked.advance)
     fault = max(map(fault_candidate, bench.faults), key=lambda c: c.evidence, default=None)
     # Full fits of effects would not come near it.
     if fault is not None and fault.verdict == "present" and fault.evidence > HOPE * bench.table[0].evidence:
-        return beside_fault(bench, fault, check, effects, held_out, advance)
+        return beside_fault(bench, fault, asked)
     first = racers(bench.table)
-    late = elsewhere(bench.scorer, scorable(fit.problem, effects))[: RACERS + 1] if first else []
-    tried = race(bench.scorer, first, advance, late)
+    late = elsewhere(bench.scorer, scorable(fit.problem, asked.effects))[: RACERS + 1] if first else []
+    tried = race(bench.scorer, first, asked.advance, late)
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]
     ranked.sort(key=lambda c: -c.evidence)
     ranked += [idle_candidate(one) for one in bench.idle]
     if bench.scorer.stress > CONVERGED and ranked[0].evidence < FOUND:
         words = f"the fit has not converged ({bench.scorer.stress:.1f} sigmas are left along what it fits)"
-        return Diagnosis("inconclusive", words, tuple(ranked), check, bench.scorer.stress)
-    return judge(bench, ranked, tried, check, effects, held_out, advance)
+        return bench.says("inconclusive", words, ranked)
+    return judge(bench, ranked, tried, asked)
 
 
-def unranked(bench: Bench, check: NoiseAudit) -> Diagnosis:
+def unranked(bench: Bench) -> Diagnosis:
     """The verdict where the noise is not understood, which a filter that it went through may explain."""
-    words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(check.faults)
-    listed = tuple(replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table)
-    listed += tuple(map(idle_candidate, bench.idle))
+    words = "the noise is not understood, so that no effect can be ranked: " + "; ".join(bench.audit.faults)
+    listed = [replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table]
+    listed += map(idle_candidate, bench.idle)
     survey = bench.scorer.fit.problem
     still = quiet(len(survey.record), survey.start, survey.passes)
     found = filtered_by(survey.record / survey.noise.numpy(), still, survey.sampling_rate, survey.channel_spacing)
     filtered = next((c for c in listed if found and c.effect == found[0]), None)
     if found is None or filtered is None:
-        return Diagnosis("inconclusive", words, listed, check, bench.scorer.stress)
+        return bench.says("inconclusive", words, listed)
     words = f"{found[0]} is missing at the processing stage: {found[1]}; better diagnose the record as it was before it"
-    first = replace(filtered, verdict="present")
-    return Diagnosis("missing-effect", words, order(listed, first), check, bench.scorer.stress)
+    return bench.says("missing-effect", words, order(listed, replace(filtered, verdict="present")))
 
 
-def judge(
-    bench: Bench,
-    listed: list[Candidate],
-    tried: Mapping[str, Refit],
-    check: NoiseAudit,
-    effects: Sequence[Effect],
-    held_out: bool,
-    advance: Advance,
-) -> Diagnosis:
+def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit], asked: Asked) -> Diagnosis:
     """The verdict on a ranked list."""
-    stress = bench.scorer.stress
-    present = [c for c in listed if c.verdict == "present" and (c.refitted or is_fault(bench, c))]
-    if not present and check.leveled:
-        level = next(c for c in listed if c.effect in GAINS)
-        words = leveled_words(check.loud)
-        return Diagnosis("unknown-effect", words, order(listed, placed(level, bench, check)), check, stress)
-    if not present:
-        weakest = power_words(listed)
-        words = f"nothing is missing that this survey could show. {weakest}"
-        return Diagnosis("adequate", words, tuple(listed), check, stress)
+    present = [c for c in listed if c.verdict == "present" and (c.refitted or bench.is_fault(c))]
     physical = [c for c in present if not c.generic]
     generic = [c for c in present if c.generic]
+    if not present and bench.audit.leveled:
+        level = next(c for c in listed if c.effect in GAINS)
+        return bench.says("unknown-effect", leveled_words(bench.audit.loud), order(listed, placed(level, bench)))
+    if not present:
+        return bench.says("adequate", f"nothing is missing that this survey could show. {power_words(listed)}", listed)
     if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence, generic[0].numbers)):
-        first = placed(generic[0], bench, check)
-        words = unknown_words(first, physical)
-        return Diagnosis("unknown-effect", words, order(listed, first), check, stress)
+        first = placed(generic[0], bench)
+        return bench.says("unknown-effect", unknown_words(first, physical), order(listed, first))
     first = plainest(physical)
-    if is_fault(bench, first):
-        return beside_fault(bench, first, check, effects, held_out, advance)
-    winner = tried[first.effect]
-    if winner.pushed:
+    if bench.is_fault(first):
+        return beside_fault(bench, first, asked)
+    if tried[first.effect].pushed:
         words = (
             f"{first.effect} explains the most of all known effects, but at {first.estimate:.3g}, the edge of what can "
             f"be: something unknown acts, as it does at the {first.stage} stage"
         )
-        return Diagnosis("unknown-effect", words, order(listed, replace(first, verdict="excluded")), check, stress)
+        return bench.says("unknown-effect", words, order(listed, replace(first, verdict="excluded")))
+    return confirmed(bench, first, listed, tried, asked)
+
+
+def confirmed(
+    bench: Bench, first: Candidate, listed: Sequence[Candidate], tried: Mapping[str, Refit], asked: Asked
+) -> Diagnosis:
+    """The verdict on a known effect that explains the most, by what it leaves and by passes held out."""
+    winner = tried[first.effect]
     fit, state = winner.fit, solve(winner.fit, winner.solution, iterations=40).state
-    again = Bench.of(fit, state, suspects(bench.table, effects), advance)
+    again = Bench.of(fit, state, bench.audit, suspects(bench.table, asked.effects), asked.advance)
     others = [s for s in again.table if s.evidence > FOUND]
     left = others[0].evidence if others else 0.0
-    second = race(again.scorer, racers(others, BESIDE), advance)
+    second = race(again.scorer, racers(others, BESIDE), asked.advance)
     best = max((r for r in second.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
     known = max((r.evidence for r in second.values() if not r.effect.generic), default=0.0)
     if best is not None and outdone(known, best.evidence, best.score.freedom) and doubted(first, best, others):
-        stand_in = score_candidate(next(s for s in others if s.effect is best.effect), best)
-        stand_in = placed(stand_in, bench, check)
+        stand_in = placed(score_candidate(next(s for s in others if s.effect is best.effect), best), bench)
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
             f"acts at the {stand_in.stage} stage ({best.effect.physics.rstrip('.').lower()})"
         )
-        return Diagnosis("unknown-effect", words, order(listed, stand_in), check, stress, left=left)
-    if held_out:
+        return bench.says("unknown-effect", words, order(listed, stand_in), left=left)
+    if asked.held_out:
         gain = held_out_gain(bench.scorer, winner)
         first = replace(first, held_out_gain=gain)
         if gain is not None and gain <= 0:
             words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
-            return Diagnosis("inconclusive", words, order(listed, first), check, stress, left=left)
+            return bench.says("inconclusive", words, order(listed, first), left=left)
     first = replace(first, confounded_with=confounded(bench, first, listed, tried))
     words, separate = missing_words(first, left)
     # Whatever else lowers the misfit may do so in the winner's place: that is open until the winner is in the model.
     rest = [replace(c, verdict="inconclusive") if c.verdict == "present" else c for c in listed]
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     rest = [faults.get(c.effect, c) for c in rest]
-    return Diagnosis("missing-effect", words, order(rest, first), check, stress, separate, left)
+    return bench.says("missing-effect", words, order(rest, first), separate=separate, left=left)
 
 
 def plainest(physical: Sequence[Candidate]) -> Candidate:
@@ -277,10 +294,10 @@ def plainest(physical: Sequence[Candidate]) -> Candidate:
     return few[0] if best.numbers > MANY and few and not outdone(few[0].evidence, best.evidence, best.numbers) else best
 
 
-def placed(stand_in: Candidate, bench: Bench, check: NoiseAudit) -> Candidate:
+def placed(stand_in: Candidate, bench: Bench) -> Candidate:
     """A stand-in at the stage where it acts."""
     effect = next(score.effect for score in bench.table if score.effect.name == stand_in.effect)
-    return replace(stand_in, stage=stage_of(effect, bench.scorer, check))
+    return replace(stand_in, stage=stage_of(effect, bench.scorer, bench.audit))
 
 
 def outdone(known: float, stand_in: float, numbers: int) -> bool:
@@ -302,24 +319,17 @@ def akin(first: Candidate, stand_in: Effect) -> bool:
     return stand_in.stage == first.stage or not set(families).isdisjoint(families_of(first.effect))
 
 
-def beside_fault(
-    bench: Bench, first: Candidate, check: NoiseAudit, effects: Sequence[Effect], held_out: bool, advance: Advance
-) -> Diagnosis:
+def beside_fault(bench: Bench, first: Candidate, asked: Asked) -> Diagnosis:
     """The verdict where a fault of the survey explains the most: it is mended, and what is left judged by itself."""
     fault = next(fault for fault in bench.faults if fault.name == first.effect)
     fit, solution = mended(bench.scorer.fit, bench.scorer.state, fault)
-    rest = examined(fit, solution.state, check, effects, held_out, advance)
+    rest = examined(fit, solution.state, bench.audit, asked)
     words = f"{fault_words(first, fault)}. Once it is mended, {rest.words}"
     if rest.verdict == "unknown-effect":
         candidates = (rest.candidates[0], *order(rest.candidates[1:], first))
         return replace(rest, words=words, candidates=candidates)
     left = rest.candidates[0].evidence if rest.verdict == "missing-effect" else 0.0
     return replace(rest, verdict="missing-effect", words=words, candidates=order(rest.candidates, first), left=left)
-
-
-def is_fault(bench: Bench, candidate: Candidate) -> bool:
-    """Whether a candidate is a fault of the survey, and no effect."""
-    return any(fault.name == candidate.effect for fault in bench.faults)
 
 
 def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:
