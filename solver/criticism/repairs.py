@@ -33,8 +33,8 @@ REACH = 90.0
 JUMP = 8.0
 #: Over how many channels the neighbors of a deaf one are, and how many deaf ones are named.
 AROUND, NAMED = 15, 8
-#: m; uncertainty of the track of an unseen vehicle, which drives straight on.
-GUESSED = 0.3
+#: m; uncertainty of the track of an unseen vehicle, which drives straight on, and by how much all of it may be off.
+GUESSED, OFFSET = 0.3, 1.5
 #: How far from the known vehicles' course an unseen one may drive, m.
 LANE = 1.0
 #: s; a vehicle of the trajectories that passes the middle within this time is not unseen.
@@ -87,7 +87,7 @@ def straight(problem: Problem, speed: float, way: int, y: float, start: float, r
     position = np.column_stack([x[keep], np.full(len(keep), y)])
     velocity = np.tile([way * speed, 0.0], (len(keep), 1))
     sigma = np.full((len(keep), 2), GUESSED)
-    return Pass("unseen", "car", keep, position, velocity, sigma, np.ones(len(keep), bool))
+    return Pass("unseen", "car", keep, position, velocity, sigma, np.ones(len(keep), bool), offset=OFFSET)
 
 
 def lanes(problem: Problem) -> list[tuple[int, float]]:

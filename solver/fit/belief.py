@@ -99,8 +99,7 @@ class Belief:
         layouts = [layout_of(one.vehicle_class, one.wheelbase) for one in self.passes]
         per_pass = {
             "amplitude": [np.inf] * len(layouts),
-            "along": [self.prior.along] * len(layouts),
-            "across": [self.prior.across] * len(layouts),
+            **{name: (getattr(self.prior, name) / self.trusted(name)).tolist() for name in TRACK_ERRORS},
             "wheelbase": [layout.wheelbase_sd for layout in layouts],
             "front_share": [layout.front_share_sd for layout in layouts],
         }
@@ -108,6 +107,11 @@ class Belief:
         nu = 0.0 if self.held else self.prior.poisson_ratio[1]
         numbers = torch.where(self.own, self.number_sd, 0.0) if self.held else self.number_sd
         return torch.from_numpy(np.concatenate([route, *(per_pass[name] for name in PER_PASS), [nu], numbers]))
+
+    def trusted(self, name: str) -> Tensor:
+        """Share [pass] of a track's error `along` or `across` that counts: less where all of it may be off besides."""
+        size = getattr(self.prior, name)
+        return size / torch.tensor([np.hypot(size, one.offset) for one in self.passes], dtype=torch.float64)
 
     @cached_property
     def free(self) -> Tensor:
@@ -124,8 +128,9 @@ class Belief:
         precision = self.sd**-2
         for name in TRACK_ERRORS:
             if bool(self.free[where := self.block(name)].all()) and self.passes:
-                size = getattr(self.prior, name)
-                precision[where] = track_precision(getattr(state.vehicles, name), size, self.prior.belief)
+                share, size = self.trusted(name), getattr(self.prior, name)
+                errors = share * getattr(state.vehicles, name)
+                precision[where] = share**2 * track_precision(errors, size, self.prior.belief)
         return precision
 
     def cost(self, state: State) -> float:
@@ -134,7 +139,8 @@ class Belief:
         for name in TRACK_ERRORS:
             if bool(self.free[where := self.block(name)].all()) and self.passes:
                 sd[where] = torch.inf
-                tracks += track_cost(getattr(state.vehicles, name), getattr(self.prior, name), self.prior.belief)
+                errors = self.trusted(name) * getattr(state.vehicles, name)
+                tracks += track_cost(errors, getattr(self.prior, name), self.prior.belief)
         shift = (state.vector() - self.mean)[self.free] / sd[self.free]
         return float((shift**2).sum()) + tracks
 

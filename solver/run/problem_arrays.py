@@ -34,6 +34,7 @@ def pass_arrays(passes: Sequence[Pass], prefix: str = "pass") -> dict[str, NDArr
         f"{prefix}_track_id": np.array([p.track_id for p in passes]),
         f"{prefix}_class": np.array([p.vehicle_class for p in passes]),
         f"{prefix}_length": np.array([np.nan if p.length is None else p.length for p in passes]),
+        f"{prefix}_offset": np.array([one.offset for one in passes]),
         f"{prefix}_wheelbase": np.array([p.wheelbase or (np.nan, np.nan) for p in passes]).reshape(-1, 2),
     }
 
@@ -45,7 +46,8 @@ def passes_from(arrays: Arrays, prefix: str = "pass") -> list[Pass]:
     lengths = [None if np.isnan(value) else float(value) for value in arrays[f"{prefix}_length"]]
     names, classes = arrays[f"{prefix}_track_id"].tolist(), arrays[f"{prefix}_class"].tolist()
     wheelbases = [None if np.isnan(mean) else (mean, sd) for mean, sd in arrays[f"{prefix}_wheelbase"].tolist()]
-    return [Pass(*parts) for parts in zip(names, classes, *columns, lengths, wheelbases, strict=True)]
+    offsets = arrays[f"{prefix}_offset"].tolist()
+    return [Pass(*parts) for parts in zip(names, classes, *columns, lengths, wheelbases, offsets, strict=True)]
 
 
 def problem_arrays(problem: Problem) -> dict[str, NDArray[Any]]:

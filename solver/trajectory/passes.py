@@ -44,6 +44,7 @@ class Pass:
     in_view : between the first and the last fix, not extrapolated [row]
     length : of the vehicle, m, where the table says it
     wheelbase : of the vehicle and its standard deviation, m, where the table says them; else its class's counts
+    offset : how far the whole of it may be off beyond what tracks are, m, as where no camera saw the vehicle
     """
 
     track_id: str
@@ -55,6 +56,7 @@ class Pass:
     in_view: NDArray[np.bool_]
     length: float | None = None
     wheelbase: tuple[float, float] | None = None
+    offset: float = 0.0
 
     @property
     def speed(self) -> float:
