@@ -20,7 +20,14 @@ from solver.criticism.scorer import Scorer, score_all, similarity
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.track_trust import strict_tracks, track_spread
-from solver.criticism.verdict_words import fault_words, leveled_words, missing_words, power_words, unknown_words
+from solver.criticism.verdict_words import (
+    fault_words,
+    leveled_words,
+    like,
+    missing_words,
+    power_words,
+    unknown_words,
+)
 from solver.effects.catalogue import FAMILIES, GAINS, STAND_INS, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
@@ -123,6 +130,10 @@ class Bench:
     def says(self, verdict: str, words: str, candidates: Sequence[Candidate], **more: Any) -> Diagnosis:
         """A verdict on this fit."""
         return Diagnosis(verdict, words, tuple(candidates), self.audit, self.scorer.stress, **more)
+
+    def effect(self, candidate: Candidate) -> Effect:
+        """The effect that a candidate of the table is."""
+        return next(score.effect for score in self.table if score.effect.name == candidate.effect)
 
     def is_fault(self, candidate: Candidate) -> bool:
         """Whether a candidate is a fault of the survey, and no effect."""
@@ -240,7 +251,9 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
         return bench.says("adequate", f"nothing is missing that this survey could show. {power_words(listed)}", listed)
     if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence, generic[0].numbers)):
         first = placed(generic[0], bench)
-        return bench.says("unknown-effect", unknown_words(first, physical), order(listed, first))
+        return bench.says(
+            "unknown-effect", unknown_words(first, bench.effect(first).physics, physical), order(listed, first)
+        )
     first = plainest(physical)
     if bench.is_fault(first):
         return beside_fault(bench, first, asked)
@@ -266,10 +279,10 @@ def confirmed(
     best = max((r for r in second.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
     known = max((r.evidence for r in second.values() if not r.effect.generic), default=0.0)
     if best is not None and outdone(known, best.evidence, best.score.freedom) and doubted(first, best, others):
-        stand_in = placed(score_candidate(next(s for s in others if s.effect is best.effect), best), bench)
+        stand_in = placed(score_candidate(next(s for s in others if s.effect is best.effect), best), again)
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
-            f"acts at the {stand_in.stage} stage ({best.effect.physics.rstrip('.').lower()})"
+            f"acts at the {stand_in.stage} stage, as if {like(best.effect.physics)} ({best.effect.name})"
         )
         return bench.says("unknown-effect", words, order(listed, stand_in), left=left)
     if asked.held_out:
@@ -296,8 +309,7 @@ def plainest(physical: Sequence[Candidate]) -> Candidate:
 
 def placed(stand_in: Candidate, bench: Bench) -> Candidate:
     """A stand-in at the stage where it acts."""
-    effect = next(score.effect for score in bench.table if score.effect.name == stand_in.effect)
-    return replace(stand_in, stage=stage_of(effect, bench.scorer, bench.audit))
+    return replace(stand_in, stage=stage_of(bench.effect(stand_in), bench.scorer, bench.audit))
 
 
 def outdone(known: float, stand_in: float, numbers: int) -> bool:

@@ -47,16 +47,26 @@ def missing_words(first: Candidate, left: float) -> tuple[str, str]:
     return words, "; ".join(ADVICE[kind] for kind in kinds) or "another lane, other speeds, or an anchor"
 
 
-def unknown_words(first: Candidate, physical: Sequence[Candidate]) -> str:
-    """Verdict on something unknown."""
+def unknown_words(first: Candidate, physics: str, physical: Sequence[Candidate]) -> str:
+    """Verdict on something unknown, by what its stand-in does."""
     words = (
-        f"an unknown effect acts at the {first.stage} stage: nothing in the catalogue explains what {first.effect} does"
+        f"an unknown effect acts at the {first.stage} stage, as if {like(physics)} ({first.effect}); nothing in the "
+        "catalogue explains as much"
     )
     if physical:
         words += (
             f"; nearest is {physical[0].effect}, with {100 * physical[0].delta_chi2 / first.delta_chi2:.0f} % of it"
         )
     return words
+
+
+def like(physics: str) -> str:
+    """What a stand-in does, within a sentence.
+
+    >>> like("Each channel holds shares of the channels before and after it.")
+    'each channel holds shares of the channels before and after it'
+    """
+    return physics[0].lower() + physics[1:].rstrip(".")
 
 
 def leveled_words(loud: float) -> str:
