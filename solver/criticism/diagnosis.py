@@ -246,13 +246,13 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     generic = [c for c in present if c.generic]
     if not present and bench.audit.leveled:
         level = next(c for c in listed if c.effect in GAINS)
-        return bench.says("unknown-effect", leveled_words(bench.audit.loud), order(listed, placed(level, bench)))
+        return bench.says("unknown-effect", leveled_words(bench.audit.loud), leading(listed, placed(level, bench)))
     if not present:
         return bench.says("adequate", f"nothing is missing that this survey could show. {power_words(listed)}", listed)
     if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence, generic[0].numbers)):
         first = placed(generic[0], bench)
         return bench.says(
-            "unknown-effect", unknown_words(first, bench.effect(first).physics, physical), order(listed, first)
+            "unknown-effect", unknown_words(first, bench.effect(first).physics, physical), leading(listed, first)
         )
     first = plainest(physical)
     if bench.is_fault(first):
@@ -262,7 +262,7 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
             f"{first.effect} explains the most of all known effects, but at {first.estimate:.3g}, the edge of what can "
             f"be: something unknown acts, as it does at the {first.stage} stage"
         )
-        return bench.says("unknown-effect", words, order(listed, replace(first, verdict="excluded")))
+        return bench.says("unknown-effect", words, leading(listed, replace(first, verdict="excluded")))
     return confirmed(bench, first, listed, tried, asked)
 
 
@@ -284,20 +284,18 @@ def confirmed(
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
             f"acts at the {stand_in.stage} stage, as if {like(best.effect.physics)} ({best.effect.name})"
         )
-        return bench.says("unknown-effect", words, order(listed, stand_in), left=left)
+        return bench.says("unknown-effect", words, leading(listed, stand_in), left=left)
     if asked.held_out:
         gain = held_out_gain(bench.scorer, winner)
         first = replace(first, held_out_gain=gain)
         if gain is not None and gain <= 0:
             words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
-            return bench.says("inconclusive", words, order(listed, first), left=left)
+            return bench.says("inconclusive", words, leading(listed, replace(first, verdict="inconclusive")), left=left)
     first = replace(first, confounded_with=confounded(bench, first, listed, tried))
     words, separate = missing_words(first, left)
-    # Whatever else lowers the misfit may do so in the winner's place: that is open until the winner is in the model.
-    rest = [replace(c, verdict="inconclusive") if c.verdict == "present" else c for c in listed]
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
-    rest = [faults.get(c.effect, c) for c in rest]
-    return bench.says("missing-effect", words, order(rest, first), separate=separate, left=left)
+    whole = [faults.get(c.effect, c) for c in leading(listed, first)]
+    return bench.says("missing-effect", words, whole, separate=separate, left=left)
 
 
 def plainest(physical: Sequence[Candidate]) -> Candidate:
@@ -353,6 +351,14 @@ def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:
 def order(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, ...]:
     """The list with one at its head."""
     return (first, *(c for c in listed if c.effect != first.effect))
+
+
+def leading(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, ...]:
+    """The list with a verdict's candidate at its head.
+
+    Whatever else lowers the misfit may do so in its place: that is open until it is in the model.
+    """
+    return order([replace(c, verdict="inconclusive") if c.verdict == "present" else c for c in listed], first)
 
 
 def confounded(

@@ -71,9 +71,9 @@ def row(candidate: Candidate) -> str:
         f"{100 * candidate.retained_share:.0f} %",
         size(candidate.detectable_size, 2),
         "-" if gain is None else f"{gain:+.3f}",
-        escape(", ".join(candidate.confounded_with)) or "-",
     ]
-    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+    names = escape(", ".join(candidate.confounded_with)) or "-"
+    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + f'<td class="names">{names}</td></tr>'
 
 
 HEAD = (
@@ -93,7 +93,7 @@ def table(candidates: Sequence[Candidate]) -> str:
     """The best effects."""
     head = "".join(f"<th>{name}</th>" for name in HEAD)
     rows = "\n".join(row(c) for c in candidates[:SHOWN])
-    return f'<div style="overflow-x:auto"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+    return f'<div class="wide-table"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
 
 
 @styled
@@ -114,8 +114,8 @@ def evidence_figure(candidates: Sequence[Candidate]) -> Figure:
 
 
 def power_table(candidates: Sequence[Candidate]) -> str:
-    """What the survey would have shown of effects that are not there."""
-    absent = sorted((c for c in candidates if c.verdict != "present" and not c.generic), key=lambda c: c.effect)
+    """What the survey would have shown of effects that did not show."""
+    absent = sorted((c for c in candidates if c.evidence <= FOUND and not c.generic), key=lambda c: c.effect)
     cells = [
         f"<tr><td>{escape(c.effect)}</td><td>{c.verdict}</td><td>{size(c.detectable_size, 2)}"
         f" {escape(unit(c.unit))}</td></tr>"

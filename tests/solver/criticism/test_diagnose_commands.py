@@ -100,6 +100,7 @@ def test_nothing_hidden_is_adequate_and_says_what_could_have_hidden(tmp_path: Pa
 def test_what_is_in_no_catalogue_is_called_unknown(tmp_path: Path, name: str, amount: float) -> None:
     found = diagnosis(located(tmp_path, {name: amount}))
     assert found["verdict"] in ("unknown-effect", "inconclusive"), found["words"]
+    assert not any(c["verdict"] == "present" and not c["generic"] for c in found["candidates"]), found["words"]
 
 
 @pytest.mark.parametrize(
