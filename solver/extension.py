@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,9 +12,7 @@ from solver.cable import SplineBasis
 from solver.effects.effect import BY_ROW, Effect, Parameter
 from solver.observation import BASE, Description
 from solver.stages import STAGES, Cable, Interrogator, Surroundings
-
-if TYPE_CHECKING:
-    from solver.model import Traffic
+from solver.traffic import Traffic
 
 #: Effect -> parameter -> value, local to rows and channels.
 Values = Mapping[str, Mapping[str, Tensor]]
@@ -43,7 +41,7 @@ class Scopes:
 
     @classmethod
     def of(
-        cls, traffic: "Traffic", distance: Tensor, since: Tensor, sampled: Tensor, road: tuple[float, float]
+        cls, traffic: Traffic, distance: Tensor, since: Tensor, sampled: Tensor, road: tuple[float, float]
     ) -> "Scopes":
         """Scopes of a survey's traffic, computed channels and times `sampled`, s; the fiber is along `road` in x, m."""
         one_hot = torch.nn.functional.one_hot(traffic.pass_index, traffic.passes).double()
@@ -115,7 +113,7 @@ class Extension:
     scopes: Scopes | None = None
     chosen: Tensor | None = None
     time: Tensor | None = None
-    traffic: "Traffic | None" = None
+    traffic: Traffic | None = None
     slots: tuple[Slot, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -226,7 +224,7 @@ class Extension:
         assert isinstance(by, Tensor)
         return at, by
 
-    def clock(self, traffic: "Traffic") -> tuple[Tensor, Tensor]:
+    def clock(self, traffic: Traffic) -> tuple[Tensor, Tensor]:
         """Time since the record's start and since each pass's first row, [row, 1], s."""
         time = self.time if self.time is not None else traffic.sample_index.double()
         first = torch.full((traffic.passes,), torch.inf, dtype=torch.float64)

@@ -14,8 +14,8 @@ from solver.fit import FitResult, Prior, Problem
 from solver.fit.map_fit import SPLINE_VARIANCE
 from solver.fit.windows import FELT, is_long, nearby
 from solver.matched_filter import Initialization
-from solver.model import Traffic
 from solver.noise import noise_level, quiet
+from solver.traffic import Traffic
 from solver.trajectory import Pass
 from solver.whitening import noise_law
 from vision.contract import InputError

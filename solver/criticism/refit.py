@@ -19,7 +19,7 @@ from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
 from solver.load import LAYOUTS
-from solver.model import Vehicles
+from solver.traffic import Vehicles
 
 #: Steps of each round of the race, of the first one from far away, and rounds.
 PACE, FAR_PACE, ROUNDS = 2, 3, 12

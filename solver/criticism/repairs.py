@@ -20,7 +20,7 @@ from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import State
-from solver.model import Traffic, Vehicles
+from solver.traffic import Traffic, Vehicles
 from solver.trajectory import Pass
 from solver.whitening import Whitener
 

@@ -19,8 +19,8 @@ from solver.fit.prior import Prior
 from solver.fit.problem import Problem
 from solver.fit.state import State
 from solver.load import CLASSES
-from solver.model import Traffic, Vehicles
 from solver.stages import Cable, Surroundings
+from solver.traffic import Traffic, Vehicles
 from solver.trajectory import Pass
 
 CHANNELS, SPACING, RATE = 24, 3.0, 2.5

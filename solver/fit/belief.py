@@ -15,7 +15,7 @@ from solver.extension import NONE, SLOW_ERROR, Extension, Slot
 from solver.fit.prior import Prior, Rows, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.state import PER_PASS, State
 from solver.load import layout_of
-from solver.model import Vehicles
+from solver.traffic import Vehicles
 from solver.trajectory import Pass
 
 #: What is wrong with a whole track: the passes together tell how large it is.

@@ -12,8 +12,9 @@ from torch.func import jvp
 from solver.cable import STATION_OFFSETS, Fiber
 from solver.extension import Values
 from solver.interrogator import gauge_strain_rate
-from solver.model import Sensitivities, SignalPath, Vehicles
+from solver.model import Sensitivities, SignalPath
 from solver.stages import Load
+from solver.traffic import Vehicles
 
 FiberAt = Callable[[Values, int], Fiber]
 

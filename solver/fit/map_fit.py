@@ -19,8 +19,9 @@ from solver.fit.local import Local, Seen
 from solver.fit.problem import Problem
 from solver.fit.robust import huber, near_noise
 from solver.fit.state import PER_PASS, Felt, Linearized, State, Weights
-from solver.model import Sensitivities, SignalPath, Vehicles
+from solver.model import Sensitivities, SignalPath
 from solver.observation import BASE
+from solver.traffic import Vehicles
 
 SHALLOWEST = 0.02
 #: Variance of a cubic spline of unit coefficients.

@@ -23,8 +23,9 @@ from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.robust import huber
 from solver.fit.state import State
-from solver.model import SignalPath, Vehicles
+from solver.model import SignalPath
 from solver.regularizers import anchor_loss, angle_loss, curvature_loss, depth_loss, length_loss
+from solver.traffic import Vehicles
 
 LATENT = HIDDEN = 128
 LEARNING_RATE = 0.005

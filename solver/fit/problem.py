@@ -14,8 +14,9 @@ from solver.cable import Basis, Coil, GaugeEnds, SplineBasis
 from solver.effects.effect import Effect
 from solver.extension import Extension, Scopes
 from solver.fit.prior import Prior
-from solver.model import SignalPath, Traffic
+from solver.model import SignalPath
 from solver.stages import Surroundings
+from solver.traffic import Traffic
 from solver.trajectory import Pass
 from solver.whitening import NoiseLaw, Whitener
 

@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from solver.extension import Values
-from solver.model import Sensitivities, Vehicles
+from solver.model import Sensitivities
+from solver.traffic import Vehicles
 from solver.trajectory import Pass
 
 PER_PASS = ("amplitude", "along", "across", "wheelbase", "front_share")

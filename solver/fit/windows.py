@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.fit.problem import MARGIN, Problem
-from solver.model import Traffic
+from solver.traffic import Traffic
 from solver.trajectory import Pass
 
 #: A vehicle farther than this from every fitted channel is not felt, m: under 1 % of its response when nearest.

@@ -13,7 +13,7 @@ from solver.cable import Coil
 from solver.effects.effect import Effect
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
-from solver.model import Traffic
+from solver.traffic import Traffic
 from solver.trajectory import Pass
 from solver.whitening import NoiseLaw
 

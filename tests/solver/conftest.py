@@ -14,8 +14,8 @@ from solver.das import DASRecord
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
-from solver.model import Traffic
 from solver.site import Site, read_site
+from solver.traffic import Traffic
 from solver.trajectory import Pass
 from solver.whitening import NoiseLaw
 

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from solver.cable import Fiber, GaugeEnds, SplineBasis
-from solver.model import SignalPath, Traffic, Vehicles
+from solver.model import SignalPath
+from solver.traffic import Traffic, Vehicles
 from solver.trajectory import Pass
 
 GAUGE = 10.0

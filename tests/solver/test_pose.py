@@ -8,8 +8,8 @@ import pytest
 from solver.das import DASRecord
 from solver.fit.map_fit import MapFit
 from solver.fit.result import FitResult
-from solver.model import Traffic
 from solver.pose import bent_ends, pose, track_sigma, with_slow_errors
+from solver.traffic import Traffic
 from vision.contract import InputError
 
 GAUGE, COUNT = 10, 60

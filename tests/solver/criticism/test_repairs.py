@@ -14,7 +14,7 @@ from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
-from solver.model import Traffic
+from solver.traffic import Traffic
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from solver.fit.map_fit import MapFit
 from solver.fit.prior import Prior, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.robust import huber
 from solver.fit.spline import fit_spline
-from solver.model import Traffic
+from solver.traffic import Traffic
 
 
 def test_jacobian_by_finite_differences(case) -> None:

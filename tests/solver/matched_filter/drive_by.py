@@ -7,7 +7,8 @@ import torch
 
 from solver.cable import Fiber
 from solver.das import DASRecord
-from solver.model import SignalPath, Traffic, Vehicles
+from solver.model import SignalPath
+from solver.traffic import Traffic, Vehicles
 from solver.trajectory import Pass
 
 VIEW = (0.0, 60.0)
