@@ -53,8 +53,8 @@ RIVAL = 0.65
 LEFT, FINER, ASTRAY = 0.05, 0.1, 0.025
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
-#: How many enter the race of full fits, and how many that for what the winner leaves.
-RACERS, BESIDE = 7, 4
+#: How many enter the race of full fits, and how many that for what the winner leaves; how many stand-ins among them.
+RACERS, BESIDE, STANDING_IN = 8, 5, 3
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,8 @@ def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
 def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
     """Those to be fitted in full: the best of the physical and of the generic ones."""
     able = [s for s in table if s.evidence > FOUND]
-    physical = [s for s in able if not s.effect.generic][: most - 2]
-    return physical + [s for s in able if s.effect.generic][:2]
+    physical = [s for s in able if not s.effect.generic][: most - STANDING_IN]
+    return physical + [s for s in able if s.effect.generic][:STANDING_IN]
 
 
 def steps(effects: Sequence[Effect]) -> int:
@@ -212,7 +212,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     if fault is not None and fault.verdict == "present" and fault.evidence > HOPE * bench.table[0].evidence:
         return beside_fault(bench, fault, asked)
     first = racers(bench.table)
-    late = elsewhere(bench.scorer, scorable(fit.problem, asked.effects))[: RACERS + 1] if first else []
+    late = elsewhere(bench.scorer, scorable(fit.problem, asked.effects))[:RACERS] if first else []
     tried = race(bench.scorer, first, asked.advance, late)
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from solver.effects.effect import Parameter, effect
+from solver.effects.ground import TROUGH
 from solver.stages import Ground, Interrogator, Load, Surroundings, Trajectory
 
 Values = Mapping[str, Tensor]
@@ -22,6 +23,8 @@ SOURCE = "Generic; sieve of smooth functions (Chen 2007, Handbook of Econometric
 SCALES, TRAIN, TAPS = (1.5, 4.0, 10.0), (5, 10, 18), (1, 2, 4)
 #: Slacks of strain, in thousandths of what the largest rate adds in 1 s: a truck's strain reaches some hundreds.
 SLACKS = (10, 20, 50, 100)
+#: m aside at which a wave that follows a vehicle has lost a third.
+ASIDE = 10.0
 
 
 @effect(
@@ -212,6 +215,37 @@ def generic_friction(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 
 
 @effect(
+    "generic_wave",
+    "ground",
+    [
+        Parameter("sine", "1", 0.1, scope="pass"),
+        Parameter("cosine", "1", 0.1, scope="pass"),
+        Parameter("behind", "m", 4.0, lower=4, upper=40, grid=(8.0, 14.0, 20.0, 26.0)),
+        Parameter("wavelength", "m", 4.0, lower=5, upper=40, grid=(9.0, 15.0)),
+    ],
+    physics="A packet of waves follows each vehicle, as far behind it wherever it is.",
+    source="Gabor 1946, J. Inst. Electr. Eng. 93, 429: the packet; steady in the vehicle's frame.",
+    generic=True,
+)
+def generic_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Motion along travel, half a wavelength wide (sd); 1 strains the ground as the trough does nearby."""
+    k = 2 * torch.pi / p["wavelength"]
+
+    def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
+        speed = velocity.norm(dim=-1).clamp_min(1e-3)
+        heading = velocity / speed[..., None]
+        behind = -(offset[..., :2] * heading).sum(-1) - p["behind"]
+        across = (offset[..., :2].square().sum(-1) - (offset[..., :2] * heading).sum(-1) ** 2).clamp_min(0)
+        bell = torch.exp(-2 * (behind / p["wavelength"]) ** 2) * (1 + across / ASIDE**2) ** -0.5
+        sine, cosine = (p[name].reshape(time.shape) for name in ("sine", "cosine"))
+        wave = sine * torch.sin(k * behind) + cosine * torch.cos(k * behind)
+        moved = (speed / TROUGH**3 / k * bell * wave)[..., None] * heading
+        return torch.cat([moved, torch.zeros_like(moved[..., :1])], -1)
+
+    return replace(ground, radiation=radiation)
+
+
+@effect(
     "generic_time_filter",
     "interrogator",
     [Parameter(f"{way}_{lag}", "1", 0.2) for way in ("late", "early") for lag in TAPS],
@@ -336,6 +370,7 @@ EFFECTS = (
     generic_kernel,
     generic_softening,
     generic_friction,
+    generic_wave,
     generic_time_filter,
     generic_delay,
     generic_echo,

@@ -105,10 +105,14 @@ def test_what_is_in_no_catalogue_is_called_unknown(tmp_path: Path, name: str, am
 
 @pytest.mark.parametrize(
     ("name", "amount", "stage"),
-    [("unknown_hysteresis", 0.35, "ground"), ("unknown_skewed_kernel", 0.4, "interrogator")],
+    [
+        ("unknown_hysteresis", 0.35, "ground"),
+        ("unknown_wave_packet", 0.15, "ground"),
+        ("unknown_skewed_kernel", 0.4, "interrogator"),
+    ],
 )
 def test_the_unknown_is_placed_at_its_stage(tmp_path: Path, name: str, amount: float, stage: str) -> None:
-    """Friction of the ground is told from an instrument's curve, what is fixed to the fiber from what vehicles do."""
+    """The ground's friction and waves are told from curves and loads, what is fixed to the fiber from vehicles."""
     found = diagnosis(located(tmp_path, {name: amount}))
     assert (found["verdict"], found["candidates"][0]["stage"]) == ("unknown-effect", stage), found["words"]
 
