@@ -220,7 +220,7 @@ def generic_friction(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     [
         Parameter("sine", "1", 0.1, scope="pass"),
         Parameter("cosine", "1", 0.1, scope="pass"),
-        Parameter("behind", "m", 4.0, lower=4, upper=40, grid=(8.0, 14.0, 20.0, 26.0)),
+        Parameter("behind", "m", 4.0, lower=4, upper=40, grid=(9.0, 16.0, 23.0)),
         Parameter("wavelength", "m", 4.0, lower=5, upper=40, grid=(9.0, 15.0)),
     ],
     physics="A packet of waves follows each vehicle, as far behind it wherever it is.",
@@ -232,15 +232,15 @@ def generic_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     k = 2 * torch.pi / p["wavelength"]
 
     def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
-        speed = velocity.norm(dim=-1).clamp_min(1e-3)
-        heading = velocity / speed[..., None]
-        behind = -(offset[..., :2] * heading).sum(-1) - p["behind"]
-        across = (offset[..., :2].square().sum(-1) - (offset[..., :2] * heading).sum(-1) ** 2).clamp_min(0)
-        bell = torch.exp(-2 * (behind / p["wavelength"]) ** 2) * (1 + across / ASIDE**2) ** -0.5
+        (x, y, _), (along, across) = offset.unbind(-1), velocity.unbind(-1)
+        speed = (along**2 + across**2).sqrt().clamp_min(1e-3)
+        along, across = along / speed, across / speed
+        behind = -(x * along + y * across) - p["behind"]
+        aside = (x * across - y * along) / ASIDE
         sine, cosine = (p[name].reshape(time.shape) for name in ("sine", "cosine"))
         wave = sine * torch.sin(k * behind) + cosine * torch.cos(k * behind)
-        moved = (speed / TROUGH**3 / k * bell * wave)[..., None] * heading
-        return torch.cat([moved, torch.zeros_like(moved[..., :1])], -1)
+        moved = speed / TROUGH**3 / k * torch.exp(-2 * (behind / p["wavelength"]) ** 2) * (1 + aside**2) ** -0.5 * wave
+        return torch.stack([moved * along, moved * across, torch.zeros_like(moved)], -1)
 
     return replace(ground, radiation=radiation)
 
