@@ -9,30 +9,13 @@ from torch import Tensor
 from torch.nn.functional import softplus
 
 from solver.effects.effect import Parameter, effect
+from solver.effects.points import Points
 from solver.stages import Cable, Surroundings
 
 Values = Mapping[str, Tensor]
 
 #: Least share of its length over which a gauge reaches.
 SHORTEST = 0.02
-
-
-def at_points(change: Tensor, survey: Surroundings) -> Tensor:
-    """Matrix [channel, channel] of channels whose strain at points, before the gauge averages it, changes linearly.
-
-    The strain at points is found from that of the channels by undoing the average in two steps (van Cittert 1931,
-    Z. Phys. 69, 298).
-
-    Parameters
-    ----------
-    change : [channel, channel], of the strain at the channels' middles
-    """
-    s = survey.distance
-    eye = torch.eye(len(s), dtype=s.dtype)
-    within = (survey.gauge_length - (s[:, None] - s).abs() * 2) / (2 * survey.channel_spacing) + 0.5
-    gauge = within.clamp(0, 1) / within.clamp(0, 1).sum(1, keepdim=True)
-    sharper = eye + (eye - gauge) + (eye - gauge) @ (eye - gauge)
-    return eye + gauge @ change @ sharper
 
 
 @effect(
@@ -45,7 +28,9 @@ def at_points(change: Tensor, survey: Surroundings) -> Tensor:
 )
 def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Gain exp(log_gain) of the strain at points, smooth along the fiber."""
-    return cable.mixed(at_points(torch.diag(torch.expm1(p["log_gain"])), survey))
+    points = Points.of(survey)
+    gain = torch.expm1(points.at(p["log_gain"], survey.distance))
+    return cable.mixed(torch.eye(len(survey.distance), dtype=gain.dtype) + points.read * gain @ points.told)
 
 
 @effect(
@@ -74,12 +59,12 @@ def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
 )
 def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """The free length shows its mean strain; place is from the middle of the channels, along the fiber."""
-    s = survey.distance
+    s, points = survey.distance, Points.of(survey)
     center = (s.min() + s.max()) / 2 + p["place"]
-    edge = survey.channel_spacing / 2
-    inside = torch.sigmoid((p["length"] / 2 - (s - center).abs()) / (edge / 2))
-    evened = inside[:, None] * inside / inside.sum().clamp_min(1e-6) - torch.diag(inside)
-    return cable.mixed(at_points(p["share"] * evened, survey))
+    free = ((p["length"] / 2 - (points.place - center).abs()) / points.step + 0.5).clamp(0, 1)
+    mean = free @ points.told / free.sum().clamp_min(1e-6)
+    evened = (points.read @ free)[:, None] * mean - points.read * free @ points.told
+    return cable.mixed(torch.eye(len(s), dtype=s.dtype) + p["share"] * evened)
 
 
 @effect(
