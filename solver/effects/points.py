@@ -43,7 +43,7 @@ class Points:
         True
         """
         distance = tuple(survey.distance.tolist())
-        return between(distance, survey.gauge_length, STEP if survey.channel_spacing > STEP else survey.channel_spacing)
+        return between(distance, survey.gauge_length, min(STEP, survey.channel_spacing))
 
     def at(self, values: Tensor, distance: Tensor) -> Tensor:
         """Values [channel] at distances [channel], linear between them and constant beyond, at the points [point]."""
@@ -57,8 +57,8 @@ class Points:
 def between(distance: tuple[float, ...], gauge_length: float, step: float) -> Points:
     """Points from the first gauge's begin to the last one's end.
 
-    Best linear unbiased prediction (Cressie 1993, Statistics for Spatial Data, section 3.2) of strain whose covariance
-    is Matern's of order 3/2: what wavelengths a gauge averages out are filled in as smoothly as ground strains.
+    Best linear prediction (simple kriging: Cressie 1993, Statistics for Spatial Data, section 3.2) of strain whose
+    covariance is Matern's of order 3/2: wavelengths that a gauge averages out are filled in as smooth as the ground's.
     """
     s = np.array(distance)
     place = np.arange(s.min() - gauge_length / 2 + step / 2, s.max() + gauge_length / 2, step)

@@ -1,0 +1,59 @@
+"""Effects at points of the fiber, which gauges average afterwards, against a fiber of fine nodes."""
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from solver.effects.cable import channel_coupling, conduit_slip
+from solver.ground import displacement
+from solver.simulator.cable import slip
+from solver.stages import Cable, Surroundings
+
+GAUGE, SPACING = 10.0, 1.02
+CHANNEL = 50 + SPACING * np.arange(90)
+STEP = 0.02
+NODES = np.arange(CHANNEL[0] - 10, CHANNEL[-1] + 10, STEP)
+SURVEY = Surroundings(torch.from_numpy(CHANNEL), 90, GAUGE, SPACING, 10.0, 1, torch.zeros(2), 1.0)
+#: Weights of the nodes in each gauge [channel, node].
+AVERAGE = (np.abs(CHANNEL[:, None] - NODES) <= GAUGE / 2) * (STEP / GAUGE)
+
+
+def strains(aside: float) -> NDArray[np.float64]:
+    """Strain [node, load] of loads along a straight fiber 0.9 m deep and so far aside."""
+    loads = np.arange(CHANNEL[0], CHANNEL[-1], 3.0)
+    offset = np.stack(np.broadcast_arrays(NODES[:, None] - loads, aside, 0.9), -1)
+    along = displacement(torch.from_numpy(offset), 0.25)[..., 0].numpy()
+    return np.asarray(np.gradient(along, STEP, axis=0))
+
+
+def heard(cable: Cable, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What channels [channel, load] hear with a cable's one matrix."""
+    (matrix,) = cable.mixing
+    return np.asarray(matrix.numpy() @ (AVERAGE @ strain))
+
+
+def relative(found: NDArray[np.float64], true: NDArray[np.float64]) -> float:
+    """Error, of the true signal's size."""
+    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
+
+
+@pytest.mark.parametrize(
+    ("length", "place", "aside"), [(8.3, -7.1, 3.75), (13.7, 4.4, 2.5), (29.0, 2.2, 3.0), (47.5, 0, 5)]
+)
+def test_a_fiber_that_slips_hears_the_mean_between_what_holds_it(length: float, place: float, aside: float) -> None:
+    strain = strains(aside)
+    numbers = {"share": 1.0, "place": place, "length": length}
+    values = {name: torch.tensor(value, dtype=torch.float64) for name, value in numbers.items()}
+    middle = (CHANNEL[0] + CHANNEL[-1]) / 2 + place
+    true = slip(AVERAGE, NODES, np.full(len(NODES), STEP), middle - length / 2, middle + length / 2) @ strain
+    assert relative(heard(conduit_slip.change(Cable(SURVEY.distance), values, SURVEY), strain), true) < 0.02
+
+
+def test_grip_that_changes_within_a_gauge() -> None:
+    strain = strains(3.0)
+    log_gain = 0.4 * np.sin(2 * np.pi * CHANNEL / 25)
+    values = {"log_gain": torch.from_numpy(log_gain)}
+    true = (AVERAGE * np.exp(0.4 * np.sin(2 * np.pi * NODES / 25))) @ strain
+    found = heard(channel_coupling.change(Cable(SURVEY.distance), values, SURVEY), strain)
+    assert relative(found[5:-5], true[5:-5]) < 0.02
