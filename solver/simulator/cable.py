@@ -55,10 +55,10 @@ def smooth(rng: np.random.Generator, distance: Array, wavelengths: tuple[float, 
     return np.asarray((waves(distance) - known.mean()) / (known.std() or 1.0))
 
 
-def gain(scenario: Scenario, channels: Array) -> Array:
-    """Gain [channel] = exp(g), g smooth along the fiber (sines of 20 to 80 m)."""
+def gain(scenario: Scenario, light: Array, channels: Array) -> Array:
+    """Share exp(g) [node] of the ground's strain that the fiber takes, g smooth along it (sines of 20 to 80 m)."""
     rng = effect_rng(scenario.seed, "channel_coupling")
-    return np.exp(scenario.effect("channel_coupling") * smooth(rng, channels, (20, 80), span=channels))
+    return np.exp(scenario.effect("channel_coupling") * smooth(rng, light, (20, 80), span=channels))
 
 
 def shear_lag(average: Array, nodes: Array, length: float) -> Array:
@@ -120,7 +120,7 @@ def sense(scenario: Scenario, average: Array, light: Array, measure: Array, chan
         average = slip(average, light, measure, middle - free / 2, middle + free / 2)
     if length := scenario.effect("shear_lag"):
         average = shear_lag(average, light, length)
-    return gain(scenario, channels)[:, None] * average
+    return average * gain(scenario, light, channels)
 
 
 def bend(scenario: Scenario, route: Route) -> Route:
