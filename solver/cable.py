@@ -269,3 +269,14 @@ def turning(slope: Tensor, bend: Tensor) -> Tensor:
     """
     tangent = unit(slope)
     return (bend - axial(bend, tangent)[..., None] * tangent) / length(slope)[..., None]
+
+
+def between_channels(values: Tensor, distance: Tensor, place: Tensor) -> Tensor:
+    """Values [channel] at ascending distances [channel], m, as they are at places [place]: linear, constant beyond.
+
+    >>> between_channels(torch.tensor([0.0, 4.0]), torch.tensor([10.0, 20.0]), torch.tensor([5.0, 15.0])).tolist()
+    [0.0, 2.0]
+    """
+    after = torch.searchsorted(distance, place.contiguous()).clamp(1, len(distance) - 1)
+    share = ((place - distance[after - 1]) / (distance[after] - distance[after - 1])).clamp(0, 1)
+    return (1 - share) * values[after - 1] + share * values[after]

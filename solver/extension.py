@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.cable import SplineBasis
+from solver.cable import SplineBasis, between_channels
 from solver.effects.effect import BY_ROW, Effect, Parameter
 from solver.observation import BASE, Description
 from solver.stages import STAGES, Cable, Interrogator, Surroundings
@@ -202,9 +202,7 @@ class Extension:
         counted = self.surroundings.distance
         cable = self.changed("cable", Cable(counted), self.local(numbers))
         moved = cable.distance + cable.middle - counted
-        upper = torch.searchsorted(counted, distance.contiguous()).clamp(1, len(counted) - 1)
-        share = ((distance - counted[upper - 1]) / (counted[upper] - counted[upper - 1])).clamp(0, 1)
-        return distance + (1 - share) * moved[upper - 1] + share * moved[upper]
+        return distance + between_channels(moved, counted, distance)
 
     def moves(self, numbers: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
         """`places` [place] and their derivatives [place, number] by the numbers of `moving`."""

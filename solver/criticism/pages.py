@@ -115,11 +115,11 @@ def evidence_figure(candidates: Sequence[Candidate]) -> Figure:
 
 def power_table(candidates: Sequence[Candidate]) -> str:
     """What the survey would have shown of effects that did not show."""
-    absent = sorted((c for c in candidates if c.evidence <= FOUND and not c.generic), key=lambda c: c.effect)
+    absent = [c for c in candidates if c.verdict != "present" and c.evidence <= FOUND and not c.generic]
     cells = [
         f"<tr><td>{escape(c.effect)}</td><td>{c.verdict}</td><td>{size(c.detectable_size, 2)}"
         f" {escape(unit(c.unit))}</td></tr>"
-        for c in absent
+        for c in sorted(absent, key=lambda c: c.effect)
     ]
     head = "<tr><th>effect</th><th>verdict</th><th>smallest size that would have shown</th></tr>"
     return f"<table><thead>{head}</thead><tbody>{''.join(cells)}</tbody></table>"

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
+from solver.cable import between_channels
 from solver.effects.effect import Parameter, effect
 from solver.effects.points import Points
 from solver.stages import Cable, Surroundings
@@ -29,7 +30,7 @@ SHORTEST = 0.02
 def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Gain exp(log_gain) of the strain at points, smooth along the fiber."""
     points = Points.of(survey)
-    gain = torch.expm1(points.at(p["log_gain"], survey.distance))
+    gain = torch.expm1(between_channels(p["log_gain"], survey.distance, points.place))
     return cable.mixed(torch.eye(len(survey.distance), dtype=gain.dtype) + points.read * gain @ points.told)
 
 

@@ -45,13 +45,6 @@ class Points:
         distance = tuple(survey.distance.tolist())
         return between(distance, survey.gauge_length, min(STEP, survey.channel_spacing))
 
-    def at(self, values: Tensor, distance: Tensor) -> Tensor:
-        """Values [channel] at distances [channel], linear between them and constant beyond, at the points [point]."""
-        after = torch.searchsorted(distance, self.place).clamp(1, len(distance) - 1)
-        low, high = distance[after - 1], distance[after]
-        share = ((self.place - low) / (high - low)).clamp(0, 1)
-        return values[after - 1] * (1 - share) + values[after] * share
-
 
 @lru_cache(maxsize=4)
 def between(distance: tuple[float, ...], gauge_length: float, step: float) -> Points:
