@@ -158,7 +158,10 @@ class Coil:
 
 @dataclass(frozen=True)
 class PerGauge:
-    """Something at the ends of every gauge, its slope there, and the same within; None where that is not wanted."""
+    """Something at the ends of every gauge, its slope there, and the same within and where a loose length is held.
+
+    What is not wanted is None.
+    """
 
     ahead: Tensor
     behind: Tensor
@@ -167,6 +170,10 @@ class PerGauge:
     inner: Tensor | None = None
     inner_slope: Tensor | None = None
     inner_bend: Tensor | None = None
+    first: Tensor | None = None
+    last: Tensor | None = None
+    first_slope: Tensor | None = None
+    last_slope: Tensor | None = None
 
     def present(self) -> dict[str, Tensor]:
         """The fields that are there, by name."""
@@ -182,6 +189,8 @@ class GaugeEnds(PerGauge):
     ahead, behind : [channel, coefficient], positions half a gauge length ahead and behind
     ahead_slope, behind_slope : [channel, coefficient], derivatives with respect to distance, 1/m
     inner, inner_slope, inner_bend : [channel, station, coefficient], within the gauge and two derivatives, or None
+    first, last : [1, coefficient], positions of the two ends of a length that slips, or None
+    first_slope, last_slope : [1, coefficient], derivatives with respect to distance, 1/m, or None
     """
 
     @classmethod
@@ -202,17 +211,22 @@ class GaugeEnds(PerGauge):
         gauge_length: Tensor | float,
         inner: bool,
         derivative: int = 0,
+        held: tuple[Tensor, Tensor] | None = None,
     ) -> "GaugeEnds":
         """The same, differentiable by distances [channel] and gauge lengths, m; with the `inner` stations if wanted.
 
-        `derivative` 1 gives the derivatives of all matrices by distance.
+        `derivative` 1 gives the derivatives of all matrices by distance. `held` is where, along the route, m, both
+        ends of a length that slips are.
         """
         ahead, behind = (distance + sign * torch.as_tensor(gauge_length) / 2 for sign in (1, -1))
         ends = [basis.weights(where, order + derivative) for order in (0, 1) for where in (ahead, behind)]
-        if not inner:
-            return cls(*ends)
-        stations = distance[:, None] + torch.from_numpy(STATION_OFFSETS) * torch.as_tensor(gauge_length)[..., None]
-        return cls(*ends, *(basis.weights(stations, order + derivative) for order in range(3)))
+        more: list[Tensor | None] = [None] * 3
+        if inner:
+            stations = distance[:, None] + torch.from_numpy(STATION_OFFSETS) * torch.as_tensor(gauge_length)[..., None]
+            more = [basis.weights(stations, order + derivative) for order in range(3)]
+        if held is not None:
+            more += [basis.weights(where[None], order + derivative) for order in (0, 1) for where in held]
+        return cls(*ends, *more)
 
 
 @dataclass(frozen=True)
@@ -225,6 +239,7 @@ class Fiber(PerGauge):
     ahead_slope, behind_slope : [..., channel, 3], derivative of position with distance
     inner, inner_slope, inner_bend : [..., channel, station, 3], positions within the gauge and their first and second
         derivatives; None where the strain of a gauge is the motion of its ends alone
+    first, last, first_slope, last_slope : [..., 1 or channel, 3], likewise where a loose length is held, or None
     """
 
     @classmethod

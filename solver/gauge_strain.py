@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from solver.cable import STATION_WEIGHTS, Fiber, axial, turning, unit
+from solver.cable import STATION_OFFSETS, STATION_WEIGHTS, Fiber, axial, turning, unit
 from solver.half_space.tangential import tangential_displacement, tangential_displacement_rate
 from solver.interrogator import gauge_strain_rate
 from solver.observation import BASE, Description
@@ -53,7 +53,7 @@ class GaugeStrain:
             slopes.insert(1, f.inner_slope)
         tangent, mean = self.tangent(torch.cat(slopes, -2)), (change[..., 1:] + change[..., :-1]) / 2
         ahead, behind = (
-            axial(self.motion(points[..., where, :], True, mean), tangent[..., where, :])
+            self.followed(axial(self.motion(points[..., where, :], True, mean), tangent[..., where, :]), where)
             for where in (slice(1, None), slice(None, -1))
         )
         return gauge_strain_rate(ahead, behind, torch.as_tensor(self.stages.gauge)[..., None])
@@ -72,7 +72,7 @@ class GaugeStrain:
         assert self.fiber.inner is not None and self.fiber.inner_slope is not None
         inner = self.motion(self.fiber.inner, True)
         ahead, behind = self.ends
-        within = axial(inner, self.tangent(self.fiber.inner_slope))
+        within = self.followed(axial(inner, self.tangent(self.fiber.inner_slope)), slice(1, -1))
         moved = torch.cat([behind[..., None], within, ahead[..., None]], -1)
         pieces = moved.diff(dim=-1) / (2 * torch.as_tensor(self.stages.gauge)[..., None])
         bent = self.bends * bend_strain_rates(inner, self.fiber)
@@ -88,9 +88,37 @@ class GaugeStrain:
     def ends(self) -> tuple[Tensor, Tensor]:
         """Motion [row, channel] along the fiber at the ends ahead and behind."""
         f = self.fiber
-        places = ((f.ahead, f.ahead_slope), (f.behind, f.behind_slope))
-        ahead, behind = (axial(self.motion(point), self.tangent(slope)) for point, slope in places)
+        places = ((f.ahead, f.ahead_slope, -1), (f.behind, f.behind_slope, 0))
+        ahead, behind = (
+            self.followed(axial(self.motion(point), self.tangent(slope)), end) for point, slope, end in places
+        )
         return ahead, behind
+
+    def followed(self, ground: Tensor, which: int | slice) -> Tensor:
+        """Motion [row, channel] or [row, channel, point] along the fiber at some of `points`, by that of the ground."""
+        loose = self.stages.cable.loose
+        if loose is None:
+            return ground
+        first, last = (x[..., None] if isinstance(which, slice) else x for x in self.held)
+        return loose.moved(ground, self.along[..., which], first, last)
+
+    @property
+    def held(self) -> tuple[Tensor, Tensor]:
+        """Motion [row, 1 or channel] along the fiber where a loose length begins and ends."""
+        f = self.fiber
+        assert f.first is not None and f.first_slope is not None and f.last is not None and f.last_slope is not None
+        first, last = (
+            axial(self.motion(point), self.tangent(slope))
+            for point, slope in ((f.first, f.first_slope), (f.last, f.last_slope))
+        )
+        return first, last
+
+    @property
+    def along(self) -> Tensor:
+        """Where along the route `points` are, [channel, point], m."""
+        within = [] if self.fiber.inner is None else STATION_OFFSETS.tolist()
+        reach = torch.as_tensor(self.stages.gauge)[..., None] * torch.tensor([-0.5, *within, 0.5], dtype=torch.float64)
+        return self.stages.cable.distance[..., None] + reach
 
     @property
     def change(self) -> Field | None:

@@ -129,6 +129,7 @@ class Description:
             c.gain is BASE.cable.gain,
             c.vertical is BASE.cable.vertical,
             c.path_integral is BASE.cable.path_integral,
+            c.loose is None,
             not isinstance(self.interrogator.gauge_length, Tensor),
         )
         return not all(same)

@@ -11,7 +11,7 @@ from torch.nn.functional import softplus
 from solver.cable import between_channels
 from solver.effects.effect import Parameter, effect
 from solver.effects.points import Points
-from solver.stages import Cable, Surroundings
+from solver.stages import Cable, Loose, Surroundings
 
 Values = Mapping[str, Tensor]
 
@@ -60,12 +60,9 @@ def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
 )
 def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """The free length shows its mean strain; place is from the middle of the channels, along the fiber."""
-    s, points = survey.distance, Points.of(survey)
+    s, half = survey.distance, p["length"] / 2
     center = (s.min() + s.max()) / 2 + p["place"]
-    free = ((p["length"] / 2 - (points.place - center).abs()) / points.step + 0.5).clamp(0, 1)
-    mean = free @ points.told / free.sum().clamp_min(1e-6)
-    evened = (points.read @ free)[:, None] * mean - points.read * free @ points.told
-    return cable.mixed(torch.eye(len(s), dtype=s.dtype) + p["share"] * evened)
+    return replace(cable, loose=Loose(center - half, center + half, p["share"]))
 
 
 @effect(

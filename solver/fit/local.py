@@ -11,8 +11,8 @@ from torch.func import jvp
 
 from solver.cable import STATION_OFFSETS, Fiber
 from solver.extension import Values
-from solver.interrogator import gauge_strain_rate
 from solver.model import Sensitivities, SignalPath
+from solver.observation import Description
 from solver.stages import Load
 from solver.traffic import Vehicles
 
@@ -111,6 +111,8 @@ class Local:
     def distance(self) -> Tensor:
         """Derivative [row, computed channel] by a shift of the channel along the fiber, 1/m."""
         total = torch.zeros_like(self.by.rate)
+        if self.path.described(self.values).cable.loose is not None:
+            total = self._with_points_still("distance")
         for name, moved in self.fiber(self.values, 1).present().items():
             total = total + (self.by.by[name] * moved).flatten(2).sum(-1)
         return total
@@ -118,15 +120,35 @@ class Local:
     @cached_property
     def slack(self) -> Tensor:
         """Derivative [row, computed channel] by how much farther the gauge reaches, relative to its length."""
-        stages = self.path.described(self.values)
-        length, gauge = stages.interrogator.gauge_length, torch.as_tensor(stages.gauge)
-        strain = self.path.strain(self.load, self.gauges, self.poisson_ratio, stages)
-        total = -self.rows.amplitude * stages.cable.gain * gauge_strain_rate(*strain.ends, gauge) * length / gauge
+        length, total = self.path.described(self.values).interrogator.gauge_length, self._with_points_still("slack")
         half = torch.tensor(0.5)
         reach = {"ahead": half, "behind": -half, "inner": torch.from_numpy(STATION_OFFSETS)[:, None]}
         for name, moved in self.fiber(self.values, 1).present().items():
             total = total + length * (self.by.by[name] * moved * reach[name.split("_")[0]]).flatten(2).sum(-1)
         return total
+
+    def _with_points_still(self, name: str) -> Tensor:
+        """Derivative [row, computed channel] by a number of each channel of the cable, gauges' ends as they are."""
+        stages = self.path.stages_of(self.values)
+        cable = self.path.described(self.values).cable
+        here = getattr(cable, name) + torch.zeros_like(cable.distance)
+
+        def rows(value: Tensor) -> Tensor:
+            changed: dict[str, Any] = {name: value}
+
+            def described(some: slice) -> Description:
+                return replace(stages(some), cable=replace(cable, **changed))
+
+            return self.path.rows_of(self.load, self.gauges, self.rows.amplitude, self.poisson_ratio, described)
+
+        return jvp(rows, (here,), (torch.ones_like(here),))[1]
+
+    @cached_property
+    def ground_ends(self) -> tuple[Tensor, Tensor]:
+        """Motion of the ground [row, computed channel] along the fiber at the ends of gauges, m/s."""
+        stages = self.path.described(self.values)
+        held = replace(stages, cable=replace(stages.cable, loose=None))
+        return self.path.strain(self.load, self.gauges, self.poisson_ratio, held).ends
 
     @cached_property
     def rows(self) -> Vehicles:

@@ -112,7 +112,8 @@ class MapFit:
             return self.ends
         graded = stages.ground.compliance is not None
         within = path.curved or graded or cable.path_integral is not BASE.cable.path_integral
-        return GaugeEnds.at(self.basis, cable.distance, gauge, within, derivative)
+        held = None if cable.loose is None or derivative else (cable.loose.begin, cable.loose.end)
+        return GaugeEnds.at(self.basis, cable.distance, gauge, within, derivative, held)
 
     def fiber(self, state: State, values: Values) -> Fiber:
         """The gauges' ends on the route of a state."""
@@ -190,7 +191,8 @@ class MapFit:
     def route_columns(self, local: Sensitivities, values: Values) -> Tensor:
         """Derivative of each row by the route's coefficients, [row, channel, coefficient, 3]."""
         matrices = self.ends_at(values).present()
-        basis = torch.cat([m if m.ndim == 3 else m[:, None] for m in matrices.values()], 1)
+        each = (m if m.ndim == 3 else m[:, None] for m in matrices.values())
+        basis = torch.cat([m.expand(local.rate.shape[1], -1, -1) for m in each], 1)
         by = [local.by[name] for name in matrices]
         stacked = torch.cat([part if part.ndim == 4 else part[:, :, None] for part in by], 2)
         rows, channels, points, _ = stacked.shape

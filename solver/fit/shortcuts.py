@@ -15,6 +15,7 @@ from torch.autograd import forward_ad
 from solver.extension import Values
 from solver.fit.autodiff import pushed, pushed_all
 from solver.fit.local import Seen
+from solver.interrogator import gauge_strain_rate
 from solver.observation import BASE, Description
 
 #: What may act on the road at each wheel.
@@ -86,8 +87,13 @@ def ground_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     return None
 
 
-def ratio_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor:
-    """Derivative [row, channel] by a parameter that changes Poisson's ratio here and there."""
+def ratio_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
+    """Derivative [row, channel] by a parameter that changes Poisson's ratio here and there.
+
+    None where the ratio at what holds a loose length counts too.
+    """
+    if seen.path.described(changed(here)).cable.loose is not None:
+        return None
     points, pieces, within = seen.local.by_ratio
 
     def change(value: Tensor) -> Tensor:
@@ -147,22 +153,53 @@ def placements(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor
     Each way that it may change is [] or [channel].
     """
 
-    def placed(value: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def placed(value: Tensor) -> tuple[Tensor, ...]:
         cable = seen.path.described(changed(value)).cable
         zero = torch.zeros_like(cable.distance) + 0 * value.sum()
-        return cable.distance + zero, cable.slack + zero, cable.gain + zero
+        loose = () if cable.loose is None else (cable.loose.begin, cable.loose.end, cable.loose.share)
+        return cable.distance + zero, cable.slack + zero, cable.gain + zero, *(x + 0 * value.sum() for x in loose)
 
     cable = seen.path.described(changed(here)).cable
-    if replace(BASE, cable=replace(cable, slack=BASE.cable.slack, gain=BASE.cable.gain)).in_rows:
+    if replace(BASE, cable=replace(cable, slack=BASE.cable.slack, gain=BASE.cable.gain, loose=None)).in_rows:
         return None
     gain = placed(here)[2]
-    tangents = [pushed_all(placed, here, way) for way in ways]
-    moves, slacks, gains = (torch.stack(one)[:, None] for one in zip(*tangents, strict=True))
+    tangents = [torch.stack(one)[:, None] for one in zip(*(pushed_all(placed, here, way) for way in ways), strict=True)]
+    moves, slacks, gains, *loose = tangents
+    if any(bool(one.any()) for one in loose):
+        return None
     superpose, local = seen.path.traffic.superpose, seen.local
     total = superpose(local.by.rate) * gains / gain
     if bool(moves.any()):
         total = total + superpose(local.distance) * moves
     return total + superpose(local.slack) * slacks if bool(slacks.any()) else total
+
+
+def loose_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
+    """Derivative [row, channel] by the share to which a loose length evens its strain out; None for all else.
+
+    All is in proportion to that share, and the same motion of gauges' ends serves for any length.
+    """
+    local, path = seen.local, seen.path
+
+    def evened(value: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        loose = path.described(changed(value)).cable.loose
+        return (here, here, here) if loose is None else (loose.begin, loose.end, loose.share)
+
+    stages = path.described(changed(here))
+    cable = stages.cable
+    around = path.extension.surroundings
+    only = around is not None and cable.distance is around.distance
+    if cable.loose is None or not only or replace(stages, cable=replace(cable, loose=None)).in_rows:
+        return None
+    begins, ends, share = pushed_all(evened, here, torch.ones_like(here))
+    if bool(begins.any() | ends.any()):
+        return None
+    strain = path.strain(local.load, seen.fiber(changed(here), 0), local.poisson_ratio, stages)
+    ahead, behind = local.ground_ends
+    first, last = strain.held
+    full, along = replace(cable.loose, share=share), strain.along
+    moved = [full.moved(x, along[..., end], first, last) - x for x, end in ((ahead, -1), (behind, 0))]
+    return local.rows.amplitude * gauge_strain_rate(moved[0], moved[1], torch.as_tensor(stages.gauge))
 
 
 def no_shortcut(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
@@ -180,7 +217,7 @@ SHORTCUTS = {
     "trajectory": shift_tangent,
     "load": strength_tangent,
     "ground": ground_tangent,
-    "cable": no_shortcut,
+    "cable": loose_tangent,
     "interrogator": no_shortcut,
     "processing": no_shortcut,
 }
