@@ -103,14 +103,15 @@ def track_scale(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
 @effect(
     "track_bend",
     "trajectory",
-    [Parameter("y", "m", 0.4, scope="road")],
+    [Parameter("y", "m", 0.4, scope="road", rated=True)],
     physics="The ground is not flat or the lens not straight: the lateral error depends on the place alone.",
     source="Hartley and Zisserman 2004, section 7.4: distortion left in a homography.",
     told_from="the route and the channels' positions",
 )
 def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
-    """The lateral position changes smoothly with x, alike for all vehicles."""
-    return replace(driven, position=driven.position + torch.stack([torch.zeros_like(p["y"]), p["y"]], -1))
+    """The lateral position changes smoothly with x, alike for all vehicles, and with it the way they drive."""
+    moved, faster = (torch.stack([torch.zeros_like(y), y], -1) for y in (p["y"], p["y_rate"]))
+    return replace(driven, position=driven.position + moved, velocity=driven.velocity + faster)
 
 
 @effect(
