@@ -11,7 +11,7 @@ from solver.cable import Coil
 from solver.das import DASRecord
 from solver.matched_filter import Initialization, initialize
 from solver.matched_filter.sections import ONE_SECTION, Found, extent, initialize_sections, joined, sides_of
-from solver.pose import near, silent, start_route, straight_part, view_of
+from solver.pose import OFF_LINE, near, silent, start_route, straight_part, view_of
 from solver.trajectory import Pass
 
 Array = NDArray[np.float64]
@@ -70,7 +70,18 @@ def begin(
         warnings.append(f"the fiber leaves the road near channel {end}, before the view ends; it is not located beyond")
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     routes = [start_route(rough, y, used)[keep] for y in sides]
-    return Beginning(rough.channel[keep], routes, used, coiled(rough, routes[0], record, warnings))
+    coil = coiled(rough, routes[0], record, warnings)
+    # Ground of an unusual Poisson's ratio makes waves of another form, which fit best a crest away.
+    if coil is None and abs(ahead := anchors_ahead(rough, used)) > OFF_LINE:
+        routes.append(routes[0] + np.array([ahead, 0.0, 0.0]))
+    return Beginning(rough.channel[keep], routes, used, coil)
+
+
+def anchors_ahead(rough: Initialization, anchors: Sequence[Anchor]) -> float:
+    """How much farther along x anchors lie than the line of the matched filter, m; 0 where they do not agree on it."""
+    x0, slope = rough.x_of_channel
+    miss = np.array([one.x - (x0 + slope * one.channel) for one in anchors])
+    return float(miss.mean()) if len(miss) > 1 and np.ptp(miss) < OFF_LINE else 0.0
 
 
 def coiled(rough: Initialization, route: Array, record: DASRecord, warnings: list[str]) -> Coil | None:

@@ -51,6 +51,8 @@ RIVAL = 0.65
 #: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little
 #: (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
 LEFT, FINER, ASTRAY = 0.05, 0.1, 0.025
+#: Share of a stand-in's evidence from which on a known effect may, with a second one beside it, explain more.
+HALF = 0.5
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: How many enter the race of full fits, and how many that for what the winner leaves; how many stand-ins among them.
@@ -250,6 +252,8 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     if not present:
         return bench.says("adequate", f"nothing is missing that this survey could show. {power_words(listed)}", listed)
     if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence, generic[0].numbers)):
+        if physical and (two := both_known(bench, physical[0], generic[0], tried, asked)):
+            return confirmed(bench, physical[0], listed, tried, asked, two)
         first = placed(generic[0], bench)
         return bench.says(
             "unknown-effect", unknown_words(first, bench.effect(first).physics, physical), leading(listed, first)
@@ -266,20 +270,59 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     return confirmed(bench, first, listed, tried, asked)
 
 
+@dataclass
+class Beside:
+    """What the fit with a known effect in it still lacks.
+
+    Parameters
+    ----------
+    bench : at that fit
+    others : scores of what shows there, best evidence first
+    tried : the best of them fitted in full
+    """
+
+    bench: Bench
+    others: list[Score]
+    tried: Mapping[str, Refit]
+
+    @classmethod
+    def of(cls, bench: Bench, winner: Refit, asked: Asked) -> "Beside":
+        """Fit the winner to its end, score all that showed before, and race the best."""
+        fit, state = winner.fit, solve(winner.fit, winner.solution, iterations=40).state
+        again = Bench.of(fit, state, bench.audit, suspects(bench.table, asked.effects), asked.advance)
+        others = [s for s in again.table if s.evidence > FOUND]
+        return cls(again, others, race(again.scorer, racers(others, BESIDE), asked.advance))
+
+    @property
+    def left(self) -> float:
+        """Ln of the Bayes factor of the best effect beside."""
+        return self.others[0].evidence if self.others else 0.0
+
+    @property
+    def known(self) -> float:
+        """That of the best known effect, fitted in full."""
+        return max((r.evidence for r in self.tried.values() if not r.effect.generic), default=0.0)
+
+    @property
+    def stand_in(self) -> Refit | None:
+        """The best stand-in for the unknown."""
+        return max((r for r in self.tried.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
+
+
 def confirmed(
-    bench: Bench, first: Candidate, listed: Sequence[Candidate], tried: Mapping[str, Refit], asked: Asked
+    bench: Bench,
+    first: Candidate,
+    listed: Sequence[Candidate],
+    tried: Mapping[str, Refit],
+    asked: Asked,
+    beside: Beside | None = None,
 ) -> Diagnosis:
     """The verdict on a known effect that explains the most, by what it leaves and by passes held out."""
     winner = tried[first.effect]
-    fit, state = winner.fit, solve(winner.fit, winner.solution, iterations=40).state
-    again = Bench.of(fit, state, bench.audit, suspects(bench.table, asked.effects), asked.advance)
-    others = [s for s in again.table if s.evidence > FOUND]
-    left = others[0].evidence if others else 0.0
-    second = race(again.scorer, racers(others, BESIDE), asked.advance)
-    best = max((r for r in second.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
-    known = max((r.evidence for r in second.values() if not r.effect.generic), default=0.0)
-    if best is not None and outdone(known, best.evidence, best.score.freedom) and doubted(first, best, others):
-        stand_in = placed(score_candidate(next(s for s in others if s.effect is best.effect), best), again)
+    beside = beside or Beside.of(bench, winner, asked)
+    again, left, best = beside.bench, beside.left, beside.stand_in
+    if best is not None and doubted(first, best, beside):
+        stand_in = placed(score_candidate(next(s for s in beside.others if s.effect is best.effect), best), again)
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
             f"acts at the {stand_in.stage} stage, as if {like(best.effect.physics)} ({best.effect.name})"
@@ -296,6 +339,24 @@ def confirmed(
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     whole = [faults.get(c.effect, c) for c in leading(listed, first)]
     return bench.says("missing-effect", words, whole, separate=separate, left=left)
+
+
+def both_known(
+    bench: Bench, first: Candidate, stand_in: Candidate, tried: Mapping[str, Refit], asked: Asked
+) -> Beside | None:
+    """What shows beside a known effect where it, with a second one, explains more than a stand-in does; else None.
+
+    Laws that are as flexible as a stand-in explain a part of anything: they do not count.
+    """
+    winner = tried.get(first.effect)
+    if winner is None or winner.pushed or first.numbers > MANY or first.evidence < HALF * stand_in.evidence:
+        return None
+    beside = Beside.of(bench, winner, asked)
+    strict = [r.evidence for r in beside.tried.values() if not r.effect.generic and r.score.freedom <= MANY]
+    best = beside.stand_in
+    if first.evidence + max(strict, default=0.0) < stand_in.evidence + CLOSE:
+        return None
+    return None if best is not None and doubted(first, best, beside) else beside
 
 
 def plainest(physical: Sequence[Candidate]) -> Candidate:
@@ -315,9 +376,11 @@ def outdone(known: float, stand_in: float, numbers: int) -> bool:
     return known + CLOSE < (STRICTER if numbers > FEW else AS_STRICT) * stand_in
 
 
-def doubted(first: Candidate, best: Refit, others: Sequence[Score]) -> bool:
+def doubted(first: Candidate, best: Refit, beside: Beside) -> bool:
     """Whether the first candidate leaves more to the best stand-in for the unknown than its own law may be off by."""
-    alike = [s.fall for s in others if s.effect.generic and akin(first, s.effect)]
+    if not outdone(beside.known, best.evidence, best.score.freedom):
+        return False
+    alike = [s.fall for s in beside.others if s.effect.generic and akin(first, s.effect)]
     own = FINER if first.numbers > MANY else LEFT
     most = own if max(alike, default=0.0) >= best.fall or akin(first, best.effect) else ASTRAY
     return best.fall > most * max(first.delta_chi2, 1.0)

@@ -17,6 +17,8 @@ from solver.fit.windows import FIRST, parts, some
 
 #: Shifts of the tracks along their way, m rms, that no camera makes; and times, s, by which clocks may be apart.
 MISLED, DELAYS = 1.0, np.arange(-10, 11) / 10
+#: Way to the side, m, that no camera is off by; and Poisson's ratios to begin at where a fit ends in what cannot be.
+ASIDE, RATIOS = 3.0, (0.05, 0.15, 0.25, 0.35, 0.4, 0.45)
 
 
 def beginning(problem: Problem, chain: Chain, advance: Callable[[int], None]) -> State:
@@ -46,6 +48,22 @@ def shifted_in_time(chain: Chain, state: State) -> State | None:
     return best if fit.cost(best, every) < fit.cost(late(0.0), every) else None
 
 
+def of_other_ratio(chain: Chain, state: State) -> State | None:
+    """Where to begin again if vehicles pull on the road, or drive beside it: at the Poisson's ratio that fits best.
+
+    The ratio changes the very form of the signal near the fiber (from .4 on waves have four crests), and a fit that
+    begins at another ends in a wrong place. None where all vehicles are as they may be, or no other ratio fits better.
+    """
+    vehicles = state.vehicles
+    if chain.long or not bool((vehicles.amplitude < 0).any() or (vehicles.across.abs() > ASIDE).any()):
+        return None
+    fit, begun = chain.links[0].fit, chain.start()
+    every = Weights(fit.measured, fit.measured.double())
+    at = [fit.settled(replace(begun, poisson_ratio=torch.full_like(begun.poisson_ratio, nu)), every) for nu in RATIOS]
+    best = min(at, key=lambda one: fit.cost(one, every))
+    return best if fit.cost(best, every) < fit.cost(begun, every) else None
+
+
 def fit_spline(
     problem: Problem, advance: Callable[[int], None] = lambda n: None, *, hopeless: float = float("inf")
 ) -> FitResult:
@@ -66,9 +84,10 @@ def fit_spline(
     begun = time.perf_counter()
     chain = Chain.of(problem)
     end = solve(chain, beginning(problem, chain, advance), advance=advance, hopeless=hopeless)
-    if (again := shifted_in_time(chain, end.state)) is not None:
-        other = solve(chain, again, advance=advance, hopeless=hopeless)
-        end = min(end, other, key=lambda one: one.at.misfit + chain.prior.total(one.state))
+    for elsewhere in (shifted_in_time, of_other_ratio):
+        if (again := elsewhere(chain, end.state)) is not None:
+            other = solve(chain, again, advance=advance, hopeless=hopeless)
+            end = min(end, other, key=lambda one: one.at.misfit + chain.prior.total(one.state))
     return assemble(
         problem,
         chain,
