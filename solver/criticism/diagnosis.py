@@ -53,6 +53,8 @@ RIVAL = 0.65
 LEFT, FINER, ASTRAY = 0.05, 0.1, 0.025
 #: Share of a stand-in's evidence from which on a known effect may, with a second one beside it, explain more.
 HALF = 0.5
+#: Evidence from which on an effect is named although the noise is weaker where vehicles are loud.
+PLAIN = 10 * FOUND
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: How many enter the race of full fits, and how many that for what the winner leaves; how many stand-ins among them.
@@ -246,7 +248,7 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     present = [c for c in listed if c.verdict == "present" and (c.refitted or bench.is_fault(c))]
     physical = [c for c in present if not c.generic]
     generic = [c for c in present if c.generic]
-    if not present and bench.audit.leveled:
+    if bench.audit.leveled and all(c.evidence < PLAIN for c in present):
         level = next(c for c in listed if c.effect in GAINS)
         return bench.says("unknown-effect", leveled_words(bench.audit.loud), leading(listed, placed(level, bench)))
     if not present:

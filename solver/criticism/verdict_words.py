@@ -15,6 +15,7 @@ ADVICE = {
     "place": "three or more anchors along the fiber, and a check of the camera by points on the road",
     "depth": "one point of the fiber with known depth",
     "rigid": "two or more anchors, some tens of meters apart",
+    "curve": "lanes at clearly different distances from the fiber, and a check of the camera by points on the road",
 }
 
 

@@ -34,6 +34,8 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "place": ("slack_spool", "channel_wander", "track_bend"),
     "depth": ("poisson_ratio", "camber"),
     "rigid": ("track_offset", "track_rotation", "track_scale", "channel_stretch"),
+    # Tracks bent evenly, and the route along with them, are longer on one side of the road than on the other.
+    "curve": ("track_bend", "track_scale"),
 }
 
 #: Stand-ins that mix channels, whether in the instrument or after it.

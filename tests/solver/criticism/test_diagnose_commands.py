@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -126,6 +127,18 @@ def test_the_clocks_offset_is_estimated_and_kept_where_it_is_added(tmp_path: Pat
     run("add", folder, "clock_offset", "--out", tmp_path / "second")
     before, after = json.loads((tmp_path / "second" / "ladder.json").read_text(encoding="utf-8"))["rungs"]
     assert after["held_out_chi2_per_dof"] < before["held_out_chi2_per_dof"]
+
+
+def test_a_length_that_slips_is_fitted_to_the_noise(tmp_path: Path) -> None:
+    """Between its ends it tells no place: the route stays where the rest of the fiber and its smoothness have it."""
+    folder = located(tmp_path, {"conduit_slip": 16.0})
+    run("add", folder, "conduit_slip", "--out", tmp_path / "second")
+    before, after = json.loads((tmp_path / "second" / "ladder.json").read_text(encoding="utf-8"))["rungs"]
+    assert before["chi2_per_dof"] > 1.5 and after["chi2_per_dof"] < 1.03 * after["noise_floor"]
+    route = np.array(json.loads((tmp_path / "survey" / "truth.json").read_text(encoding="utf-8"))["route_xyz"])
+    found = np.genfromtxt(tmp_path / "second" / "route.csv", delimiter=",", names=True)
+    off = np.column_stack([found[axis] for axis in "xyz"]) - route[found["channel"].astype(int)]
+    assert np.linalg.norm(off, axis=1).max() < 0.2
 
 
 def test_a_bias_of_all_tracks_is_told_from_chance(tmp_path: Path) -> None:

@@ -1,0 +1,87 @@
+"""What a diagnosis concludes from candidates and refits that are given."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from solver.criticism import diagnosis
+from solver.criticism.candidate import Candidate
+from solver.criticism.diagnosis import Asked, both_known, judge
+from solver.criticism.score import FOUND
+
+
+def candidate(name: str, strength: float, *, generic: bool = False, numbers: int = 1) -> Candidate:
+    return Candidate(
+        effect=name,
+        stage="ground",
+        generic=generic,
+        verdict="present",
+        delta_chi2=2 * strength,
+        predicted=2 * strength,
+        evidence=strength,
+        p_value=0.0,
+        estimate=1.0,
+        sigma=0.1,
+        unit="1",
+        numbers=numbers,
+        shape={},
+        retained_share=1.0,
+        detectable_size=0.1,
+        refitted=True,
+    )
+
+
+def refit(name: str, strength: float, *, generic: bool = False, numbers: int = 1) -> Any:
+    effect = SimpleNamespace(name=name, generic=generic, stage="ground")
+    score = SimpleNamespace(freedom=numbers, fall=2 * strength, effect=effect)
+    return SimpleNamespace(effect=effect, evidence=strength, fall=2 * strength, score=score, pushed=False)
+
+
+ASKED = Asked([], held_out=False, advance=lambda n: None)
+
+
+@pytest.mark.parametrize(
+    ("second", "numbers", "rest", "named"),
+    [(900.0, 1, 0.0, True), (300.0, 1, 0.0, False), (900.0, 60, 0.0, False), (900.0, 1, 1200.0, False)],
+)
+def test_two_strict_laws_that_explain_more_than_a_stand_in(
+    monkeypatch: pytest.MonkeyPatch, second: float, numbers: int, rest: float, named: bool
+) -> None:
+    """Together they must explain more; neither as flexible as a stand-in, and nothing left over to one."""
+    after = {"pulse_width": refit("pulse_width", second, numbers=numbers)}
+    if rest:
+        after["generic_time_filter"] = refit("generic_time_filter", rest, generic=True, numbers=6)
+    others = [one.score for one in after.values()]
+    left = diagnosis.Beside(SimpleNamespace(), others, after)  # type: ignore[arg-type]
+    monkeypatch.setattr(diagnosis.Beside, "of", lambda *given: left)
+    first, stand_in = candidate("gibson_soil", 700.0), candidate("generic_time_filter", 1000.0, generic=True, numbers=6)
+    bench: Any = SimpleNamespace()
+    found = both_known(bench, first, stand_in, {"gibson_soil": refit("gibson_soil", 700.0)}, ASKED)
+    assert (found is left) == named
+
+
+@pytest.mark.parametrize("strength", [FOUND + 8, 20 * FOUND])
+def test_noise_that_is_weaker_where_vehicles_are_loud_hides_no_strong_effect(
+    monkeypatch: pytest.MonkeyPatch, strength: float
+) -> None:
+    """A gain that follows the signal makes weak effects seem: then it is said that the record was leveled."""
+    seen: list[str] = []
+
+    class Bench:
+        audit = SimpleNamespace(leveled=True, loud=0.3)
+
+        def is_fault(self, one: Candidate) -> bool:
+            return False
+
+        def says(self, verdict: str, *more: Any) -> None:
+            seen.append(verdict)
+
+    monkeypatch.setattr(diagnosis, "placed", lambda one, bench: one)
+    monkeypatch.setattr(diagnosis, "confirmed", lambda *given: seen.append("missing-effect"))
+    listed = [candidate("stiffness_contrast", strength), candidate("generic_nonlinearity", 0.0, generic=True)]
+    listed[1] = replace(listed[1], verdict="negligible")
+    bench: Any = Bench()
+    judge(bench, listed, {"stiffness_contrast": refit("stiffness_contrast", strength)}, ASKED)
+    assert seen == ["missing-effect" if strength > diagnosis.PLAIN else "unknown-effect"]
