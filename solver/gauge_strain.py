@@ -59,7 +59,10 @@ class GaugeStrain:
         return gauge_strain_rate(ahead, behind, torch.as_tensor(self.stages.gauge)[..., None])
 
     def bent(self, change: Tensor | None) -> Tensor:
-        """[row, channel, station], of the turning within; `change` [..., channel, station] of the ratio is there."""
+        """[row, channel, station], of the turning within; `change` [..., channel, station] of the ratio is there.
+
+        A loose length turns with its duct as if it were held: evening this part out too would matter in bends only.
+        """
         assert self.fiber.inner is not None
         return self.bends * bend_strain_rates(self.motion(self.fiber.inner, True, change), self.fiber)
 

@@ -183,7 +183,8 @@ def loose_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
 
     def evened(value: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         loose = path.described(changed(value)).cable.loose
-        return (here, here, here) if loose is None else (loose.begin, loose.end, loose.share)
+        assert loose is not None
+        return loose.begin, loose.end, loose.share
 
     stages = path.described(changed(here))
     cable = stages.cable
