@@ -1,6 +1,7 @@
 """What loads do to single gauges: ground motion at points along each, and the strain rate that it makes there."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -105,7 +106,7 @@ class GaugeStrain:
         first, last = (x[..., None] if isinstance(which, slice) else x for x in self.held)
         return loose.moved(ground, self.along[..., which], first, last)
 
-    @property
+    @cached_property
     def held(self) -> tuple[Tensor, Tensor]:
         """Motion [row, 1 or channel] along the fiber where a loose length begins and ends."""
         f = self.fiber

@@ -111,6 +111,7 @@ class Local:
     def distance(self) -> Tensor:
         """Derivative [row, computed channel] by a shift of the channel along the fiber, 1/m."""
         total = torch.zeros_like(self.by.rate)
+        # Beside its points, where a gauge is matters to a loose length alone.
         if self.path.described(self.values).cable.loose is not None:
             total = self._with_points_still("distance")
         for name, moved in self.fiber(self.values, 1).present().items():

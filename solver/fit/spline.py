@@ -1,7 +1,7 @@
 """The spline fit: maximum a posteriori route by Levenberg-Marquardt. The default."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -38,14 +38,9 @@ def shifted_in_time(chain: Chain, state: State) -> State | None:
     """
     if chain.long or state.vehicles.along.square().mean().sqrt() < MISLED:
         return None
-    fit, speed = chain.links[0].fit, torch.tensor([abs(one.speed) for one in chain.passes], dtype=torch.float64)
-    every, begun = Weights(fit.measured, fit.measured.double()), chain.start()
-
-    def late(delay: float) -> State:
-        return fit.settled(replace(begun, vehicles=replace(begun.vehicles, along=speed * delay)), every)
-
-    best = min((late(float(delay)) for delay in DELAYS), key=lambda one: fit.cost(one, every))
-    return best if fit.cost(best, every) < fit.cost(late(0.0), every) else None
+    begun, speed = chain.start(), torch.tensor([abs(one.speed) for one in chain.passes], dtype=torch.float64)
+    late = (replace(begun, vehicles=replace(begun.vehicles, along=speed * float(delay))) for delay in DELAYS)
+    return better_start(chain, begun, late)
 
 
 def of_other_ratio(chain: Chain, state: State) -> State | None:
@@ -57,11 +52,17 @@ def of_other_ratio(chain: Chain, state: State) -> State | None:
     vehicles = state.vehicles
     if chain.long or not bool((vehicles.amplitude < 0).any() or (vehicles.across.abs() > ASIDE).any()):
         return None
-    fit, begun = chain.links[0].fit, chain.start()
+    begun = chain.start()
+    others = (replace(begun, poisson_ratio=torch.full_like(begun.poisson_ratio, nu)) for nu in RATIOS)
+    return better_start(chain, begun, others)
+
+
+def better_start(chain: Chain, begun: State, others: Iterable[State]) -> State | None:
+    """That of other states at which vehicles of the best amplitudes fit best; None where none beats the first start."""
+    fit = chain.links[0].fit
     every = Weights(fit.measured, fit.measured.double())
-    at = [fit.settled(replace(begun, poisson_ratio=torch.full_like(begun.poisson_ratio, nu)), every) for nu in RATIOS]
-    best = min(at, key=lambda one: fit.cost(one, every))
-    return best if fit.cost(best, every) < fit.cost(begun, every) else None
+    best = min((fit.settled(one, every) for one in others), key=lambda one: fit.cost(one, every))
+    return best if fit.cost(best, every) < fit.cost(fit.settled(begun, every), every) else None
 
 
 def fit_spline(
