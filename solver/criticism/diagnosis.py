@@ -58,7 +58,7 @@ PLAIN = 10 * FOUND
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 #: How many enter the race of full fits, and how many that for what the winner leaves; how many stand-ins among them.
-RACERS, BESIDE, STANDING_IN = 8, 5, 3
+RACERS, BESIDE, STANDING_IN = 8, 6, 3
 
 
 @dataclass(frozen=True)
@@ -168,8 +168,8 @@ def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
 
 
 def steps(effects: Sequence[Effect]) -> int:
-    """How often a diagnosis advances at most where no fault is mended: two tables, two races, one from two places."""
-    return 2 * len(effects) + 2 * RACERS + BESIDE
+    """How often a diagnosis advances at most where no fault is mended: two tables, three races, one from two places."""
+    return 2 * len(effects) + 2 * RACERS + 2 * BESIDE
 
 
 def diagnose(
@@ -288,12 +288,23 @@ class Beside:
     tried: Mapping[str, Refit]
 
     @classmethod
-    def of(cls, bench: Bench, winner: Refit, asked: Asked) -> "Beside":
-        """Fit the winner to its end, score all that showed before, and race the best."""
+    def of(cls, bench: Bench, first: Candidate, winner: Refit, asked: Asked) -> "Beside":
+        """Fit the first candidate, the winner, to its end; score all that showed before, and race the best."""
         fit, state = winner.fit, solve(winner.fit, winner.solution, iterations=40).state
         again = Bench.of(fit, state, bench.audit, suspects(bench.table, asked.effects), asked.advance)
         others = [s for s in again.table if s.evidence > FOUND]
-        return cls(again, others, race(again.scorer, racers(others, BESIDE), asked.advance))
+        beside = cls(again, others, race(again.scorer, racers(others, BESIDE), asked.advance))
+        return beside.widened(asked) if beside.doubted(first) else beside
+
+    def widened(self, asked: Asked) -> "Beside":
+        """The same with known effects that did not show before: the winner may have outshone them."""
+        here = {s.effect.name for s in self.bench.table}
+        unseen = [one for one in scorable(self.bench.scorer.fit.problem, asked.effects) if one.name not in here]
+        shown = [s for s in score_all(self.bench.scorer, unseen, asked.advance) if s.evidence > FOUND]
+        late = race(self.bench.scorer, racers(shown, BESIDE), asked.advance)
+        return replace(
+            self, others=sorted(self.others + shown, key=lambda s: -s.evidence), tried={**self.tried, **late}
+        )
 
     @property
     def left(self) -> float:
@@ -310,6 +321,16 @@ class Beside:
         """The best stand-in for the unknown."""
         return max((r for r in self.tried.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
 
+    def doubted(self, first: Candidate) -> bool:
+        """Whether the first candidate leaves more to a stand-in for the unknown than its own law may be off by."""
+        best = self.stand_in
+        if best is None or not outdone(self.known, best.evidence, best.score.freedom):
+            return False
+        alike = [s.fall for s in self.others if s.effect.generic and akin(first, s.effect)]
+        own = FINER if first.numbers > MANY else LEFT
+        most = own if max(alike, default=0.0) >= best.fall or akin(first, best.effect) else ASTRAY
+        return best.fall > most * max(first.delta_chi2, 1.0)
+
 
 def confirmed(
     bench: Bench,
@@ -321,9 +342,9 @@ def confirmed(
 ) -> Diagnosis:
     """The verdict on a known effect that explains the most, by what it leaves and by passes held out."""
     winner = tried[first.effect]
-    beside = beside or Beside.of(bench, winner, asked)
+    beside = beside or Beside.of(bench, first, winner, asked)
     again, left, best = beside.bench, beside.left, beside.stand_in
-    if best is not None and doubted(first, best, beside):
+    if best is not None and beside.doubted(first):
         stand_in = placed(score_candidate(next(s for s in beside.others if s.effect is best.effect), best), again)
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
@@ -353,12 +374,10 @@ def both_known(
     winner = tried.get(first.effect)
     if winner is None or winner.pushed or first.numbers > MANY or first.evidence < HALF * stand_in.evidence:
         return None
-    beside = Beside.of(bench, winner, asked)
+    beside = Beside.of(bench, first, winner, asked)
     strict = [r.evidence for r in beside.tried.values() if not r.effect.generic and r.score.freedom <= MANY]
-    best = beside.stand_in
-    if first.evidence + max(strict, default=0.0) < stand_in.evidence + CLOSE:
-        return None
-    return None if best is not None and doubted(first, best, beside) else beside
+    more = first.evidence + max(strict, default=0.0) >= stand_in.evidence + CLOSE
+    return beside if more and not beside.doubted(first) else None
 
 
 def plainest(physical: Sequence[Candidate]) -> Candidate:
@@ -376,16 +395,6 @@ def placed(stand_in: Candidate, bench: Bench) -> Candidate:
 def outdone(known: float, stand_in: float, numbers: int) -> bool:
     """Whether a stand-in of so many numbers explains more, by its evidence, than the best known effect can."""
     return known + CLOSE < (STRICTER if numbers > FEW else AS_STRICT) * stand_in
-
-
-def doubted(first: Candidate, best: Refit, beside: Beside) -> bool:
-    """Whether the first candidate leaves more to the best stand-in for the unknown than its own law may be off by."""
-    if not outdone(beside.known, best.evidence, best.score.freedom):
-        return False
-    alike = [s.fall for s in beside.others if s.effect.generic and akin(first, s.effect)]
-    own = FINER if first.numbers > MANY else LEFT
-    most = own if max(alike, default=0.0) >= best.fall or akin(first, best.effect) else ASTRAY
-    return best.fall > most * max(first.delta_chi2, 1.0)
 
 
 def akin(first: Candidate, stand_in: Effect) -> bool:

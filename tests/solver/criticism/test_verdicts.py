@@ -39,6 +39,11 @@ def refit(name: str, strength: float, *, generic: bool = False, numbers: int = 1
     return SimpleNamespace(effect=effect, evidence=strength, fall=2 * strength, score=score, pushed=False)
 
 
+def shown(one: Any) -> Any:
+    """A score that, raced, ends as a refit."""
+    return SimpleNamespace(effect=one.effect, evidence=one.evidence, fall=one.fall, refit=one)
+
+
 ASKED = Asked([], held_out=False, advance=lambda n: None)
 
 
@@ -60,6 +65,36 @@ def test_two_strict_laws_that_explain_more_than_a_stand_in(
     bench: Any = SimpleNamespace()
     found = both_known(bench, first, stand_in, {"gibson_soil": refit("gibson_soil", 700.0)}, ASKED)
     assert (found is left) == named
+
+
+@pytest.mark.parametrize(("left", "asked_again"), [(400.0, True), (20.0, False)])
+def test_what_did_not_show_before_is_asked_where_the_winner_leaves_much(
+    monkeypatch: pytest.MonkeyPatch, left: float, asked_again: bool
+) -> None:
+    """Clipping did not show beside vehicles that bounce much more strongly, and then seemed to be something unknown."""
+    stand_in, late = refit("generic_nonlinearity", left, generic=True, numbers=6), refit("saturation", 1.1 * left)
+    bounce, clips = (SimpleNamespace(name=name, generic=False) for name in ("dynamic_load", "saturation"))
+    problem = SimpleNamespace(effects=[bounce], curved=False, passes=[])
+    at = SimpleNamespace(
+        scorer=SimpleNamespace(fit=SimpleNamespace(problem=problem)), table=[shown(stand_in)], audit=None
+    )
+    scored: list[str] = []
+
+    def score_all(scorer: Any, effects: Any, advance: Any) -> list[Any]:
+        scored.extend(one.name for one in effects)
+        return [shown(late)]
+
+    monkeypatch.setattr(diagnosis.Bench, "of", lambda *given: at)
+    monkeypatch.setattr(diagnosis, "solve", lambda *given, **more: SimpleNamespace(state=None))
+    monkeypatch.setattr(diagnosis, "score_all", score_all)
+    monkeypatch.setattr(diagnosis, "race", lambda scorer, scores, advance: {s.effect.name: s.refit for s in scores})
+    winner: Any = SimpleNamespace(fit=None, solution=None)
+    asked = Asked([bounce, clips], held_out=False, advance=lambda n: None)  # type: ignore[list-item]
+    before: Any = SimpleNamespace(table=[], audit=None)
+    beside = diagnosis.Beside.of(before, candidate("dynamic_load", 1000.0), winner, asked)
+    assert scored == (["saturation"] if asked_again else [])
+    assert ("saturation" in beside.tried) == asked_again
+    assert not beside.doubted(candidate("dynamic_load", 1000.0))
 
 
 @pytest.mark.parametrize("strength", [FOUND + 8, 20 * FOUND])
