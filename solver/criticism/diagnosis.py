@@ -4,19 +4,21 @@ The gates, in order: the noise is understood, the fit has converged, the score t
 families, the best few are fitted in full and race each other, passes held out confirm.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from solver.criticism.audit import NoiseAudit, audit
+from solver.criticism.bench import BESIDE, RACERS, Advance, Asked, Bench, racers, scorable
+from solver.criticism.beside import CLOSE, FEW, MANY, Beside, both_known, outdone
 from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.placing import stage_of
 from solver.criticism.refit import HOPE, Refit, elsewhere, race
-from solver.criticism.repairs import SEARCHES, Fault, mended
-from solver.criticism.score import FOUND, Score
-from solver.criticism.scorer import Scorer, score_all, similarity
+from solver.criticism.repairs import mended
+from solver.criticism.score import FOUND
+from solver.criticism.scorer import Scorer, similarity
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.track_trust import strict_tracks, track_spread
@@ -28,7 +30,7 @@ from solver.criticism.verdict_words import (
     power_words,
     unknown_words,
 )
-from solver.effects.catalogue import FAMILIES, GAINS, STAND_INS, families_of
+from solver.effects.catalogue import FAMILIES, GAINS, families_of
 from solver.effects.effect import Effect
 from solver.fit.held_out import held_out_chi2
 from solver.fit.least_squares import solve
@@ -37,28 +39,14 @@ from solver.fit.problem import Problem
 from solver.fit.state import State
 from solver.noise import quiet
 
-Advance = Callable[[int], None]
-
-#: Effects within this ln of the best are not told apart from it, and so are those whose signals correlate this much.
-CLOSE, ALIKE = 6.0, 0.95
-#: Share of a stand-in's evidence at which a known effect, whose law is stricter, is preferred to it; and where the
-#: stand-in has as few numbers.
-STRICTER, AS_STRICT = 0.95, 0.98
-#: Numbers of an effect whose law is strict, and above which it is as flexible as a stand-in.
-FEW, MANY = 3, 20
+#: Correlation of two effects' signals at which they are not told apart.
+ALIKE = 0.95
 #: Share of the winner's evidence at which one of its own family is not ruled out.
 RIVAL = 0.65
-#: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little
-#: (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
-LEFT, FINER, ASTRAY = 0.05, 0.1, 0.025
-#: Share of a stand-in's evidence from which on a known effect may, with a second one beside it, explain more.
-HALF = 0.5
 #: Evidence from which on an effect is named although the noise is weaker where vehicles are loud.
 PLAIN = 10 * FOUND
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
-#: How many enter the race of full fits, and how many that for what the winner leaves; how many stand-ins among them.
-RACERS, BESIDE, STANDING_IN = 8, 6, 3
 
 
 @dataclass(frozen=True)
@@ -85,86 +73,15 @@ class Diagnosis:
     left: float = 0.0
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What a diagnosis is asked.
-
-    Parameters
-    ----------
-    effects : the catalogue
-    held_out : whether to confirm the winner on passes that its fit has not seen
-    advance : called with 1 after each effect scored and each candidate begun to be fitted
-    """
-
-    effects: Sequence[Effect]
-    held_out: bool
-    advance: Advance
-
-
-@dataclass
-class Bench:
-    """A converged fit with its scores.
-
-    Parameters
-    ----------
-    audit : of the survey's noise
-    scorer : at that fit, without the candidates
-    table : scores, best evidence first
-    idle : effects that find nothing to act on
-    faults : of the survey itself
-    """
-
-    audit: NoiseAudit
-    scorer: Scorer
-    table: list[Score]
-    idle: list[Effect]
-    faults: list[Fault]
-
-    @classmethod
-    def of(cls, fit: MapFit, state: State, audit: NoiseAudit, effects: Sequence[Effect], advance: Advance) -> "Bench":
-        """Score `effects`, those in the model left out."""
-        scorer = Scorer(fit, state)
-        asked = scorable(fit.problem, effects)
-        table = score_all(scorer, asked, advance)
-        scored = {score.effect.name for score in table}
-        idle = [one for one in asked if one.name not in scored]
-        faults = [fault for search in SEARCHES.values() if (fault := search(fit, state)) is not None]
-        return cls(audit, scorer, table, idle, faults)
-
-    def says(self, verdict: str, words: str, candidates: Sequence[Candidate], **more: Any) -> Diagnosis:
-        """A verdict on this fit."""
-        return Diagnosis(verdict, words, tuple(candidates), self.audit, self.scorer.stress, **more)
-
-    def effect(self, candidate: Candidate) -> Effect:
-        """The effect that a candidate of the table is."""
-        return next(score.effect for score in self.table if score.effect.name == candidate.effect)
-
-    def is_fault(self, candidate: Candidate) -> bool:
-        """Whether a candidate is a fault of the survey, and no effect."""
-        return any(fault.name == candidate.effect for fault in self.faults)
-
-
-def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
-    """Effects that are not in the model already."""
-    inside = {one.name for one in problem.effects}
-    if problem.curved:
-        inside.add("curved_gauge")
-    if all(one.vehicle_class != "vehicle" for one in problem.passes):
-        inside.add("wheel_layout")
-    return [one for one in effects if one.name not in inside]
+def concluded(bench: Bench, verdict: str, words: str, candidates: Sequence[Candidate], **more: Any) -> Diagnosis:
+    """A verdict on a fit."""
+    return Diagnosis(verdict, words, tuple(candidates), bench.audit, bench.scorer.stress, **more)
 
 
 def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
     """Fit a survey, from a state if there is one."""
     fit = MapFit(problem)
     return fit, solve(fit, fit.start() if state is None else state, iterations=60).state
-
-
-def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
-    """Those to be fitted in full: the best of the physical and of the generic ones."""
-    able = [s for s in table if s.evidence > FOUND]
-    physical = [s for s in able if not s.effect.generic][: most - STANDING_IN]
-    return physical + [s for s in able if s.effect.generic][:STANDING_IN]
 
 
 def steps(effects: Sequence[Effect]) -> int:
@@ -224,7 +141,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     ranked += [idle_candidate(one) for one in bench.idle]
     if bench.scorer.stress > CONVERGED and ranked[0].evidence < FOUND:
         words = f"the fit has not converged ({bench.scorer.stress:.1f} sigmas are left along what it fits)"
-        return bench.says("inconclusive", words, ranked)
+        return concluded(bench, "inconclusive", words, ranked)
     return judge(bench, ranked, tried, asked)
 
 
@@ -238,9 +155,9 @@ def unranked(bench: Bench) -> Diagnosis:
     found = filtered_by(survey.record / survey.noise.numpy(), still, survey.sampling_rate, survey.channel_spacing)
     filtered = next((c for c in listed if found and c.effect == found[0]), None)
     if found is None or filtered is None:
-        return bench.says("inconclusive", words, listed)
+        return concluded(bench, "inconclusive", words, listed)
     words = f"{found[0]} is missing at the processing stage: {found[1]}; better diagnose the record as it was before it"
-    return bench.says("missing-effect", words, order(listed, replace(filtered, verdict="present")))
+    return concluded(bench, "missing-effect", words, order(listed, replace(filtered, verdict="present")))
 
 
 def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit], asked: Asked) -> Diagnosis:
@@ -250,15 +167,19 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     generic = [c for c in present if c.generic]
     if bench.audit.leveled and all(c.evidence < PLAIN for c in present):
         level = next(c for c in listed if c.effect in GAINS)
-        return bench.says("unknown-effect", leveled_words(bench.audit.loud), leading(listed, placed(level, bench)))
+        return concluded(
+            bench, "unknown-effect", leveled_words(bench.audit.loud), leading(listed, placed(level, bench))
+        )
     if not present:
-        return bench.says("adequate", f"nothing is missing that this survey could show. {power_words(listed)}", listed)
+        return concluded(
+            bench, "adequate", f"nothing is missing that this survey could show. {power_words(listed)}", listed
+        )
     if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence, generic[0].numbers)):
         if physical and (two := both_known(bench, physical[0], generic[0], tried, asked)):
             return confirmed(bench, physical[0], listed, tried, asked, two)
         first = placed(generic[0], bench)
-        return bench.says(
-            "unknown-effect", unknown_words(first, bench.effect(first).physics, physical), leading(listed, first)
+        return concluded(
+            bench, "unknown-effect", unknown_words(first, bench.effect(first).physics, physical), leading(listed, first)
         )
     first = plainest(physical)
     if bench.is_fault(first):
@@ -268,68 +189,8 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
             f"{first.effect} explains the most of all known effects, but at {first.estimate:.3g}, the edge of what can "
             f"be: something unknown acts, as it does at the {first.stage} stage"
         )
-        return bench.says("unknown-effect", words, leading(listed, replace(first, verdict="excluded")))
+        return concluded(bench, "unknown-effect", words, leading(listed, replace(first, verdict="excluded")))
     return confirmed(bench, first, listed, tried, asked)
-
-
-@dataclass
-class Beside:
-    """What the fit with a known effect in it still lacks.
-
-    Parameters
-    ----------
-    bench : at that fit
-    others : scores of what shows there, best evidence first
-    tried : the best of them fitted in full
-    """
-
-    bench: Bench
-    others: list[Score]
-    tried: Mapping[str, Refit]
-
-    @classmethod
-    def of(cls, bench: Bench, first: Candidate, winner: Refit, asked: Asked) -> "Beside":
-        """Fit the first candidate, the winner, to its end; score all that showed before, and race the best."""
-        fit, state = winner.fit, solve(winner.fit, winner.solution, iterations=40).state
-        again = Bench.of(fit, state, bench.audit, suspects(bench.table, asked.effects), asked.advance)
-        others = [s for s in again.table if s.evidence > FOUND]
-        beside = cls(again, others, race(again.scorer, racers(others, BESIDE), asked.advance))
-        return beside.widened(asked) if beside.doubted(first) else beside
-
-    def widened(self, asked: Asked) -> "Beside":
-        """The same with known effects that did not show before: the winner may have outshone them."""
-        here = {s.effect.name for s in self.bench.table}
-        unseen = [one for one in scorable(self.bench.scorer.fit.problem, asked.effects) if one.name not in here]
-        shown = [s for s in score_all(self.bench.scorer, unseen, asked.advance) if s.evidence > FOUND]
-        late = race(self.bench.scorer, racers(shown, BESIDE), asked.advance)
-        return replace(
-            self, others=sorted(self.others + shown, key=lambda s: -s.evidence), tried={**self.tried, **late}
-        )
-
-    @property
-    def left(self) -> float:
-        """Ln of the Bayes factor of the best effect beside."""
-        return self.others[0].evidence if self.others else 0.0
-
-    @property
-    def known(self) -> float:
-        """That of the best known effect, fitted in full."""
-        return max((r.evidence for r in self.tried.values() if not r.effect.generic), default=0.0)
-
-    @property
-    def stand_in(self) -> Refit | None:
-        """The best stand-in for the unknown."""
-        return max((r for r in self.tried.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
-
-    def doubted(self, first: Candidate) -> bool:
-        """Whether the first candidate leaves more to a stand-in for the unknown than its own law may be off by."""
-        best = self.stand_in
-        if best is None or not outdone(self.known, best.evidence, best.score.freedom):
-            return False
-        alike = [s.fall for s in self.others if s.effect.generic and akin(first, s.effect)]
-        own = FINER if first.numbers > MANY else LEFT
-        most = own if max(alike, default=0.0) >= best.fall or akin(first, best.effect) else ASTRAY
-        return best.fall > most * max(first.delta_chi2, 1.0)
 
 
 def confirmed(
@@ -350,34 +211,20 @@ def confirmed(
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
             f"acts at the {stand_in.stage} stage, as if {like(best.effect.physics)} ({best.effect.name})"
         )
-        return bench.says("unknown-effect", words, leading(listed, stand_in), left=left)
+        return concluded(bench, "unknown-effect", words, leading(listed, stand_in), left=left)
     if asked.held_out:
         gain = held_out_gain(bench.scorer, winner)
         first = replace(first, held_out_gain=gain)
         if gain is not None and gain <= 0:
             words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
-            return bench.says("inconclusive", words, leading(listed, replace(first, verdict="inconclusive")), left=left)
+            return concluded(
+                bench, "inconclusive", words, leading(listed, replace(first, verdict="inconclusive")), left=left
+            )
     first = replace(first, confounded_with=confounded(bench, first, listed, tried))
     words, separate = missing_words(first, left)
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     whole = [faults.get(c.effect, c) for c in leading(listed, first)]
-    return bench.says("missing-effect", words, whole, separate=separate, left=left)
-
-
-def both_known(
-    bench: Bench, first: Candidate, stand_in: Candidate, tried: Mapping[str, Refit], asked: Asked
-) -> Beside | None:
-    """What shows beside a known effect where it, with a second one, explains more than a stand-in does; else None.
-
-    Laws that are as flexible as a stand-in explain a part of anything: they do not count.
-    """
-    winner = tried.get(first.effect)
-    if winner is None or winner.pushed or first.numbers > MANY or first.evidence < HALF * stand_in.evidence:
-        return None
-    beside = Beside.of(bench, first, winner, asked)
-    strict = [r.evidence for r in beside.tried.values() if not r.effect.generic and r.score.freedom <= MANY]
-    more = first.evidence + max(strict, default=0.0) >= stand_in.evidence + CLOSE
-    return beside if more and not beside.doubted(first) else None
+    return concluded(bench, "missing-effect", words, whole, separate=separate, left=left)
 
 
 def plainest(physical: Sequence[Candidate]) -> Candidate:
@@ -392,17 +239,6 @@ def placed(stand_in: Candidate, bench: Bench) -> Candidate:
     return replace(stand_in, stage=stage_of(bench.effect(stand_in), bench.scorer, bench.audit))
 
 
-def outdone(known: float, stand_in: float, numbers: int) -> bool:
-    """Whether a stand-in of so many numbers explains more, by its evidence, than the best known effect can."""
-    return known + CLOSE < (STRICTER if numbers > FEW else AS_STRICT) * stand_in
-
-
-def akin(first: Candidate, stand_in: Effect) -> bool:
-    """Whether a stand-in takes up what the law of the first candidate, at its stage or of its family, leaves."""
-    families = STAND_INS.get(stand_in.name, ())
-    return stand_in.stage == first.stage or not set(families).isdisjoint(families_of(first.effect))
-
-
 def beside_fault(bench: Bench, first: Candidate, asked: Asked) -> Diagnosis:
     """The verdict where a fault of the survey explains the most: it is mended, and what is left judged by itself."""
     fault = next(fault for fault in bench.faults if fault.name == first.effect)
@@ -414,12 +250,6 @@ def beside_fault(bench: Bench, first: Candidate, asked: Asked) -> Diagnosis:
         return replace(rest, words=words, candidates=candidates)
     left = rest.candidates[0].evidence if rest.verdict == "missing-effect" else 0.0
     return replace(rest, verdict="missing-effect", words=words, candidates=order(rest.candidates, first), left=left)
-
-
-def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:
-    """Effects that may be missing beside the winner: those that showed, and the stand-ins for the unknown."""
-    shown = {s.effect.name for s in table if s.evidence > FOUND}
-    return [one for one in effects if one.name in shown or one.generic]
 
 
 def order(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, ...]:

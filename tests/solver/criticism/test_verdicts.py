@@ -6,9 +6,11 @@ from typing import Any
 
 import pytest
 
-from solver.criticism import diagnosis
+from solver.criticism import beside, diagnosis
+from solver.criticism.bench import Asked, Bench
+from solver.criticism.beside import Beside, both_known
 from solver.criticism.candidate import Candidate
-from solver.criticism.diagnosis import Asked, both_known, judge
+from solver.criticism.diagnosis import judge
 from solver.criticism.score import FOUND
 
 
@@ -59,8 +61,8 @@ def test_two_strict_laws_that_explain_more_than_a_stand_in(
     if rest:
         after["generic_time_filter"] = refit("generic_time_filter", rest, generic=True, numbers=6)
     others = [one.score for one in after.values()]
-    left = diagnosis.Beside(SimpleNamespace(), others, after)  # type: ignore[arg-type]
-    monkeypatch.setattr(diagnosis.Beside, "of", lambda *given: left)
+    left = Beside(SimpleNamespace(), others, after)  # type: ignore[arg-type]
+    monkeypatch.setattr(Beside, "of", lambda *given: left)
     first, stand_in = candidate("gibson_soil", 700.0), candidate("generic_time_filter", 1000.0, generic=True, numbers=6)
     bench: Any = SimpleNamespace()
     found = both_known(bench, first, stand_in, {"gibson_soil": refit("gibson_soil", 700.0)}, ASKED)
@@ -84,17 +86,17 @@ def test_what_did_not_show_before_is_asked_where_the_winner_leaves_much(
         scored.extend(one.name for one in effects)
         return [shown(late)]
 
-    monkeypatch.setattr(diagnosis.Bench, "of", lambda *given: at)
-    monkeypatch.setattr(diagnosis, "solve", lambda *given, **more: SimpleNamespace(state=None))
-    monkeypatch.setattr(diagnosis, "score_all", score_all)
-    monkeypatch.setattr(diagnosis, "race", lambda scorer, scores, advance: {s.effect.name: s.refit for s in scores})
+    monkeypatch.setattr(Bench, "of", lambda *given: at)
+    monkeypatch.setattr(beside, "solve", lambda *given, **more: SimpleNamespace(state=None))
+    monkeypatch.setattr(beside, "score_all", score_all)
+    monkeypatch.setattr(beside, "race", lambda scorer, scores, advance: {s.effect.name: s.refit for s in scores})
     winner: Any = SimpleNamespace(fit=None, solution=None)
     asked = Asked([bounce, clips], held_out=False, advance=lambda n: None)  # type: ignore[list-item]
     before: Any = SimpleNamespace(table=[], audit=None)
-    beside = diagnosis.Beside.of(before, candidate("dynamic_load", 1000.0), winner, asked)
+    found = Beside.of(before, candidate("dynamic_load", 1000.0), winner, asked)
     assert scored == (["saturation"] if asked_again else [])
-    assert ("saturation" in beside.tried) == asked_again
-    assert not beside.doubted(candidate("dynamic_load", 1000.0))
+    assert ("saturation" in found.tried) == asked_again
+    assert not found.doubted(candidate("dynamic_load", 1000.0))
 
 
 @pytest.mark.parametrize("strength", [FOUND + 8, 20 * FOUND])
@@ -110,9 +112,7 @@ def test_noise_that_is_weaker_where_vehicles_are_loud_hides_no_strong_effect(
         def is_fault(self, one: Candidate) -> bool:
             return False
 
-        def says(self, verdict: str, *more: Any) -> None:
-            seen.append(verdict)
-
+    monkeypatch.setattr(diagnosis, "concluded", lambda bench, verdict, *more: seen.append(verdict))
     monkeypatch.setattr(diagnosis, "placed", lambda one, bench: one)
     monkeypatch.setattr(diagnosis, "confirmed", lambda *given: seen.append("missing-effect"))
     listed = [candidate("stiffness_contrast", strength), candidate("generic_nonlinearity", 0.0, generic=True)]

@@ -1,0 +1,91 @@
+"""A converged fit of a survey with the scores of all that it may lack."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from solver.criticism.audit import NoiseAudit
+from solver.criticism.candidate import Candidate
+from solver.criticism.repairs import SEARCHES, Fault
+from solver.criticism.score import FOUND, Score
+from solver.criticism.scorer import Scorer, score_all
+from solver.effects.effect import Effect
+from solver.fit.map_fit import MapFit
+from solver.fit.problem import Problem
+from solver.fit.state import State
+
+Advance = Callable[[int], None]
+
+#: How many enter the race of full fits, and how many that for what the winner leaves; how many stand-ins among them.
+RACERS, BESIDE, STANDING_IN = 8, 6, 3
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a diagnosis is asked.
+
+    Parameters
+    ----------
+    effects : the catalogue
+    held_out : whether to confirm the winner on passes that its fit has not seen
+    advance : called with 1 after each effect scored and each candidate begun to be fitted
+    """
+
+    effects: Sequence[Effect]
+    held_out: bool
+    advance: Advance
+
+
+@dataclass
+class Bench:
+    """A converged fit with its scores.
+
+    Parameters
+    ----------
+    audit : of the survey's noise
+    scorer : at that fit, without the candidates
+    table : scores, best evidence first
+    idle : effects that find nothing to act on
+    faults : of the survey itself
+    """
+
+    audit: NoiseAudit
+    scorer: Scorer
+    table: list[Score]
+    idle: list[Effect]
+    faults: list[Fault]
+
+    @classmethod
+    def of(cls, fit: MapFit, state: State, audit: NoiseAudit, effects: Sequence[Effect], advance: Advance) -> "Bench":
+        """Score `effects`, those in the model left out."""
+        scorer = Scorer(fit, state)
+        asked = scorable(fit.problem, effects)
+        table = score_all(scorer, asked, advance)
+        scored = {score.effect.name for score in table}
+        idle = [one for one in asked if one.name not in scored]
+        faults = [fault for search in SEARCHES.values() if (fault := search(fit, state)) is not None]
+        return cls(audit, scorer, table, idle, faults)
+
+    def effect(self, candidate: Candidate) -> Effect:
+        """The effect that a candidate of the table is."""
+        return next(score.effect for score in self.table if score.effect.name == candidate.effect)
+
+    def is_fault(self, candidate: Candidate) -> bool:
+        """Whether a candidate is a fault of the survey, and no effect."""
+        return any(fault.name == candidate.effect for fault in self.faults)
+
+
+def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
+    """Effects that are not in the model already."""
+    inside = {one.name for one in problem.effects}
+    if problem.curved:
+        inside.add("curved_gauge")
+    if all(one.vehicle_class != "vehicle" for one in problem.passes):
+        inside.add("wheel_layout")
+    return [one for one in effects if one.name not in inside]
+
+
+def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
+    """Those to be fitted in full: the best of the physical and of the generic ones."""
+    able = [s for s in table if s.evidence > FOUND]
+    physical = [s for s in able if not s.effect.generic][: most - STANDING_IN]
+    return physical + [s for s in able if s.effect.generic][:STANDING_IN]
