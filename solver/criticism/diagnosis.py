@@ -12,7 +12,7 @@ import numpy as np
 
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.bench import BESIDE, RACERS, Advance, Asked, Bench, racers, scorable
-from solver.criticism.beside import CLOSE, FEW, MANY, Beside, both_known, outdone
+from solver.criticism.beside import CLOSE, FEW, MANY, Beside, akin, both_known, outdone
 from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.placing import stage_of
 from solver.criticism.refit import HOPE, Refit, elsewhere, race
@@ -23,6 +23,8 @@ from solver.criticism.side_by_side import side_by_side
 from solver.criticism.spectrum import filtered_by
 from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.criticism.verdict_words import (
+    MORE,
+    as_well_words,
     fault_words,
     leveled_words,
     like,
@@ -43,8 +45,11 @@ from solver.noise import quiet
 ALIKE = 0.95
 #: Share of the winner's evidence at which one of its own family is not ruled out.
 RIVAL = 0.65
-#: Evidence from which on an effect is named although the noise is weaker where vehicles are loud.
+#: Evidence from which on an effect is named although the noise is weaker where vehicles are loud, or a stand-in of
+#: another kind explains as much.
 PLAIN = 10 * FOUND
+#: Families of which the route hides each.
+NEVER_ALONE = ("depth", "rigid")
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
 CONVERGED = 0.5
 
@@ -167,20 +172,17 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     generic = [c for c in present if c.generic]
     if bench.audit.leveled and all(c.evidence < PLAIN for c in present):
         level = next(c for c in listed if c.effect in GAINS)
-        return concluded(
-            bench, "unknown-effect", leveled_words(bench.audit.loud), leading(listed, placed(level, bench))
-        )
+        words = leveled_words(bench.audit.loud)
+        return concluded(bench, "unknown-effect", words, leading(listed, placed(level, bench)))
     if not present:
-        return concluded(
-            bench, "adequate", f"nothing is missing that this survey could show. {power_words(listed)}", listed
-        )
+        words = f"nothing is missing that this survey could show. {power_words(listed)}"
+        return concluded(bench, "adequate", words, listed)
     if not physical or (generic and outdone(physical[0].evidence, generic[0].evidence, generic[0].numbers)):
         if physical and (two := both_known(bench, physical[0], generic[0], tried, asked)):
             return confirmed(bench, physical[0], listed, tried, asked, two)
         first = placed(generic[0], bench)
-        return concluded(
-            bench, "unknown-effect", unknown_words(first, bench.effect(first).physics, physical), leading(listed, first)
-        )
+        words = unknown_words(first, bench.effect(first).physics, physical)
+        return concluded(bench, "unknown-effect", words, leading(listed, first))
     first = plainest(physical)
     if bench.is_fault(first):
         return beside_fault(bench, first, asked)
@@ -190,7 +192,22 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
             f"be: something unknown acts, as it does at the {first.stage} stage"
         )
         return concluded(bench, "unknown-effect", words, leading(listed, replace(first, verdict="excluded")))
+    if (rival := unknown_as_well(first, generic, bench)) is not None:
+        words = as_well_words(first, rival, bench.effect(rival).physics)
+        named = leading(listed, replace(first, verdict="inconclusive"))
+        return concluded(bench, "inconclusive", words, named, separate=MORE)
     return confirmed(bench, first, listed, tried, asked)
+
+
+def unknown_as_well(first: Candidate, generic: Sequence[Candidate], bench: Bench) -> Candidate | None:
+    """A stand-in of another kind that explains as much as a weak first candidate: then the unknown is not ruled out.
+
+    What a strong one leaves to a stand-in is its own law's error, and what the route hides is never named alone.
+    """
+    if first.evidence > PLAIN or not set(NEVER_ALONE).isdisjoint(families_of(first.effect)):
+        return None
+    strange = [one for one in generic if not akin(first, bench.effect(one))]
+    return next((one for one in strange if one.evidence > first.evidence - CLOSE), None)
 
 
 def confirmed(
@@ -284,7 +301,7 @@ def confounded(
         if alike or rival > RIVAL * first.evidence:
             close.append(name)
     # What the route hides is never named alone.
-    for kind in ("depth", "rigid"):
+    for kind in NEVER_ALONE:
         if first.effect in FAMILIES[kind]:
             close += [name for name in FAMILIES[kind] if name != first.effect]
     return tuple(dict.fromkeys(close))

@@ -17,6 +17,8 @@ ADVICE = {
     "rigid": "two or more anchors, some tens of meters apart",
     "curve": "lanes at clearly different distances from the fiber, and a check of the camera by points on the road",
 }
+#: Where something shows too weakly.
+MORE = "more passes, heavier vehicles, and a second lane"
 
 
 def number(value: float) -> str:
@@ -59,6 +61,14 @@ def unknown_words(first: Candidate, physics: str, physical: Sequence[Candidate])
             f"; nearest is {physical[0].effect}, with {100 * physical[0].delta_chi2 / first.delta_chi2:.0f} % of it"
         )
     return words
+
+
+def as_well_words(first: Candidate, rival: Candidate, physics: str) -> str:
+    """Verdict where something unknown explains what is found as well as the best known effect."""
+    return (
+        f"something shows weakly: {first.effect} ({size_words(first)}) lowers chi2 by {first.delta_chi2:.0f}, but "
+        f"something unknown, as if {like(physics)} ({rival.effect}), explains it about as well"
+    )
 
 
 def like(physics: str) -> str:

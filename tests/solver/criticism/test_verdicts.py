@@ -12,12 +12,16 @@ from solver.criticism.beside import Beside, both_known
 from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis import judge
 from solver.criticism.score import FOUND
+from solver.effects.catalogue import built_in
+from solver.effects.effect import Effect
 
 
-def candidate(name: str, strength: float, *, generic: bool = False, numbers: int = 1) -> Candidate:
+def candidate(
+    name: str, strength: float, *, generic: bool = False, numbers: int = 1, stage: str = "ground"
+) -> Candidate:
     return Candidate(
         effect=name,
-        stage="ground",
+        stage=stage,
         generic=generic,
         verdict="present",
         delta_chi2=2 * strength,
@@ -120,3 +124,41 @@ def test_noise_that_is_weaker_where_vehicles_are_loud_hides_no_strong_effect(
     bench: Any = Bench()
     judge(bench, listed, {"stiffness_contrast": refit("stiffness_contrast", strength)}, ASKED)
     assert seen == ["missing-effect" if strength > diagnosis.PLAIN else "unknown-effect"]
+
+
+@pytest.mark.parametrize(
+    ("first", "strength", "rival", "named"),
+    [
+        ("layered_ground", 22.0, 17.0, False),
+        ("layered_ground", 22.0, 13.0, True),
+        ("layered_ground", 200.0, 197.0, True),
+        ("camber", 22.0, 17.0, True),
+        ("shear_lag", 22.0, 17.0, False),
+    ],
+)
+def test_a_weak_effect_that_something_unknown_explains_as_well(
+    monkeypatch: pytest.MonkeyPatch, first: str, strength: float, rival: float, named: bool
+) -> None:
+    """Trucks seen beside their wheels had been named layered ground; what the route hides is never named alone."""
+
+    class Bench:
+        audit, scorer = SimpleNamespace(leveled=False), SimpleNamespace(stress=0.0)
+
+        def is_fault(self, one: Candidate) -> bool:
+            return False
+
+        def effect(self, one: Candidate) -> Effect:
+            return built_in()[one.effect]
+
+    seen: list[str] = []
+    monkeypatch.setattr(diagnosis, "confirmed", lambda *given: seen.append("missing-effect"))
+    listed = [candidate(first, strength), candidate("generic_twin", rival, generic=True, stage="load")]
+    bench: Any = Bench()
+    found = judge(bench, listed, {first: refit(first, strength)}, ASKED)
+    assert seen == (["missing-effect"] if named else [])
+    if not named:
+        assert found.verdict == "inconclusive"
+        assert first in found.words
+        assert "generic_twin" in found.words
+        assert found.separate
+        assert [one.verdict for one in found.candidates] == ["inconclusive", "inconclusive"]
