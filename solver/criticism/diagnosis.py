@@ -200,21 +200,14 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
 
 
 def unknown_as_well(first: Candidate, generic: Sequence[Candidate], bench: Bench) -> Candidate | None:
-    """A stand-in that does not rule out the unknown beside a weak first candidate.
+    """A stand-in of another kind that explains as much as a weak first candidate: then the unknown is not ruled out.
 
-    That is one of its own kind that explains more, or one of another kind that explains as much. What a strong one
-    leaves to a stand-in is its own law's error, and what the route hides is never named alone.
+    What a strong one leaves to a stand-in is its own law's error, and what the route hides is never named alone.
     """
-    if first.evidence > PLAIN:
+    if first.evidence > PLAIN or not set(NEVER_ALONE).isdisjoint(families_of(first.effect)):
         return None
-    with_others = not set(NEVER_ALONE).isdisjoint(families_of(first.effect))
-
-    def as_good(one: Candidate) -> bool:
-        if akin(first, bench.effect(one)):
-            return one.evidence > first.evidence
-        return not with_others and one.evidence > first.evidence - CLOSE
-
-    return next(filter(as_good, generic), None)
+    strange = [one for one in generic if not akin(first, bench.effect(one))]
+    return next((one for one in strange if one.evidence > first.evidence - CLOSE), None)
 
 
 def confirmed(

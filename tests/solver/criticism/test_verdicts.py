@@ -127,25 +127,19 @@ def test_noise_that_is_weaker_where_vehicles_are_loud_hides_no_strong_effect(
 
 
 @pytest.mark.parametrize(
-    ("first", "strength", "stand_in", "rival", "named"),
+    ("first", "strength", "rival", "named"),
     [
-        ("layered_ground", 22.0, "generic_twin", 17.0, False),
-        ("layered_ground", 22.0, "generic_twin", 13.0, True),
-        ("layered_ground", 200.0, "generic_twin", 197.0, True),
-        ("camber", 22.0, "generic_twin", 17.0, True),
-        ("shear_lag", 22.0, "generic_twin", 17.0, False),
-        ("track_offset", 74.0, "generic_shift", 78.0, False),
-        ("track_offset", 74.0, "generic_shift", 70.0, True),
-        ("track_bend", 102.0, "generic_track", 101.0, True),
+        ("layered_ground", 22.0, 17.0, False),
+        ("layered_ground", 22.0, 13.0, True),
+        ("layered_ground", 200.0, 197.0, True),
+        ("camber", 22.0, 17.0, True),
+        ("shear_lag", 22.0, 17.0, False),
     ],
 )
 def test_a_weak_effect_that_something_unknown_explains_as_well(
-    monkeypatch: pytest.MonkeyPatch, first: str, strength: float, stand_in: str, rival: float, named: bool
+    monkeypatch: pytest.MonkeyPatch, first: str, strength: float, rival: float, named: bool
 ) -> None:
-    """Trucks seen beside their wheels had been named layered ground, or an offset of all tracks.
-
-    What the route hides is never named alone.
-    """
+    """Trucks seen beside their wheels had been named layered ground; what the route hides is never named alone."""
 
     class Bench:
         audit, scorer = SimpleNamespace(leveled=False), SimpleNamespace(stress=0.0)
@@ -158,17 +152,13 @@ def test_a_weak_effect_that_something_unknown_explains_as_well(
 
     seen: list[str] = []
     monkeypatch.setattr(diagnosis, "confirmed", lambda *given: seen.append("missing-effect"))
-    known = built_in()
-    listed = [
-        candidate(first, strength, stage=known[first].stage),
-        candidate(stand_in, rival, generic=True, stage=known[stand_in].stage),
-    ]
+    listed = [candidate(first, strength), candidate("generic_twin", rival, generic=True, stage="load")]
     bench: Any = Bench()
     found = judge(bench, listed, {first: refit(first, strength)}, ASKED)
     assert seen == (["missing-effect"] if named else [])
     if not named:
         assert found.verdict == "inconclusive"
         assert first in found.words
-        assert stand_in in found.words
+        assert "generic_twin" in found.words
         assert found.separate
         assert [one.verdict for one in found.candidates] == ["inconclusive", "inconclusive"]
