@@ -15,8 +15,8 @@ from solver.fit.state import State
 
 Advance = Callable[[int], None]
 
-#: How many enter the race of full fits, and how many that for what the winner leaves; how many stand-ins among them.
-RACERS, BESIDE, STANDING_IN = 8, 6, 3
+#: How many enter the race of full fits, and how many stand-ins among them.
+RACERS, STANDING_IN = 8, 3
 
 
 @dataclass(frozen=True)

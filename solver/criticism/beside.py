@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from solver.criticism.bench import BESIDE, Asked, Bench, racers, scorable
+from solver.criticism.bench import Asked, Bench, racers, scorable
 from solver.criticism.candidate import Candidate
 from solver.criticism.refit import Refit, race
 from solver.criticism.score import FOUND, Score
@@ -12,6 +12,8 @@ from solver.effects.catalogue import STAND_INS, families_of
 from solver.effects.effect import Effect
 from solver.fit.least_squares import solve
 
+#: How many enter the race for what the winner leaves.
+BESIDE = 6
 #: What another must explain more, as ln of the Bayes factor, to be told apart.
 CLOSE = 6.0
 #: Share of a stand-in's evidence at which a known effect, whose law is stricter, is preferred to it; and where the
@@ -48,17 +50,16 @@ class Beside:
         again = Bench.of(fit, state, bench.audit, suspects(bench.table, asked.effects), asked.advance)
         others = [s for s in again.table if s.evidence > FOUND]
         beside = cls(again, others, race(again.scorer, racers(others, BESIDE), asked.advance))
-        return beside.widened(asked) if beside.doubted(first) else beside
+        return beside if beside.doubt(first) is None else beside.widened(asked)
 
     def widened(self, asked: Asked) -> "Beside":
         """The same with known effects that did not show before: the winner may have outshone them."""
-        here = {s.effect.name for s in self.bench.table}
-        unseen = [one for one in scorable(self.bench.scorer.fit.problem, asked.effects) if one.name not in here]
-        shown = [s for s in score_all(self.bench.scorer, unseen, asked.advance) if s.evidence > FOUND]
-        late = race(self.bench.scorer, racers(shown, BESIDE), asked.advance)
-        return replace(
-            self, others=sorted(self.others + shown, key=lambda s: -s.evidence), tried={**self.tried, **late}
-        )
+        scorer, seen = self.bench.scorer, {s.effect.name for s in self.bench.table}
+        unseen = [one for one in scorable(scorer.fit.problem, asked.effects) if one.name not in seen]
+        shown = [s for s in score_all(scorer, unseen, asked.advance) if s.evidence > FOUND]
+        others = sorted(self.others + shown, key=lambda s: -s.evidence)
+        late = race(scorer, racers(shown, BESIDE), asked.advance)
+        return replace(self, others=others, tried={**self.tried, **late})
 
     @property
     def left(self) -> float:
@@ -75,15 +76,15 @@ class Beside:
         """The best stand-in for the unknown."""
         return max((r for r in self.tried.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
 
-    def doubted(self, first: Candidate) -> bool:
-        """Whether the first candidate leaves more to a stand-in for the unknown than its own law may be off by."""
+    def doubt(self, first: Candidate) -> Refit | None:
+        """The stand-in for the unknown to which the first candidate leaves more than its own law may be off by."""
         best = self.stand_in
         if best is None or not outdone(self.known, best.evidence, best.score.freedom):
-            return False
+            return None
         alike = [s.fall for s in self.others if s.effect.generic and akin(first, s.effect)]
         own = FINER if first.numbers > MANY else LEFT
         most = own if max(alike, default=0.0) >= best.fall or akin(first, best.effect) else ASTRAY
-        return best.fall > most * max(first.delta_chi2, 1.0)
+        return best if best.fall > most * max(first.delta_chi2, 1.0) else None
 
 
 def both_known(
@@ -99,7 +100,7 @@ def both_known(
     beside = Beside.of(bench, first, winner, asked)
     strict = [r.evidence for r in beside.tried.values() if not r.effect.generic and r.score.freedom <= MANY]
     more = first.evidence + max(strict, default=0.0) >= stand_in.evidence + CLOSE
-    return beside if more and not beside.doubted(first) else None
+    return beside if more and beside.doubt(first) is None else None
 
 
 def outdone(known: float, stand_in: float, numbers: int) -> bool:
@@ -109,8 +110,12 @@ def outdone(known: float, stand_in: float, numbers: int) -> bool:
 
 def akin(first: Candidate, stand_in: Effect) -> bool:
     """Whether a stand-in takes up what the law of the first candidate, at its stage or of its family, leaves."""
-    families = STAND_INS.get(stand_in.name, ())
-    return stand_in.stage == first.stage or not set(families).isdisjoint(families_of(first.effect))
+    return stand_in.stage == first.stage or of_family(first, stand_in)
+
+
+def of_family(first: Candidate, stand_in: Effect) -> bool:
+    """Whether a stand-in takes up what the laws of the first candidate's family leave."""
+    return not set(STAND_INS.get(stand_in.name, ())).isdisjoint(families_of(first.effect))
 
 
 def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from solver.criticism.audit import NoiseAudit, audit
-from solver.criticism.bench import BESIDE, RACERS, Advance, Asked, Bench, racers, scorable
-from solver.criticism.beside import CLOSE, FEW, MANY, Beside, akin, both_known, outdone
+from solver.criticism.bench import RACERS, Advance, Asked, Bench, racers, scorable
+from solver.criticism.beside import BESIDE, CLOSE, FEW, MANY, Beside, akin, both_known, of_family, outdone
 from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.placing import stage_of
 from solver.criticism.refit import HOPE, Refit, elsewhere, race
@@ -200,14 +200,27 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
 
 
 def unknown_as_well(first: Candidate, generic: Sequence[Candidate], bench: Bench) -> Candidate | None:
-    """A stand-in of another kind that explains as much as a weak first candidate: then the unknown is not ruled out.
+    """A stand-in beside which a weak first candidate does not rule the unknown out.
 
-    What a strong one leaves to a stand-in is its own law's error, and what the route hides is never named alone.
+    That is one of its stage and family, looser than its law, that explains more; or one of another kind that explains
+    as much. What a strong one leaves to a stand-in is its own law's error.
     """
-    if first.evidence > PLAIN or not set(NEVER_ALONE).isdisjoint(families_of(first.effect)):
+    if first.evidence > PLAIN:
         return None
-    strange = [one for one in generic if not akin(first, bench.effect(one))]
-    return next((one for one in strange if one.evidence > first.evidence - CLOSE), None)
+
+    def as_good(one: Candidate) -> bool:
+        effect = bench.effect(one)
+        if not akin(first, effect):
+            return not hidden_with(first) and one.evidence > first.evidence - CLOSE
+        return effect.stage == first.stage and of_family(first, effect) and one.evidence > first.evidence
+
+    return next(filter(as_good, generic), None)
+
+
+def hidden_with(first: Candidate) -> list[str]:
+    """What the route hides together with a candidate, which is therefore never named alone."""
+    kinds = [kind for kind in NEVER_ALONE if first.effect in FAMILIES[kind]]
+    return [name for kind in kinds for name in FAMILIES[kind] if name != first.effect]
 
 
 def confirmed(
@@ -221,9 +234,9 @@ def confirmed(
     """The verdict on a known effect that explains the most, by what it leaves and by passes held out."""
     winner = tried[first.effect]
     beside = beside or Beside.of(bench, first, winner, asked)
-    again, left, best = beside.bench, beside.left, beside.stand_in
-    if best is not None and beside.doubted(first):
-        stand_in = placed(score_candidate(next(s for s in beside.others if s.effect is best.effect), best), again)
+    again, left = beside.bench, beside.left
+    if (best := beside.doubt(first)) is not None:
+        stand_in = placed(score_candidate(best.score, best), again)
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
             f"acts at the {stand_in.stage} stage, as if {like(best.effect.physics)} ({best.effect.name})"
@@ -300,11 +313,7 @@ def confounded(
         alike = name not in tried and similarity(bench.scorer, mine, scores[name]) > ALIKE
         if alike or rival > RIVAL * first.evidence:
             close.append(name)
-    # What the route hides is never named alone.
-    for kind in NEVER_ALONE:
-        if first.effect in FAMILIES[kind]:
-            close += [name for name in FAMILIES[kind] if name != first.effect]
-    return tuple(dict.fromkeys(close))
+    return tuple(dict.fromkeys(close + hidden_with(first)))
 
 
 def held_out_gain(scorer: Scorer, winner: Refit) -> float | None:

@@ -50,6 +50,19 @@ def shown(one: Any) -> Any:
     return SimpleNamespace(effect=one.effect, evidence=one.evidence, fall=one.fall, refit=one)
 
 
+class Judged:
+    """A bench of given candidates, none of them a fault."""
+
+    def __init__(self, *, leveled: bool = False) -> None:
+        self.audit, self.scorer = SimpleNamespace(leveled=leveled, loud=0.3), SimpleNamespace(stress=0.0)
+
+    def is_fault(self, one: Candidate) -> bool:
+        return False
+
+    def effect(self, one: Candidate) -> Effect:
+        return built_in()[one.effect]
+
+
 ASKED = Asked([], held_out=False, advance=lambda n: None)
 
 
@@ -100,7 +113,7 @@ def test_what_did_not_show_before_is_asked_where_the_winner_leaves_much(
     found = Beside.of(before, candidate("dynamic_load", 1000.0), winner, asked)
     assert scored == (["saturation"] if asked_again else [])
     assert ("saturation" in found.tried) == asked_again
-    assert not found.doubted(candidate("dynamic_load", 1000.0))
+    assert found.doubt(candidate("dynamic_load", 1000.0)) is None
 
 
 @pytest.mark.parametrize("strength", [FOUND + 8, 20 * FOUND])
@@ -109,56 +122,52 @@ def test_noise_that_is_weaker_where_vehicles_are_loud_hides_no_strong_effect(
 ) -> None:
     """A gain that follows the signal makes weak effects seem: then it is said that the record was leveled."""
     seen: list[str] = []
-
-    class Bench:
-        audit = SimpleNamespace(leveled=True, loud=0.3)
-
-        def is_fault(self, one: Candidate) -> bool:
-            return False
-
     monkeypatch.setattr(diagnosis, "concluded", lambda bench, verdict, *more: seen.append(verdict))
     monkeypatch.setattr(diagnosis, "placed", lambda one, bench: one)
     monkeypatch.setattr(diagnosis, "confirmed", lambda *given: seen.append("missing-effect"))
     listed = [candidate("stiffness_contrast", strength), candidate("generic_nonlinearity", 0.0, generic=True)]
     listed[1] = replace(listed[1], verdict="negligible")
-    bench: Any = Bench()
+    bench: Any = Judged(leveled=True)
     judge(bench, listed, {"stiffness_contrast": refit("stiffness_contrast", strength)}, ASKED)
     assert seen == ["missing-effect" if strength > diagnosis.PLAIN else "unknown-effect"]
 
 
 @pytest.mark.parametrize(
-    ("first", "strength", "rival", "named"),
+    ("first", "strength", "stand_in", "rival", "named"),
     [
-        ("layered_ground", 22.0, 17.0, False),
-        ("layered_ground", 22.0, 13.0, True),
-        ("layered_ground", 200.0, 197.0, True),
-        ("camber", 22.0, 17.0, True),
-        ("shear_lag", 22.0, 17.0, False),
+        ("layered_ground", 22.0, "generic_twin", 17.0, False),
+        ("layered_ground", 22.0, "generic_twin", 13.0, True),
+        ("layered_ground", 200.0, "generic_twin", 197.0, True),
+        ("camber", 22.0, "generic_twin", 17.0, True),
+        ("shear_lag", 22.0, "generic_twin", 17.0, False),
+        ("track_offset", 74.0, "generic_shift", 78.0, False),
+        ("track_offset", 74.0, "generic_shift", 70.0, True),
+        ("track_bend", 102.0, "generic_track", 101.0, True),
+        # Of its stage alone: bent tracks, which are longer on one side; of its family alone: it is at another stage.
+        ("track_scale", 42.0, "generic_track", 47.0, True),
+        ("track_bias", 50.0, "generic_delay", 53.0, True),
     ],
 )
 def test_a_weak_effect_that_something_unknown_explains_as_well(
-    monkeypatch: pytest.MonkeyPatch, first: str, strength: float, rival: float, named: bool
+    monkeypatch: pytest.MonkeyPatch, first: str, strength: float, stand_in: str, rival: float, named: bool
 ) -> None:
-    """Trucks seen beside their wheels had been named layered ground; what the route hides is never named alone."""
+    """Trucks seen beside their wheels had been named layered ground, or an offset of all tracks.
 
-    class Bench:
-        audit, scorer = SimpleNamespace(leveled=False), SimpleNamespace(stress=0.0)
-
-        def is_fault(self, one: Candidate) -> bool:
-            return False
-
-        def effect(self, one: Candidate) -> Effect:
-            return built_in()[one.effect]
-
+    What the route hides is never named alone, and so is named beside what explains it as well.
+    """
     seen: list[str] = []
     monkeypatch.setattr(diagnosis, "confirmed", lambda *given: seen.append("missing-effect"))
-    listed = [candidate(first, strength), candidate("generic_twin", rival, generic=True, stage="load")]
-    bench: Any = Bench()
+    known = built_in()
+    listed = [
+        candidate(first, strength, stage=known[first].stage),
+        candidate(stand_in, rival, generic=True, stage=known[stand_in].stage),
+    ]
+    bench: Any = Judged()
     found = judge(bench, listed, {first: refit(first, strength)}, ASKED)
     assert seen == (["missing-effect"] if named else [])
     if not named:
         assert found.verdict == "inconclusive"
         assert first in found.words
-        assert "generic_twin" in found.words
+        assert stand_in in found.words
         assert found.separate
         assert [one.verdict for one in found.candidates] == ["inconclusive", "inconclusive"]
