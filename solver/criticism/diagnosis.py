@@ -26,6 +26,7 @@ from solver.criticism.verdict_words import (
     MORE,
     as_well_words,
     fault_words,
+    impossible_words,
     leveled_words,
     like,
     missing_words,
@@ -187,10 +188,7 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     if bench.is_fault(first):
         return beside_fault(bench, first, asked)
     if tried[first.effect].pushed:
-        words = (
-            f"{first.effect} explains the most of all known effects, but at {first.estimate:.3g}, the edge of what can "
-            f"be: something unknown acts, as it does at the {first.stage} stage"
-        )
+        words = impossible_words(first)
         return concluded(bench, "unknown-effect", words, leading(listed, replace(first, verdict="excluded")))
     if (rival := unknown_as_well(first, generic, bench)) is not None:
         words = as_well_words(first, rival, bench.effect(rival).physics)

@@ -11,7 +11,7 @@ from torch import Tensor
 from solver.criticism.score import FOUND, Score, evidence
 from solver.criticism.scorer import Scorer, score_all
 from solver.criticism.side_by_side import side_by_side
-from solver.effects.effect import Effect
+from solver.effects.effect import Effect, Parameter
 from solver.extension import Slot
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
@@ -35,6 +35,8 @@ SHIFTED = 1.0
 LATE = 0.25
 #: What is raised where steps led to where the model has no numbers: who gets there stops, and the rest goes on.
 UNSOLVED = (ValueError, np.linalg.LinAlgError, torch.linalg.LinAlgError)
+#: Root mean square of numbers, in standard deviations of their prior, that is none of its draws any more.
+EXTREME = 3.0
 #: Classes from light to heavy, and weights relative to the lighter half's mean that divide them.
 HEAVIER, TIMES = ("car", "truck", "bus"), (1.8, 5.0)
 
@@ -116,9 +118,9 @@ class Refit:
 
     @property
     def pushed(self) -> bool:
-        """Whether the fit drove its size to a bound, beyond which no such thing exists."""
+        """Whether the fit drove it to what cannot be: one number to its bound, many far from their prior."""
         sizes = [(slot.parameter, self.numbers(slot)) for slot in self.slots if not slot.parameter.is_shape]
-        return any(len(size) == 1 and not p.lower < size[0] < p.upper for p, size in sizes)
+        return any(too_large(p, size) if len(size) > 1 else not p.lower < size[0] < p.upper for p, size in sizes)
 
     @property
     def shape(self) -> dict[str, float]:
@@ -133,6 +135,12 @@ class Refit:
     def numbers(self, slot: Slot) -> NDArray[np.float64]:
         """Numbers [number] of one parameter."""
         return np.asarray(self.solution.state.numbers[slot.where])
+
+
+def too_large(parameter: Parameter, size: NDArray[np.float64]) -> bool:
+    """Whether many numbers without bounds are together of a size that their prior rules out."""
+    bounded = np.isfinite(parameter.lower) or np.isfinite(parameter.upper)
+    return not bounded and float(np.sqrt(np.mean((size - parameter.null) ** 2))) > EXTREME * parameter.plausible
 
 
 def with_effect(problem: Problem, effect: Effect) -> Problem:

@@ -63,6 +63,14 @@ def unknown_words(first: Candidate, physics: str, physical: Sequence[Candidate])
     return words
 
 
+def impossible_words(first: Candidate) -> str:
+    """Verdict on a known effect that explains the most, but not as what it is."""
+    return (
+        f"{first.effect} explains the most of all known effects, but only at a size that cannot be "
+        f"({size_words(first)}): something unknown acts, as it does at the {first.stage} stage"
+    )
+
+
 def as_well_words(first: Candidate, rival: Candidate, physics: str) -> str:
     """Verdict where something unknown explains what is found as well as the best known effect."""
     return (

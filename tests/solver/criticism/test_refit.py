@@ -1,5 +1,6 @@
 """What full fits with a candidate are trusted with."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +14,7 @@ from solver.criticism.refit import Refit, rests_on_one
 from solver.criticism.score import Score
 from solver.criticism.verdict_words import ADVICE
 from solver.effects.catalogue import FAMILIES, STAND_INS, built_in, families_of
+from solver.extension import Slot
 
 
 def tried(name: str, fall: float) -> Refit:
@@ -56,6 +58,26 @@ def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
     assert score_candidate(found.score, found).verdict == "present"
     lone = Refit(found.score, found.fit, found.solution, found.fall, lone=True)
     assert score_candidate(found.score, lone).verdict == "inconclusive"
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "impossible"),
+    [
+        ("track_bend", [2.0, -1.8, 2.2, -2.3], True),
+        ("track_bend", [2.0, -0.3, 0.2, -0.3], False),
+        # What has bounds keeps to them; one number may surprise.
+        ("braking", [0.6, 0.5, 0.6, 0.5], False),
+        ("clock_offset", [0.5], False),
+        ("poisson_ratio", [built_in()["poisson_ratio"].parameters[0].upper], True),
+    ],
+)
+def test_a_size_that_cannot_be(name: str, numbers: list[float], impossible: bool) -> None:
+    """A bend of all tracks by two meters had been named where the road's roughness had moved the route."""
+    found = tried(name, 1000.0)
+    slot = Slot(found.effect, found.effect.parameters[0], slice(0, len(numbers)))
+    fit: Any = SimpleNamespace(extension=SimpleNamespace(slots=[slot]))
+    solution: Any = SimpleNamespace(state=SimpleNamespace(numbers=torch.tensor(numbers, dtype=torch.float64)))
+    assert replace(found, fit=fit, solution=solution).pushed is impossible
 
 
 def test_every_family_is_told_how_to_separate_it_and_every_stand_in_is_known() -> None:
