@@ -188,13 +188,23 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     if bench.is_fault(first):
         return beside_fault(bench, first, asked)
     if tried[first.effect].pushed:
-        words = impossible_words(first)
-        return concluded(bench, "unknown-effect", words, leading(listed, replace(first, verdict="excluded")))
+        return impossible(bench, first, listed, tried)
     if (rival := unknown_as_well(first, generic, bench)) is not None:
         words = as_well_words(first, rival, bench.effect(rival).physics)
         named = leading(listed, replace(first, verdict="inconclusive"))
         return concluded(bench, "inconclusive", words, named, separate=MORE)
     return confirmed(bench, first, listed, tried, asked)
+
+
+def impossible(bench: Bench, first: Candidate, listed: Sequence[Candidate], tried: Mapping[str, Refit]) -> Diagnosis:
+    """The verdict where the best known effect fits only at a size that cannot be: the best that can be is the clue."""
+    excluded = replace(first, verdict="excluded")
+    able = (c for c in listed if c.verdict == "present" and c.effect in tried and not tried[c.effect].pushed)
+    clue = next(able, excluded)
+    if clue is not excluded:
+        clue = placed(clue, bench) if clue.generic else replace(clue, verdict="inconclusive")
+    whole = [excluded if c.effect == first.effect else c for c in listed]
+    return concluded(bench, "unknown-effect", impossible_words(first, clue.stage), leading(whole, clue))
 
 
 def unknown_as_well(first: Candidate, generic: Sequence[Candidate], bench: Bench) -> Candidate | None:

@@ -63,11 +63,11 @@ def unknown_words(first: Candidate, physics: str, physical: Sequence[Candidate])
     return words
 
 
-def impossible_words(first: Candidate) -> str:
+def impossible_words(first: Candidate, stage: str) -> str:
     """Verdict on a known effect that explains the most, but not as what it is."""
     return (
         f"{first.effect} explains the most of all known effects, but only at a size that cannot be "
-        f"({size_words(first)}): something unknown acts, as it does at the {first.stage} stage"
+        f"({size_words(first)}): something unknown acts, as it seems at the {stage} stage"
     )
 
 

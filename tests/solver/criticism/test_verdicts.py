@@ -171,3 +171,32 @@ def test_a_weak_effect_that_something_unknown_explains_as_well(
         assert stand_in in found.words
         assert found.separate
         assert [one.verdict for one in found.candidates] == ["inconclusive", "inconclusive"]
+
+
+@pytest.mark.parametrize(
+    ("second", "numbers", "also", "stage"),
+    [
+        ("dynamic_load", 18, False, "load"),
+        ("generic_road", 12, False, "load"),
+        ("generic_road", 12, True, "trajectory"),
+    ],
+)
+def test_what_fits_only_at_a_size_that_cannot_be_leaves_the_stage_to_what_can(
+    monkeypatch: pytest.MonkeyPatch, second: str, numbers: int, also: bool, stage: str
+) -> None:
+    """A rough road had moved the route, and seemed a bend of all tracks by two meters."""
+    monkeypatch.setattr(diagnosis, "placed", lambda one, bench: one)
+    generic = second.startswith("generic")
+    listed = [
+        candidate("track_bend", 2000.0, numbers=13, stage="trajectory"),
+        candidate(second, 1500.0, generic=generic, numbers=numbers, stage="load"),
+    ]
+    tried = {one.effect: refit(one.effect, one.evidence, generic=one.generic) for one in listed}
+    tried["track_bend"].pushed, tried[second].pushed = True, also
+    bench: Any = Judged()
+    found = judge(bench, listed, tried, ASKED)
+    assert found.verdict == "unknown-effect"
+    assert f"at the {stage} stage" in found.words
+    assert found.candidates[0].stage == stage
+    verdicts = {one.effect: one.verdict for one in found.candidates}
+    assert verdicts == {"track_bend": "excluded", second: "present" if generic and not also else "inconclusive"}
