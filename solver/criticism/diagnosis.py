@@ -24,6 +24,7 @@ from solver.criticism.spectrum import filtered_by
 from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.criticism.verdict_words import (
     MORE,
+    advice,
     as_well_words,
     fault_words,
     impossible_words,
@@ -32,6 +33,7 @@ from solver.criticism.verdict_words import (
     missing_words,
     power_words,
     unknown_words,
+    untrusted_words,
 )
 from solver.effects.catalogue import FAMILIES, GAINS, families_of
 from solver.effects.effect import Effect
@@ -250,19 +252,16 @@ def confirmed(
             f"acts at the {stand_in.stage} stage, as if {like(best.effect.physics)} ({best.effect.name})"
         )
         return concluded(bench, "unknown-effect", words, leading(listed, stand_in), left=left)
-    if asked.held_out:
-        gain = held_out_gain(bench.scorer, winner)
-        first = replace(first, held_out_gain=gain)
-        if gain is not None and gain <= 0:
-            words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
-            return concluded(
-                bench, "inconclusive", words, leading(listed, replace(first, verdict="inconclusive")), left=left
-            )
     first = replace(first, confounded_with=confounded(bench, first, listed, tried))
-    words, separate = missing_words(first, left)
+    gain = held_out_gain(bench.scorer, winner) if asked.held_out else None
+    first = replace(first, held_out_gain=gain)
+    if gain is not None and gain <= 0:
+        named = leading(listed, replace(first, verdict="inconclusive"))
+        return concluded(bench, "inconclusive", untrusted_words(first), named, separate=advice(first), left=left)
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     whole = [faults.get(c.effect, c) for c in leading(listed, first)]
-    return concluded(bench, "missing-effect", words, whole, separate=separate, left=left)
+    words = missing_words(first, left)
+    return concluded(bench, "missing-effect", words, whole, separate=advice(first), left=left)
 
 
 def plainest(physical: Sequence[Candidate]) -> Candidate:

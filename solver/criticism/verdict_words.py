@@ -37,17 +37,33 @@ def fault_words(first: Candidate, fault: Fault) -> str:
     return f"{fault.words}; {size_words(first)}; mending it lowers chi2 by {first.delta_chi2:.0f}"
 
 
-def missing_words(first: Candidate, left: float) -> tuple[str, str]:
-    """Verdict on a missing effect, and what survey would tell its twins apart."""
+def missing_words(first: Candidate, left: float) -> str:
+    """Verdict on a missing effect."""
     words = f"{first.effect} is missing at the {first.stage} stage; {size_words(first)}"
     words += f"; adding it lowers chi2 by {first.delta_chi2:.0f}"
     if left > FOUND:
         words += "; more is missing beside it: add it and diagnose again"
+    return words + twin_words(first)
+
+
+def untrusted_words(first: Candidate) -> str:
+    """Verdict on an effect that passes held out do not confirm."""
+    words = f"{first.effect} lowers the misfit, but not that of passes held out: it is not trusted"
+    return words + twin_words(first)
+
+
+def twin_words(first: Candidate) -> str:
+    """What an effect cannot be told from, as a sentence to follow; "" where there is nothing."""
+    names = ", ".join(first.confounded_with)
+    return f". This survey cannot tell it from {names}" if names else ""
+
+
+def advice(first: Candidate) -> str:
+    """What survey would tell an effect from its twins; "" where it has none."""
     if not first.confounded_with:
-        return words, ""
-    words += f". This survey cannot tell it from {', '.join(first.confounded_with)}"
+        return ""
     kinds = [kind for kind in families_of(first.effect) if set(FAMILIES[kind]) & set(first.confounded_with)]
-    return words, "; ".join(ADVICE[kind] for kind in kinds) or "another lane, other speeds, or an anchor"
+    return "; ".join(ADVICE[kind] for kind in kinds) or "another lane, other speeds, or an anchor"
 
 
 def unknown_words(first: Candidate, physics: str, physical: Sequence[Candidate]) -> str:

@@ -200,3 +200,20 @@ def test_what_fits_only_at_a_size_that_cannot_be_leaves_the_stage_to_what_can(
     assert found.candidates[0].stage == stage
     verdicts = {one.effect: one.verdict for one in found.candidates}
     assert verdicts == {"track_bend": "excluded", second: "present" if generic and not also else "inconclusive"}
+
+
+def test_what_the_route_hides_is_said_to_be_inseparable_even_where_passes_held_out_do_not_confirm_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nothing = Beside(SimpleNamespace(faults=[]), [], {})  # type: ignore[arg-type]
+    monkeypatch.setattr(Beside, "of", lambda *given: nothing)
+    monkeypatch.setattr(diagnosis, "held_out_gain", lambda scorer, winner: -1e-6)
+    won = refit("track_scale", 29.0)
+    bench: Any = Judged()
+    bench.table = [shown(won)]
+    asked = Asked([], held_out=True, advance=lambda n: None)
+    found = judge(bench, [candidate("track_scale", 29.0, stage="trajectory")], {"track_scale": won}, asked)
+    assert found.verdict == "inconclusive"
+    assert found.candidates[0].confounded_with == ("track_offset", "track_rotation", "channel_stretch")
+    assert "cannot tell it from track_offset, track_rotation, channel_stretch" in found.words
+    assert "anchors" in found.separate
