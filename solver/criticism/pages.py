@@ -66,11 +66,11 @@ def row(candidate: Candidate) -> str:
         escape(candidate.effect),
         candidate.stage,
         candidate.verdict,
-        f"{candidate.delta_chi2:.0f}" + ("" if candidate.refitted else " (predicted)"),
+        f"{candidate.delta_chi2:.0f}" + ("" if candidate.refitted else "*"),
         f"{size(candidate.estimate)} &plusmn; {size(candidate.sigma, 2)} {escape(unit(candidate.unit))}",
         f"{100 * candidate.retained_share:.0f} %",
         size(candidate.detectable_size, 2),
-        "-" if gain is None else f"{gain:+.3f}",
+        "-" if gain is None else f"{gain:+.2g}",
     ]
     names = escape(", ".join(candidate.confounded_with)) or "-"
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + f'<td class="names">{names}</td></tr>'
@@ -80,7 +80,7 @@ HEAD = (
     "effect",
     "stage",
     "verdict",
-    "fall of chi2",
+    "fall of chi2 (*&nbsp;predicted)",
     "size of it",
     "left by the route",
     "smallest that would show",
@@ -137,9 +137,16 @@ def audit_words(diagnosis: Diagnosis) -> str:
     )
 
 
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """A verdict's words as a sentence, in which an effect keeps the name that commands take."""
+    words, names = diagnosis.words, {c.effect for c in diagnosis.candidates}
+    start = words if words.split()[0] in names else words[:1].upper() + words[1:]
+    return escape(start.rstrip(".") + ".")
+
+
 def diagnosis_body(diagnosis: Diagnosis, name: str) -> str:
     """A diagnosis as a part of a page."""
-    words = escape(diagnosis.words[:1].upper() + diagnosis.words[1:])
+    words = verdict_sentence(diagnosis)
     separate = ""
     if diagnosis.separate:
         separate = f"<p>What would tell them apart: {escape(diagnosis.separate)}.</p>"
@@ -213,7 +220,7 @@ def story_page(chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) ->
     body += f"<section><h2>Error ladder</h2>{ladder_body(rungs)}</section>"
     for number, chapter in enumerate(chapters, 1):
         diagnosis = chapter.diagnosis
-        words = escape(diagnosis.words[:1].upper() + diagnosis.words[1:])
+        words = verdict_sentence(diagnosis)
         body += (
             f"<section><h2>{number}. {VERDICTS[diagnosis.verdict]}</h2><p>{words}</p>"
             f"<p>{escape(chapter.done)}</p>{table(diagnosis.candidates[:6])}</section>"

@@ -158,6 +158,8 @@ def test_two_effects_are_found_one_after_the_other(tmp_path: Path) -> None:
     assert rungs[-1]["chi2_per_dof"] < 1.05 * rungs[-1]["noise_floor"]
     page = (tmp_path / "explained" / "explain.html").read_text(encoding="utf-8")
     assert "gauge_length was added" in page
+    (first,) = set(rungs[1]["effects"]) - set(rungs[0]["effects"])
+    assert f"<p>{first} is missing at the" in page
 
 
 def test_a_vehicle_that_the_camera_missed_hides_no_other_effect(tmp_path: Path) -> None:
