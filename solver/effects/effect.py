@@ -23,7 +23,8 @@ class Parameter:
     ----------
     name : as the effect's function looks it up
     unit : "1" for a pure number
-    plausible : size that would surprise nobody; also the standard deviation of the prior once the effect is added
+    plausible : size that would surprise nobody; also the standard deviation of the prior once the effect is added. Many
+        numbers without bounds whose root mean square is over three times that are no such effect
     null : value at which the effect is absent
     lower, upper : bounds
     scope : "one", "pass" (one per pass), or smooth along the "fiber", the "road" (x of the vehicle) or each "track", or
