@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import Fault
 from solver.criticism.score import FOUND, Score, evidence
 from solver.effects.catalogue import FAULTS
-from solver.effects.effect import Effect
+from solver.effects.effect import Effect, Parameter
 
 #: Share of its plausible size below which an effect may be there and explains nothing.
 NEGLIGIBLE = 0.1
@@ -29,7 +30,8 @@ class Candidate:
     predicted : fall that the score test predicted
     evidence : ln of the Bayes factor
     p_value : of the score test, for the shapes tried
-    estimate, sigma, unit : of its first number
+    estimate, sigma, unit : of its first number, or of many alike: their root mean square (mean, where one number is
+        told for all passes) and the median of their sigmas, without those of which the survey hears nothing
     numbers : how many it adds
     shape : values of its shape parameters
     retained_share : of its signal that the fit leaves visible
@@ -105,15 +107,22 @@ def idle_candidate(effect: Effect) -> Candidate:
     )
 
 
+def first_kind(score: Score) -> tuple[Parameter, NDArray[np.bool_]]:
+    """The first parameter that the survey hears of, and which numbers [number] that it hears are of its kind."""
+    heard = np.isfinite(score.sigma)
+    owners = [p for p, count in zip(score.effect.amplitudes, score.counts, strict=True) for _ in range(count)]
+    first = owners[int(heard.argmax())]
+    return first, heard & [(p.unit, p.plausible) == (first.unit, first.plausible) for p in owners]
+
+
 def score_candidate(score: Score, tried: Refit | None) -> Candidate:
     """What is said of an effect by its score and, where there was one, its full fit."""
-    parameter = score.effect.amplitudes[0]
-    sigma = float(np.nanmedian(score.sigma)) if len(score.sigma) else float("nan")
+    parameter, alike = first_kind(score)
+    numbers = (score.estimate if tried is None else tried.estimate)[alike]
+    one = score.freedom == 1 or len(numbers) == 1
+    estimate = float(numbers.mean() if one else np.sqrt(np.mean(numbers**2)))
+    sigma = float(np.median(score.sigma[alike]))
     strength = score.evidence if tried is None else tried.evidence
-    estimate = float(score.estimate[0]) if tried is None else float(tried.estimate[0])
-    if score.freedom > 1:
-        numbers = score.estimate if tried is None else tried.estimate
-        estimate = float(np.sqrt(np.mean(np.asarray(numbers) ** 2)))
     # Where nothing is left of an effect no size of it would show.
     detectable = 5 * sigma if sigma < 1e3 * parameter.plausible else float("inf")
     if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible:

@@ -51,6 +51,9 @@ RIVAL = 0.65
 #: Evidence from which on an effect is named although the noise is weaker where vehicles are loud, or a stand-in of
 #: another kind explains as much.
 PLAIN = 10 * FOUND
+#: Share of the evidence of a stand-in of another kind, with as few numbers, that a plain effect must reach to be named:
+#: its law may be off by that much.
+REACHED = 0.99
 #: Families of which the route hides each.
 NEVER_ALONE = ("depth", "rigid")
 #: Residual along fitted directions at which a fit counts as converged, sigmas.
@@ -210,19 +213,24 @@ def impossible(bench: Bench, first: Candidate, listed: Sequence[Candidate], trie
 
 
 def unknown_as_well(first: Candidate, generic: Sequence[Candidate], bench: Bench) -> Candidate | None:
-    """A stand-in beside which a weak first candidate does not rule the unknown out.
+    """A stand-in beside which a first candidate does not rule the unknown out.
 
-    That is one of its stage and family, looser than its law, that explains more; or one of another kind that explains
-    as much. What a strong one leaves to a stand-in is its own law's error.
+    Beside a weak one that is one of its stage and family, looser than its law, that explains more; or one of another
+    kind that explains as much. What a strong one leaves to a stand-in is its own law's error, unless one of another
+    kind, as strict, explains more than that.
     """
-    if first.evidence > PLAIN:
-        return None
+    weak = first.evidence <= PLAIN
 
     def as_good(one: Candidate) -> bool:
         effect = bench.effect(one)
-        if not akin(first, effect):
-            return not hidden_with(first) and one.evidence > first.evidence - CLOSE
-        return effect.stage == first.stage and of_family(first, effect) and one.evidence > first.evidence
+        if akin(first, effect):
+            closest = effect.stage == first.stage and of_family(first, effect)
+            return weak and closest and one.evidence > first.evidence
+        if hidden_with(first):
+            return False
+        if weak:
+            return one.evidence > first.evidence - CLOSE
+        return one.numbers <= FEW and REACHED * one.evidence > first.evidence
 
     return next(filter(as_good, generic), None)
 

@@ -170,12 +170,8 @@ def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> Stat
         if slot.parameter.is_shape:
             continue
         count = slot.where.stop - slot.where.start
-        if score.shared and slot.parameter.scope == "pass":
-            change[slot.where] = estimate[first]
-            first += 1
-        else:
-            change[slot.where] = estimate[first : first + count]
-            first += count
+        change[slot.where] = estimate[first : first + count]
+        first += count
     change = torch.nan_to_num(change).clamp(-1e6, 1e6)
     moved = torch.zeros_like(scorer.fit.mean)
     moved[scorer.fit.free] = scorer.following(score)
@@ -229,7 +225,7 @@ def with_coil(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
     route = torch.from_numpy(fit.basis.interpolate(distance, coil.route(distance)))
     there = Scorer(fit, fit.start_at(route, torch.tensor(fit.problem.prior.poisson_ratio[0]).double()), alone=True)
     middle = (fit.problem.distance[0] + fit.problem.distance[-1]) / 2
-    return [(there, as_told(fit, effect, np.array([coil.length]), {"place": coil.place - middle}))]
+    return [(there, as_told(fit, effect, [np.array([coil.length])], {"place": coil.place - middle}))]
 
 
 def with_wheels(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
@@ -249,13 +245,14 @@ def with_wheels(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer,
     across = np.array([kind.track**2 for kind in kinds]) * unknown
     fresh = fit.start_at(state.coefficients, torch.tensor(fit.problem.prior.poisson_ratio[0]).double(), state.numbers)
     there = Scorer(fit, replace(fresh, vehicles=state.vehicles), alone=True)
-    return [(there, as_told(fit, effect, np.concatenate([along, across, 0 * along]), {}))]
+    return [(there, as_told(fit, effect, [along, across, 0 * along], {}))]
 
 
-def as_told(fit: MapFit, effect: Effect, numbers: NDArray[np.float64], shape: dict[str, float]) -> Score:
-    """A score in form only: numbers to start from, of which nothing is predicted."""
+def as_told(fit: MapFit, effect: Effect, told: Sequence[NDArray[np.float64]], shape: dict[str, float]) -> Score:
+    """A score in form only: numbers of each amplitude to start from, of which nothing is predicted."""
+    counts, numbers = tuple(len(one) for one in told), np.concatenate(told)
     signal = torch.zeros(fit.measured.numel(), dtype=torch.float64)
-    return Score(effect, shape, False, 0.0, len(numbers), 1, numbers, np.ones(len(numbers)), 1.0, signal)
+    return Score(effect, shape, False, 0.0, len(numbers), 1, counts, numbers, np.ones(len(numbers)), 1.0, signal)
 
 
 def race(

@@ -51,7 +51,8 @@ class Score:
     fall : predicted fall of chi2
     freedom : numbers that it adds
     trials : how many shapes were tried
-    estimate, sigma : [number]
+    counts : how many numbers each amplitude has
+    estimate, sigma : [number], those of passes that share one the same; sigma is nan where a number changes nothing
     retained : share of the effect's signal that the fit leaves visible
     signal : [sample * channel + anchor], whitened, what the estimate would change
     """
@@ -62,6 +63,7 @@ class Score:
     fall: float
     freedom: int
     trials: int
+    counts: tuple[int, ...]
     estimate: Array
     sigma: Array
     retained: float
@@ -93,6 +95,11 @@ class Projected:
     information: Tensor
     gram: Tensor
 
+    @property
+    def least(self) -> float:
+        """What a direction must change, squared, to be looked at."""
+        return max(SILENT * float(self.gram.diagonal().max()), 1e-300)
+
     def combined(self, mix: Tensor) -> "Projected":
         """The same for combinations [number, combination] of the directions."""
         return Projected(mix.T @ self.score, mix.T @ self.information @ mix, mix.T @ self.gram @ mix)
@@ -107,9 +114,8 @@ def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]
 
 def outcome(projected: Projected, sign: int | None) -> tuple[float, int, Array, Array, float]:
     """Fall, freedom, estimate and sigma [number], and retained share; `sign` is what a single number must have."""
-    size = projected.gram.diagonal()
     # What next to nothing changes with has no number, rather than a huge one.
-    scale = size.clamp_min(max(SILENT * float(size.max()), 1e-300)).sqrt()
+    scale = projected.gram.diagonal().clamp_min(projected.least).sqrt()
     values, vectors = torch.linalg.eigh(projected.information / scale[:, None] / scale)
     keep = values > INVISIBLE
     scaled = vectors[:, keep] / scale[:, None]

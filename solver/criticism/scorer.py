@@ -201,11 +201,13 @@ class Scorer:
     def of_made(self, effect: Effect, made: "Sequence[Made]", trials: int) -> Iterator[Score]:
         """Scores of shapes whose directions are made."""
         for one, projected in zip(made, self.project([one.columns for one in made]), strict=True):
+            heard = projected.gram.diagonal().numpy() > projected.least
             for shared, mix in mixes(effect, one.counts):
                 sign = one_sided(effect, mix.shape[1])
                 fall, freedom, estimate, sigma, retained = outcome(projected.combined(mix), sign)
-                signal = one.columns.times(mix @ torch.from_numpy(estimate))
-                yield Score(effect, one.shape, shared, fall, freedom, trials, estimate, sigma, retained, signal)
+                told = tuple(one.counts), estimate[mix.argmax(1)], np.where(heard, sigma[mix.argmax(1)], np.nan)
+                signal = one.columns.times(torch.from_numpy(told[1]))
+                yield Score(effect, one.shape, shared, fall, freedom, trials, *told, retained, signal)
 
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
         """A better shape near that of a score, by steps along each of its numbers, from half the grid's on."""
@@ -240,7 +242,7 @@ class Scorer:
             fall, freedom, estimate, sigma, retained = outcome(self.project([column])[0], 1)
             if fall > score.fall:
                 signal, step = column.times(torch.from_numpy(estimate)), float(numbers[where] - p.null)
-                numbered = step * estimate, abs(step) * sigma
+                numbered = score.counts, step * estimate, abs(step) * sigma
                 score = Score(effect, score.shape, False, fall, freedom, score.trials, *numbered, retained, signal)
         return score
 

@@ -20,7 +20,7 @@ from solver.extension import Slot
 def tried(name: str, fall: float) -> Refit:
     """A candidate whose full fit lowered the misfit by so much."""
     one = np.array([1.0])
-    score = Score(built_in()[name], {}, False, fall, 1, 1, one, one, 1.0, torch.zeros(0))
+    score = Score(built_in()[name], {}, False, fall, 1, 1, (1,), one, one, 1.0, torch.zeros(0))
     with_it: Any = SimpleNamespace(fit="with", solution=SimpleNamespace(state=None))
     return Refit(score, with_it.fit, with_it.solution, fall)
 

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from solver.anchors import Anchor
+from solver.criticism.candidate import score_candidate
 from solver.criticism.score import FOUND
 from solver.criticism.scorer import Scorer
 from solver.effects.catalogue import built_in
@@ -96,3 +97,19 @@ def test_what_candidates_share_changes_no_derivative(scorer, name):
     every = torch.eye(own.width, dtype=torch.float64)
     for number in (0, own.width - 1):
         torch.testing.assert_close(shared.times(every[number]), own.times(every[number]), rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "heard"), [("long_vehicle", [0, 3, 4]), ("wheel_layout", [0])])
+def test_vehicles_that_an_effect_is_not_about_say_nothing_of_its_size(scorer, name, heard):
+    """Of a vehicle of unknown class, a car, a van, a truck and a bus, only some may be long, or on unknown wheels."""
+    many, told = sorted(scorer.scores(built_in()[name]), key=lambda s: s.shared)
+    assert (many.shared, told.shared) == (False, True)
+    for score in (many, told):
+        assert score.counts == (5,) * len(built_in()[name].amplitudes)
+        first = score.sigma[:5]
+        assert np.flatnonzero(np.isfinite(first)).tolist() == heard
+        found = score_candidate(score, None)
+        assert found.estimate == pytest.approx(np.sqrt(np.mean(score.estimate[heard] ** 2)))
+        assert found.sigma == pytest.approx(np.median(first[heard]))
+        assert 0 < 5 * found.sigma <= found.detectable_size
+    assert len(set(told.estimate[:5])) == 1

@@ -138,6 +138,8 @@ def test_noise_that_is_weaker_where_vehicles_are_loud_hides_no_strong_effect(
         ("layered_ground", 22.0, "generic_twin", 17.0, False),
         ("layered_ground", 22.0, "generic_twin", 13.0, True),
         ("layered_ground", 200.0, "generic_twin", 197.0, True),
+        ("layered_ground", 270.0, "generic_twin", 276.0, False),
+        ("gibson_soil", 8011.0, "generic_twin", 8042.0, True),
         ("camber", 22.0, "generic_twin", 17.0, True),
         ("shear_lag", 22.0, "generic_twin", 17.0, False),
         ("track_offset", 74.0, "generic_shift", 78.0, False),
@@ -148,10 +150,10 @@ def test_noise_that_is_weaker_where_vehicles_are_loud_hides_no_strong_effect(
         ("track_bias", 50.0, "generic_delay", 53.0, True),
     ],
 )
-def test_a_weak_effect_that_something_unknown_explains_as_well(
+def test_an_effect_that_something_unknown_explains_as_well(
     monkeypatch: pytest.MonkeyPatch, first: str, strength: float, stand_in: str, rival: float, named: bool
 ) -> None:
-    """Trucks seen beside their wheels had been named layered ground, or an offset of all tracks.
+    """Trucks seen beside their wheels, or light by two ways, had been named layered ground; or an offset of all tracks.
 
     What the route hides is never named alone, and so is named beside what explains it as well.
     """
