@@ -205,8 +205,10 @@ class Scorer:
             for shared, mix in mixes(effect, one.counts):
                 sign = one_sided(effect, mix.shape[1])
                 fall, freedom, estimate, sigma, retained = outcome(projected.combined(mix), sign)
-                told = tuple(one.counts), estimate[mix.argmax(1)], np.where(heard, sigma[mix.argmax(1)], np.nan)
-                signal = one.columns.times(torch.from_numpy(told[1]))
+                of = mix.argmax(1).numpy()
+                estimate, sigma = estimate[of], np.where(heard, sigma[of], np.nan)
+                signal = one.columns.times(torch.from_numpy(estimate))
+                told = tuple(one.counts), estimate, sigma
                 yield Score(effect, one.shape, shared, fall, freedom, trials, *told, retained, signal)
 
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
