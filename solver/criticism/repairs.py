@@ -31,8 +31,9 @@ SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
 REACH = 90.0
 #: Sigmas by which a sample that jumped differs from its neighbors.
 JUMP = 8.0
-#: Over how many channels the neighbors of a deaf one are, and how many deaf ones are named.
-AROUND, NAMED = 15, 8
+#: Over how many channels the neighbors of a deaf one are, what share of their power it has at most, and how many deaf
+#: ones are named.
+AROUND, QUIET, NAMED = 15, 0.5, 8
 #: m; uncertainty of the track of an unseen vehicle, which drives straight on, and by how much all of it may be off.
 GUESSED, OFFSET = 0.3, 1.5
 #: How far from the known vehicles' course an unseen one may drive, m.
@@ -248,12 +249,15 @@ def find_cycle_skips(fit: MapFit, state: State) -> Fault | None:
 def find_faded_channels(fit: MapFit, state: State) -> Fault | None:
     """Single channels that hear next to nothing of what their neighbors do."""
     use = fit.measured.numpy()
-    model = np.where(use, fit.model(state).numpy(), 0.0)
+    model, data = np.where(use, fit.model(state).numpy(), 0.0), np.where(use, fit.data.numpy(), 0.0)
     energy = (model**2).sum(0)
-    gain = np.where(use, np.nan_to_num(fit.data.numpy()) * model, 0.0).sum(0) / np.maximum(energy, 1e-300)
+    gain = (data * model).sum(0) / np.maximum(energy, 1e-300)
     heard = energy / fit.problem.noise.numpy() ** 2
     around = median_filter(gain, AROUND, mode="nearest")
-    deaf = (np.abs(gain) < DEAF * around) & (heard * (around - gain) ** 2 > SURE**2)
+    # A wrong model may be out of step with single channels; those are as loud as any.
+    power = (data**2).sum(0) / np.maximum(use.sum(0), 1) - fit.problem.noise.numpy() ** 2
+    silent = power < QUIET * median_filter(power, AROUND, mode="nearest")
+    deaf = (np.abs(gain) < DEAF * around) & (heard * (around - gain) ** 2 > SURE**2) & silent
     count = int(deaf.sum())
     if count == 0:
         return None
