@@ -92,13 +92,13 @@ def both_known(
 ) -> Beside | None:
     """What shows beside a known effect where it, with a second one, explains more than a stand-in does; else None.
 
-    Laws that are as flexible as a stand-in explain a part of anything: they do not count.
+    Laws that are about as flexible as the stand-in explain a part of anything: they do not count.
     """
-    winner = tried.get(first.effect)
-    if winner is None or winner.pushed or first.numbers > MANY or first.evidence < HALF * stand_in.evidence:
+    winner, most = tried.get(first.effect), max(MANY, stand_in.numbers / 2)
+    if winner is None or winner.pushed or first.numbers > most or first.evidence < HALF * stand_in.evidence:
         return None
     beside = Beside.of(bench, first, winner, asked)
-    strict = [r.evidence for r in beside.tried.values() if not r.effect.generic and r.score.freedom <= MANY]
+    strict = [r.evidence for r in beside.tried.values() if not r.effect.generic and r.score.freedom <= most]
     more = first.evidence + max(strict, default=0.0) >= stand_in.evidence + CLOSE
     return beside if more and beside.doubt(first) is None else None
 

@@ -67,20 +67,37 @@ ASKED = Asked([], held_out=False, advance=lambda n: None)
 
 
 @pytest.mark.parametrize(
-    ("second", "numbers", "rest", "named"),
-    [(900.0, 1, 0.0, True), (300.0, 1, 0.0, False), (900.0, 60, 0.0, False), (900.0, 1, 1200.0, False)],
+    ("second", "numbers", "rest", "looser", "named"),
+    [
+        (900.0, 1, 0.0, 6, True),
+        (300.0, 1, 0.0, 6, False),
+        (900.0, 60, 0.0, 6, False),
+        (900.0, 1, 1200.0, 6, False),
+        # Wheels of eight vehicles, beside which their trains have twice as many numbers.
+        (900.0, 24, 0.0, 6, False),
+        (900.0, 24, 0.0, 48, True),
+    ],
 )
+@pytest.mark.parametrize("many_first", [False, True])
 def test_two_strict_laws_that_explain_more_than_a_stand_in(
-    monkeypatch: pytest.MonkeyPatch, second: float, numbers: int, rest: float, named: bool
+    monkeypatch: pytest.MonkeyPatch,
+    second: float,
+    numbers: int,
+    rest: float,
+    looser: int,
+    named: bool,
+    many_first: bool,
 ) -> None:
-    """Together they must explain more; neither as flexible as a stand-in, and nothing left over to one."""
+    """Together they must explain more; neither as flexible as the stand-in, and nothing left over to one."""
+    of_first, numbers = (numbers, 1) if many_first else (1, numbers)
     after = {"pulse_width": refit("pulse_width", second, numbers=numbers)}
     if rest:
         after["generic_time_filter"] = refit("generic_time_filter", rest, generic=True, numbers=6)
     others = [one.score for one in after.values()]
     left = Beside(SimpleNamespace(), others, after)  # type: ignore[arg-type]
     monkeypatch.setattr(Beside, "of", lambda *given: left)
-    first, stand_in = candidate("gibson_soil", 700.0), candidate("generic_time_filter", 1000.0, generic=True, numbers=6)
+    first = candidate("gibson_soil", 700.0, numbers=of_first)
+    stand_in = candidate("generic_time_filter", 1000.0, generic=True, numbers=looser)
     bench: Any = SimpleNamespace()
     found = both_known(bench, first, stand_in, {"gibson_soil": refit("gibson_soil", 700.0)}, ASKED)
     assert (found is left) == named
