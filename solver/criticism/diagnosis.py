@@ -195,9 +195,9 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     if tried[first.effect].pushed:
         return impossible(bench, first, listed, tried)
     if (rival := unknown_as_well(first, generic, bench)) is not None:
+        first = replace(first, verdict="inconclusive", confounded_with=tuple(hidden_with(first)))
         words = as_well_words(first, rival, bench.effect(rival).physics)
-        named = leading(listed, replace(first, verdict="inconclusive"))
-        return concluded(bench, "inconclusive", words, named, separate=MORE)
+        return concluded(bench, "inconclusive", words, leading(listed, first), separate=advice(first) or MORE)
     return confirmed(bench, first, listed, tried, asked)
 
 
@@ -226,8 +226,6 @@ def unknown_as_well(first: Candidate, generic: Sequence[Candidate], bench: Bench
         if akin(first, effect):
             closest = effect.stage == first.stage and of_family(first, effect)
             return weak and closest and one.evidence > first.evidence
-        if hidden_with(first):
-            return False
         if weak:
             return one.evidence > first.evidence - CLOSE
         return one.numbers <= FEW and REACHED * one.evidence > first.evidence

@@ -89,10 +89,11 @@ def impossible_words(first: Candidate, stage: str) -> str:
 
 def as_well_words(first: Candidate, rival: Candidate, physics: str) -> str:
     """Verdict where something unknown explains what is found as well as the best known effect."""
-    return (
+    words = (
         f"something shows: {first.effect} ({size_words(first)}) lowers chi2 by {first.delta_chi2:.0f}, but "
         f"something unknown, as if {like(physics)} ({rival.effect}), explains it about as well"
     )
+    return words + twin_words(first)
 
 
 def like(physics: str) -> str:
