@@ -29,6 +29,8 @@ HOPE = 2.0
 CLEAR = 36.0
 #: Share of the leader's evidence that one must have, or may hope for, to go on.
 STAY = 0.75
+#: Times its size from where a known effect of one number is fitted a second time.
+FARTHER = 2.0
 #: Shifts of the tracks, times what was expected, that a delay may be behind.
 SHIFTED = 1.0
 #: Share of the best one's evidence that an effect must have to start with unshifted tracks.
@@ -126,6 +128,19 @@ class Refit:
     def shape(self) -> dict[str, float]:
         """Values of its shape parameters."""
         return {slot.parameter.name: float(self.numbers(slot)[0]) for slot in self.slots if slot.parameter.is_shape}
+
+    @property
+    def single(self) -> bool:
+        """Whether it is a known effect of one number beside its shape's."""
+        return not self.effect.generic and len(self.estimate) == 1
+
+    def farther(self, weights: Weights) -> State:
+        """Where it ended, with that one number, and the vehicles' weights with it, farther from null."""
+        state = self.solution.state
+        numbers = state.numbers.clone()
+        slot = next(slot for slot in self.slots if not slot.parameter.is_shape)
+        numbers[slot.where] += (FARTHER - 1) * (numbers[slot.where] - slot.parameter.null)
+        return self.fit.settled(self.fit.bounded(replace(state, numbers=numbers)), weights)
 
     @property
     def slots(self) -> list[Slot]:
@@ -265,7 +280,8 @@ def race(
 
     The score test says how the misfit falls at first; where an effect is large, or the route has absorbed it, only full
     fits tell. Who can no longer come near the leader leaves; the favorite of the score test, which with many numbers
-    starts slowly, runs to the end.
+    starts slowly, runs to the end. Known effects of one number that end near the leader are fitted once more from
+    farther off: where the ground's and the route's numbers have absorbed a part, a fit may end short of it.
 
     Parameters
     ----------
@@ -303,6 +319,10 @@ def race(
         going = [n for n in unended if n == 0 or running[n].hoped > least]
         for n, (end, fall) in zip(going, side_by_side(onward, [running[n] for n in going]), strict=True):
             running[n] = replace(running[n], solution=end, fall=fall)
+    near = STAY * max((one.evidence for one in running), default=0.0)
+    again = [one for one in running if one.single and one.evidence > max(near, FOUND)]
+    ends = side_by_side(lambda one: run(one.fit, one.farther(weights), PACE * ROUNDS), again)
+    running += [replace(one, solution=end[0], fall=end[1]) for one, end in zip(again, ends, strict=True) if end]
     best: dict[str, Refit] = {}
     for one in running:
         name = one.effect.name

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, percentile_filter
 from scipy.optimize import minimize
 
 from solver.cable import Fiber
@@ -31,9 +31,9 @@ SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
 REACH = 90.0
 #: Sigmas by which a sample that jumped differs from its neighbors.
 JUMP = 8.0
-#: Over how many channels the neighbors of a deaf one are, what share of their power it has at most, and how many deaf
-#: ones are named.
-AROUND, QUIET, NAMED = 15, 0.5, 8
+#: Over how many channels the neighbors of a deaf one are, what share it has at most of the power of the quietest
+#: percentage of them, and how many deaf ones are named.
+AROUND, QUIET, QUIETEST, NAMED = 15, 0.5, 20, 8
 #: m; uncertainty of the track of an unseen vehicle, which drives straight on, and by how much all of it may be off.
 GUESSED, OFFSET = 0.3, 1.5
 #: How far from the known vehicles' course an unseen one may drive, m.
@@ -254,9 +254,10 @@ def find_faded_channels(fit: MapFit, state: State) -> Fault | None:
     gain = (data * model).sum(0) / np.maximum(energy, 1e-300)
     heard = energy / fit.problem.noise.numpy() ** 2
     around = median_filter(gain, AROUND, mode="nearest")
-    # A wrong model may be out of step with single channels; those are as loud as any.
+    # A wrong model may be out of step with single channels; those are as loud as any. How loud that is varies where
+    # vehicles are sampled rarely.
     power = (data**2).sum(0) / np.maximum(use.sum(0), 1) - fit.problem.noise.numpy() ** 2
-    silent = power < QUIET * median_filter(power, AROUND, mode="nearest")
+    silent = power < QUIET * percentile_filter(power, QUIETEST, AROUND, mode="nearest")
     deaf = (np.abs(gain) < DEAF * around) & (heard * (around - gain) ** 2 > SURE**2) & silent
     count = int(deaf.sum())
     if count == 0:

@@ -124,15 +124,19 @@ def curved_gauge(cable: Cable, p: Values, survey: Surroundings) -> Cable:
 @effect(
     "channel_stretch",
     "cable",
-    [Parameter("stretch", "1", 0.01, lower=-0.1, upper=0.1)],
+    [
+        Parameter("stretch", "1", 0.01, lower=-0.1, upper=0.1),
+        Parameter("stretched", "1", 1.0, lower=0, upper=1, grid=(0.0, 1.0)),
+    ],
     physics="Channels lie farther apart than the file says: refractive index, helix, overstuffed fiber.",
     source="Lindsey et al. 2020, JGR Solid Earth 125.",
     told_from="the route and the clock's rate; only anchors tell",
 )
 def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
-    """Distance along the fiber grows by the stretch, about the middle."""
+    """Distance along the fiber grows by the stretch, about the middle; where light counts wrong, so do gauges."""
     middle = (survey.distance.min() + survey.distance.max()) / 2
-    return replace(cable, distance=cable.distance + p["stretch"] * (survey.distance - middle))
+    slack = cable.slack + p["stretched"] * p["stretch"]
+    return replace(cable, distance=cable.distance + p["stretch"] * (survey.distance - middle), slack=slack)
 
 
 @effect(

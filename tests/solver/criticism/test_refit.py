@@ -10,11 +10,17 @@ import torch
 
 from solver.criticism import refit
 from solver.criticism.candidate import score_candidate
-from solver.criticism.refit import Refit, rests_on_one
+from solver.criticism.refit import Refit, race, rests_on_one, with_effect
 from solver.criticism.score import Score
+from solver.criticism.scorer import Scorer
 from solver.criticism.verdict_words import ADVICE
 from solver.effects.catalogue import FAMILIES, STAND_INS, built_in, families_of
-from solver.extension import Slot
+from solver.effects.effect import Parameter, effect
+from solver.effects.trial_survey import trial_survey
+from solver.extension import Slot, Values
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit
+from solver.stages import Cable, Surroundings
 
 
 def tried(name: str, fall: float) -> Refit:
@@ -84,3 +90,31 @@ def test_every_family_is_told_how_to_separate_it_and_every_stand_in_is_known() -
     assert set(ADVICE) == set(FAMILIES)
     assert all(built_in()[name].generic and set(kinds) <= set(FAMILIES) for name, kinds in STAND_INS.items())
     assert families_of("channel_wander") == ("place",)
+
+
+@effect(
+    "ripple",
+    "cable",
+    [Parameter("wavenumber", "1/m", 0.05, lower=0, upper=1)],
+    physics="The gain swings along the fiber.",
+    source="made for this test",
+)
+def ripple(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """The misfit has many minima in the wavenumber."""
+    swing = torch.sin(p["wavenumber"] * (survey.distance - survey.distance.mean()))
+    return replace(cable, gain=cable.gain * (1 + 0.6 * swing))
+
+
+def test_a_fit_that_ends_short_begins_again_farther_off() -> None:
+    sound, truth = trial_survey()
+    with_it = MapFit(with_effect(sound.problem, ripple))
+    signal = with_it.model(replace(truth, numbers=torch.tensor([0.11], dtype=torch.float64))).numpy()
+    level = float(np.sqrt(np.mean(signal**2))) / 10
+    record = level * np.random.default_rng(1).normal(size=sound.problem.record.shape)
+    record[sound.problem.traffic.samples] += signal
+    fit = MapFit(replace(sound.problem, record=record, noise=torch.full_like(sound.problem.noise, level)))
+    scorer = Scorer(fit, solve(fit, fit.start()).state)
+    (score,) = scorer.scores(ripple)
+    # From where the score test leads there is a minimum between it and the truth.
+    assert score.estimate[0] < 0.03
+    assert race(scorer, [score])["ripple"].estimate[0] == pytest.approx(0.11, abs=0.002)

@@ -242,3 +242,17 @@ def test_a_load_that_changes_smoothly_keeps_its_rate():
     swung = smooth.map(numbers) - smooth.base()
     named = bounce.map(bounce.numbers({"sine": 0.2, "frequency": 0.15})) - bounce.base()
     assert float((swung - named).norm() / named.norm()) < 0.05
+
+
+@pytest.mark.parametrize("name", ["channel_stretch", "channel_wander"])
+def test_gauges_of_stretched_channels_reach_farther(name):
+    """Light that counts the channels' distance wrong counts the gauge wrong as well (1027 of the blind trials)."""
+    one = trial(name)
+    distance, half = one.around.distance, one.around.gauge_length / 2
+    middle = (distance.min() + distance.max()) / 2
+    shift = 0.02 * (distance - middle)
+    amount = {"stretch": torch.tensor(0.02)} if name == "channel_stretch" else {"shift": shift}
+    cable = one.effect.change(one.given(), {**amount, "stretched": torch.tensor(1.0)}, one.around)
+    for way in (-half, half):
+        reached = cable.distance + way * (1 + cable.slack)
+        torch.testing.assert_close(reached, middle + 1.02 * (distance + way - middle), check_dtype=False)
