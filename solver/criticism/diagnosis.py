@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from solver.criticism.audit import NoiseAudit, audit
-from solver.criticism.bench import RACERS, Advance, Asked, Bench, racers, scorable
+from solver.criticism.bench import RACERS, STANDING_IN, Advance, Asked, Bench, racers, scorable
 from solver.criticism.beside import BESIDE, CLOSE, FEW, MANY, Beside, akin, both_known, of_family, outdone
 from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.placing import stage_of
 from solver.criticism.refit import HOPE, Refit, elsewhere, race
 from solver.criticism.repairs import mended
-from solver.criticism.score import FOUND
+from solver.criticism.score import FOUND, Score
 from solver.criticism.scorer import Scorer, similarity
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.spectrum import filtered_by
@@ -96,8 +96,8 @@ def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
 
 
 def steps(effects: Sequence[Effect]) -> int:
-    """How often a diagnosis advances at most where no fault is mended: two tables, three races, one from two places."""
-    return 2 * len(effects) + 2 * RACERS + 2 * BESIDE
+    """How often a diagnosis advances at most where no fault is mended: two tables, four races, one from two places."""
+    return 2 * len(effects) + 2 * RACERS + (RACERS - STANDING_IN) + 2 * BESIDE
 
 
 def diagnose(
@@ -146,6 +146,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     first = racers(bench.table)
     late = elsewhere(bench.scorer, scorable(fit.problem, asked.effects))[:RACERS] if first else []
     tried = race(bench.scorer, first, asked.advance, late)
+    tried |= race(bench.scorer, overlooked(bench, tried), asked.advance)
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]
     ranked.sort(key=lambda c: -c.evidence)
@@ -154,6 +155,18 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
         words = f"the fit has not converged ({bench.scorer.stress:.1f} sigmas are left along what it fits)"
         return concluded(bench, "inconclusive", words, ranked)
     return judge(bench, ranked, tried, asked)
+
+
+def overlooked(bench: Bench, tried: Mapping[str, Refit]) -> list[Score]:
+    """Known effects that may be what a stand-in that won stands in for, but showed too little to be fitted in full.
+
+    The score test tells little of what is strong and was absorbed by everything else, as axles over 14 m are.
+    """
+    best = max(tried.values(), key=lambda one: one.evidence, default=None)
+    if best is None or not best.effect.generic:
+        return []
+    known = [s for s in bench.table if not s.effect.generic and s.effect.name not in tried and s.evidence > FOUND]
+    return [s for s in known if akin(score_candidate(s, None), best.effect)][: RACERS - STANDING_IN]
 
 
 def unranked(bench: Bench) -> Diagnosis:
