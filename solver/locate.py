@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import torch
 
 from solver.anchor_check import contradiction
@@ -21,6 +20,7 @@ from solver.effects.plugins import catalogue
 from solver.fit import METHODS, FitResult, Prior, Problem, fit_spline
 from solver.fit.chain import Chain
 from solver.fit.held_out import FOLDS, held_out_chi2
+from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.windows import is_long
 from solver.pose import bent_ends, pose, shortened, with_slow_errors
 from solver.processing import decimated, filtered
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 #: Effects that are in the model by default; `locate --effects none` is the paper's point loads and straight gauges.
 EFFECTS = ("wheel_layout", "curved_gauge")
-#: Chi2 by which one side of the road must beat the other before the side counts as known (3 sigma).
-DECISIVE = 9.0
 #: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it.
 EXPLAINED = 1.03
 #: Chi2 per degree of freedom from which a route is tried on more knots, and the share of what is beyond 1 that they
@@ -43,8 +41,6 @@ EXPLAINED = 1.03
 LEFT_OVER, BY_ROUTE = 1.01, 0.6
 #: Passes below which the user is told that they are few.
 FEW = 3
-#: Chi2 beyond that of the first side from which the other is not followed to its end.
-HOPELESS = 100.0
 
 
 @dataclass
@@ -90,23 +86,18 @@ def timed(timings: dict[str, float], name: str) -> Iterator[None]:
 
 
 def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Problem]:
-    """Fit every start; the best is returned, marked ambiguous where another fits about as well elsewhere."""
+    """Fit every start; the best is returned, marked ambiguous where another side is still open."""
     fit, steps = METHODS[method]
     ends: list[tuple[FitResult, Problem]] = []
     for problem in problems:
         with progress("fitting the route", steps) as advance:
             if ends and method == "spline":
-                first = ends[0][0]
-                found = fit_spline(problem, advance, hopeless=first.chi2 + HOPELESS * max(1.0, first.chi2_per_dof))
+                found = fit_spline(problem, advance, hopeless=hopeless(ends[0][0]))
             else:
                 found = fit(problem, advance)
             ends.append((found, problem))
-    ends.sort(key=lambda end: end[0].chi2)
-    (best, problem), others = ends[0], ends[1:]
-    # Where the model leaves more than noise, so much more must a rival be worse to be ruled out.
-    least = DECISIVE * max(1.0, best.chi2_per_dof)
-    rivals = [r for r, _ in others if r.chi2 - best.chi2 < least and apart(r, best)]
-    return replace(best, ambiguous_side=bool(rivals)), problem
+    (best, problem), ambiguous = best_of(ends, steps)
+    return replace(best, ambiguous_side=ambiguous), problem
 
 
 def fit_straight(result: FitResult, problem: Problem, method: str, warnings: list[str]) -> tuple[FitResult, Problem]:
@@ -122,7 +113,7 @@ def fit_straight(result: FitResult, problem: Problem, method: str, warnings: lis
         for end in sorted({int(whole.channel[0]), int(whole.channel[-1])} - set(problem.channel[[0, -1]].tolist())):
             warnings.append(f"the fiber turns off the road near channel {end}; it is not located there")
         again, problem = fit_sides([problem], method)
-        result = replace(again, ambiguous_side=result.ambiguous_side)
+        result = replace(again, ambiguous_side=reopened(result.ambiguous_side, again, problem))
     return result, problem
 
 
@@ -152,14 +143,8 @@ def fit_agreeing(result: FitResult, problem: Problem, method: str, warnings: lis
         warnings[-1] += "; it is left out"
         rest = [one for one in problem.anchors if one not in found.suspects]
         again, problem = fit_sides([replace(shortened(problem, slice(None), result), anchors=rest)], method)
-        result = replace(again, ambiguous_side=result.ambiguous_side)
+        result = replace(again, ambiguous_side=reopened(result.ambiguous_side, again, problem))
     return result, problem
-
-
-def apart(one: FitResult, other: FitResult) -> bool:
-    """Whether two routes differ by more than their own uncertainty."""
-    shift = np.abs(one.route[:, 1] - other.route[:, 1])
-    return bool(np.median(shift) > max(0.5, 3 * float(np.nanmedian(other.sigma[:, 1]))))
 
 
 def locate(

@@ -18,6 +18,7 @@ from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
+from solver.fit.sides import reopened
 from solver.fit.state import State
 from solver.run.contents import Run
 from solver.run.facts import strict
@@ -142,7 +143,8 @@ def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[in
 
 def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) -> Run:
     """The run as it is with more in its model."""
-    result = replace(grown.result(seconds), ambiguous_side=run.result.ambiguous_side)
+    result = grown.result(seconds)
+    result = replace(result, ambiguous_side=reopened(run.result.ambiguous_side, result, grown.fit.problem))
     at = np.isin(result.channel, grown.fit.problem.channel)
     problem = replace(grown.fit.problem, start=result.route[at])
     facts = run.facts | {
@@ -152,6 +154,7 @@ def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) 
         "chi2_per_dof": result.chi2_per_dof,
         "held_out_chi2_per_dof": grown.held_out[1],
         "converged": result.converged,
+        "ambiguous_side": result.ambiguous_side,
         "iterations": result.iterations,
         "seconds": seconds,
         "problem": problem_facts(problem),
