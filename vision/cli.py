@@ -90,7 +90,8 @@ def track(
 @app.command()
 def quality(
     tracks: Annotated[
-        list[Path], typer.Argument(help="Tables of one video: .csv or .parquet of `track`, MOTChallenge .txt, .ottrk.")
+        list[Path],
+        typer.Argument(help="Of one video: .csv or .parquet of `track`, MOTChallenge .txt, .ottrk or .otdet."),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; an earlier report there is replaced.")] = Path("quality"),
     names: Annotated[str | None, typer.Option(help="Names to show, by comma.  [default: the files']")] = None,

@@ -1,7 +1,7 @@
 """A video to a trajectory table: decode, detect, track, fill, place on the road, put on the clock."""
 
 import logging
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -19,8 +19,9 @@ from vision.contract.progress import progress
 from vision.contract.table import COLUMNS
 from vision.detectors import Detector, load_detector
 from vision.detectors.look import Look, look
+from vision.follow import FEWEST_FIXES, PIXEL_COLUMNS, follow, patience
 from vision.ground_track import SIZE, ground_tracks, placeable
-from vision.interpolate import BOX, fill_frames, majority_class
+from vision.interpolate import BOX, fill_frames
 from vision.tracker import Tracker
 from vision.video import Video, open_video
 
@@ -29,10 +30,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("roadfiber.pipeline")
 
-FEWEST_FIXES = 5  # of a track; less is more often a false alarm than a vehicle
-PATIENCE = 1.0  # s without a fix after which a track ends, or
-PATIENT_FRAMES = 6  # looked-at frames, whichever is longer
-PIXEL_COLUMNS = ("time", "track_id", "class", *BOX, "confidence", "interpolated", "frame", "detected_class")
 EXTRA_COLUMNS = (
     *("confidence", "interpolated", *SIZE, "frame", *BOX, "detected_class"),
     *("x_measured", "y_measured"),
@@ -153,15 +150,11 @@ def box_tracks(
             detected += len(now.found)
             advance(1)
     begun = perf_counter()
-    tracker = Tracker(strong, max(PATIENCE, PATIENT_FRAMES * every * video.frame_interval), calibration)
-    owners = [tracker.update(now.time, now.found.box, now.found.score, vectors) for now, vectors in seen]
+    table = follow(seen, Tracker(strong, patience(every * video.frame_interval), calibration))
     tracking = perf_counter() - begun
     done = [now for now, _ in seen]
     spent = (sum(now.decode for now in done), sum(now.detect for now in done), tracking)
     speed = Speed(looked_at, sum(now.fresh for now in done), *spent)
-    table = _tabulate(done, owners)
-    counts = table.groupby("track_id")["frame"].transform("size")
-    table = table[counts >= FEWEST_FIXES]
     if table.empty and detected >= FEWEST_FIXES and not any(len(now.found) for now in done):
         raise off_road(video.path)
     if table.empty:
@@ -169,7 +162,7 @@ def box_tracks(
             f"{video.path}: no vehicle was followed through {FEWEST_FIXES} frames; try a lower --min-score than "
             f"{strong:g}, or another --detector"
         )
-    filled = fill_frames(majority_class(table), video.index[::every], video.time[::every])
+    filled = fill_frames(table, video.index[::every], video.time[::every])
     return filled[list(PIXEL_COLUMNS)], speed
 
 
@@ -248,22 +241,3 @@ def summarize(table: "pd.DataFrame", speed: Speed) -> dict[str, object]:
         summary["median_sigma_x"] = round(float(table["sigma_x"].median()), 3)
         summary["median_sigma_y"] = round(float(table["sigma_y"].median()), 3)
     return summary
-
-
-def _tabulate(seen: Sequence[Look], owners: Sequence[np.ndarray]) -> "pd.DataFrame":
-    """Detections that belong to a track, of all frames; `owners` are the tracks of each frame's, 0 for none."""
-    import pandas as pd
-
-    count = [len(now.found) for now in seen]
-    boxes = np.concatenate([now.found.box for now in seen])
-    table = pd.DataFrame(
-        {
-            "frame": np.repeat([now.index for now in seen], count),
-            "time": np.repeat([now.time for now in seen], count),
-            "track_id": np.concatenate(owners),
-            "class": np.concatenate([now.found.label for now in seen]),
-            "confidence": np.concatenate([now.found.score for now in seen]),
-            **{name: boxes[:, side] for side, name in enumerate(BOX)},
-        }
-    )
-    return table[table["track_id"] > 0]

@@ -46,13 +46,22 @@ SPELLINGS = {
     "hatchback": "car",
     "suv": "car",
     "taxi": "car",
+    "car with trailer": "car",
     "lorry": "truck",
     "heavy truck": "truck",
     "hgv": "truck",
+    "truck with trailer": "truck",
+    "truck with semitrailer": "truck",
     "minivan": "van",
     "delivery van": "van",
+    "delivery van with trailer": "van",
+    "private van": "van",
+    "private van with trailer": "van",
     "coach": "bus",
     "bike": "bicycle",
+    "bicyclist": "bicycle",
+    "bicyclist with trailer": "bicycle",
+    "cargo bike driver": "bicycle",
 }
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from vision.contract.columns import check_positive, finite, first_row
 from vision.contract.errors import InputError
 from vision.contract.table import read_as_is, to_utc
-from vision.exchange import read_mot, read_ottrk
+from vision.detectors.names import VEHICLES, plain_name
+from vision.exchange import read_mot, read_otdet, read_ottrk
 from vision.interpolate import BOX
 from vision.jitter import seconds
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 NEEDED = ("time", "track_id", "class", "frame")
 NUMBERS = ("sigma_x", "sigma_y", "x_measured", "y_measured")
-SUFFIXES = (".csv", ".parquet", ".txt", ".ottrk")
+SUFFIXES = (".csv", ".parquet", ".txt", ".ottrk", ".otdet")
 TRUE = ("true", "1", "1.0")
 
 
@@ -58,8 +59,8 @@ def read_settings(
     Parameters
     ----------
     paths : `.csv` or `.parquet` as `roadfiber track` writes them, with or without meters; MOTChallenge `.txt`;
-        OTVision's `.ottrk`. A `.json` beside a table, of the same name, is taken for what `track --json` printed: its
-        speed.
+        OTVision's tracks (`.ottrk`) and detections (`.otdet`, of which roadfiber's tracker takes the vehicles). A
+        `.json` beside a table, of the same name, is taken for what `track --json` printed: its speed.
     names : to show; by default those of the files
     frame_rate : 1/s, for MOTChallenge files; by default that of the other tables
 
@@ -112,7 +113,7 @@ def read_tracks(path: Path, frame_rate: float | None = None) -> "pd.DataFrame":
         raise InputError(f"{path}: unknown kind of table of tracks; give one of {', '.join(SUFFIXES)}")
     if suffix == ".txt":
         return read_mot(path, frame_rate).pipe(lambda table: table.assign(detected_class=table["class"]))
-    table = read_ottrk(path) if suffix == ".ottrk" else read_as_is(path)
+    table = {".ottrk": read_ottrk, ".otdet": follow_otdet}.get(suffix, read_as_is)(path)
     if missing := [name for name in NEEDED if name not in table]:
         raise InputError(f"{path}: no column {', '.join(missing)}; give a table that `roadfiber track` wrote")
     columns = [names for names in (["x", "y"], BOX) if all(name in table for name in names)]
@@ -125,6 +126,16 @@ def read_tracks(path: Path, frame_rate: float | None = None) -> "pd.DataFrame":
     check_positive(table, [name for name in known if name.startswith("sigma")], path)
     check_rows(table, path)
     return tidy(table.assign(time=to_seconds(table["time"], path)), path)
+
+
+def follow_otdet(path: Path) -> "pd.DataFrame":
+    """Follow the vehicles that OTVision detected."""
+    from vision.follow import follow_table
+
+    table = read_otdet(path)
+    table = table.assign(time=seconds(table["time"]), **{"class": table["class"].map(plain_name)})
+    vehicles = table[table["class"].isin(VEHICLES)]
+    return follow_table(vehicles) if len(vehicles) else vehicles.assign(track_id="")
 
 
 def check_rows(table: "pd.DataFrame", path: Path) -> None:
@@ -145,8 +156,8 @@ def check_rows(table: "pd.DataFrame", path: Path) -> None:
 
 def tidy(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
     """Return `table` with all columns of a setting, each of one kind, sorted by track and frame."""
-    named = table["class"].astype(str).str.lower()
-    detected = table["detected_class"].fillna("").astype(str).str.lower() if "detected_class" in table else named
+    named = table["class"].astype(str).map(plain_name)
+    detected = table["detected_class"].fillna("").astype(str).map(plain_name) if "detected_class" in table else named
     interpolated = table["interpolated"] if "interpolated" in table else table["frame"] < 0
     flags = interpolated.astype(str).str.lower().isin(TRUE)
     table = table.assign(

@@ -1,3 +1,4 @@
+import bz2
 import json
 
 import numpy as np
@@ -37,6 +38,34 @@ def test_one_table_in_pixels_puts_all_in_pixels(tmp_path):
     assert first.unit == second.unit == "px"
     np.testing.assert_allclose(first.tracks["y"], first.tracks[BOX[3]])
     np.testing.assert_allclose(second.tracks["time"], second.tracks["frame"] / 25, err_msg="the other table's clock")
+
+
+def as_otvision(table, path, tracked):
+    """Write tracks as OTVision 0.7 does: with them, or only what was detected."""
+    start, boxes = 1577836800.0, {}
+    for row in table[~table["interpolated"]].itertuples():
+        left, top, right, bottom = (getattr(row, name) for name in BOX)
+        box = {"class": "private_van", "confidence": 0.8, "x": left, "y": top, "w": right - left, "h": bottom - top}
+        when = {"occurrence": start + row.frame / 25}
+        more = {"frame": row.frame + 1, "track-id": int(row.track_id), "interpolated-detection": False} | when
+        boxes.setdefault(str(row.frame + 1), {"detections": []} | when)["detections"].append(
+            box | more if tracked else box
+        )
+    entries = {"detections": [entry for frame in boxes.values() for entry in frame["detections"]]}
+    facts = {"otdet_version": "1.4", "video": {"actual_fps": 25.0, "recorded_start_date": start}}
+    path.write_bytes(bz2.compress(json.dumps({"metadata": facts, "data": entries if tracked else boxes}).encode()))
+    return path
+
+
+@pytest.mark.parametrize("suffix", ["ottrk", "otdet"])
+def test_otvision_beside_a_table_of_ours(tmp_path, suffix):
+    table = tracks(metric=False, missed=0.05)
+    ours = write(table, tmp_path / "a.csv")
+    theirs = as_otvision(table, tmp_path / f"b.{suffix}", suffix == "ottrk")
+    first, second = read_settings([ours, theirs])
+    assert second.tracks["track_id"].nunique() == 7 and set(second.tracks["class"]) == {"van"}
+    boxes = [s.tracks[~s.tracks["interpolated"]].sort_values([*BOX, "frame"])[[*BOX, "frame"]] for s in (first, second)]
+    np.testing.assert_allclose(*boxes)
 
 
 def test_names(tmp_path):

@@ -1,0 +1,94 @@
+"""Detections, frame by frame, to tracks of one class each."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detectors.detections import Detections
+from vision.detectors.look import Look
+from vision.interpolate import BOX, fill_frames, majority_class
+from vision.tracker import Tracker
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FEWEST_FIXES = 5  # of a track; less is more often a false alarm than a vehicle
+PATIENCE = 1.0  # s without a fix after which a track ends, or
+PATIENT_FRAMES = 6  # looked-at frames, whichever is longer
+PIXEL_COLUMNS = ("time", "track_id", "class", *BOX, "confidence", "interpolated", "frame", "detected_class")
+
+
+def patience(interval: float) -> float:
+    """How long a track lives without a fix, s, where frames that are looked at are `interval` s apart."""
+    return max(PATIENCE, PATIENT_FRAMES * interval)
+
+
+def follow(seen: Sequence[tuple[Look, NDArray[np.float64] | None]], tracker: Tracker) -> "pd.DataFrame":
+    """Join detections to tracks.
+
+    Parameters
+    ----------
+    seen : frames and what they show, in order of time, each with vectors of its looks where there are any
+    tracker : that has seen nothing yet
+
+    Returns
+    -------
+    table [fix] of frame, time (s), track_id, class (one for each track), detected_class, confidence and the box (px);
+    tracks of fewer than five fixes are left out, and it may be empty
+    """
+    owners = [tracker.update(now.time, now.found.box, now.found.score, vectors) for now, vectors in seen]
+    table = _tabulate([now for now, _ in seen], owners)
+    table = table[table.groupby("track_id")["frame"].transform("size") >= FEWEST_FIXES]
+    return table if table.empty else majority_class(table)
+
+
+def follow_table(detections: "pd.DataFrame") -> "pd.DataFrame":
+    """Join another program's detections to tracks, by boxes and time alone.
+
+    Parameters
+    ----------
+    detections : [detection] with frame, time (s), class, confidence and the box (px)
+
+    Returns
+    -------
+    table [fix] of `PIXEL_COLUMNS`, without gaps; it may be empty
+
+    >>> import pandas as pd
+    >>> frame = np.arange(8)
+    >>> box = dict(zip(BOX, (10 + 4 * frame, 20, 50 + 4 * frame, 50), strict=True))
+    >>> table = pd.DataFrame({"frame": frame, "time": frame / 25, "class": "car", "confidence": 0.9, **box})
+    >>> follow_table(table.drop(3))[["track_id", "interpolated"]].value_counts().to_dict()
+    {(1, False): 7, (1, True): 1}
+    """
+    seen = [(_look(rows), None) for _, rows in detections.groupby("frame", sort=True)]
+    frames, times = np.array([now.index for now, _ in seen]), np.array([now.time for now, _ in seen])
+    every = np.arange(frames[0], frames[-1] + 1)
+    at = np.interp(every, frames, times)
+    interval = float(np.median(np.diff(at))) if len(at) > 1 else 0.0
+    return fill_frames(follow(seen, Tracker(patience=patience(interval))), every, at).reindex(columns=PIXEL_COLUMNS)
+
+
+def _look(rows: "pd.DataFrame") -> Look:
+    found = Detections(rows[BOX].to_numpy(float), rows["confidence"].to_numpy(float), rows["class"].to_numpy(str))
+    return Look(int(rows["frame"].iloc[0]), float(rows["time"].iloc[0]), found, None, False, 0.0, 0.0)
+
+
+def _tabulate(seen: Sequence[Look], owners: Sequence[np.ndarray]) -> "pd.DataFrame":
+    """Detections that belong to a track, of all frames; `owners` are the tracks of each frame's, 0 for none."""
+    import pandas as pd
+
+    count = [len(now.found) for now in seen]
+    boxes = np.concatenate([now.found.box for now in seen])
+    table = pd.DataFrame(
+        {
+            "frame": np.repeat([now.index for now in seen], count),
+            "time": np.repeat([now.time for now in seen], count),
+            "track_id": np.concatenate(owners),
+            "class": np.concatenate([now.found.label for now in seen]),
+            "confidence": np.concatenate([now.found.score for now in seen]),
+            **{name: boxes[:, side] for side, name in enumerate(BOX)},
+        }
+    )
+    return table[table["track_id"] > 0]
