@@ -65,9 +65,13 @@ def begin(
     used = near(anchors, rough.active, record.channel_spacing, warnings)
     if nothing := silent(record, view_of(rough, passes)):
         warnings.append(nothing)
-    keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing))
+    recorded = int(record.channel[0]), int(record.channel[-1])
+    keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing), recorded)
     for end in sorted({int(rough.channel[0]), int(rough.channel[-1])} - set(rough.channel[keep][[0, -1]].tolist())):
-        warnings.append(f"the fiber leaves the road near channel {end}, before the view ends; it is not located beyond")
+        warnings.append(
+            f"vehicles are not felt beyond channel {end}, though the view and the record go on: the fiber leaves the "
+            "road there, or hears nothing; it is not located beyond"
+        )
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     routes = [start_route(rough, y, used)[keep] for y in sides]
     coil = coiled(rough, routes[0], record, warnings)

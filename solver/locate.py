@@ -100,7 +100,9 @@ def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Prob
     return replace(best, ambiguous_side=ambiguous), problem
 
 
-def fit_straight(result: FitResult, problem: Problem, method: str, warnings: list[str]) -> tuple[FitResult, Problem]:
+def fit_straight(
+    result: FitResult, problem: Problem, method: str, recorded: tuple[int, int], warnings: list[str]
+) -> tuple[FitResult, Problem]:
     """Fit again without the ends at which the fiber turns off the road, until none is left.
 
     Beyond a coil that the model does not have the route turns too, though the fiber does not.
@@ -111,10 +113,23 @@ def fit_straight(result: FitResult, problem: Problem, method: str, warnings: lis
     while (keep := bent_ends(result, gauge)) != slice(0, len(problem.channel)):
         whole, problem = problem, shortened(problem, keep, result)
         for end in sorted({int(whole.channel[0]), int(whole.channel[-1])} - set(problem.channel[[0, -1]].tolist())):
-            warnings.append(f"the fiber turns off the road near channel {end}; it is not located there")
+            warnings.append(left_out(end, recorded, gauge))
         again, problem = fit_sides([problem], method)
-        result = replace(again, ambiguous_side=reopened(result.ambiguous_side, again, problem))
+        result = replace(again, ambiguous_side=result.ambiguous_side)
     return result, problem
+
+
+def left_out(end: int, recorded: tuple[int, int], gauge: int) -> str:
+    """What a user should read of an end that is not located; where the record ends there, no bend can be seen.
+
+    >>> left_out(60, (0, 240), 10)
+    'the fiber turns off the road near channel 60; it is not located there'
+    >>> left_out(60, (58, 108), 10)
+    'the model does not explain the end of the record near channel 60; the fiber is not located there'
+    """
+    if min(end - recorded[0], recorded[1] - end) >= gauge:
+        return f"the fiber turns off the road near channel {end}; it is not located there"
+    return f"the model does not explain the end of the record near channel {end}; the fiber is not located there"
 
 
 def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem]:
@@ -202,10 +217,10 @@ def locate(
             "route there hangs on their neighbors"
         )
     posed = [pose(record, passes, found.anchors, start, found.channel, prior, deaf) for start in found.routes]
-    curved = "curved_gauge" in effects
+    curved, recorded = "curved_gauge" in effects, (int(record.channel[0]), int(record.channel[-1]))
     problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved, coil=found.coil)) for one in posed]
     with timed(timings, "fit"):
-        result, problem = fit_straight(*fit_sides(problems, method), method, warnings)
+        result, problem = fit_straight(*fit_sides(problems, method), method, recorded, warnings)
         result, problem = fit_finely(result, problem, method)
         result, problem = fit_agreeing(result, problem, method, warnings)
     if len(problem.passes) < FEW:

@@ -73,15 +73,22 @@ def silent(record: DASRecord, ends: np.ndarray) -> str | None:
     return f"channels {names} record nothing; the route there hangs on their neighbors"
 
 
-def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int) -> slice:
+def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int, recorded: tuple[int, int]) -> slice:
     """Active channels to fit: without the last gauge length where the fiber leaves the road before the view ends.
 
-    A gauge across a sharp bend feels both legs; the end-point difference of the base model does not hold there.
+    A gauge across a sharp bend feels both legs; the end-point difference of the base model does not hold there. Where
+    the record ends within a gauge length of the active channels, nothing shows that the fiber leaves.
+
+    Parameters
+    ----------
+    gauge : gauge length, channels
+    recorded : first and last channel of the record
     """
     ends = view_of(rough, passes)
-    leaves = (rough.active[0] - ends[0] > gauge / 2, ends[1] - rough.active[1] > gauge / 2)
-    first, stop = gauge * leaves[0], len(rough.channel) - gauge * leaves[1]
-    return slice(first, stop) if stop - first > 2 * gauge else slice(None)
+    first, last = max(ends[0], recorded[0] + gauge / 2), min(ends[1], recorded[1] - gauge / 2)
+    leaves = (rough.active[0] - first > gauge / 2, last - rough.active[1] > gauge / 2)
+    start, stop = gauge * leaves[0], len(rough.channel) - gauge * leaves[1]
+    return slice(start, stop) if stop - start > 2 * gauge else slice(None)
 
 
 def guessed_less(one: Pass) -> Pass:

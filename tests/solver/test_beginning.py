@@ -3,10 +3,12 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from solver.anchors import Anchor
 from solver.beginning import anchors_ahead
+from solver.pose import straight_part
 
 
 def at(channel: float, x: float) -> Anchor:
@@ -21,3 +23,24 @@ def test_anchors_that_agree_tell_how_far_along_the_road_the_fiber_lies(misses: t
     line: Any = SimpleNamespace(x_of_channel=(-60.0, 1.02))
     anchors = [at(40 + 30 * k, -60 + 1.02 * (40 + 30 * k) + miss) for k, miss in enumerate(misses)]
     assert anchors_ahead(line, anchors) == pytest.approx(ahead)
+
+
+@pytest.mark.parametrize(
+    ("recorded", "active", "kept"),
+    [
+        ((0, 240), (65, 162), (0, 98)),
+        ((0, 240), (65, 130), (0, 56)),
+        ((80, 130), (80, 129), (0, 50)),
+        ((80, 130), (86, 124), (0, 39)),
+        ((80, 200), (100, 162), (10, 63)),
+    ],
+    ids=["whole view", "leaves at 130", "crop", "crop, ends heard less", "crop and leaves at 100"],
+)
+def test_where_the_record_ends_the_fiber_does_not_leave_the_road(
+    recorded: tuple[int, int], active: tuple[int, int], kept: tuple[int, int]
+) -> None:
+    """Told of each user's own crop, whose last ten channels at either end were thrown away besides."""
+    channel = np.arange(active[0], active[1] + 1)
+    rough: Any = SimpleNamespace(active=active, channel=channel, x_of_channel=(-65.0, 1.0))
+    one: Any = SimpleNamespace(position=np.array([[0.0, 0.0], [97.0, 0.0]]), in_view=np.ones(2, bool))
+    assert straight_part(rough, [one], 10, recorded).indices(len(channel))[:2] == kept
