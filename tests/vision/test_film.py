@@ -6,6 +6,8 @@ import pytest
 
 from calib.control_points import read_control_points
 from calib.ground import fit_ground
+from tests.vision.videos import write_video
+from vision.rendered import is_rendered
 from vision.scene.film import CLICK, MAST, Driver, film, street_scene
 from vision.scene.truth import truth_boxes
 from vision.video import open_video
@@ -36,6 +38,13 @@ def test_the_video_has_a_frame_every_80_milliseconds(filmed):
     clip = open_video(folder / "street.mp4")
     assert (clip.width, clip.height) == MAST.size
     np.testing.assert_allclose(clip.time, np.arange(15) * 0.08, atol=1e-3)
+
+
+def test_the_video_says_that_it_is_rendered(filmed, tmp_path):
+    _, folder = filmed
+    assert is_rendered(folder / "street.mp4")
+    again = write_video(tmp_path / "again.mp4", [frame.image for frame in open_video(folder / "street.mp4").frames()])
+    assert not is_rendered(again), "encoded anew, as a camera's video is"
 
 
 def test_the_frames_show_the_vehicles_where_they_are(filmed):

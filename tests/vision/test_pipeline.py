@@ -15,8 +15,9 @@ from tests.vision.videos import numbered_images, set_creation_time, set_frame_du
 from vision.body_fit import project_bodies
 from vision.camera import Calibration
 from vision.contract import COLUMNS, InputError, read_trajectories
-from vision.detectors import Detections
+from vision.detectors import Detections, load_detector
 from vision.pipeline import box_tracks, start_time, track
+from vision.rendered import note_rendered
 from vision.vehicles import SHAPES
 from vision.video import Frame, open_video
 
@@ -200,12 +201,22 @@ def test_no_vehicle_names_the_score(survey, tmp_path):
             return self
 
         def detect(self, image):
-            from vision.detectors import Detections
-
             return Detections(np.zeros((0, 4)), np.zeros(0), np.zeros(0, str))
 
     with pytest.raises(InputError, match=r"lower --min-score than 0\.5"):
         box_tracks(open_video(survey / "street.mp4"), Blind())
+
+
+@pytest.mark.parametrize("rendered", [False, True])
+def test_the_demos_detector_warns_of_itself_except_on_renderings(rendered, tmp_path, caplog):
+    clip = write_video(tmp_path / "street.mp4", numbered_images(6))
+    if rendered:
+        note_rendered(clip)
+    with pytest.raises(InputError, match="no vehicle was followed"):
+        box_tracks(open_video(clip), load_detector("street"))
+    told = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert bool(told) != rendered
+    assert all("MOTA" in line and "--detector" in line for line in told)
 
 
 def test_a_graph_that_is_no_detector(survey, command, tmp_path_factory):
@@ -217,8 +228,6 @@ def test_a_graph_that_is_no_detector(survey, command, tmp_path_factory):
 
 @pytest.mark.parametrize("model", ["yolox_nano", "nanodet_m_416", "deimv2_hgnetv2_atto_coco"])
 def test_real_video_with_real_models(model, shared_data):
-    from vision.detectors import load_detector
-
     video = open_video(shared_data / "video" / "abhishek-verma-github_highway.mp4")
     table, speed = box_tracks(video, load_detector(shared_data / "models" / f"{model}.onnx"), every=8)
     longest = table.groupby("track_id").size().sort_values().tail(4)

@@ -2,6 +2,6 @@
 
 from vision.detectors.detections import Detections, Detector
 from vision.detectors.layouts import LAYOUTS
-from vision.detectors.onnx_detector import OnnxDetector, load_detector
+from vision.detectors.onnx_detector import OnnxDetector, is_street, load_detector
 
-__all__ = ["LAYOUTS", "Detections", "Detector", "OnnxDetector", "load_detector"]
+__all__ = ["LAYOUTS", "Detections", "Detector", "OnnxDetector", "is_street", "load_detector"]

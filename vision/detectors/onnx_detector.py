@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vision.boxes import area, suppress
 from vision.cache import checksum
 from vision.contract.errors import InputError
-from vision.detectors.detections import Detections
+from vision.detectors.detections import Detections, Detector
 from vision.detectors.images import Placement, fit_image, shrink, window_of
 from vision.detectors.layout import Candidates, Graph, Layout, Size
 from vision.detectors.layouts import choose_layout, no_detector
@@ -195,6 +195,11 @@ def load_detector(
     reads = tuple(outputs[place] for place in places)
     threshold = float(metadata.get("threshold", chosen.threshold))
     return OnnxDetector(path, session, chosen, image, size, reads, tuple(known), wanted, threshold, mute)
+
+
+def is_street(detector: Detector) -> bool:
+    """Whether this is the built-in detector that was made for the demo's renderings."""
+    return isinstance(detector, OnnxDetector) and detector.path == BUILT_IN["street"]
 
 
 def is_mute(layout: Layout, outputs: Sequence[NDArray[Any]], size: Size, classes: int) -> bool:

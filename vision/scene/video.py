@@ -5,11 +5,12 @@ from pathlib import Path
 import cv2
 
 from vision.contract import InputError, progress, writing
+from vision.rendered import note_rendered
 from vision.scene.render import Scene, render
 
 
 def write_video(scene: Scene, path: str | Path, fps: float = 12.5, duration: float = 90.0, codec: str = "mp4v") -> int:
-    """Write a scene as a video with constant frame rate; frame k shows the time k / fps.
+    """Write a scene as a video with constant frame rate; frame k shows the time k / fps. The file says it is rendered.
 
     Parameters
     ----------
@@ -38,4 +39,5 @@ def write_video(scene: Scene, path: str | Path, fps: float = 12.5, duration: flo
                 writer.write(render(scene, k / fps))
                 advance(1)
         writer.release()
+        note_rendered(part)
     return frames
