@@ -67,13 +67,14 @@ def ground(
     from calib.control_points import read_control_points
     from calib.ground import MODELS, fit_ground
     from calib.lens_prior import read_intrinsics
-    from calib.options import keep_inputs, local_frame, measured, one_of, picture_size
+    from calib.options import keep_inputs, measured, one_of, picture_size
+    from calib.proposed_frame import frame_for
     from vision.contract import InputError
 
     if threshold <= 0:
         raise InputError("--threshold: must be above 0 px")
     kind = one_of(model, MODELS, "--model")
-    where = local_frame(frame, origin, x_azimuth)
+    where = frame_for(points, frame, origin, x_azimuth, crs)
     tall = measured(height, "--height", "m")
     marks = read_control_points(points, where, crs)
     size, image = picture_size(video, image_size)
@@ -207,12 +208,13 @@ def page(
     """
     from calib.control_points import read_control_points
     from calib.lens_prior import read_intrinsics
-    from calib.options import keep_inputs, local_frame, measured, read_frame
+    from calib.options import keep_inputs, measured, read_frame
     from calib.page import serve
+    from calib.proposed_frame import frame_for
     from calib.session import Session, marks_of
 
     keep_inputs([out], [video, intrinsics, frame])
-    where, tall = local_frame(frame, origin, x_azimuth), measured(height, "--height", "m")
+    where, tall = frame_for(points, frame, origin, x_azimuth, crs), measured(height, "--height", "m")
     marks = marks_of(read_control_points(points, where, crs)) if points else ()
     image = read_frame(video, time)
     size = (image.shape[1], image.shape[0])

@@ -114,6 +114,19 @@ def with_meters(table: "pd.DataFrame", frame: LocalFrame | None, crs: str | None
         If no pair of columns is whole, a value is no number or out of range (swapped columns look so), or the frame
         or the coordinate reference system is missing.
     """
+    names = place_columns(table, path)
+    if names == ("x", "y"):
+        return finite(table, names, path)
+    if frame is None:
+        raise InputError(
+            f"{path}: {names[0]} and {names[1]} need a local frame; give --frame site.toml or --origin and --x-azimuth"
+        )
+    x, y = to_frame(*geographic(table, crs, path), frame, path)
+    return table.assign(x=x, y=y)
+
+
+def place_columns(table: "pd.DataFrame", path: Path) -> tuple[str, str]:
+    """Return which columns say where the points are; InputError where no pair of `PLACES` is whole."""
     names = next((pair for pair in PLACES if set(pair) <= set(table.columns)), None)
     if names is None:
         absent = [name for name in COLUMNS[3:] if name not in table]
@@ -121,34 +134,40 @@ def with_meters(table: "pd.DataFrame", frame: LocalFrame | None, crs: str | None
             f"{path}: no column {', '.join(absent)}; control points have {', '.join(COLUMNS)} "
             "(or latitude, longitude, or easting, northing, for x, y)"
         )
-    table = finite(table, names, path)
-    if names == ("x", "y"):
-        return table
-    if frame is None:
-        raise InputError(
-            f"{path}: {names[0]} and {names[1]} need a local frame; give --frame site.toml or --origin and --x-azimuth"
-        )
-    first, second = table[names[0]].to_numpy(float), table[names[1]].to_numpy(float)
-    if names == ("easting", "northing"):
-        first, second = _geographic(first, second, _system(table, crs, path), path)
-    x, y = to_frame(first, second, frame, path)
-    return table.assign(x=x, y=y)
+    return names
 
 
-def _system(table: "pd.DataFrame", crs: str | None, path: Path) -> str:
-    """Name of the coordinate reference system of easting and northing."""
+def geographic(table: "pd.DataFrame", crs: str | None, path: Path) -> tuple[Array, Array]:
+    """Latitude and longitude [point], degrees, of a table that has them, or easting and northing, m.
+
+    Raises
+    ------
+    InputError
+        As `with_meters` says.
+    """
+    if {"latitude", "longitude"} <= set(table.columns):
+        table = finite(table, PLACES[1], path)
+        return table["latitude"].to_numpy(), table["longitude"].to_numpy()
+    table = finite(table, PLACES[2], path)
+    places = np.full((2, len(table)), np.nan)
+    systems = _systems(table, crs, path)
+    for system in np.unique(systems):
+        here = systems == system
+        places[:, here] = _unprojected(table[here], str(system), path)
+    return places[0], places[1]
+
+
+def _systems(table: "pd.DataFrame", crs: str | None, path: Path) -> NDArray[np.str_]:
+    """Coordinate reference system of easting and northing [point]."""
     if "zone" not in table:
         if crs is None:
             raise InputError(f"{path}: easting and northing need a column zone (32N) or --crs EPSG:CODE")
-        return crs
+        return np.full(len(table), crs)
     zones = table["zone"].astype(str).str.strip().str.upper()
     bad = ~zones.str.fullmatch(r"0?([1-9]|[1-5]\d|60)[NS]")
     if bad.any():
         row = first_row(bad)
         raise InputError(f"{path}: row {row}: zone is {table['zone'].iloc[row - 1]!r}; give a UTM zone as 32N or 19S")
-    if zones.nunique() > 1:
-        raise InputError(f"{path}: UTM zones {' and '.join(sorted(set(zones)))}; give all points in one zone")
-    zone = zones.iloc[0]
     east = table["easting"].to_numpy(float)
     outside = (east < UTM_EASTING[0]) | (east > UTM_EASTING[1])
     if outside.any():
@@ -156,11 +175,11 @@ def _system(table: "pd.DataFrame", crs: str | None, path: Path) -> str:
         swapped = UTM_EASTING[0] <= table["northing"].iloc[row] <= UTM_EASTING[1]
         mend = "easting and northing look swapped; exchange them" if swapped else "a UTM easting is 100000 to 900000 m"
         raise InputError(f"{path}: row {row + 1}: easting is {east[row]:.0f}: {mend}")
-    return f"EPSG:{(32600 if zone[-1] == 'N' else 32700) + int(zone[:-1])}"
+    return np.array([f"EPSG:{(32600 if zone[-1] == 'N' else 32700) + int(zone[:-1])}" for zone in zones])
 
 
-def _geographic(easting: Array, northing: Array, system: str, path: Path) -> tuple[Array, Array]:
-    """Easting, northing [point], m -> latitude, longitude [point], degrees."""
+def _unprojected(table: "pd.DataFrame", system: str, path: Path) -> Array:
+    """Easting, northing, m, of one coordinate reference system -> latitude, longitude [2, point], degrees."""
     from pyproj import CRS, Transformer
     from pyproj.exceptions import CRSError
 
@@ -168,8 +187,8 @@ def _geographic(easting: Array, northing: Array, system: str, path: Path) -> tup
         transformer = Transformer.from_crs(CRS.from_user_input(system), CRS.from_epsg(4326), always_xy=True)
     except CRSError as error:
         raise InputError(f"--crs {system}: no coordinate reference system; give one as EPSG:25832") from error
-    longitude, latitude = transformer.transform(easting, northing)
-    latitude, longitude = np.asarray(latitude, float), np.asarray(longitude, float)
-    if not (np.isfinite(latitude).all() and np.isfinite(longitude).all()):
+    longitude, latitude = transformer.transform(table["easting"].to_numpy(float), table["northing"].to_numpy(float))
+    places = np.array([latitude, longitude], float)
+    if not np.isfinite(places).all():
         raise InputError(f"{path}: easting and northing are outside {system}; check the zone or --crs")
-    return latitude, longitude
+    return places

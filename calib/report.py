@@ -26,6 +26,8 @@ def summary(points: ControlPoints, fit: GroundFit) -> dict[str, Any]:
         "lens": calibration.lens and calibration.lens.model_dump(),
         "parameters": {name: value.model_dump() for name, value in calibration.parameters.items()},
         "image_size": list(calibration.image_size),
+        "origin": calibration.origin,
+        "x_azimuth": calibration.x_azimuth,
         "rms_px": _rms(fit.residuals_px[fit.used]),
         "rms_m": _rms(fit.residuals_m[fit.used]),
         "leave_one_out_rms_px": _number(_rms(held_out_px[fit.used])),

@@ -5,12 +5,13 @@ import json
 import cv2
 import numpy as np
 import pytest
+from pyproj import Transformer
 from street_marks import GROUND, SIZE, marks
 from typer.testing import CliRunner
 
 import roadfiber
 from vision.camera import Calibration
-from vision.contract import InputError
+from vision.contract import InputError, LocalFrame
 
 FRAME = "[frame]\norigin = [32.113, 34.804]\nx_azimuth = 78.0\n"
 
@@ -48,6 +49,25 @@ def test_it_writes_the_calibration_and_prints_the_errors(tmp_path, points_file):
     assert calibration.image_size == SIZE and len(calibration.control_points) == len(GROUND)
     assert max(calibration.residuals_px) < 1.5 and len(calibration.leave_one_out_m) == len(GROUND)
     assert [path.name for path in tmp_path.glob("*.png")] == ["calibration_maps.png"]
+
+
+def test_reference_points_of_otvision_need_nothing_else(tmp_path):
+    points, frame = marks(noise=0.3), LocalFrame((32.113, 34.804), 78.0)
+    latitude, longitude = frame.to_geographic(*points.ground.T)
+    east, north = Transformer.from_crs("EPSG:4326", "EPSG:32636", always_xy=True).transform(longitude, latitude)
+    utm = {"hemisphere": "N", "zone_utm": 36}
+    rows = zip(*points.pixels.T, east, north, strict=True)
+    content = {
+        str(k): {"x_px": round(u), "y_px": round(v), **utm, "lon_utm": e, "lat_utm": n}
+        for k, (u, v, e, n) in enumerate(rows, 1)
+    }
+    path, out = tmp_path / "street.otrfpts", tmp_path / "c.json"
+    path.write_text(json.dumps(content))
+    result = run(path, "--image-size", "1280x720", "--out", out, "--json")
+    assert result.exit_code == 0, result.output
+    facts, written = json.loads(result.stdout), Calibration.read(out)
+    assert facts["rms_px"] < 1 and list(written.origin) == facts["origin"]
+    assert np.hypot(*frame.to_local(*written.origin)) < 200 and written.x_azimuth == facts["x_azimuth"]
 
 
 def test_json_with_a_video_and_a_frame(tmp_path, points_file):

@@ -7,6 +7,7 @@ import pytest
 from pyproj import Transformer
 
 from calib.control_points import read_control_points, write_control_points
+from calib.proposed_frame import frame_for, propose_frame
 from vision.contract import InputError, LocalFrame
 
 FRAME = LocalFrame((32.113, 34.804), 78.0)
@@ -104,22 +105,60 @@ def test_swapped_coordinates_are_noticed(tmp_path):
         read_control_points(path, FRAME)
 
 
-def test_reference_points_of_otvision(tmp_path):
-    east, north = utm()
-    content = {
-        str(k + 1): {
-            "x_px": 10 * k, "y_px": 5, "hemisphere": "N", "zone_utm": 36, "lon_utm": east[k], "lat_utm": north[k]
-        }
-        for k in range(3)
-    }  # fmt: skip
-    path = tmp_path / "street.otrfpts"
-    path.write_text(json.dumps(content))
-    points = read_control_points(path, FRAME)
+def reference_points(path, places=PLACES, zones=(36, 36, 36), frame=FRAME):
+    """Write what OTVision's picker of reference points does."""
+    content = {}
+    for k, (zone, latitude, longitude) in enumerate(zip(zones, *frame.to_geographic(*places.T), strict=True)):
+        east, north = Transformer.from_crs("EPSG:4326", f"EPSG:326{zone}", always_xy=True).transform(
+            longitude, latitude
+        )
+        pixel = {"x_px": 10 * k, "y_px": 5}
+        content[str(k + 1)] = pixel | {"hemisphere": "N", "zone_utm": zone, "lon_utm": east, "lat_utm": north}
+    path.write_text(json.dumps(content, indent=4))
+    return path
+
+
+@pytest.mark.parametrize("zones", [(36, 36, 36), (37, 36, 36)])
+def test_reference_points_of_otvision(tmp_path, zones):
+    """Beside the border of two zones some people take the one and some the other."""
+    border = LocalFrame((32.113, 36.0), 78.0)
+    points = read_control_points(reference_points(tmp_path / "street.otrfpts", zones=zones, frame=border), border)
     assert points.names == ("1", "2", "3") and points.pixels[2].tolist() == [20, 5]
     np.testing.assert_allclose(points.ground, PLACES, atol=1e-3)
+
+
+def test_reference_points_without_places(tmp_path):
+    path = tmp_path / "street.otrfpts"
     path.write_text(json.dumps({"1": {"x": 292, "y": 272}}))
     with pytest.raises(InputError, match="point 1 has no x_px, y_px"):
         read_control_points(path, FRAME)
+
+
+def test_a_frame_is_proposed_for_points_on_the_globe(tmp_path):
+    road = np.array([[-40.0, 3.0], [0.0, -3.0], [0.0, 3.0], [10.0, 3.1], [40.0, -3.0]])
+    path = reference_points(tmp_path / "street.otrfpts", road, [36] * 5)
+    frame = propose_frame(path)
+    assert frame.x_azimuth == pytest.approx(FRAME.x_azimuth, abs=6)
+    x, y = frame.to_local(*FRAME.origin)
+    assert np.hypot(x, y) < 5
+    apart = np.linalg.norm(np.diff(read_control_points(path, frame).ground, axis=0), axis=1)
+    np.testing.assert_allclose(apart, np.linalg.norm(np.diff(road, axis=0), axis=1), atol=1e-3)
+    assert propose_frame(write(tmp_path, "name,px,py,x,y\na,1,2,3,4\n")) is None
+    with pytest.raises(InputError, match="latitude is 320"):
+        propose_frame(write(tmp_path, "name,px,py,latitude,longitude\na,1,2,320,34\n"))
+
+
+def test_a_frame_that_is_given_is_taken(tmp_path, caplog):
+    path = reference_points(tmp_path / "street.otrfpts")
+    site = tmp_path / "site.toml"
+    site.write_text("[frame]\norigin = [32.113, 34.804]\nx_azimuth = 78.0\n")
+    assert frame_for(path, site, None, None, None) == frame_for(path, None, "32.113,34.804", 78.0, None) == FRAME
+    assert frame_for(None, None, None, None, None) is None and not caplog.records
+    site.write_text("[das]\n")
+    assert frame_for(path, site, None, None, None) == propose_frame(path)
+    assert "taken [frame] origin = [32.11" in caplog.text
+    with pytest.raises(InputError, match=r"no \[frame\]"):
+        frame_for(None, site, None, None, None)
 
 
 def test_json_and_a_calibrations_points(tmp_path):
