@@ -56,6 +56,13 @@ def open_capture(path: Path, packets: bool = False) -> Any:
     return capture
 
 
+def codec_of(capture: Any) -> str:
+    """Four characters that name the codec, as FFmpeg maps them."""
+    import cv2
+
+    return int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little").decode("latin-1")
+
+
 def clock(capture: Any) -> float:
     """Time of what was grabbed last, s since the file's time zero."""
     import cv2

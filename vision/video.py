@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from vision.cache import checksum, keep_arrays, kept_arrays
 from vision.contract.errors import InputError
-from vision.timestamps import SAME, clock, frame_times, open_capture
+from vision.sources import require_file, undecodable
+from vision.timestamps import SAME, clock, codec_of, frame_times, open_capture
 
 log = logging.getLogger("roadfiber.video")
 
@@ -122,13 +123,12 @@ def open_video(path: str | Path, cache: Path | None = None) -> Video:
     import cv2
 
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give a video file")
+    require_file(path)
     capture = open_capture(path)
     rate, claimed = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
     raw, shape = frame_times(path) if cache is None else _kept_times(path, cache)
     if not len(raw):
-        raise InputError(f"{path}: no frame decodes; the file is empty or damaged, export the video again")
+        raise undecodable(path, codec_of(capture))
     increasing = raw > np.maximum.accumulate(np.concatenate([[-np.inf], raw[:-1]]))
     if len(raw) > 1 and increasing.sum() < 0.5 * len(raw):
         raise InputError(f"{path}: has no timestamps; remux it (ffmpeg -r RATE -i {path.name} -c copy out.mp4)")

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -116,6 +118,22 @@ def test_creation_time(clip):
 def test_missing(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         open_video(tmp_path / "none.mp4")
+
+
+@pytest.mark.parametrize("stream", ["rtsp://admin:secret@10.0.0.5/live", "https://host/street.m3u8"])
+def test_a_stream_is_to_be_recorded_first(stream):
+    """`Path` leaves one of the two slashes."""
+    for given in (stream, Path(stream)):
+        with pytest.raises(InputError, match=r"is a stream, not a file; record it first.*ffmpeg .*-i URL ") as caught:
+            open_video(given)
+        assert "secret" not in str(caught.value)
+
+
+def test_a_codec_without_decoder_is_named(clip):
+    """AV1 is what the file says; OpenCV's FFmpeg finds no decoder for it."""
+    clip.write_bytes(clip.read_bytes().replace(b"mp4v", b"av01").replace(b"esds", b"av1C"))
+    with pytest.raises(InputError, match=r"AV1.*no decoder.*ffmpeg -i clip\.mp4 -c:v libx264"):
+        open_video(clip)
 
 
 @pytest.mark.parametrize("content", [b"", b"not a video at all" * 50])

@@ -14,8 +14,7 @@ LAYOUTS = (*LISTS, *QUERIES, *YOLO, *DISTANCES)
 
 def no_detector(model: str, why: str) -> InputError:
     """Say that a graph is not one of the known kinds of detector."""
-    layouts = "; ".join(f"{layout.name}: {layout.graph}" for layout in LAYOUTS)
-    return InputError(f"{model}: not a detector of a known layout, it {why}; recognized are {layouts}")
+    return InputError(f"{model}: not a detector of a known layout, it {why}; give a detector's export, as of YOLO11")
 
 
 def layout_named(name: str, model: str) -> Layout:

@@ -218,7 +218,7 @@ def _read_as(layout: Layout, path: Path) -> Iterator[None]:
     try:
         yield
     except (IndexError, TypeError, ValueError) as error:
-        raise no_detector(str(path), f"cannot be read as {layout.name}") from error
+        raise no_detector(str(path), f"cannot be read as {layout.name} ({layout.graph})") from error
 
 
 def _require_task(metadata: Mapping[str, str], path: Path) -> None:
@@ -231,5 +231,5 @@ def _places(outputs: Sequence[str], layout: Layout, path: Path) -> list[int]:
     """Places of the outputs a layout reads."""
     missing = [name for name in layout.reads if name not in outputs]
     if missing:
-        raise no_detector(str(path), f"cannot be read as {layout.name} without {', '.join(missing)}")
+        raise no_detector(str(path), f"cannot be read as {layout.name} ({layout.graph}) without {', '.join(missing)}")
     return [outputs.index(name) for name in layout.reads] or list(range(len(outputs)))
