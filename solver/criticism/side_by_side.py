@@ -2,13 +2,14 @@
 
 import multiprocessing
 import pickle
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import TypeVar
 
 import torch
 from torch.autograd import forward_ad
+
+from solver.forks import can_fork
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -43,11 +44,6 @@ def side_by_side(
         results[number] = result
         advance(1)
     return [results[number] for number in range(len(of))]
-
-
-def can_fork() -> bool:
-    """Whether a forked process can go on computing: not beside the threads of macOS's libraries, nor those of CUDA."""
-    return sys.platform == "linux" and not torch.cuda.is_initialized()
 
 
 def forked(function: Callable[[S], T], of: Sequence[S], workers: int) -> Iterator[tuple[int, T]]:

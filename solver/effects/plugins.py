@@ -2,13 +2,18 @@
 
 import importlib.util
 import sys
-from collections.abc import Sequence
-from importlib.metadata import entry_points
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 from solver.effects.catalogue import built_in
 from solver.effects.effect import Effect
+from solver.effects.guard import guarded, running
 from vision.contract import InputError
 
 #: Entry-point group: `[project.entry-points."roadfiber.effects"] name = "package.module"`, or "package.module:effect".
@@ -37,53 +42,78 @@ def load_plugin(path: Path) -> list[Effect]:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
-    try:
+    with importing(f"--plugin {path}", "mend the file"):
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise InputError(f"--plugin {path}: {type(error).__name__}: {error}; mend the file") from error
     found = effects_in(module)
     if not found:
         raise InputError(f"--plugin {path}: defines no effect; decorate a function with @effect(...) of solver.effects")
     return found
 
 
-def installed() -> list[Effect]:
-    """Effects of installed packages that declare the entry point `roadfiber.effects`: a module of them, or one.
+def load_point(point: EntryPoint) -> list[Effect]:
+    """Load the effects of an entry point: a module of them, or one.
 
     Raises
     ------
     InputError
-        If one cannot be loaded.
+        If it cannot be loaded.
     """
-    found = []
-    for point in entry_points(group=GROUP):
-        try:
-            loaded = point.load()
-        except Exception as error:
-            raise InputError(
-                f"entry point {point.name} ({point.value}): {type(error).__name__}: {error}; "
-                "mend or uninstall the package"
-            ) from error
-        found += [loaded] if isinstance(loaded, Effect) else effects_in(loaded)
-    return found
+    with importing(entry_words(point), "mend or uninstall the package"):
+        loaded = point.load()
+    return [loaded] if isinstance(loaded, Effect) else effects_in(loaded)
+
+
+def entry_words(point: EntryPoint) -> str:
+    """Name an entry point in messages."""
+    return f"entry point {point.name} ({point.value})"
+
+
+@contextmanager
+def importing(who: str, mend: str) -> Iterator[None]:
+    """Import what is not ours: it prints aside, and whatever it raises is told in a line."""
+    try:
+        with running(f"{who}:"):
+            yield
+    except InputError:
+        raise
+    except Exception as error:
+        told = " ".join(str(error).split())
+        raise InputError(f"{who}: {type(error).__name__}: {told}; {mend}") from error
+
+
+S = TypeVar("S", Path, EntryPoint)
+
+
+@cache
+def proved(load: Callable[[S], list[Effect]], source: S, who: str, version: str) -> list[Effect]:
+    """Effects that `load` finds in `source`, under guard, once a trial of them in a process of its own has passed.
+
+    `version` tells an edited file from the one that was tried before.
+    """
+    from solver.effects.proof import prove
+
+    prove(load, source, who)
+    return [guarded(one) for one in load(source)]
 
 
 def catalogue(plugins: Sequence[Path] = ()) -> dict[str, Effect]:
-    """All effects by name: built in, installed and from `plugins`; those that are not built in are verified.
+    """All effects by name: built in, installed and from `plugins`.
+
+    Those that are not built in are verified in a process of their own and run under guard, see `solver.effects.guard`.
 
     Raises
     ------
     InputError
-        If two have the same name, or one breaks a promise, see `solver.effects.verify`.
+        If two have the same name, one cannot be loaded, or one breaks a promise, see `solver.effects.verify`.
     """
-    from solver.effects.verify import verify
-
     effects = dict(built_in())
+    more = [proved(load_point, one, entry_words(one), "") for one in entry_points(group=GROUP)]
     # A run folder keeps a copy of the plugin it was made with: the same file again is not another.
-    files = {path.read_bytes() if path.is_file() else path: path for path in map(Path, plugins)}
-    for one in [*installed(), *(one for path in files.values() for one in load_plugin(path))]:
+    files = {path.read_bytes() if path.is_file() else b"": path for path in map(Path, plugins)}
+    for content, path in files.items():
+        more.append(proved(load_plugin, path, f"--plugin {path}", sha256(content).hexdigest()))
+    for one in (one for found in more for one in found):
         if one.name in effects:
             raise InputError(f"effect {one.name}: is in the catalogue already; give yours another name")
-        verify(one)
         effects[one.name] = one
     return effects

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from solver.effects.effect import Effect, Parameter
 from solver.effects.trial_survey import Trial, trial_survey
+from solver.stages import Surroundings
 from vision.contract import InputError
 
 #: Largest difference from the base model at null, over the largest strain rate: rounding.
@@ -67,13 +68,13 @@ def teaching(effect: Effect, doing: str) -> Iterator[None]:
     Raises
     ------
     InputError
-        For any exception within.
+        For any exception within, one that would end the program included.
     """
     try:
         yield
     except InputError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         told = str(error).strip().splitlines() or [""]
         if told[0].startswith(f"effect {effect.name}:"):
             raise InputError(f"{told[0]}; end it with `return replace({effect.stage}, ...)`") from error
@@ -137,33 +138,56 @@ def plausible(parameter: Parameter) -> float:
     return above if above <= parameter.upper else parameter.null - parameter.plausible
 
 
-def tensors(value: Any) -> dict[str, Tensor]:
-    """All tensors of a stage by name, those of its trajectory too."""
-    found: dict[str, Tensor] = {}
+def parts(value: Any, of: str = "") -> dict[str, Any]:
+    """All parts of a stage, or of what is around it, by name; those of its trajectory too."""
+    found: dict[str, Any] = {}
     for f in fields(value):
         part = getattr(value, f.name)
-        if isinstance(part, Tensor):
-            found[f.name] = part
-        elif is_dataclass(part):
-            found |= {f"{f.name}.{name}": tensor for name, tensor in tensors(part).items()}
+        found |= parts(part, f"{of}{f.name}.") if is_dataclass(part) else {of + f.name: part}
     return found
+
+
+class Inputs:
+    """What an effect's function was given, to see whether it changed any of it in place."""
+
+    def __init__(self, given: Any, values: Mapping[str, Tensor], survey: Surroundings):
+        self.given, self.values, self.survey = given, values, survey
+        self.before = {name: (part, self.mark(part)) for name, part in self.parts().items()}
+
+    def parts(self) -> dict[str, Any]:
+        """Everything, by name."""
+        values = {f"values[{name!r}]": value for name, value in self.values.items()}
+        return parts(self.given) | values | parts(self.survey, "survey.")
+
+    @staticmethod
+    def mark(part: Any) -> Any:
+        """Numbers, and how often PyTorch wrote them: a change by nothing at these values is one at others."""
+        return (part.detach().clone(), part._version) if isinstance(part, Tensor) else None
+
+    def changed(self) -> str | None:
+        """Name of a part that is not as it was."""
+        for name, part in self.parts().items():
+            was, mark = self.before[name]
+            if part is not was:
+                return name
+            if isinstance(part, Tensor) and (part._version != mark[1] or not torch.equal(part, mark[0])):
+                return name
+        return None
 
 
 def check_stage(trial: Trial) -> None:
     """What the effect gives back at its plausible size: its own stage, changed in nothing that is another's."""
     effect, name = trial.effect, f"effect {trial.effect.name}"
     given = trial.given()
-    before = {key: tensor.clone() for key, tensor in tensors(given).items()} | {"survey": trial.around.distance.clone()}
-    numbers = trial.numbers({p.name: plausible(p) for p in effect.amplitudes})
-    changed = trial.extension.changed(effect.stage, given, trial.extension.local(numbers))
-    after = tensors(given) | {"survey": trial.around.distance}
-    for key, tensor in before.items():
-        if not torch.equal(tensor, after[key]):
-            raise InputError(f"{name}: changes {key} in place; make a new tensor and `return replace(...)`")
+    values = trial.extension.local(trial.numbers({p.name: plausible(p) for p in effect.amplitudes}))
+    inputs = Inputs(given, values[effect.name], trial.around)
+    changed = trial.extension.changed(effect.stage, given, values)
+    if part := inputs.changed():
+        raise InputError(f"{name}: changes {part} in place; make a new tensor and `return replace(...)`")
     check_axes(trial, changed)
-    now = tensors(changed)
-    for key, tensor in before.items():
-        if key.startswith("trajectory.") and not torch.equal(tensor, now[key]):
+    now = parts(changed)
+    for key, part in parts(given).items():
+        if key.startswith("trajectory.") and not torch.equal(part, now[key]):
             raise InputError(
                 f"{name}: changes two stages, the load and its {key}; declare it for the stage trajectory, or as two "
                 "effects"
