@@ -14,6 +14,7 @@ from solver.anchors import Anchor, read_anchors
 from solver.beginning import begin
 from solver.das import DASRecord, read_das
 from solver.das.record import ranges
+from solver.das.rounding import dithered, told
 from solver.deaf import deaf_channels
 from solver.effects.catalogue import find
 from solver.effects.plugins import catalogue
@@ -199,7 +200,8 @@ def locate(
         said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
         record = decimated(read_das(site.das.files, **{name: getattr(site.das, name) for name in said}))
         anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
-        shown = filtered(record, filters)
+        heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
+        shown = filtered(heard, filters)
     with timed(timings, "smooth"):
         passes = smooth_passes(table, record)
         if "wheel_layout" not in effects:
@@ -210,7 +212,7 @@ def locate(
             shown, passes, anchors, depth=ground.depth[0], poisson_ratio=ground.poisson_ratio, warnings=warnings
         )
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
-    deaf = deaf_channels(record, found.channel)
+    deaf = deaf_channels(heard, found.channel)
     if len(deaf):
         warnings.append(
             f"channels {ranges(deaf)} hear next to nothing of what those beside them hear; they are left out, and the "
@@ -219,6 +221,8 @@ def locate(
     posed = [pose(record, passes, found.anchors, start, found.channel, prior, deaf) for start in found.routes]
     curved, recorded = "curved_gauge" in effects, (int(record.channel[0]), int(record.channel[-1]))
     problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved, coil=found.coil)) for one in posed]
+    if record.rounding:
+        warnings += told(record.rounding.at(posed[0].channel - record.channel[0]), posed[0].noise.numpy())
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, recorded, warnings)
         result, problem = fit_finely(result, problem, method)

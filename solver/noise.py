@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
+from solver.das.rounding import Rounding
 from solver.trajectory import Pass
 from solver.whitening import Whitener
 
@@ -13,6 +15,8 @@ REACH = 35.0
 ENOUGH = 20
 #: Channels that are worked on at once.
 CHANNELS = 100
+#: Share of the noise up to which steps do it no harm, and the number of steps beyond which all count alike.
+FINE, LARGEST = 0.02, 1000
 
 
 def quiet(samples: int, route: NDArray[np.float64], passes: Sequence[Pass], reach: float = REACH) -> NDArray[np.bool_]:
@@ -61,6 +65,47 @@ def noise_level(strain_rate: NDArray[np.float64], still: NDArray[np.bool_]) -> N
         middle = [np.take_along_axis(ordered, np.maximum(at, 0)[None], 0)[0] for at in ((count - 1) // 2, count // 2)]
         level[first : first + CHANNELS] = np.where(count > 0, 1.4826 * (middle[0] + middle[1]) / 2, np.nan)
     return level
+
+
+def rounded_level(
+    level: NDArray[np.float64], strain_rate: NDArray[np.float64], still: NDArray[np.bool_], rounding: Rounding | None
+) -> NDArray[np.float64]:
+    """Standard deviation [channel] of the noise with the error of rounding, 1/s.
+
+    The median of rounded samples is a whole number of steps, 0 where the noise is below a step. What the noise was
+    before is told by the share of quiet samples within half a step (or one and a half, and so on) of zero.
+
+    Parameters
+    ----------
+    level : as `noise_level` gives it
+    strain_rate, still : [sample, channel], see `noise_level`
+    rounding : of these channels
+
+    >>> rng = np.random.default_rng(0)
+    >>> rate = np.rint(rng.normal(0, [0.3, 1.0, 2.0], (4000, 3)))
+    >>> quiet, one = np.ones_like(rate, bool), Rounding(np.ones(3), np.ones(1))
+    >>> (rounded_level(noise_level(rate, quiet), rate, quiet, one) ** 2 - 1 / 12).round(2)
+    array([0.09, 1.  , 4.04])
+    """
+    if rounding is None:
+        return level
+    if not rounding.whole:
+        return np.where(np.isfinite(level), np.maximum(level, rounding.deviation), level)
+    level = level.copy()
+    for number in np.flatnonzero(np.isfinite(level) & (rounding.step > FINE * level)):
+        finite = np.isfinite(strain_rate[:, number])
+        use = still[:, number] & finite
+        size = np.abs(strain_rate[use if use.sum() >= ENOUGH else finite, number])
+        before = unrounded(size / rounding.step[number]) * rounding.step[number]
+        level[number] = np.hypot(before, rounding.deviation[number])
+    return level
+
+
+def unrounded(size: NDArray[np.float64]) -> float:
+    """Standard deviation of Gaussian noise before its samples, of absolute `size` [sample] in steps, were rounded."""
+    share = np.cumsum(np.bincount(np.minimum(np.rint(size), LARGEST).astype(int))) / len(size)
+    within = int(np.abs(share - 0.5).argmin())
+    return float((within + 0.5) / ndtri((1 + min(share[within], 1 - 0.5 / len(size))) / 2))
 
 
 def whitened_noise(

@@ -8,16 +8,17 @@ import torch
 
 from solver.anchors import Anchor
 from solver.das import DASRecord
+from solver.das.rounding import Rounding
 from solver.effects.trajectory import EFFECTS as TRAJECTORY
 from solver.extension import SLOW_ERROR
 from solver.fit import FitResult, Prior, Problem
 from solver.fit.map_fit import SPLINE_VARIANCE
 from solver.fit.windows import FELT, is_long, nearby
 from solver.matched_filter import Initialization
-from solver.noise import noise_level, quiet
+from solver.noise import noise_level, quiet, rounded_level
 from solver.traffic import Traffic
 from solver.trajectory import Pass
-from solver.whitening import noise_law
+from solver.whitening import NoiseLaw, noise_law
 from vision.contract import InputError
 
 #: Anchors farther than this from the active channels, in meters of fiber, say nothing about them.
@@ -128,10 +129,10 @@ def pose(
     # A view where it can be: on a long fiber a copy is a large part of the memory.
     strain_rate = record.strain_rate[:, slice(column[0], column[-1] + 1) if whole else column]
     still = quiet(len(strain_rate), route, passes)
-    noise = noise_level(strain_rate, still)
+    rounding = record.rounding and record.rounding.at(column)
+    noise = rounded_level(noise_level(strain_rate, still), strain_rate, still, rounding)
     alive = np.isfinite(noise) & (noise > 0) & ~np.isin(channel, deaf)
     kept = strain_rate if alive.all() else strain_rate[:, alive]
-    middle = slice(max(0, (int(alive.sum()) - TYPICAL) // 2), (int(alive.sum()) + TYPICAL) // 2)
     passes = [guessed_less(part) for one in passes if (part := nearby(one, route)) is not None]
     if not passes:
         raise InputError(
@@ -139,7 +140,6 @@ def pose(
             "where the DAS feels vehicles; check the frame (origin, x_azimuth) and the clocks"
         )
     traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))
-    gauge = record.gauge_length / record.channel_spacing
     return Problem(
         record=kept,
         noise=torch.from_numpy(noise[alive]),
@@ -154,8 +154,25 @@ def pose(
         start=route[alive],
         prior=prior,
         sampling_rate=record.sampling_rate,
-        law=noise_law(kept[:, middle] / noise[alive][middle], still[:, alive][:, middle], record.sampling_rate, gauge),
+        law=law_of(record, kept, still[:, alive], noise[alive], rounding and rounding.at(alive)),
     )
+
+
+def law_of(
+    record: DASRecord, strain_rate: np.ndarray, still: np.ndarray, noise: np.ndarray, rounding: Rounding | None
+) -> NoiseLaw:
+    """Law of the noise, learned in the middle of the fitted channels.
+
+    Parameters
+    ----------
+    strain_rate, still : [sample, channel], of the fitted channels, see `noise_law`
+    noise, rounding : of the same channels
+    """
+    count = len(noise)
+    middle = slice(max(0, (count - TYPICAL) // 2), (count + TYPICAL) // 2)
+    gauge = record.gauge_length / record.channel_spacing
+    error = None if rounding is None else float(np.median(rounding.deviation / noise)) ** 2 * rounding.law
+    return noise_law(strain_rate[:, middle] / noise[middle], still[:, middle], record.sampling_rate, gauge, error)
 
 
 def track_sigma(passes: Sequence[Pass]) -> float:

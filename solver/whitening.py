@@ -89,7 +89,13 @@ class NoiseLaw:
         return float(self.common[0] / (self.own[0] + self.common[0]))
 
 
-def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float, gauge: float = 1.0) -> NoiseLaw:
+def noise_law(
+    record: Array,
+    still: NDArray[np.bool_],
+    sampling_rate: float,
+    gauge: float = 1.0,
+    rounding: Array | None = None,
+) -> NoiseLaw:
     """Estimate the noise from quiet samples.
 
     Parameters
@@ -98,6 +104,8 @@ def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float, gau
     still : [sample, channel] bool, no vehicle near
     sampling_rate : Hz
     gauge : gauge length, channels
+    rounding : autocovariance [lag] of the error of rounding, in units of the noise level squared; quiet that is less
+        than a step is rounded to zero, so that the error shows beside vehicles only
 
     Notes
     -----
@@ -125,6 +133,9 @@ def noise_law(record: Array, still: NDArray[np.bool_], sampling_rate: float, gau
     moments = max(1.0, float((number > 1).sum()))
     common = np.where(common[0] > 3 / np.sqrt(moments) * both[0] / max(number.mean(), 1.0), common, 0.0)
     own = both - common
+    if rounding is not None and rounding[0] > 0:
+        hidden = min(max(1.0 - both[0], 0.0), float(rounding[0])) * rounding[:lags] / rounding[0]
+        own[: len(hidden)] += hidden
     return NoiseLaw(
         positive(own), positive(common) if common[0] > 0 else common, across(value, count, common[0], reach)
     )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from solver.das.files import Block, checksum, read_blocks
 from solver.das.grid import assemble, sampling_interval, segments_of
+from solver.das.rounding import Rounding, rounding_of
 from solver.das.units import Unit, across_gauge, resolve, to_strain_rate
 from vision.contract import InputError, progress
 
@@ -37,6 +38,7 @@ class DASRecord:
     sampling_rate : Hz
     gaps : (first, last) time of the missing samples of each gap, s
     provenance : files, checksums, format, original unit, scale and notes
+    rounding : of the stored numbers; None where they were not rounded
     """
 
     strain_rate: Array
@@ -49,6 +51,7 @@ class DASRecord:
     sampling_rate: float
     gaps: tuple[tuple[float, float], ...]
     provenance: dict[str, Any]
+    rounding: Rounding | None = None
 
     @cached_property
     def measured(self) -> NDArray[np.bool_]:
@@ -281,6 +284,7 @@ def read_das(
     del segments
     for begin, end in gaps:
         logger.warning("%s: gap from %.3f to %.3f s after the start", first.path, begin, end)
+    rounding = rounding_of(values, unit, 1e9 / interval, gauge)
     strain_rate = converted(values, unit, 1e9 / interval, gauge)
     return DASRecord(
         strain_rate=without_dead(strain_rate, channel, excluded, first.path),
@@ -293,4 +297,5 @@ def read_das(
         sampling_rate=1e9 / interval,
         gaps=gaps,
         provenance=provenance_of(blocks, stored, notes),
+        rounding=rounding,
     )

@@ -54,4 +54,5 @@ def decimated(record: DASRecord, rate: float = FIT_RATE) -> DASRecord:
         time=record.time[::factor],
         sampling_rate=record.sampling_rate / factor,
         provenance=provenance,
+        rounding=record.rounding and record.rounding.filtered(taps / taps.sum(), factor),
     )

@@ -79,6 +79,19 @@ def test_channels_that_hear_nothing_are_named_and_left_out(street: Survey, comma
     assert largest_error(tmp_path / "run", street) < 0.25
 
 
+def test_a_rounded_record_is_located_and_its_step_said(street: Survey, command: Command, tmp_path: Path) -> None:
+    """In steps of twice the noise quiet is zero: noise was told by its median, so that channels counted as dead."""
+    step = 2.0 * street.noise_sd
+    write_survey(replace(street, strain_rate=step * np.rint(street.strain_rate / step)), tmp_path / "s")
+    status, _, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    assert status == 0, error
+    facts = json.loads((tmp_path / "run" / "fit.json").read_text())
+    said = [line for line in facts["warnings"] if line.startswith(f"the record is rounded to steps of {step:.2g} 1/s")]
+    assert len(said) == 1 and "counted as noise" in said[0]
+    assert 0.8 < facts["chi2_per_dof"] < 1.1
+    assert largest_error(tmp_path / "run", street) < 0.25
+
+
 @pytest.mark.parametrize(("more", "seed"), [(0.15, 11), (0.2, 3)])
 def test_ground_of_another_poisson_ratio_than_believed(
     more: float, seed: int, command: Command, tmp_path: Path
