@@ -96,6 +96,10 @@ def quality(
     out: Annotated[Path, typer.Option(help="Folder to write; an earlier report there is replaced.")] = Path("quality"),
     names: Annotated[str | None, typer.Option(help="Names to show, by comma.  [default: the files']")] = None,
     truth: Annotated[Path | None, typer.Option(help="True tracks; adds MOTA, IDF1 and HOTA.")] = None,
+    classes: Annotated[
+        str | None,
+        typer.Option(help="Classes to compare, by comma.  [default: road vehicles, and what all tables have]"),
+    ] = None,
     video: Annotated[Path | None, typer.Option(help="Video of the tracks, shown behind the heat maps.")] = None,
     gauge_length: Annotated[float, typer.Option(help="Of the DAS, m, for the effect on the route.")] = 10.0,
     frame_rate: Annotated[
@@ -105,8 +109,9 @@ def quality(
 ) -> None:
     """Compare the tracks of detectors or settings on one video: which to use, and is it good enough for the fiber.
 
-    Writes report.html (opens offline), quality.json and the pictures. Jitter is judged by the 35 cm rule. The speed is
-    shown where `track --json` was kept beside its table: `roadfiber track ... --out a.csv --json > a.json`.
+    Writes report.html (opens offline), quality.json and the pictures. Jitter is judged by the 35 cm rule. A table that
+    cannot be read is told and left out. The speed is shown where `track --json` was kept beside its table:
+    `roadfiber track ... --out a.csv --json > a.json`.
 
     Example: `roadfiber quality yolox.csv nanodet.csv --video street.mp4 --out quality`
     """
@@ -122,6 +127,7 @@ def quality(
         out,
         names=split(names),
         truth=truth,
+        classes=split(classes),
         video=video,
         gauge_length=gauge_length,
         frame_rate=frame_rate,
@@ -131,7 +137,10 @@ def quality(
         return
     for setting in facts["settings"]:
         print(setting_line(setting))
-    print(f"use {facts['use']}: {facts['because']}. {facts['verdict']}\nwrote {out / 'report.html'}")
+    for note in facts["notes"]:
+        print(note)
+    print(f"use {facts['use']}: {facts['because']}. {facts['verdict']}")
+    print(f"chosen by {facts['rule']}\nwrote {out / 'report.html'}")
 
 
 def setting_line(setting: "dict[str, Any]") -> str:

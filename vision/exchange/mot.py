@@ -16,8 +16,11 @@ from vision.interpolate import BOX
 if TYPE_CHECKING:
     import pandas as pd
 
-# The numbers of MOT16's classes; people and things that are no vehicles keep no name.
-CLASSES = {3: "car", 4: "bicycle", 5: "motorcycle", 6: "vehicle"}
+# MOT16's classes, table 3; of its other numbers no file says what they mean.
+CLASSES = {
+    **{1: "person", 2: "rider", 3: "car", 4: "bicycle", 5: "motorcycle", 6: "push vehicle", 7: "person"},
+    **{8: "distractor", 9: "occluder", 10: "occluder", 11: "occluder", 12: "reflection"},
+}
 FIELDS = ["frame", "track_id", "left", "top", "width", "height", "confidence", "label", "visibility"]
 FEWEST = 6
 MEND = "MOTChallenge lines are frame,id,left,top,width,height[,confidence[,class,visibility]], frames from 1"
@@ -89,6 +92,8 @@ def read_mot(path: Path | str, frame_rate: float | None = None) -> "pd.DataFrame
     rows = _numbers_in(Path(path))
     table = pd.DataFrame(rows, columns=FIELDS[: rows.shape[1]]).reindex(columns=FIELDS)
     truth = rows.shape[1] >= len(FIELDS) and (table["label"] > 0).all()
+    # Who has one class only numbers it 1, whatever it is.
+    named = truth and (table["label"] != 1).any()
     if truth:
         table = table[table["confidence"] > 0]
     frame = table["frame"].to_numpy(int) - 1
@@ -98,7 +103,7 @@ def read_mot(path: Path | str, frame_rate: float | None = None) -> "pd.DataFrame
         {
             "time": frame / frame_rate if frame_rate else np.nan,
             "track_id": table["track_id"].astype(int).astype(str),
-            "class": table["label"].map(CLASSES).fillna("vehicle") if truth else "vehicle",
+            "class": table["label"].map(CLASSES).fillna("vehicle") if named else "vehicle",
             **box,
             "confidence": 1.0 if truth else table["confidence"].fillna(1.0),
             "interpolated": False,

@@ -1,16 +1,13 @@
 """Where vehicles were seen: a heat map over the scene."""
 
-from pathlib import Path
-
 import cv2
 import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.contract.errors import InputError
 from vision.interpolate import BOX
 from vision.quality.setting import Setting
-from vision.video import open_video
+from vision.video import Video
 
 Image = NDArray[np.uint8]
 
@@ -20,30 +17,9 @@ SMOOTH = 0.008  # sd of the blur, widths
 OPAQUE = 0.75
 
 
-def empty_scene(video: Path, settings: list[Setting]) -> Image:
-    """Median of frames all over the video [row, column, 3], blue, green, red: the scene without what moves.
-
-    Raises
-    ------
-    InputError
-        If it is no video, or boxes of a setting lie outside it or frames beyond its end.
-    """
-    clip = open_video(video)
-    for setting in settings:
-        check_inside(setting, clip.width, clip.height, int(clip.index[-1]) + 1, video)
+def empty_scene(clip: Video) -> Image:
+    """Median of frames all over the video [row, column, 3], blue, green, red: the scene without what moves."""
     return np.median([frame.image for frame in clip.sample(FRAMES)], axis=0).astype(np.uint8)
-
-
-def check_inside(setting: Setting, width: int, height: int, frames: int, video: Path) -> None:
-    """Raise InputError where tracks cannot be of this video."""
-    tracks = setting.tracks
-    across, down = (tracks[BOX[0]] + tracks[BOX[2]]) / 2, (tracks[BOX[1]] + tracks[BOX[3]]) / 2
-    outside = across.max() > width or down.max() > height
-    if outside or tracks["frame"].max() >= frames:
-        raise InputError(
-            f"{setting.path}: has boxes or frames that {video} ({width} x {height} px, {frames} frames) has not; "
-            "give the video of these tracks"
-        )
 
 
 def blank_scene(settings: list[Setting]) -> Image:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.jitter import bin_edges, jitter_by_bin, jitter_floor, parked, stride
+from vision.quality.classes import tracks_by_class
 from vision.quality.route_effect import route_effect
 from vision.quality.scores import Scores, score_tracks
 from vision.quality.setting import Setting
@@ -74,6 +75,8 @@ class Measures:
             "tracks": self.tracks,
             "tracks_by_class": self.by_class,
             "tracks_by_detected_class": self.by_detected_class,
+            "tracks_not_compared": self.setting.others,
+            "boxes_clipped": self.setting.clipped,
             "frames_per_track": self.frames_per_track,
             "longest_fragment_frames": self.fragment,
             "mean_longest_fragment_frames": self.mean_fragment,
@@ -122,7 +125,13 @@ def moving(setting: Setting) -> "pd.DataFrame":
     return tracks[rows] if rows.any() else tracks
 
 
-def measure(setting: Setting, edges: Array, gauge_length: float, truth: "pd.DataFrame | None" = None) -> Measures:
+def measure(
+    setting: Setting,
+    edges: Array,
+    gauge_length: float,
+    truth: "pd.DataFrame | None" = None,
+    others: "pd.DataFrame | None" = None,
+) -> Measures:
     """Measure one setting.
 
     Parameters
@@ -131,6 +140,7 @@ def measure(setting: Setting, edges: Array, gauge_length: float, truth: "pd.Data
     edges : [bin + 1], of the bins along x
     gauge_length : of the DAS, m
     truth : [fix] with track_id, frame and boxes or x, y
+    others : [fix] of the truth, of classes that are not compared
     """
     tracks, rolling = setting.tracks, moving(setting)
     seen = tracks[~tracks["interpolated"]]
@@ -140,7 +150,7 @@ def measure(setting: Setting, edges: Array, gauge_length: float, truth: "pd.Data
     metric = setting.unit == "m"
     return Measures(
         setting=setting,
-        by_class=counted(groups["class"].first().value_counts()),
+        by_class=tracks_by_class(tracks),
         by_detected_class=counted(seen.groupby("detected_class")["track_id"].nunique()),
         frames_per_track=float(groups.size().mean()),
         fragment=int(longest.max()),
@@ -154,7 +164,7 @@ def measure(setting: Setting, edges: Array, gauge_length: float, truth: "pd.Data
         floor=jitter_floor(as_measured(tracks)) if metric else None,
         parked=len(parked(as_measured(tracks))) if metric else 0,
         effect=route_effect(rolling, edges, gauge_length) if metric else None,
-        scores=None if truth is None else score_tracks(truth, tracks),
+        scores=None if truth is None else score_tracks(truth, tracks, others=others),
     )
 
 

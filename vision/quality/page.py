@@ -5,15 +5,35 @@ from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from string import Template
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from vision.contract.figures import data_uri, svg
 from vision.jitter import LIMIT, WINDOW
+from vision.quality.classes import listed, tracks_by_class
 from vision.quality.figures import NARROW, WIDE, class_figure, jitter_figure, route_figure
 from vision.quality.measures import Measures, mean_over
 from vision.quality.verdict import Verdict, grade, typical_effect
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is true.
+
+    Parameters
+    ----------
+    tracks, others : [fix] of the classes that are compared, and of the rest
+    left_out : tracks of the rest by class
+    """
+
+    tracks: "pd.DataFrame"
+    others: "pd.DataFrame"
+    left_out: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -24,6 +44,8 @@ class Content:
     ----------
     found : figures of every setting
     verdict : which to use
+    truth : where it is known
+    left_out : a line on each table that could not be compared
     heat : PNG of every setting's heat map, by name; empty where there are no boxes
     inputs : (role, file name, SHA-256) of what was read
     title : of the video or the tables
@@ -33,11 +55,27 @@ class Content:
 
     found: Sequence[Measures]
     verdict: Verdict
+    truth: Truth | None
+    left_out: Sequence[str]
     heat: dict[str, bytes]
     inputs: Sequence[tuple[str, str, str]]
     title: str
     created: str
     version: str
+
+    def notes(self) -> list[str]:
+        """Sentences on what was compared, and what was not."""
+        notes = [f"Left out: {line}" for line in self.left_out]
+        if self.truth:
+            compared = listed(tracks_by_class(self.truth.tracks))
+            rest = f"; left out of it: {listed(self.truth.left_out)}" if self.truth.left_out else ""
+            notes.append(f"Compared with {compared} of the truth{rest}")
+        for setting in (one.setting for one in self.found):
+            if setting.others:
+                notes.append(f"{setting.name}: left out {listed(setting.others)}")
+            if setting.clipped:
+                notes.append(f"{setting.name}: {setting.clipped} boxes reached beyond the picture and were clipped")
+        return notes
 
 
 def number(value: float | None, unit: str = "", digits: int = 2) -> str:
@@ -51,22 +89,13 @@ def number(value: float | None, unit: str = "", digits: int = 2) -> str:
     return f"{value:.{digits}f} {unit}".strip()
 
 
-def counts(by_class: dict[str, int]) -> str:
-    """Counts by class as text.
-
-    >>> counts({"car": 3, "van": 1})
-    '3 car, 1 van'
-    """
-    return ", ".join(f"{count} {name}" for name, count in by_class.items())
-
-
 def rows(found: Sequence[Measures]) -> list[tuple[str, str, Callable[[Measures], str]]]:
     """Rows of the comparison: heading, what it means, text of a setting."""
     unit = found[0].setting.unit
     always: list[tuple[str, str, Callable[[Measures], str]]] = [
         ("Vehicles", "tracks, of one class each", lambda m: str(m.tracks)),
-        ("by class", "after class interpolation", lambda m: counts(m.by_class)),
-        ("by detected class", "before; a track counts for all it showed", lambda m: counts(m.by_detected_class)),
+        ("by class", "after class interpolation", lambda m: listed(m.by_class)),
+        ("by detected class", "before; a track counts for all it showed", lambda m: listed(m.by_detected_class)),
         ("Frames per track", "mean", lambda m: number(m.frames_per_track, digits=1)),
         ("Longest unbroken fragment", "frames without a miss", lambda m: str(m.fragment)),
         ("Unbroken per track", "mean of the longest, frames", lambda m: number(m.mean_fragment, digits=1)),
@@ -199,6 +228,8 @@ def render(content: Content) -> str:
         headline=escape(headline(content)),
         grade=content.verdict.grade,
         verdict=escape(f"{content.verdict.words} {content.verdict.because[0].upper()}{content.verdict.because[1:]}."),
+        rule=escape(f"Chosen by {content.verdict.rule}."),
+        notes="".join(f"<li>{escape(note)}</li>" for note in content.notes()),
         key_figures=figures,
         comparison=comparison(content),
         window=str(WINDOW),

@@ -5,26 +5,34 @@ import json
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 
 from vision.contract.errors import InputError
 from vision.contract.figures import png_bytes, styled
 from vision.contract.files import writing
+from vision.interpolate import BOX
 from vision.jitter import LIMIT
+from vision.quality.classes import compared_classes, of_classes, tracks_by_class
 from vision.quality.figures import class_figure, jitter_figure, route_figure
 from vision.quality.heat import blank_scene, empty_scene, heat_map
 from vision.quality.measures import Measures, measure, shared_edges
-from vision.quality.page import Content, render
+from vision.quality.page import Content, Truth, render
+from vision.quality.reading import read_tracks
 from vision.quality.route_effect import GAUGE_LENGTH
-from vision.quality.setting import Setting, read_settings, read_tracks
-from vision.quality.verdict import Verdict, grade, judge
+from vision.quality.setting import Picture, Setting, Tables, clip_boxes, read_settings
+from vision.quality.verdict import grade, judge
+from vision.video import Video, open_video
 
-FORMAT = "roadfiber track quality 1"
+if TYPE_CHECKING:
+    import pandas as pd
+
+FORMAT = "roadfiber track quality 2"
 FACTS = "quality.json"
 PNG_DPI = 150
 
@@ -35,6 +43,7 @@ def write_report(
     *,
     names: Sequence[str] | None = None,
     truth: Path | None = None,
+    classes: Sequence[str] | None = None,
     video: Path | None = None,
     gauge_length: float = GAUGE_LENGTH,
     frame_rate: float | None = None,
@@ -43,11 +52,12 @@ def write_report(
 
     Parameters
     ----------
-    paths, names, frame_rate : as for `read_settings`
+    paths, names, frame_rate : as for `read_settings`; tables that cannot be used are left out, and why is told
     out : folder to write: `report.html`, `quality.json`, `jitter.png`, `classes.png`, with meters `route.png`, with
         boxes `heat-NAME.png`; an earlier report there is replaced
     truth : true tracks, of a kind that `paths` may be; adds MOTA, IDF1 and HOTA
-    video : shown behind the heat maps
+    classes : to compare; by default road vehicles, and what else all tables and the truth have
+    video : shown behind the heat maps; boxes are clipped to its picture
     gauge_length : of the DAS, m, for the effect on the route
 
     Returns
@@ -57,34 +67,68 @@ def write_report(
     Raises
     ------
     InputError
-        If a table, the truth or the video cannot be used or they do not belong together, or `out` is something else.
+        If no table, or the truth or the video cannot be used or they do not belong together, or `out` is something
+        else.
     """
     check_target(out)
     if gauge_length <= 0:
         raise InputError(f"--gauge-length {gauge_length:g}: must be above 0 m")
-    settings = read_settings(paths, names, frame_rate)
-    true = None if truth is None else read_tracks(truth)
+    clip = open_video(video) if video else None
+    picture = Picture(Path(clip.path), clip.width, clip.height, int(clip.index[-1]) + 1) if clip else None
+    tables = read_settings(paths, names, frame_rate, picture)
+    if clip and not any(setting.has_boxes for setting in tables.settings):
+        raise InputError(f"{video}: the tables have no boxes to show on it; leave --video out")
+    tables, true = same_classes(tables, read_truth(truth, picture), classes)
+    settings = tables.settings
     edges = shared_edges(settings)
-    found = [measure(setting, edges, gauge_length, true) for setting in settings]
-    verdict = judge(found)
-    heat = heat_maps(settings, video)
+    known = (true.tracks, true.others) if true else (None, None)
+    found = [measure(setting, edges, gauge_length, *known) for setting in settings]
+    heat = heat_maps(settings, clip)
     created = datetime.now(UTC)
     content = Content(
         found=found,
-        verdict=verdict,
+        verdict=judge(found),
+        truth=true,
+        left_out=tables.left_out,
         heat=heat,
-        inputs=[*checksums("tracks", paths), *checksums("truth", [truth]), *checksums("video", [video])],
+        inputs=[
+            *checksums("tracks", [one.path for one in settings]),
+            *checksums("truth", [truth]),
+            *checksums("video", [video]),
+        ],
         title=video.name if video else ", ".join(setting.name for setting in settings),
         created=f"{created:%Y-%m-%d %H:%M} UTC",
         version=version("roadfiber"),
     )
-    facts = plain(as_json(content, verdict))
+    facts = plain(as_json(content))
     with writing(out) as folder:
         folder.mkdir()
         (folder / FACTS).write_text(json.dumps(facts, allow_nan=False, indent=1) + "\n", encoding="utf-8")
         (folder / "report.html").write_text(render(content), encoding="utf-8")
         write_pictures(folder, found, heat)
     return facts
+
+
+def read_truth(path: Path | None, picture: Picture | None) -> "pd.DataFrame | None":
+    """Read true tracks, boxes clipped to the picture; None without a file."""
+    if path is None:
+        return None
+    table = read_tracks(path)
+    return clip_boxes(table, picture, path)[0] if picture and set(BOX) <= set(table) else table
+
+
+def same_classes(
+    tables: Tables, truth: "pd.DataFrame | None", wanted: Sequence[str] | None
+) -> tuple[Tables, Truth | None]:
+    """Keep of all tables, and of the truth, the classes that are compared."""
+    sides = [setting.tracks for setting in tables.settings] + ([] if truth is None else [truth])
+    names = compared_classes(sides, wanted)
+
+    def keep(setting: Setting) -> Setting:
+        tracks, _, others = of_classes(setting.tracks, names, str(setting.path))
+        return replace(setting, tracks=tracks.reset_index(drop=True), others=others)
+
+    return tables.each(keep), None if truth is None else Truth(*of_classes(truth, names, "--truth"))
 
 
 def check_target(out: Path) -> None:
@@ -99,14 +143,12 @@ def check_target(out: Path) -> None:
         raise InputError(f"{out}: is there and is no earlier report of tracks; give another --out")
 
 
-def heat_maps(settings: list[Setting], video: Path | None) -> dict[str, bytes]:
+def heat_maps(settings: list[Setting], clip: Video | None) -> dict[str, bytes]:
     """PNG of every setting's heat map, of those that have boxes."""
     boxed = [setting for setting in settings if setting.has_boxes]
     if not boxed:
-        if video:
-            raise InputError(f"{video}: the tables have no boxes to show on it; leave --video out")
         return {}
-    scene = empty_scene(video, boxed) if video else blank_scene(boxed)
+    scene = empty_scene(clip) if clip else blank_scene(boxed)
     return {setting.name: png_bytes(heat_map(setting, scene)) for setting in boxed}
 
 
@@ -116,8 +158,9 @@ def checksums(role: str, paths: Sequence[Path | None]) -> list[tuple[str, str, s
     return [(role, path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in there]
 
 
-def as_json(content: Content, verdict: Verdict) -> dict[str, Any]:
+def as_json(content: Content) -> dict[str, Any]:
     """What quality.json holds."""
+    verdict, truth = content.verdict, content.truth
     return {
         "format": FORMAT,
         "created": content.created,
@@ -125,8 +168,12 @@ def as_json(content: Content, verdict: Verdict) -> dict[str, Any]:
         "limit_m": LIMIT,
         "use": verdict.use,
         "because": verdict.because,
+        "rule": verdict.rule,
         "good_enough": verdict.grade,
         "verdict": verdict.words,
+        "notes": content.notes(),
+        "left_out": list(content.left_out),
+        "truth": truth and {"tracks_by_class": tracks_by_class(truth.tracks), "tracks_not_compared": truth.left_out},
         "settings": [one.as_json() | {"good_enough": grade(one)} for one in content.found],
         "inputs": [{"role": role, "name": name, "sha256": code} for role, name, code in content.inputs],
     }

@@ -3,6 +3,7 @@
 Boxes are compared by intersection over union; positions, where there are no boxes, by 1 - distance / 2 m.
 """
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
@@ -38,6 +39,8 @@ class Scores:
     deta, assa : the parts of HOTA, detection and association
     switches : times that a vehicle changes its track
     misses, false_alarms, boxes : boxes of the truth that were missed, boxes found where nothing is, boxes of the truth
+    not_asked : boxes found that are of no class that is compared, and do not count
+    unplaced : boxes of the truth that were found and could not be placed on the road, and do not count
     """
 
     mota: float
@@ -49,6 +52,8 @@ class Scores:
     misses: int
     false_alarms: int
     boxes: int
+    not_asked: int = 0
+    unplaced: int = 0
 
     def rounded(self) -> dict[str, float]:
         """Return all as a dictionary, scores to four digits."""
@@ -72,13 +77,21 @@ class Pairs:
     counts: tuple[int, int]
 
 
-def score_tracks(truth: "pd.DataFrame", found: "pd.DataFrame") -> Scores:
+def score_tracks(
+    truth: "pd.DataFrame",
+    found: "pd.DataFrame",
+    *,
+    others: "pd.DataFrame | None" = None,
+    unplaced: "pd.DataFrame | None" = None,
+) -> Scores:
     """Score tracks against the truth about the same frames.
 
     Parameters
     ----------
     truth, found : [fix] with track_id, frame, and the box (px) or x, y (m); where `found` saw only every n-th frame,
         the truth counts in those only
+    others : [fix] of the truth that nobody asks for (persons, say): what was found there is no false alarm
+    unplaced : [fix] that was detected and could not be placed on the road: what is true there is no miss
 
     Raises
     ------
@@ -90,20 +103,62 @@ def score_tracks(truth: "pd.DataFrame", found: "pd.DataFrame") -> Scores:
     >>> score_tracks(truth, truth.assign(track_id=[1, 1, 2, 2])).rounded()["idf1"]
     0.5
     """
+    everything, asked = len(found), len(truth)
+    if others is not None:
+        found = without_matches(found, others, truth)
+    if unplaced is not None:
+        truth = without_matches(truth, unplaced, found)
     pairs = pair_frames(truth, found)
     mota, switches, misses, false_alarms = clear_mot(pairs)
     hota, deta, assa = higher_order(pairs)
     boxes = sum(len(names) for names in pairs.truth)
-    return Scores(mota, identity_f1(pairs), hota, deta, assa, switches, misses, false_alarms, boxes)
+    out = (everything - len(found), asked - len(truth))
+    return Scores(mota, identity_f1(pairs), hota, deta, assa, switches, misses, false_alarms, boxes, *out)
+
+
+def without_matches(table: "pd.DataFrame", others: "pd.DataFrame", rivals: "pd.DataFrame") -> "pd.DataFrame":
+    """Leave out rows that match `others` rather than `rivals`, frame by frame (as MOTChallenge does with distractors).
+
+    Parameters
+    ----------
+    table, others, rivals : [fix] with frame, and boxes (px) or x, y (m)
+
+    >>> import pandas as pd
+    >>> rivals = pd.DataFrame({"frame": [0], "x": [0.0], "y": [0.0]})
+    >>> table = pd.concat([rivals, rivals.assign(x=9.5)])
+    >>> without_matches(table, rivals.assign(x=9.0), rivals)["x"].tolist()
+    [0.0]
+    """
+    columns, compare = _comparable(table, others, rivals)
+    keep = np.ones(len(table), bool)
+    place = others.groupby("frame").indices
+    rival = rivals.groupby("frame").indices
+    nothing = np.zeros(0, np.intp)
+    values = [part[columns].to_numpy(float) for part in (table, others, rivals)]
+    for frame, rows in table.groupby("frame").indices.items():
+        if frame not in place:
+            continue
+        first = values[2][rival.get(frame, nothing)]
+        similarity = compare(values[0][rows], np.concatenate([first, values[1][place[frame]]]))
+        bonus = KEPT * (np.arange(similarity.shape[1]) < len(first))
+        row, column = _assign(np.where(similarity >= MATCHED - EPSILON, similarity + bonus, 0.0))
+        keep[rows[row[column >= len(first)]]] = False
+    return table[keep]
+
+
+def _comparable(*tables: "pd.DataFrame") -> tuple[list[str], Callable[[Array, Array], Array]]:
+    """Columns that all tables have, and what compares them: boxes, else positions."""
+    for columns, compare in ((BOX, overlap), (["x", "y"], nearness)):
+        if all(name in table for name in columns for table in tables):
+            return columns, compare
+    raise InputError("--truth: has no boxes (px) or positions (m) that the tracks have too; give both or neither")
 
 
 def pair_frames(truth: "pd.DataFrame", found: "pd.DataFrame") -> Pairs:
     """Compare truth and tracks in every frame that was looked at."""
     import pandas as pd
 
-    columns = next((names for names in (BOX, ["x", "y"]) if all(n in t for n in names for t in (truth, found))), None)
-    if columns is None:
-        raise InputError("--truth: has no boxes (px) or positions (m) that the tracks have too; give both or neither")
+    columns, compare = _comparable(truth, found)
     step = stride(found["frame"].to_numpy())
     truth = truth[(truth["frame"] - found["frame"].min()) % step == 0]
     shared = np.intersect1d(truth["frame"], found["frame"])
@@ -113,7 +168,6 @@ def pair_frames(truth: "pd.DataFrame", found: "pd.DataFrame") -> Pairs:
     frames = np.union1d(truth["frame"], found["frame"])
     (rows_t, rows_f) = (_rows_by_frame(table["frame"].to_numpy(), frames) for table in (truth, found))
     values_t, values_f = truth[columns].to_numpy(float), found[columns].to_numpy(float)
-    compare = overlap if columns is BOX else nearness
     return Pairs(
         truth=[names[0][0][rows] for rows in rows_t],
         found=[names[1][0][rows] for rows in rows_f],

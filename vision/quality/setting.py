@@ -1,28 +1,23 @@
 """Tables of tracks to compare: one per detector or setting, all of one video."""
 
-import json
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from vision.contract.columns import check_positive, finite, first_row
 from vision.contract.errors import InputError
-from vision.contract.table import read_as_is, to_utc
-from vision.detectors.names import VEHICLES, plain_name
-from vision.exchange import read_mot, read_otdet, read_ottrk
 from vision.interpolate import BOX
-from vision.jitter import seconds
+from vision.quality.reading import read_speed, read_tracks
 
 if TYPE_CHECKING:
     import pandas as pd
 
-NEEDED = ("time", "track_id", "class", "frame")
-NUMBERS = ("sigma_x", "sigma_y", "x_measured", "y_measured")
-SUFFIXES = (".csv", ".parquet", ".txt", ".ottrk", ".otdet")
-TRUE = ("true", "1", "1.0")
+
+BEYOND = 0.5  # px; a box that reaches no farther beyond the picture is as good as inside
+MOST_OUTSIDE = 0.1  # share of boxes with their middle outside the picture, beyond which they are of another video
+Source = TypeVar("Source")
 
 
 @dataclass(frozen=True)
@@ -37,6 +32,8 @@ class Setting:
         zero), interpolated, x, y; boxes (px) and sigma_x, sigma_y (m) where they are known
     unit : of x and y: m, or px where no calibration is behind them: the middle of the box's lower edge
     speed : frames per second by step, where it is known
+    clipped : how many boxes reached beyond the picture and were clipped to it
+    others : tracks by class, of classes that are not compared
     """
 
     name: str
@@ -44,6 +41,8 @@ class Setting:
     tracks: "pd.DataFrame"
     unit: str
     speed: dict[str, float] | None = None
+    clipped: int = 0
+    others: dict[str, int] = field(default_factory=dict)
 
     @property
     def has_boxes(self) -> bool:
@@ -51,10 +50,63 @@ class Setting:
         return all(name in self.tracks for name in BOX)
 
 
+@dataclass(frozen=True)
+class Picture:
+    """What is known of a video.
+
+    Parameters
+    ----------
+    path : of it
+    width, height : px
+    frames : how many there are
+    """
+
+    path: Path
+    width: int
+    height: int
+    frames: int
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Tables that can be compared, and why others cannot.
+
+    Parameters
+    ----------
+    settings : in the order given, in meters where all have them, else in pixels
+    left_out : a line on each table that is not among them
+    """
+
+    settings: list[Setting]
+    left_out: tuple[str, ...] = ()
+
+    def each(self, change: Callable[[Setting], Setting]) -> "Tables":
+        """Change every setting; those that cannot be changed are left out."""
+        changed = usable(change, self.settings)
+        return Tables(changed.settings, self.left_out + changed.left_out)
+
+
+def usable(make: Callable[[Source], Setting], sources: Sequence[Source]) -> Tables:
+    """Make a setting of every source; InputError where none can be made."""
+    made: list[Setting] = []
+    refused: list[InputError] = []
+    for source in sources:
+        try:
+            made.append(make(source))
+        except InputError as error:
+            refused.append(error)
+    if not made:
+        raise refused[0]
+    return Tables(made, tuple(map(str, refused)))
+
+
 def read_settings(
-    paths: Sequence[Path], names: Sequence[str] | None = None, frame_rate: float | None = None
-) -> list[Setting]:
-    """Read tables of tracks of one video.
+    paths: Sequence[Path],
+    names: Sequence[str] | None = None,
+    frame_rate: float | None = None,
+    picture: Picture | None = None,
+) -> Tables:
+    """Read tables of tracks of one video; those that cannot be used are left out.
 
     Parameters
     ----------
@@ -63,31 +115,34 @@ def read_settings(
         `.json` beside a table, of the same name, is taken for what `track --json` printed: its speed.
     names : to show; by default those of the files
     frame_rate : 1/s, for MOTChallenge files; by default that of the other tables
-
-    Returns
-    -------
-    settings in the order given, in meters where all tables have them, else in pixels
+    picture : of the video, to which boxes are clipped; by default they are left as they are
 
     Raises
     ------
     InputError
-        If a file is missing, empty, of an unknown kind or lacks a column, names do not fit, or the tables are not of
-        one video: the same frames at other times, or no frame in common.
+        If names do not fit, or no table is left: files that are missing, empty, of an unknown kind or lack a column; or
+        the tables are not of one video and there is no majority: the same frames at other times, or no frame in common.
     """
     if not paths:
         raise InputError("no tables of tracks; give at least one that `roadfiber track` wrote")
     names = list(names) if names else distinct([path.stem for path in paths])
     if len(names) != len(paths) or len(set(names)) != len(names):
         raise InputError(f"--names: {len(set(names))} different names for {len(paths)} tables; give one for each")
-    found = [
-        Setting(name, path, read_tracks(path, frame_rate), "m", read_speed(path.with_suffix(".json")))
-        for name, path in zip(names, map(Path, paths), strict=True)
-    ]
-    rates = [rate for rate in map(rate_of, found) if rate]
-    found = [with_clock(setting, rates) for setting in found]
-    check_same_video(found)
-    metric = all("x" in setting.tracks for setting in found)
-    return found if metric else [in_pixels(setting) for setting in found]
+
+    def read(source: tuple[str, Path]) -> Setting:
+        name, path = source
+        found = Setting(name, path, read_tracks(path, frame_rate), "m", read_speed(path.with_suffix(".json")))
+        rate_of(found)  # its clock must go on
+        if picture is None or not found.has_boxes:
+            return found
+        tracks, count = clip_boxes(found.tracks, picture, path)
+        return replace(found, tracks=tracks, clipped=count)
+
+    tables = usable(read, list(zip(names, map(Path, paths), strict=True)))
+    rates = [rate for rate in map(rate_of, tables.settings) if rate]
+    tables = of_one_video(tables.each(lambda setting: with_clock(setting, rates)))
+    metric = all("x" in setting.tracks for setting in tables.settings)
+    return tables if metric else tables.each(in_pixels)
 
 
 def distinct(names: Sequence[str]) -> list[str]:
@@ -98,104 +153,6 @@ def distinct(names: Sequence[str]) -> list[str]:
     """
     count = [names[: place + 1].count(name) for place, name in enumerate(names)]
     return [name if number == 1 else f"{name} {number}" for name, number in zip(names, count, strict=True)]
-
-
-def read_tracks(path: Path, frame_rate: float | None = None) -> "pd.DataFrame":
-    """Read one table of tracks; time in s, NaN where the file has no clock.
-
-    Raises
-    ------
-    InputError
-        As `read_settings` says.
-    """
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise InputError(f"{path}: unknown kind of table of tracks; give one of {', '.join(SUFFIXES)}")
-    if suffix == ".txt":
-        return read_mot(path, frame_rate).pipe(lambda table: table.assign(detected_class=table["class"]))
-    table = {".ottrk": read_ottrk, ".otdet": follow_otdet}.get(suffix, read_as_is)(path)
-    if missing := [name for name in NEEDED if name not in table]:
-        raise InputError(f"{path}: no column {', '.join(missing)}; give a table that `roadfiber track` wrote")
-    columns = [names for names in (["x", "y"], BOX) if all(name in table for name in names)]
-    if not columns:
-        raise InputError(f"{path}: neither x, y nor {', '.join(BOX)}; give a table that `roadfiber track` wrote")
-    if table.empty:
-        raise InputError(f"{path}: no fixes; nothing was tracked, try a lower --min-score or another --detector")
-    known = [name for name in NUMBERS if name in table]
-    table = finite(table, ["frame", *(name for names in columns for name in names), *known], path)
-    check_positive(table, [name for name in known if name.startswith("sigma")], path)
-    check_rows(table, path)
-    return tidy(table.assign(time=to_seconds(table["time"], path)), path)
-
-
-def follow_otdet(path: Path) -> "pd.DataFrame":
-    """Follow the vehicles that OTVision detected."""
-    from vision.follow import follow_table
-
-    table = read_otdet(path)
-    table = table.assign(time=seconds(table["time"]), **{"class": table["class"].map(plain_name)})
-    vehicles = table[table["class"].isin(VEHICLES)]
-    return follow_table(vehicles) if len(vehicles) else vehicles.assign(track_id="")
-
-
-def check_rows(table: "pd.DataFrame", path: Path) -> None:
-    """Raise InputError at the first row that cannot be of a video."""
-    frame = table["frame"]
-    bad = {
-        "names no track or class; fill it in": table["track_id"].isna() | table["class"].isna(),
-        "has a frame that is no whole number from 0 on; give the frame's place in the video": (frame < 0)
-        | (frame % 1 != 0),
-    }
-    if all(name in table for name in BOX):
-        flat = (table[BOX[0]] >= table[BOX[2]]) | (table[BOX[1]] >= table[BOX[3]])
-        bad["has a box without area; give left, top, right, bottom in px"] = flat
-    for complaint, rows in bad.items():
-        if rows.any():
-            raise InputError(f"{path}: row {first_row(rows)} {complaint}")
-
-
-def tidy(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
-    """Return `table` with all columns of a setting, each of one kind, sorted by track and frame."""
-    named = table["class"].astype(str).map(plain_name)
-    detected = table["detected_class"].fillna("").astype(str).map(plain_name) if "detected_class" in table else named
-    interpolated = table["interpolated"] if "interpolated" in table else table["frame"] < 0
-    flags = interpolated.astype(str).str.lower().isin(TRUE)
-    table = table.assign(
-        track_id=table["track_id"].astype(str),
-        frame=table["frame"].astype(int),
-        interpolated=flags,
-        detected_class=detected.mask(flags, ""),
-        **{"class": named},
-    )
-    if flags.all():
-        raise InputError(f"{path}: all fixes are interpolated; give those that were detected too")
-    if (twice := table.duplicated(["track_id", "frame"])).any():
-        row = table[twice].iloc[0]
-        raise InputError(f"{path}: track {row['track_id']} is twice in frame {row['frame']}; keep one fix")
-    return table.sort_values(["track_id", "frame"], ignore_index=True)
-
-
-def to_seconds(column: "pd.Series", path: Path) -> "pd.Series":
-    """Times as seconds, or as ISO 8601 in UTC -> s from the first."""
-    import pandas as pd
-
-    if column.dtype.kind not in "mM" and pd.to_numeric(column, errors="coerce").notna().any():
-        return finite(column.to_frame("time"), ["time"], path)["time"]
-    return pd.Series(seconds(to_utc(column, path)), index=column.index)
-
-
-def read_speed(path: Path) -> dict[str, float] | None:
-    """Frames per second by step, from what `roadfiber track --json` printed.
-
-    None where there is no such file.
-    """
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-        return {str(step): float(rate) for step, rate in summary["frames_per_second"].items()} or None
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: not what `roadfiber track --json` prints; move it away or write it again") from error
 
 
 def rate_of(setting: Setting) -> float | None:
@@ -217,15 +174,62 @@ def with_clock(setting: Setting, rates: Sequence[float]) -> Setting:
     return replace(setting, tracks=setting.tracks.assign(time=setting.tracks["frame"] / rates[0]))
 
 
-def check_same_video(settings: Sequence[Setting]) -> None:
-    """Raise InputError unless all tables show the same times for the same frames."""
-    clocks = [setting.tracks.drop_duplicates("frame").set_index("frame")["time"] for setting in settings]
-    for setting, clock in zip(settings[1:], clocks[1:], strict=True):
-        apart = (clocks[0] - clock).dropna()
-        interval = 1 / (rate_of(settings[0]) or 1.0)
-        if apart.empty or np.ptp(apart) > interval:
-            reason = "have no frame in common" if apart.empty else "have the same frames at other times"
-            raise InputError(f"{setting.path}: {settings[0].path} and this {reason}; give tables of one video")
+def of_one_video(tables: Tables) -> Tables:
+    """Leave out tables that are not of the video that most are of; InputError where no two agree."""
+    settings = tables.settings
+    complaints = [[other_video(one, setting) for setting in settings] for one in settings]
+    agreeing = [row.count("") for row in complaints]
+    most = agreeing.index(max(agreeing))
+    if len(settings) > 1 and agreeing[most] < 2:
+        raise InputError(next(filter(None, complaints[most])))
+    kept = [setting for setting, line in zip(settings, complaints[most], strict=True) if not line]
+    return Tables(kept, (*tables.left_out, *filter(None, complaints[most])))
+
+
+def other_video(one: Setting, other: Setting) -> str:
+    """Say why another table is not of the same video; nothing where it may be: the same frames at the same times."""
+    clocks = [setting.tracks.drop_duplicates("frame").set_index("frame")["time"] for setting in (one, other)]
+    apart = (clocks[0] - clocks[1]).dropna()
+    if len(apart) and np.ptp(apart) <= 1 / (rate_of(one) or 1.0):
+        return ""
+    reason = "have no frame in common" if apart.empty else "have the same frames at other times"
+    return f"{other.path}: {one.path} and this {reason}; give tables of one video"
+
+
+def clip_boxes(tracks: "pd.DataFrame", picture: Picture, path: Path) -> tuple["pd.DataFrame", int]:
+    """Clip boxes to the picture: detectors draw them a little beyond its border.
+
+    Parameters
+    ----------
+    tracks : [fix] with frame and the box, px
+    picture : of the video
+    path : of the table, for messages
+
+    Returns
+    -------
+    the same table, boxes inside; and how many were changed by more than half a pixel
+
+    Raises
+    ------
+    InputError
+        If tracks have frames after the end, or more than one box in ten has its middle outside: they are of another
+        video.
+    """
+    size = np.array([picture.width, picture.height], float)
+    box = tracks[BOX].to_numpy(float)
+    middle = (box[:, :2] + box[:, 2:]) / 2
+    outside = ((middle < 0) | (middle > size)).any(axis=1)
+    if outside.mean() > MOST_OUTSIDE or tracks["frame"].max() >= picture.frames:
+        raise InputError(
+            f"{path}: has boxes or frames that {picture.path} ({picture.width} x {picture.height} px, "
+            f"{picture.frames} frames) has not; give the video of these tracks"
+        )
+    # What lies outside altogether keeps a pixel at the border, so that no track is cut.
+    low = np.clip(box[:, :2], 0.0, size - 1)
+    high = np.clip(box[:, 2:], low + 1, size)
+    inside = np.concatenate([low, high], axis=1)
+    changed = int((np.abs(inside - box) > BEYOND).any(axis=1).sum())
+    return tracks.assign(**dict(zip(BOX, inside.T, strict=True))), changed
 
 
 def in_pixels(setting: Setting) -> Setting:

@@ -14,6 +14,15 @@ AS_GOOD = 0.1  # relative difference of two effects on the route that decides no
 Z95 = 1.96  # standard deviations that hold 95 %
 MOST = 0.5  # share of bins beyond the limit that makes a setting poor
 
+RULES = {  # by what is known of the tables; what they say is what `judge` does
+    "truth": "the highest HOTA against the truth, to three digits; of equal ones the higher MOTA; then the first given",
+    "meters": (
+        f"the best grade by the {100 * LIMIT:.0f} cm rule; of these the least effect on the route, a tenth more being "
+        "as good; of these the least jitter; then the first given"
+    ),
+    "pixels": "the longest run of frames without a miss, mean over the tracks; then the first given",
+}
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -23,12 +32,14 @@ class Verdict:
     ----------
     use : name of the setting to use
     because : why that one
+    rule : by which it was chosen
     grade : good, fair, weak or poor for the fiber; unknown without meters
     words : what that means
     """
 
     use: str
     because: str
+    rule: str
     grade: str
     words: str
 
@@ -62,25 +73,26 @@ def typical_effect(measures: Measures) -> float:
 
 
 def judge(all_measures: Sequence[Measures]) -> Verdict:
-    """Choose by HOTA where the truth is known, else by the route; in pixels by unbroken frames.
+    """Choose by the rule of `RULES` that applies.
 
     Parameters
     ----------
     all_measures : of every setting, all in one unit
     """
     if all(m.scores for m in all_measures):
-        best = max(all_measures, key=lambda m: m.scores.hota if m.scores else 0.0)
-        because = "it agrees best with the truth (HOTA)"
+        best = max(all_measures, key=lambda m: (round(m.scores.hota, 3), m.scores.mota) if m.scores else (0.0, 0.0))
+        rule, because = RULES["truth"], "it agrees best with the truth (HOTA)"
     elif all_measures[0].setting.unit == "m":
         best = least_harm(all_measures)
-        because = "of those that move the route least it has the least jitter"
+        rule, because = RULES["meters"], "of those that move the route least it has the least jitter"
     else:
         best = max(all_measures, key=lambda m: m.mean_fragment)
+        rule = RULES["pixels"]
         because = "it follows vehicles longest without a miss; with a calibration, meters would decide"
     if len(all_measures) == 1:
         because = "it is the only one given"
     grade_of_best = grade(best)
-    return Verdict(best.setting.name, because, grade_of_best, words(best, grade_of_best))
+    return Verdict(best.setting.name, because, rule, grade_of_best, words(best, grade_of_best))
 
 
 def least_harm(all_measures: Sequence[Measures]) -> Measures:

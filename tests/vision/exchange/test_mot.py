@@ -45,6 +45,13 @@ def test_truth_has_classes_and_lines_that_do_not_count(tmp_path):
     assert truth["class"].tolist() == ["car", "motorcycle"] and truth["time"].tolist() == [0.0, 0.04]
 
 
+def test_persons_of_the_truth_are_persons_unless_all_are(tmp_path):
+    (tmp_path / "gt.txt").write_text("1,1,0,0,9,9,1,3,1\n1,2,20,0,9,9,1,1,1\n1,3,40,0,9,9,1,13,1\n")
+    assert read_mot(tmp_path / "gt.txt")["class"].tolist() == ["car", "person", "vehicle"]
+    (tmp_path / "one.txt").write_text("1,1,0,0,9,9,1,1,1\n1,2,20,0,9,9,1,1,1\n")
+    assert set(read_mot(tmp_path / "one.txt")["class"]) == {"vehicle"}, "its only class, numbered 1"
+
+
 BAD = {
     "empty": ("", "empty file"),
     "words": ("frame,id,left,top,w,h\n1,1,2,3,4,5\n", "not all lines are numbers"),

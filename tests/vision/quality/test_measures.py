@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from vision.jitter import LIMIT
 from vision.quality.measures import fragments, measure, shared_edges
 from vision.quality.route_effect import route_effect
 from vision.quality.setting import Setting
-from vision.quality.verdict import grade, judge, typical_effect
+from vision.quality.verdict import RULES, grade, judge, typical_effect
 
 
 def measured(name="a", truth=None, **options):
@@ -126,3 +127,13 @@ def test_the_truth_decides_where_it_is_known():
     setting = Setting("broken", Path("b"), broken, "m")
     bad = measure(setting, shared_edges([setting]), 10.0, truth)
     assert good.scores.idf1 > bad.scores.idf1 and judge([bad, good]).use == "good"
+
+
+def test_the_rule_is_told_and_equals_go_to_the_first():
+    truth = tracks(noise=0.0)
+    first, second = measured("first", truth, noise=0.05), measured("second", truth, noise=0.05)
+    verdict = judge([first, second])
+    assert verdict.use == "first" and verdict.rule == RULES["truth"] and "highest HOTA" in verdict.rule
+    switched = replace(first, scores=replace(first.scores, mota=0.5))
+    assert judge([switched, second]).use == "second", "of equal HOTA the higher MOTA"
+    assert judge([replace(one, scores=None) for one in (second, first)]).rule == RULES["meters"]

@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 
 import matplotlib.image
 import numpy as np
+import pandas as pd
 import pytest
 from made_tables import stamped, tracks, write
 
@@ -104,6 +105,33 @@ def test_an_earlier_report_is_replaced_and_nothing_else(files, command, tmp_path
     (tmp_path / "mine" / "thesis.txt").write_text("years of work")
     code, _, err = command(files / "fine.csv", "--out", "mine")
     assert code == 2 and "no earlier report" in err and (tmp_path / "mine" / "thesis.txt").exists()
+
+
+def test_classes_that_no_table_has_are_told_and_do_not_count(files, command, tmp_path):
+    everything = tracks(noise=0.0)
+    persons = everything[everything["track_id"] == "2"].assign(track_id="p", **{"class": "person"})
+    write(pd.concat([everything, persons]), tmp_path / "truth.csv")
+    code, out, _ = command(files / "fine.csv", "--truth", tmp_path / "truth.csv")
+    assert code == 0 and "Compared with 7 car of the truth; left out of it: 1 person" in out
+    facts = json.loads((tmp_path / "quality" / "quality.json").read_text())
+    assert facts["settings"][0]["scores"]["mota"] == 1.0 and facts["truth"]["tracks_not_compared"] == {"person": 1}
+    code, out, _ = command(files / "fine.csv", "--truth", tmp_path / "truth.csv", "--classes", "car,person", "--json")
+    assert json.loads(out)["settings"][0]["scores"]["misses"] == 200
+    code, _, err = command(files / "fine.csv", "--truth", tmp_path / "truth.csv", "--classes", "tram")
+    assert code == 2 and "has no tram, but 7 car" in err and err.count("\n") == 1
+
+
+def test_one_table_that_cannot_be_read_is_told(files, command, tmp_path):
+    (tmp_path / "bad.csv").write_text("time,track_id\n1,2\n")
+    code, out, _ = command(
+        tmp_path / "bad.csv", files / "fine.csv", files / "rough.csv", "--truth", files / "truth.txt"
+    )
+    assert code == 0 and "bad.csv: no column class, frame" in out and "use fine" in out
+    assert "chosen by the highest HOTA against the truth" in out
+    facts = json.loads((tmp_path / "quality" / "quality.json").read_text())
+    assert len(facts["left_out"]) == 1 and [one["name"] for one in facts["settings"]] == ["fine", "rough"]
+    text = Page((tmp_path / "quality" / "report.html").read_text()).text
+    assert "bad.csv: no column class, frame" in text and "Chosen by the highest HOTA" in text
 
 
 @pytest.mark.parametrize("rows", [slice(1), slice(2), slice(9), slice(-400, None)])

@@ -74,3 +74,19 @@ def test_what_cannot_be_compared():
         score_tracks(TRUTH, TRUTH.assign(frame=TRUTH["frame"] + 100))
     with pytest.raises(InputError, match="no boxes"):
         score_tracks(TRUTH[["track_id", "frame"]], TRUTH)
+
+
+def test_a_person_of_the_truth_is_neither_missed_nor_found():
+    person = track("p", range(10), 400.0)
+    found = both(track(1, range(10)), track(2, range(10), 200.0), track(3, range(10), 402.0), track(4, [0], 800.0))
+    scores = score_tracks(TRUTH, found, others=person)
+    assert (scores.misses, scores.false_alarms, scores.not_asked, scores.boxes) == (0, 1, 10, 20)
+    beside = score_tracks(TRUTH, found, others=track("p", range(10), 1.0))
+    assert (beside.misses, beside.false_alarms, beside.not_asked) == (0, 11, 0), "a person before a car hides nothing"
+
+
+def test_a_vehicle_that_was_found_and_not_placed_is_not_missed():
+    found, far = track(1, range(10)), track("", range(6), 203.0)
+    scores = score_tracks(TRUTH, found, unplaced=far)
+    assert (scores.misses, scores.unplaced, scores.boxes) == (4, 6, 14) and scores.mota == pytest.approx(10 / 14)
+    assert score_tracks(TRUTH, TRUTH, unplaced=far).unplaced == 0, "what was placed counts"

@@ -1,5 +1,7 @@
 import bz2
 import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,13 +12,14 @@ from vision.contract import InputError
 from vision.exchange import write_mot
 from vision.interpolate import BOX
 from vision.quality import read_settings
+from vision.quality.setting import Picture
 
 
 def test_tables_of_meters(tmp_path):
     a, b = write(stamped(tracks()), tmp_path / "a.csv"), tmp_path / "b.parquet"
     stamped(tracks(seed=1)).to_parquet(b)
     (tmp_path / "a.json").write_text(json.dumps({"frames_per_second": {"detect": 80.0, "all": 60.0}}))
-    first, second = read_settings([a, b])
+    first, second = read_settings([a, b]).settings
     assert (first.name, first.unit, second.unit) == ("a", "m", "m") and first.has_boxes
     assert first.speed == {"detect": 80.0, "all": 60.0} and second.speed is None
     np.testing.assert_allclose(first.tracks["time"], tracks()["time"])
@@ -24,7 +27,7 @@ def test_tables_of_meters(tmp_path):
 
 def test_interpolated_survives_a_csv(tmp_path):
     table = tracks(missed=0.2)
-    (found,) = read_settings([write(table, tmp_path / "a.csv")])
+    (found,) = read_settings([write(table, tmp_path / "a.csv")]).settings
     assert (
         found.tracks["interpolated"].dtype == bool and found.tracks["interpolated"].sum() == table["interpolated"].sum()
     )
@@ -34,7 +37,7 @@ def test_interpolated_survives_a_csv(tmp_path):
 def test_one_table_in_pixels_puts_all_in_pixels(tmp_path):
     a = write(tracks(), tmp_path / "a.csv")
     write_mot(tracks(), tmp_path / "b.txt")
-    first, second = read_settings([a, tmp_path / "b.txt"])
+    first, second = read_settings([a, tmp_path / "b.txt"]).settings
     assert first.unit == second.unit == "px"
     np.testing.assert_allclose(first.tracks["y"], first.tracks[BOX[3]])
     np.testing.assert_allclose(second.tracks["time"], second.tracks["frame"] / 25, err_msg="the other table's clock")
@@ -62,7 +65,7 @@ def test_otvision_beside_a_table_of_ours(tmp_path, suffix):
     table = tracks(metric=False, missed=0.05)
     ours = write(table, tmp_path / "a.csv")
     theirs = as_otvision(table, tmp_path / f"b.{suffix}", suffix == "ottrk")
-    first, second = read_settings([ours, theirs])
+    first, second = read_settings([ours, theirs]).settings
     assert second.tracks["track_id"].nunique() == 7 and set(second.tracks["class"]) == {"van"}
     boxes = [s.tracks[~s.tracks["interpolated"]].sort_values([*BOX, "frame"])[[*BOX, "frame"]] for s in (first, second)]
     np.testing.assert_allclose(*boxes)
@@ -70,8 +73,8 @@ def test_otvision_beside_a_table_of_ours(tmp_path, suffix):
 
 def test_names(tmp_path):
     a = write(tracks(), tmp_path / "a.csv")
-    assert [s.name for s in read_settings([a, a])] == ["a", "a 2"]
-    assert [s.name for s in read_settings([a, a], ["one", "two"])] == ["one", "two"]
+    assert [s.name for s in read_settings([a, a]).settings] == ["a", "a 2"]
+    assert [s.name for s in read_settings([a, a], ["one", "two"]).settings] == ["one", "two"]
     with pytest.raises(InputError, match="--names: 1 different names for 2 tables"):
         read_settings([a, a], ["one", "one"])
 
@@ -100,12 +103,15 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_tables(case, tmp_path):
+def test_a_bad_table_is_told_and_the_others_are_compared(case, tmp_path):
     change, complaint = BAD[case]
     good, bad = write(tracks(), tmp_path / "good.csv"), write(change(tracks()), tmp_path / "bad.csv")
-    with pytest.raises(InputError, match=complaint) as error:
-        read_settings([good, bad])
-    assert "bad.csv" in str(error.value) and "\n" not in str(error.value)
+    tables = read_settings([bad, good, good])
+    (line,) = tables.left_out
+    assert [setting.path for setting in tables.settings] == [good, good]
+    assert "bad.csv" in line and "\n" not in line and re.search(complaint, line)
+    with pytest.raises(InputError, match=complaint):
+        read_settings([bad] if case not in ("later", "elsewhere") else [good, bad])
 
 
 def test_other_bad_input(tmp_path):
@@ -118,11 +124,32 @@ def test_other_bad_input(tmp_path):
     write_mot(tracks(), tmp_path / "b.txt")
     with pytest.raises(InputError, match="no clock; give --frame-rate"):
         read_settings([tmp_path / "b.txt"])
-    assert read_settings([tmp_path / "b.txt"], frame_rate=25)[0].tracks["time"].max() == pytest.approx(399 / 25)
+    assert read_settings([tmp_path / "b.txt"], frame_rate=25).settings[0].tracks["time"].max() == pytest.approx(
+        399 / 25
+    )
     bare = write(tracks().drop(columns=BOX), tmp_path / "bare.csv")
-    with pytest.raises(InputError, match="has no boxes, and other tables no meters"):
-        read_settings([bare, write(tracks(metric=False), tmp_path / "px.csv")])
+    tables = read_settings([bare, write(tracks(metric=False), tmp_path / "px.csv")])
+    assert [one.name for one in tables.settings] == [
+        "px"
+    ] and "no boxes, and other tables no meters" in tables.left_out[0]
     a = write(tracks(), tmp_path / "a.csv")
     (tmp_path / "a.json").write_text("{}")
     with pytest.raises(InputError, match=r"a\.json: not what"):
         read_settings([a])
+
+
+def test_boxes_beyond_the_picture_are_clipped_and_counted(tmp_path):
+    """A built-in detector draws boxes a few pixels beyond the border, some of them with their middle outside."""
+    table = tracks(metric=False)
+    table.loc[3, BOX] = [-6.0, 40.0, 4.0, 60.0]
+    table.loc[5, BOX] = [620.0, 100.0, 652.0, 171.5]
+    table.loc[7, BOX] = [300.0, 30.0, 340.0, 160.2]
+    path, picture = write(table, tmp_path / "a.csv"), Picture(tmp_path / "v.mp4", 640, 160, 400)
+    (found,) = read_settings([path], picture=picture).settings
+    box = found.tracks.set_index("frame").loc[lambda t: t["track_id"] == "1", BOX].to_numpy()
+    assert found.clipped == 2 and len(found.tracks) == len(table)
+    np.testing.assert_allclose(box[[3, 5, 7]], [[0, 40, 4, 60], [620, 100, 640, 160], [300, 30, 340, 160]])
+    np.testing.assert_allclose(box[8:], table.loc[8:199, BOX])
+    for other in (replace(picture, width=320), replace(picture, frames=399)):
+        with pytest.raises(InputError, match="give the video of these tracks"):
+            read_settings([path], picture=other)
