@@ -5,6 +5,7 @@ from pathlib import Path
 
 from vision.contract import InputError, LocalFrame
 from vision.contract.columns import check_positive, finite, first_row, to_frame
+from vision.contract.csv_table import read_csv
 
 COLUMNS = ("name", "channel", "x", "y", "z", "sigma_xy", "sigma_z")
 
@@ -56,14 +57,7 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     >>> read_anchors(path, LocalFrame((32.1, 34.8), 78.0))[0].channel
     84.0
     """
-    import pandas as pd
-
-    try:
-        table = pd.read_csv(path, dtype={"name": str}, skipinitialspace=True)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; give the path of an anchors table") from error
-    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: no readable csv ({str(error).strip()}); write {','.join(COLUMNS)}") from error
+    table = read_csv(path, ["name"])
     geographic = "latitude" in table and "x" not in table
     names = tuple({"x": "latitude", "y": "longitude"}.get(name, name) if geographic else name for name in COLUMNS)
     if missing := [name for name in names if name not in table]:

@@ -13,7 +13,8 @@ from solver.effects.trajectory import EFFECTS as TRAJECTORY
 from solver.extension import SLOW_ERROR
 from solver.fit import FitResult, Prior, Problem
 from solver.fit.map_fit import SPLINE_VARIANCE
-from solver.fit.windows import FELT, is_long, nearby
+from solver.fit.windows import is_long, nearby
+from solver.limits import FELT
 from solver.matched_filter import Initialization
 from solver.noise import noise_level, quiet, rounded_level
 from solver.traffic import Traffic

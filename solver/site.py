@@ -15,10 +15,12 @@ from pydantic import (
     Field,
     ValidationError,
     ValidationInfo,
+    field_validator,
     model_validator,
 )
 
 from solver.das.units import Quantity
+from solver.limits import FELT
 from vision.contract import InputError, LocalFrame
 
 
@@ -120,8 +122,19 @@ class AnchorsSection(Section):
 class GroundSection(Section):
     """`[ground]`: what is known of the ground and of the depth (mean, standard deviation; m) beforehand."""
 
-    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)] = 0.25
+    poisson_ratio: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     depth: tuple[Positive, Positive] = (0.9, 0.3)
+
+    @field_validator("depth")
+    @classmethod
+    def within_reach(cls, depth: tuple[float, float]) -> tuple[float, float]:
+        """Refuse a depth at which no vehicle is felt."""
+        if max(depth) > FELT:
+            raise ValueError(
+                f"mean {depth[0]:g} m, sd {depth[1]:g} m; no vehicle is felt deeper than {FELT:g} m: give both in m, "
+                "as [0.9, 0.3]"
+            )
+        return depth
 
 
 class Site(Section):

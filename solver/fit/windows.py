@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.fit.problem import MARGIN, Problem
+from solver.limits import FELT
 from solver.traffic import Traffic
 from solver.trajectory import Pass
 
-#: A vehicle farther than this from every fitted channel is not felt, m: under 1 % of its response when nearest.
-FELT = 25.0
 #: A fiber up to this length is one stretch, m: what a camera sees, where one shift and one weight do for a pass.
 ONE_STRETCH = 200.0
 #: Stretches of a longer fiber, m. A vehicle has numbers of its own in each: over some seconds of driving tracks err

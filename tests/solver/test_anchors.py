@@ -33,7 +33,7 @@ def test_latitude_and_longitude_are_projected(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "says"),
     [
-        ([""], "no readable csv"),
+        ([""], "empty file"),
         ([HEADER], "no anchors"),
         ([HEADER.replace(",z", ",depth"), WEST], "no column z"),
         ([HEADER, WEST, WEST.replace("84.5", "90")], "row 2: name west is there twice"),
@@ -42,7 +42,7 @@ def test_latitude_and_longitude_are_projected(tmp_path):
         ([HEADER, EAST, WEST.replace("0.05,0.05", "0,0.05")], "row 2: sigma_xy is 0"),
         ([HEADER, EAST.replace("0.1", "-1")], "row 1: sigma_z is -1"),
         ([HEADER.replace("x,y", "latitude,longitude"), "w,84,34.804,32.113,1,.1,.1"], "look swapped"),
-        ([HEADER, WEST, WEST + ",1,2"], "no readable csv"),
+        ([HEADER, WEST, WEST + ",1,2"], "cannot be read (Error tokenizing"),
     ],
 )
 def test_bad_anchors_are_one_clear_line(tmp_path, lines, says):

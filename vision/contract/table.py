@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vision.contract.columns import check_positive, finite, first_row, to_frame
+from vision.contract.csv_table import read_csv
 from vision.contract.errors import InputError
 from vision.contract.files import writing
 from vision.contract.frame import LocalFrame
@@ -18,11 +19,17 @@ COLUMNS = ("time", "track_id", "class", "x", "y", "sigma_x", "sigma_y")
 WHEELBASE = ("wheelbase", "sigma_wheelbase")  # of a track, m; optional, and empty where only the class is known
 GPS_COLUMNS = ("time", "track_id", "class", "latitude", "longitude", "sigma")
 SUFFIXES = (".csv", ".parquet", ".gpx")
-TEXT_COLUMNS = {"time": str, "track_id": str, "class": str}
+TEXT_COLUMNS = ("time", "track_id", "class")
 
 # A clock time and then Z or an offset; a time without them is local to somebody unknown.
 ZONED = r"\d{1,2}:\d{2}.*(?:[Zz]|UTC|[+-]\d{2}(?::?\d{2})?)\s*$"
 TIME_MEND = "write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z"
+# Unix times of the years 2001 to 2096, s; in ms, us and ns they are 10^3, 10^6 and 10^9 times that.
+UNIX = (1e9, 4e9)
+# Fixes that are all nearer to the origin than this, in degrees, are within 11 km; in meters, within a hand's breadth.
+DEGREES_OFF = 0.1
+# Days since 1899-12-30 of the same years, as spreadsheets count.
+SPREADSHEET = (36892, 72000)
 
 
 def read_as_is(path: Path) -> "pd.DataFrame":
@@ -41,13 +48,11 @@ def read_as_is(path: Path) -> "pd.DataFrame":
         raise InputError(f"{path}: unknown kind of trajectory file; give one of {', '.join(SUFFIXES)}")
     try:
         if suffix == ".csv":
-            return pd.read_csv(path, dtype=TEXT_COLUMNS, skipinitialspace=True)
+            return read_csv(path, TEXT_COLUMNS)
         return pd.read_parquet(path) if suffix == ".parquet" else read_gpx(path)
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; give the path of a trajectory table") from error
-    except pd.errors.EmptyDataError as error:
-        raise InputError(f"{path}: empty file; write a header and one row per fix") from error
-    except (OSError, ArrowException, UnicodeDecodeError, pd.errors.ParserError) as error:
+    except (OSError, ArrowException) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path}: cannot be read ({reason}); check that the file is whole") from error
 
@@ -67,8 +72,24 @@ def check_columns(table: "pd.DataFrame", path: Path) -> None:
             raise InputError(f"{path}: row {first_row(table[name].isna())}: {name} is empty; fill it in")
 
 
+def unix_times(column: "pd.Series") -> "pd.Series | None":
+    """Times of a column that counts s, ms, us or ns since 1970, UTC, datetime64[ns, UTC]; None where it does not.
+
+    >>> import pandas as pd
+    >>> str(unix_times(pd.Series(["1754892000250", "1754892001250"]))[0])
+    '2025-08-11 06:00:00.250000+00:00'
+    """
+    import pandas as pd
+
+    numbers = pd.to_numeric(column, errors="coerce")
+    for unit, factor in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
+        if numbers.between(UNIX[0] * factor, UNIX[1] * factor).all():
+            return pd.to_datetime(numbers, unit=unit, utc=True).dt.round("us" if unit == "s" else "ns")
+    return None
+
+
 def to_utc(column: "pd.Series", path: Path) -> "pd.Series":
-    """Times as ISO 8601 text or aware datetimes -> datetime64[ns, UTC].
+    """Times as ISO 8601 text, aware datetimes or numbers since 1970 -> datetime64[ns, UTC].
 
     Raises
     ------
@@ -85,8 +106,12 @@ def to_utc(column: "pd.Series", path: Path) -> "pd.Series":
         times, naive = column.dt.tz_convert("UTC"), column.isna()
     elif pd.api.types.is_datetime64_any_dtype(column):
         raise InputError(f"{path}: column time has no time zone; store it as a timestamp in UTC")
+    elif (since_1970 := unix_times(column)) is not None:
+        return since_1970.dt.as_unit("ns")
     else:
-        text = column.astype(str)
+        text = column.astype(str).str.replace(",", ".")
+        if pd.to_numeric(text, errors="coerce").between(*SPREADSHEET).all():
+            raise InputError(f"{path}: row 1: time {text.iloc[0]!r} is a day number of a spreadsheet; {TIME_MEND}")
         times = pd.to_datetime(text, utc=True, format="ISO8601", errors="coerce")
         naive = ~text.str.contains(ZONED, regex=True)
     for bad, problem in ((times.isna(), "is no time"), (naive, "has no time zone")):
@@ -96,11 +121,24 @@ def to_utc(column: "pd.Series", path: Path) -> "pd.Series":
     return times.dt.as_unit("ns")
 
 
+def check_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> None:
+    """Raise InputError where all x and y are degrees beside the frame's origin: in meters nothing would move."""
+    if frame is None:
+        return
+    x, y = table["x"], table["y"]
+    for names, origin in (("latitude and longitude", frame.origin), ("longitude and latitude", frame.origin[::-1])):
+        if max((x - origin[0]).abs().max(), (y - origin[1]).abs().max()) < DEGREES_OFF:
+            raise InputError(
+                f"{path}: x and y hold {names}; name the columns so, and give sigma, m, for sigma_x, sigma_y"
+            )
+
+
 def to_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> "pd.DataFrame":
     """Return `table` with finite x, y and positive sigma_x, sigma_y, m, GPS projected into `frame`."""
     if "x" in table:
         table = finite(table, COLUMNS[3:], path)
         check_positive(table, ("sigma_x", "sigma_y"), path)
+        check_meters(table, frame, path)
         return table
     table = finite(table, GPS_COLUMNS[3:], path)
     check_positive(table, ("sigma",), path)
@@ -144,6 +182,8 @@ def without_repeats(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
     twice = table.duplicated(["track_id", "time"])
     if twice.any():
         row = table[twice].iloc[0]
+        if (table["time"] == table["time"].dt.floor("s")).all():
+            raise InputError(f"{path}: times are whole seconds, several fixes in one; write fractions of seconds too")
         raise InputError(
             f"{path}: track {row['track_id']} is at two places at {row['time'].isoformat()}; "
             "keep one fix, or give two vehicles two track_ids"

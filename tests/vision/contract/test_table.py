@@ -108,7 +108,7 @@ def test_repeated_rows_count_once(tmp_path):
     [
         ("", "empty file"),
         (HEADER + "\n", "no fixes"),
-        ("time,track_id,class,x\n" + ROW, "no column y, sigma_x, sigma_y"),
+        ("time,track_id,class,x\na,b,c,d", "no column y, sigma_x, sigma_y"),
         ("time,track_id,class,latitude\na,b,c,d", "no column longitude, sigma"),
         (f"{HEADER}\n{ROW}\n{ROW.replace('2025-08-11T06:00:00.25Z', 'noon')}", "row 2: time 'noon' is no time"),
         (f"{HEADER}\n{ROW.replace('25Z', '25')}", "row 1: time '2025-08-11T06:00:00.25' has no time zone; write ISO"),
@@ -121,6 +121,24 @@ def test_repeated_rows_count_once(tmp_path):
         (f"{HEADER}\n{ROW.replace(',1,', ',,')}", "row 1: track_id is empty"),
         (f"{HEADER}\n{ROW}\n{ROW.replace('2.5', '9.5')}", "track 1 is at two places at 2025-08-11T06:00:00.25"),
         (f"{HEADER}\n{ROW}\n{ROW},1,2,3\n", "cannot be read (Error tokenizing data"),
+        (
+            f"{HEADER}\n{ROW.replace('.5', ',5')}\n",
+            "row 1 has 9 fields, but the header 7; with decimal commas, separate",
+        ),
+        (f"{HEADER},x\n{ROW},1\n", "column x is there twice"),
+        (
+            f"{HEADER}\n{ROW.replace('2025-08-11T06:00:00.25Z', '45880.2502')}",
+            "is a day number of a spreadsheet; write",
+        ),
+        (f"{HEADER}\n{ROW.replace('.25Z', 'Z')}\n{ROW.replace('.25Z', 'Z').replace('2.5', '9.5')}", "whole seconds"),
+        (
+            f"{HEADER}\n{ROW.replace('2.5,-1.5', '32.1135,34.8041')}",
+            "x and y hold latitude and longitude; name the col",
+        ),
+        (
+            f"{HEADER}\n{ROW.replace('2.5,-1.5', '34.8041,32.1135')}",
+            "x and y hold longitude and latitude; name the col",
+        ),
     ],
 )
 def test_bad_csv_is_one_clear_line(tmp_path, text, says):
@@ -160,7 +178,10 @@ def test_gps_needs_a_frame(tmp_path):
         ("a.parquet", b"PAR1 no such thing", "cannot be read"),
         ("a.gpx", b"<gpx><trk>", "not a readable GPX file"),
         ("a.gpx", b"<gpx></gpx>", "no fixes"),
-        ("a.csv", b"\xff\xfe\x00\x01", "cannot be read"),
+        ("a.csv", b"\xff\xfe\x00\x01", "no column time"),
+        ("a.csv", b"PK\x03\x04" + bytes(50), "a workbook or an archive, no csv; open it and save it as CSV UTF-8"),
+        ("a.csv", bytes(range(256)), "is no text"),
+        ("a.csv", f"{HEADER}\n{ROW}".encode().replace(b"Car", b"C\xe4r"), r"no UTF-8 text \(byte 0xe4\)"),
         ("a.txt", b"", "unknown kind of trajectory file; give one of .csv, .parquet, .gpx"),
     ],
 )
@@ -168,6 +189,32 @@ def test_bad_files_are_one_clear_line(tmp_path, name, content, says):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=says):
         read_trajectories([tmp_path / name], FRAME)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda text: text,
+        lambda text: text.replace(",", ";"),
+        lambda text: text.replace(",", "\t"),
+        lambda text: text.replace(",", ";").replace(".", ","),
+        lambda text: f"sep=;\n# made by hand\n{text}".replace(",", ";").replace("\n", "\r\n"),
+        lambda text: text.replace(HEADER, HEADER.upper().replace(",", " , ")),
+    ],
+    ids=["commas", "semicolons", "tabs", "decimal commas", "Excel", "padded"],
+)
+def test_tables_as_other_programs_write_them(tmp_path, encoding, form):
+    (tmp_path / "a.csv").write_text(form(f"{HEADER}\n{ROW}\n{ROW.replace('00.25', '00.35')}\n"), encoding, newline="")
+    table = read_trajectories([tmp_path / "a.csv"], FRAME)
+    assert table["time"].dt.microsecond.tolist() == [250000, 350000]
+    assert table.iloc[0][["track_id", "class", *COLUMNS[3:]]].tolist() == ["1", "car", 2.5, -1.5, 0.1, 0.2]
+
+
+@pytest.mark.parametrize("time", ["1754892000.25", "1754892000250", "1754892000250000", "1754892000250000000"])
+def test_times_since_1970_are_utc(tmp_path, time):
+    table = read_trajectories([written(tmp_path, f"{HEADER}\n{ROW.replace('2025-08-11T06:00:00.25Z', time)}\n")])
+    assert table["time"][0] == pd.Timestamp("2025-08-11T06:00:00.25Z")
 
 
 def test_gpx_without_times_is_refused(tmp_path):
