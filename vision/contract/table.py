@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from vision.contract.columns import check_positive, finite, first_row, to_frame
 from vision.contract.csv_table import read_csv
@@ -26,6 +26,7 @@ ZONED = r"\d{1,2}:\d{2}.*(?:[Zz]|UTC|[+-]\d{2}(?::?\d{2})?)\s*$"
 TIME_MEND = "write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z"
 # Unix times of the years 2001 to 2096, s; in ms, us and ns they are 10^3, 10^6 and 10^9 times that.
 UNIX = (1e9, 4e9)
+UNIX_UNITS: dict[Literal["s", "ms", "us", "ns"], float] = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 # Fixes that are all nearer to the origin than this, in degrees, are within 11 km; in meters, within a hand's breadth.
 DEGREES_OFF = 0.1
 # Days since 1899-12-30 of the same years, as spreadsheets count.
@@ -82,7 +83,7 @@ def unix_times(column: "pd.Series") -> "pd.Series | None":
     import pandas as pd
 
     numbers = pd.to_numeric(column, errors="coerce")
-    for unit, factor in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
+    for unit, factor in UNIX_UNITS.items():
         if numbers.between(UNIX[0] * factor, UNIX[1] * factor).all():
             return pd.to_datetime(numbers, unit=unit, utc=True).dt.round("us" if unit == "s" else "ns")
     return None
