@@ -13,7 +13,7 @@ import calib.cli
 import solver.cli
 import solver.criticism.cli
 import vision.cli
-from vision.contract.errors import InputError
+from vision.contract.errors import InputError, machine_words
 
 # Read when torch is first imported: threads that spin while they wait make a busy machine four times slower.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from solver.locate import Located
     from solver.simulator import Scenario
     from solver.site import Site
+
+#: Exit status of a command that Ctrl-C ended, as shells expect it.
+INTERRUPTED = 130
 
 app = typer.Typer(
     name="roadfiber",
@@ -37,10 +40,22 @@ for group in (vision.cli.app, solver.cli.app, solver.criticism.cli.app):
     app.registered_commands += group.registered_commands
 
 
+def print_version(wanted: bool) -> None:
+    """Print the version and end."""
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"roadfiber {version('roadfiber')}")
+        raise typer.Exit
+
+
 @app.callback()
 def verbosity(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say what is being done.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and end.")
+    ] = False,
 ) -> None:
     """Locate a buried fiber from street video (or GPS) and Distributed Acoustic Sensing."""
     level = logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO
@@ -72,16 +87,17 @@ def locate(
     from solver.locate import locate as locate_fiber
     from solver.run import check_target
     from solver.site import read_site
-    from vision.contract import write_trajectories
+    from vision.contract import write_trajectories, writing
 
     check_target(out)
     survey = read_site(site / "site.toml" if site.is_dir() else site)
     tracked = None if survey.trajectories else follow(survey)
     chosen = [name.strip() for name in effects.split(",") if name.strip() not in ("", "none")]
     located = locate_fiber(survey, tracked, method=method, effects=chosen, filters=filters or ())
-    located.write(out)
-    if tracked is not None:
-        write_trajectories(tracked, out / "trajectories.csv")
+    with writing(out) as folder:
+        located.write(folder)
+        if tracked is not None:
+            write_trajectories(tracked, folder / "trajectories.csv")
     print((out / "fit.json").read_text() if as_json else summary(located, out))
 
 
@@ -177,12 +193,38 @@ def run_command(*words: object) -> None:
 
 
 def main() -> None:
-    """Run the command; an input the user can mend is one line and exit status 2."""
+    """Run the command; what the user can mend, and what the machine refuses, is one line and exit status 2."""
     try:
-        app()
-    except InputError as error:
-        print(f"roadfiber: {error}", file=sys.stderr)
+        try:
+            app()
+        finally:
+            flush()
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            tell("interrupted; what was being made is not written")
+        raise
+    except BrokenPipeError:  # whoever reads has enough
+        sys.exit(1)
+    except Exception as error:
+        told = str(error) if isinstance(error, InputError) else machine_words(error)
+        if told is None:
+            raise
+        tell(told)
         sys.exit(2)
+
+
+def flush() -> None:
+    """Write what was printed; where that fails it does so once, and not again as Python ends."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise type(error)(error.errno, error.strerror, "standard output") from error
+
+
+def tell(line: str) -> None:
+    """Print a line on standard error."""
+    print(f"roadfiber: {line}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.contract import InputError, LocalFrame
+from vision.contract import InputError, LocalFrame, require_writable
 
 Image = NDArray[np.uint8]
 Choice = TypeVar("Choice", bound=str)
@@ -170,7 +170,7 @@ def one_of(text: str, choices: Sequence[Choice], option: str) -> Choice:
 
 
 def keep_inputs(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
-    """Raise InputError where a file to write is one to read.
+    """Raise InputError where a file to write is one to read, or cannot be written.
 
     >>> keep_inputs([Path("street.png")], [Path("street.png")])
     Traceback (most recent call last):
@@ -180,3 +180,4 @@ def keep_inputs(written: Sequence[Path | None], read: Sequence[Path | None]) -> 
     for path in written:
         if path and path.resolve() in inputs:
             raise InputError(f"{path}: would be overwritten, and is an input; give another --out")
+    require_writable(*(path for path in written if path))

@@ -107,9 +107,11 @@ def write_picture(image: Image, path: str | Path) -> None:
     """Write an image [height, width, 3], whole or not at all; its suffix names the format."""
     import cv2
 
+    path = Path(path)
+    if not cv2.haveImageWriter(str(path)):
+        raise InputError(f"{path}: no picture of this kind can be written; end its name in .png or .jpg")
     with writing(path) as temporary:
-        if not cv2.haveImageWriter(str(temporary)) or not cv2.imwrite(str(temporary), image):
-            raise InputError(f"{path}: no picture of this kind can be written; end its name in .png or .jpg")
+        temporary.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
 
 
 def grid_lines(ground: Array, cell: tuple[float, float] = (GRID_X, GRID_Y)) -> list[tuple[Array, str]]:

@@ -77,8 +77,10 @@ def compare(
     from solver.criticism.comparison import write_comparison
     from solver.criticism.comparison.words import headline, region_words, verdict
     from solver.run.folder import read_run
+    from vision.contract import require_writable
 
     located, folder = read_run(run), out or run
+    require_writable(folder / "compare.html")
     comparison = compare_run(located)
     write_comparison(folder, comparison, located)
     if as_json:

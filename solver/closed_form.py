@@ -6,14 +6,15 @@ Differentiates what `solver.ground.displacement_rate`, `solver.cable.axial` and
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.cable import STATION_WEIGHTS, turning, unit
+from solver.compiled import compiled
 from solver.stages import Load
 
 Array = NDArray[np.float64]
@@ -88,7 +89,7 @@ def felt(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> 
     return Motion(sums[:3], sums[3:6], *sums[6:])
 
 
-@njit(nogil=True, cache=True, fastmath=True)
+@partial(compiled, fastmath=True)
 def add_wheels(
     point: Array,
     direction: Array,

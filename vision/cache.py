@@ -27,17 +27,23 @@ LIMIT = 1_000_000_000  # bytes that the folder may hold: some days of video at 2
 KINDS = ("detections/*/*.npz", "timestamps/*.npz")  # what is kept, below the folder
 
 
-def cache_folder() -> Path:
-    """Return the folder of kept results: `ROADFIBER_CACHE`, else roadfiber's in the platform's place for caches."""
+def cache_folder() -> Path | None:
+    """Return the folder of kept results: `ROADFIBER_CACHE`, else roadfiber's in the platform's place for caches.
+
+    None for a user who has no home.
+    """
     if os.environ.get("ROADFIBER_CACHE"):
         return Path(os.environ["ROADFIBER_CACHE"])
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "roadfiber"
+    stated = {"win32": "LOCALAPPDATA", "darwin": ""}.get(sys.platform, "XDG_CACHE_HOME")
+    if os.environ.get(stated):
+        return Path(os.environ[stated]) / "roadfiber"
+    try:
+        home = Path.home()
+    except RuntimeError:
+        log.warning("nothing is kept for a second look: this user has no home; ROADFIBER_CACHE names a folder")
+        return None
+    usual = {"win32": "AppData/Local", "darwin": "Library/Caches"}
+    return home / usual.get(sys.platform, ".cache") / "roadfiber"
 
 
 def checksum(path: Path) -> str:
@@ -68,8 +74,8 @@ def keep_arrays(path: Path, arrays: Mapping[str, Any]) -> bool:
     try:
         with writing(path) as temporary:
             np.savez_compressed(temporary, **arrays)
-    except OSError as error:
-        log.warning("%s: nothing is kept for a second look (%s)", path.parent, error.strerror or error)
+    except InputError as error:
+        log.warning("nothing is kept for a second look: %s", error)
         return False
     return True
 

@@ -62,12 +62,14 @@ def track(
     from vision.appearance import Appearance
     from vision.cache import cache_folder
     from vision.camera import Calibration
+    from vision.contract.files import require_writable
     from vision.detectors import load_detector
     from vision.pipeline import box_tracks, on_road, start_time, summarize, utc
     from vision.video import open_video
 
     out = out or Path("trajectories.csv" if calibration else "boxes.csv")
     check_suffix(out)
+    require_writable(out)
     view = Calibration.read(calibration) if calibration else None
     model = load_detector(detector, layout=layout, names=split(names), classes=split(classes))
     kept = None if no_cache else cache or cache_folder()

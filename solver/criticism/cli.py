@@ -83,8 +83,10 @@ def diagnose(run: RunFolder, plugin: Plugins = None, as_json: AsJson = False) ->
     """
     from solver.criticism.files import write_diagnosis
     from solver.run import read_run
+    from vision.contract import require_writable
 
     located = read_run(run)
+    require_writable(run / "diagnosis.json")
     diagnosis = diagnosed(located, plugins_of(run, plugin))
     write_diagnosis(run, diagnosis, located.facts["name"])
     print((run / "diagnosis.json").read_text(encoding="utf-8") if as_json else in_words(diagnosis, run))
@@ -150,7 +152,7 @@ def add(
     from solver.criticism.files import write_ladder
     from solver.run import check_target, read_run
     from solver.run.folder import write_files
-    from vision.contract import InputError
+    from vision.contract import InputError, writing
 
     if out.resolve() == run.resolve():
         raise InputError(f"--out {out}: is the run you start from; give the name of a new folder")
@@ -158,9 +160,10 @@ def add(
     before = read_run(run)
     plugins = plugins_of(run, plugin)
     after, steps = grown(before, effects, plugins, force)
-    write_files(out, after, plugins)
     rungs = ladder_of(before, run, after, out, steps[0])
-    write_ladder(out, rungs, after.facts["name"])
+    with writing(out) as folder:
+        write_files(folder, after, plugins)
+        write_ladder(folder, rungs, after.facts["name"])
     if as_json:
         print((out / "ladder.json").read_text(encoding="utf-8"))
         return
@@ -252,6 +255,7 @@ def explain(
     from solver.fit.map_fit import MapFit
     from solver.run import check_target, read_run
     from solver.run.folder import write_files
+    from vision.contract import writing
 
     check_target(out)
     plugins = plugins_of(run, plugin)
@@ -276,8 +280,9 @@ def explain(
         chapters.append(Chapter(diagnosis, f"{name} was added; the route moved {climb[-1].route_change:.2f} m."))
         print(f"added {name}: chi2 per degree of freedom {climb[-2].chi2_per_dof:.3f} -> {climb[-1].chi2_per_dof:.3f}")
         current = after
-    write_files(out, current, plugins)
-    write_diagnosis(out, chapters[-1].diagnosis, current.facts["name"])
-    write_ladder(out, climb, current.facts["name"])
-    write_story(out, chapters, climb, current.facts["name"])
+    with writing(out) as folder:
+        write_files(folder, current, plugins)
+        write_diagnosis(folder, chapters[-1].diagnosis, current.facts["name"])
+        write_ladder(folder, climb, current.facts["name"])
+        write_story(folder, chapters, climb, current.facts["name"])
     print(f"story: {out / 'explain.html'}")

@@ -1,7 +1,7 @@
 """diagnosis.json, ladder.json and the pages beside them."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from solver.criticism.diagnosis import Diagnosis
 from solver.criticism.growth import Rung
 from solver.criticism.pages import Chapter, diagnosis_page, ladder_page, story_page
 from solver.run.facts import strict
-from vision.contract import InputError, writing
+from vision.contract import InputError, writing_into
 
 DIAGNOSIS, LADDER = "diagnosis.json", "ladder.json"
 
@@ -21,23 +21,24 @@ def diagnosis_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     return {"format": "roadfiber diagnosis 1", **facts}
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    with writing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files into a folder, all or none."""
+    with writing_into(folder) as scratch:
+        for name, text in texts.items():
+            (scratch / name).write_text(text, encoding="utf-8")
 
 
 def write_diagnosis(folder: Path, diagnosis: Diagnosis, name: str) -> None:
     """Write diagnosis.json and diagnosis.html into a run folder."""
-    write_text(folder / DIAGNOSIS, json.dumps(diagnosis_facts(diagnosis), allow_nan=False, indent=1))
-    write_text(folder / "diagnosis.html", diagnosis_page(diagnosis, name))
+    facts = json.dumps(diagnosis_facts(diagnosis), allow_nan=False, indent=1)
+    write_texts(folder, {DIAGNOSIS: facts, "diagnosis.html": diagnosis_page(diagnosis, name)})
 
 
 def write_ladder(folder: Path, rungs: Sequence[Rung], name: str) -> None:
     """Write ladder.json and ladder.html into a run folder."""
     facts = strict({"format": "roadfiber ladder 1", "rungs": [asdict(rung) for rung in rungs]})
-    write_text(folder / LADDER, json.dumps(facts, allow_nan=False, indent=1))
-    write_text(folder / "ladder.html", ladder_page(rungs, name))
+    texts = {LADDER: json.dumps(facts, allow_nan=False, indent=1), "ladder.html": ladder_page(rungs, name)}
+    write_texts(folder, texts)
 
 
 def read_ladder(folder: Path) -> list[Rung]:
@@ -60,4 +61,4 @@ def read_ladder(folder: Path) -> list[Rung]:
 
 def write_story(folder: Path, chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) -> None:
     """Write explain.html: each diagnosis, what was added, and the ladder."""
-    write_text(folder / "explain.html", story_page(chapters, rungs, name))
+    write_texts(folder, {"explain.html": story_page(chapters, rungs, name)})

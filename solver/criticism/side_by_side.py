@@ -2,8 +2,10 @@
 
 import multiprocessing
 import pickle
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
 
 import torch
@@ -47,7 +49,13 @@ def side_by_side(
 
 
 def forked(function: Callable[[S], T], of: Sequence[S], workers: int) -> Iterator[tuple[int, T]]:
-    """Number and result of each as it ends."""
+    """Number and result of each as it ends.
+
+    Raises
+    ------
+    MemoryError
+        If the system ended a process.
+    """
 
     def task(number: int) -> bytes:
         # Else tensors would go through shared memory, of which containers have little.
@@ -59,12 +67,20 @@ def forked(function: Callable[[S], T], of: Sequence[S], workers: int) -> Iterato
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(task,)) as pool:
         numbers = {pool.submit(_run, number): number for number in range(len(of))}
-        for one in as_completed(numbers):
-            yield numbers[one], pickle.loads(one.result())
+        try:
+            for one in as_completed(numbers):
+                yield numbers[one], pickle.loads(one.result())
+        except BrokenProcessPool as error:
+            raise MemoryError("the system ended a process") from error
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def _begin(task: Callable[[int], bytes]) -> None:
     global _task
+    # Ctrl-C ends it without a word: this process says what there is to say.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     torch.set_num_threads(1)
     _task = task
 

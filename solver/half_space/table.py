@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from numba import njit
 from numpy.typing import NDArray
 from torch import Tensor
 
+from solver.compiled import compiled
 from solver.half_space.images import Images
 
 #: Values and slopes at 0 and 1 (f0, f1, d0, d1) -> coefficients of 1, x, x^2, x^3.
@@ -168,7 +168,7 @@ class _Interpolated(torch.autograd.Function):
         return moved, None
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def placed(square: float, depth: float, edges: Array, columns: int, step: float) -> tuple[int, float, float, float]:
     """Cell, share of it passed in depth, and in t, and the derivative of t in steps by `square`."""
     row = min(max(int(np.searchsorted(edges, depth, side="right")) - 1, 0), len(edges) - 2)
@@ -179,7 +179,7 @@ def placed(square: float, depth: float, edges: Array, columns: int, step: float)
     return row * columns + column, x, min(t, float(columns)) - column, passed
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def interpolated(
     square: Array, depth: Array, away: Array, parabolas: Array, edges: Array, step: float
 ) -> tuple[Array, Array]:
@@ -219,7 +219,7 @@ def interpolated(
     return value, slope
 
 
-@njit(nogil=True, cache=True)
+@compiled
 def interpolated_back(
     square: Array, depth: Array, away: Array, parabolas: Array, edges: Array, by_value: Array, step: float
 ) -> Array:

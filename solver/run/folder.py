@@ -22,7 +22,7 @@ from solver.run.facts import FORMAT, facts_of
 from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, problem_from
 from solver.site import Site
 from solver.trajectory import Pass
-from vision.contract import InputError, LocalFrame, writing
+from vision.contract import InputError, LocalFrame, require_writable, writing
 
 # What of a FitResult are arrays, and so goes into data.npz; maps are stored in single precision, 1e-7 of their value.
 # What was measured is in the problem's record.
@@ -57,12 +57,12 @@ def write_arrays(path: Path, run: Run) -> None:
 
 
 def check_target(folder: Path) -> None:
-    """Refuse a folder that holds something else than a run, before it is replaced.
+    """Refuse, before any work, a folder that cannot be written or holds something else than a run.
 
     Raises
     ------
     InputError
-        If `folder` is a file, or a folder with content and no fit.json of a run.
+        If `folder` is a file, or a folder with content and no fit.json of a run, or cannot be written.
 
     >>> import tempfile
     >>> check_target(Path(tempfile.mkdtemp()))
@@ -75,6 +75,7 @@ def check_target(folder: Path) -> None:
             read_facts(folder)
         except InputError as error:
             raise InputError(f"{folder}: holds something else than a run; give the name of a new folder") from error
+    require_writable(folder)
 
 
 def write_run(

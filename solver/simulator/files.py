@@ -14,7 +14,7 @@ from solver.simulator.effects import EFFECTS, hidden
 from solver.simulator.noise import color
 from solver.simulator.scenario import Scenario
 from solver.simulator.survey import Survey
-from vision.contract import InputError, write_trajectories, writing
+from vision.contract import InputError, require_writable, write_trajectories, writing
 
 TRUTH = "truth.json"
 FILE_LENGTH = 60.0  # s of record per DAS file
@@ -107,10 +107,10 @@ def site_text(scenario: Scenario, observed: str) -> str:
 
 def require_free(folder: Path) -> None:
     """Raise InputError unless a folder can be written here: nothing, an empty folder or a simulated survey."""
-    if folder.is_dir() and ((folder / TRUTH).is_file() or not any(folder.iterdir())):
-        return
-    if folder.exists():
+    mine = folder.is_dir() and ((folder / TRUTH).is_file() or not any(folder.iterdir()))
+    if folder.exists() and not mine:
         raise InputError(f"{folder}: is there already and no simulated survey; give another folder for --out")
+    require_writable(folder)
 
 
 def truth(survey: Survey) -> dict[str, Any]:

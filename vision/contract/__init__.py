@@ -4,7 +4,7 @@
 """
 
 from vision.contract.errors import InputError
-from vision.contract.files import writing
+from vision.contract.files import require_writable, writing, writing_into
 from vision.contract.frame import LocalFrame
 from vision.contract.progress import progress
 from vision.contract.table import COLUMNS, WHEELBASE, read_trajectories, write_trajectories
@@ -16,6 +16,8 @@ __all__ = [
     "LocalFrame",
     "progress",
     "read_trajectories",
+    "require_writable",
     "write_trajectories",
     "writing",
+    "writing_into",
 ]

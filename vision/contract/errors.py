@@ -1,4 +1,10 @@
-"""The one error a user can mend."""
+"""The one error a user can mend, and what the machine refuses, in its words."""
+
+import errno
+import os
+
+#: What ends a file too early, on this disk or for this user.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class InputError(ValueError):
@@ -10,3 +16,34 @@ class InputError(ValueError):
     Traceback (most recent call last):
     vision.contract.errors.InputError: site.toml: no such file; give the path of a survey's site.toml
     """
+
+
+def is_full(error: BaseException) -> bool:
+    """Whether an error tells of a full disk; libraries wrap the system's number in words.
+
+    >>> is_full(RuntimeError("Can't close file (file write failed: errno = 28, No space left on device)"))
+    True
+    """
+    return getattr(error, "errno", None) in FULL or any(os.strerror(number) in str(error) for number in FULL)
+
+
+def machine_words(error: BaseException) -> str | None:
+    """What the machine refuses, in one line; None for every other error: those are faults of the program.
+
+    >>> machine_words(PermissionError(13, "Permission denied", "run"))
+    'run: Permission denied'
+    >>> machine_words(KeyError("x")) is None
+    True
+    """
+    said = " ".join(str(error).split())
+    if isinstance(error, MemoryError) or "can't allocate memory" in said or "Insufficient memory" in said:
+        return (
+            "not enough memory; name fewer channels in [das] of site.toml, locate one part of the record at a time, or "
+            "take a larger machine"
+        )
+    if is_full(error):
+        return f"{getattr(error, 'filename', None) or 'the disk'}: no space left; make room, or write elsewhere"
+    if not isinstance(error, OSError):
+        return None
+    place = f"{error.filename}: " if error.filename else ""
+    return place + (error.strerror or said or type(error).__name__)

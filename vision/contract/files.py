@@ -3,8 +3,13 @@
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from vision.contract.errors import InputError, is_full, machine_words
+
+#: Bytes that must fit where something is to be written, before the work begins.
+ROOM = 1 << 20
 
 
 @contextmanager
@@ -12,6 +17,11 @@ def writing(target: str | Path) -> Iterator[Path]:
     """Yield a temporary path beside `target`; rename it to `target` on success, remove it on any error.
 
     The path is free: create a file or a folder there. An existing target is replaced only at the end.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written there, or the disk is full.
 
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp())
@@ -21,15 +31,104 @@ def writing(target: str | Path) -> Iterator[Path]:
     'whole'
     """
     target = Path(target)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    # A folder of its own on the same file system keeps the suffix (writers choose the format by it) and the replacing
-    # atomic.
-    scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
-    try:
+    with scratch_for(target) as scratch:
         temporary = scratch / target.name
         yield temporary
         if target.is_dir() and temporary.is_dir():
             target.replace(scratch / "replaced")
         temporary.replace(target)
+
+
+@contextmanager
+def writing_into(folder: str | Path) -> Iterator[Path]:
+    """Yield a temporary folder; move the files written there into `folder` on success, remove them on any error.
+
+    Files of other names stay as they are.
+
+    Raises
+    ------
+    InputError
+        As of `writing`.
+    """
+    folder = Path(folder)
+    with scratch_for(folder / "files") as scratch:
+        yield scratch
+        for path in sorted(scratch.iterdir()):
+            path.replace(folder / path.name)
+
+
+@contextmanager
+def scratch_for(target: Path) -> Iterator[Path]:
+    """Yield an empty folder beside `target` and remove it; tell in a line where that cannot be written."""
+    scratch, made = beside(target)
+    try:
+        yield scratch
+        made.clear()
+    except Exception as error:
+        # An error of what is read meanwhile is none of writing.
+        ours = is_full(error) or (isinstance(error, OSError) and str(scratch) in str(error.filename or scratch))
+        if not ours or isinstance(error, InputError):
+            raise
+        raise InputError(unwritable(target, error)) from error
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+        remove(made)
+
+
+def beside(target: Path) -> tuple[Path, list[Path]]:
+    """Make an empty folder beside `target`, and return it with the folders made for it, the deepest first.
+
+    A folder of its own on the same file system keeps the suffix (writers choose the format by it) and the replacing
+    atomic.
+
+    Raises
+    ------
+    InputError
+        If it cannot be made.
+    """
+    made = list[Path]()
+    try:
+        for folder in reversed([target.parent, *target.parent.parents]):
+            if not folder.exists():
+                folder.mkdir(exist_ok=True)
+                made.insert(0, folder)
+        return Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent)), made
+    except OSError as error:
+        remove(made)
+        raise InputError(unwritable(target, error)) from error
+
+
+def remove(made: list[Path]) -> None:
+    """Remove folders, the deepest first, that nobody has put anything into."""
+    with suppress(OSError):
+        for folder in made:
+            folder.rmdir()
+
+
+def unwritable(target: Path, error: Exception) -> str:
+    """Say why `target` cannot be written, and what to do."""
+    if is_full(error):
+        return f"{target}: no space left to write it; make room, or write elsewhere"
+    reason = getattr(error, "strerror", None) or machine_words(error)
+    return f"{target}: cannot be written ({reason}); name a place that can be"
+
+
+def require_writable(*targets: str | Path) -> None:
+    """Try, before the work rather than after it, whether files or folders can be written; nothing of that stays.
+
+    Raises
+    ------
+    InputError
+        If one cannot: its folder is read-only or no folder, or its disk is full.
+
+    >>> require_writable(Path(tempfile.mkdtemp()) / "new" / "a.txt")
+    """
+    for target in map(Path, targets):
+        scratch, made = beside(target)
+        try:
+            (scratch / "room").write_bytes(bytes(ROOM))
+        except OSError as error:
+            raise InputError(unwritable(target, error)) from error
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+            remove(made)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from vision.contract.errors import InputError
 from vision.contract.figures import png_bytes, styled
-from vision.contract.files import writing
+from vision.contract.files import require_writable, writing
 from vision.interpolate import BOX
 from vision.jitter import LIMIT
 from vision.quality.classes import compared_classes, of_classes, tracks_by_class
@@ -132,15 +132,15 @@ def same_classes(
 
 
 def check_target(out: Path) -> None:
-    """Raise InputError where `out` is there and is no report of this kind."""
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
-    try:
-        mine = json.loads((out / FACTS).read_text(encoding="utf-8")).get("format") == FORMAT
-    except (OSError, ValueError, AttributeError):
-        mine = False
-    if not mine:
-        raise InputError(f"{out}: is there and is no earlier report of tracks; give another --out")
+    """Raise InputError where `out` is there and is no report of this kind, or cannot be written."""
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        try:
+            mine = json.loads((out / FACTS).read_text(encoding="utf-8")).get("format") == FORMAT
+        except (OSError, ValueError, AttributeError):
+            mine = False
+        if not mine:
+            raise InputError(f"{out}: is there and is no earlier report of tracks; give another --out")
+    require_writable(out)
 
 
 def heat_maps(settings: list[Setting], clip: Video | None) -> dict[str, bytes]:

@@ -82,5 +82,5 @@ def film(scene: Scene, folder: Path, duration: float, seed: int) -> None:
     with writing(folder / "control_points.csv") as path:
         path.write_text("\n".join(["name,px,py,x,y,sigma", *rows]) + "\n", encoding="utf-8")
     with writing(folder / "control_points.png") as path:
-        cv2.imwrite(str(path), control_point_card(scene, points))
+        path.write_bytes(cv2.imencode(".png", control_point_card(scene, points))[1].tobytes())
     write_video(scene, folder / "street.mp4", FPS, duration)

@@ -14,7 +14,7 @@ from solver.criticism.comparison.split import SOURCES
 from solver.criticism.comparison.words import region_words, verdict
 from solver.run.contents import Run
 from solver.run.facts import strict
-from vision.contract import progress, writing
+from vision.contract import progress, writing_into
 
 FORMAT = "roadfiber comparison 1"
 UNITS = {
@@ -89,25 +89,19 @@ def facts_of(comparison: Comparison, run: Run) -> dict[str, Any]:
 
 
 def write_comparison(folder: Path, comparison: Comparison, run: Run) -> None:
-    """Write compare.html, compare.json and the pictures into a folder, each whole or not at all.
+    """Write compare.html, compare.json and the pictures into a folder, all or none.
 
     Parameters
     ----------
     folder : where to; made where it does not exist
     comparison, run : what to write
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with progress("drawing", 2) as advance:
+    with progress("drawing", 2) as advance, writing_into(folder) as scratch:
         figures = figures_of(comparison, run, WIDE)
-        texts = {
-            "compare.html": render(comparison, run, figures),
-            "compare.json": json.dumps(facts_of(comparison, run), allow_nan=False, indent=1),
-        }
+        facts = json.dumps(facts_of(comparison, run), allow_nan=False, indent=1)
+        (scratch / "compare.html").write_text(render(comparison, run, figures), encoding="utf-8")
+        (scratch / "compare.json").write_text(facts, encoding="utf-8")
         advance(1)
-        for name, text in texts.items():
-            with writing(folder / name) as path:
-                path.write_text(text, encoding="utf-8")
         for name, figure in (figures | {"maps": map_figure(comparison, run, WIDE)}).items():
-            with writing(folder / f"compare_{name}.png") as path:
-                figure.savefig(path, dpi=144, facecolor="white")
+            figure.savefig(scratch / f"compare_{name}.png", dpi=144, facecolor="white")
         advance(1)

@@ -1,17 +1,20 @@
 """The same scores, whether one process computes them or several; and what a task raises is raised here."""
 
 import os
+import signal
+import time
 
 import numpy as np
 import pytest
 import torch
 
 from solver.criticism.scorer import Scorer, score_all
-from solver.criticism.side_by_side import can_fork, side_by_side
+from solver.criticism.side_by_side import side_by_side
 from solver.effects.catalogue import built_in
 from solver.effects.trial_survey import trial_survey
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
+from solver.forks import can_fork
 
 forks = pytest.mark.skipif(not can_fork(), reason="processes are forked on Linux without CUDA only")
 
@@ -39,6 +42,28 @@ def test_tasks_run_in_other_processes_and_keep_their_order():
 def test_what_a_task_raises_is_raised_here():
     with pytest.raises(ZeroDivisionError):
         side_by_side(lambda task: 1 / task, range(3))
+
+
+@forks
+@pytest.mark.usefixtures("two_threads")
+def test_a_process_that_the_system_ends_is_told_as_want_of_memory():
+    with pytest.raises(MemoryError):
+        side_by_side(lambda task: os.kill(os.getpid(), signal.SIGKILL), range(3))
+
+
+@forks
+@pytest.mark.usefixtures("two_threads")
+def test_ctrl_c_ends_all_processes_at_once(capfd):
+    def task(number):
+        if number == 0:
+            os.kill(os.getppid(), signal.SIGINT)
+        time.sleep(0.2)
+
+    begun = time.perf_counter()
+    with pytest.raises(KeyboardInterrupt):
+        side_by_side(task, range(100))
+    assert time.perf_counter() - begun < 5, "100 tasks would take 10 s"
+    assert capfd.readouterr() == ("", "")
 
 
 @forks

@@ -1,0 +1,87 @@
+"""The command itself: its version, and how it ends when the machine refuses something."""
+
+import os
+import sys
+from importlib.metadata import version
+
+import pytest
+from numba.core import caching
+from typer.testing import CliRunner
+
+import roadfiber
+from solver.compiled import compiled
+
+
+def ended(monkeypatch, capsys, *words) -> tuple[int, str]:
+    """Exit status and standard error of `roadfiber`."""
+    monkeypatch.setattr(sys, "argv", ["roadfiber", *map(str, words)])
+    with pytest.raises(SystemExit) as end:
+        roadfiber.main()
+    return end.value.code, capsys.readouterr().err
+
+
+def test_version():
+    result = CliRunner().invoke(roadfiber.app, ["--version"])
+    assert (result.exit_code, result.output) == (0, f"roadfiber {version('roadfiber')}\n")
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "line"),
+    [
+        (KeyboardInterrupt(), 130, "roadfiber: interrupted; what was being made is not written\n"),
+        (MemoryError(), 2, "roadfiber: not enough memory; name fewer channels in [das] of site.toml, "),
+        (OSError(5, "Input/output error", "a.h5"), 2, "roadfiber: a.h5: Input/output error\n"),
+    ],
+)
+def test_what_ends_a_command_is_one_line(monkeypatch, capsys, error, status, line):
+    def fail(*given):
+        raise error
+
+    monkeypatch.setattr("solver.effects.plugins.catalogue", fail)
+    code, told = ended(monkeypatch, capsys, "effects")
+    assert code == status and told.startswith(line) and told.count("\n") == 1
+
+
+def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["roadfiber", "effects"])
+    monkeypatch.setattr("solver.effects.plugins.catalogue", lambda plugins: {}["fault"])
+    with pytest.raises(KeyError):
+        roadfiber.main()
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full is Linux's")  # noqa: PTH110
+def test_a_result_that_cannot_be_printed_is_told(monkeypatch, capsys):
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        monkeypatch.setattr(sys, "stdout", full)
+        code, told = ended(monkeypatch, capsys, "--version")
+    assert (code, told) == (2, "roadfiber: standard output: no space left; make room, or write elsewhere\n")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["simulate", "street"],
+        ["track", "street.mp4"],
+        ["demo"],
+        ["calibrate", "board", "--draw"],
+    ],
+)
+def test_a_target_that_cannot_be_written_ends_a_command_before_its_work(monkeypatch, capsys, tmp_path, words):
+    (tmp_path / "file").write_text("")
+    target = tmp_path / "file" / ("out.png" if words[-1] == "--draw" else "out.csv")
+    words = [*words, target] if words[-1] == "--draw" else [*words, "--out", target]
+    code, told = ended(monkeypatch, capsys, *words)
+    assert (code, told) == (2, f"roadfiber: {target}: cannot be written (Not a directory); name a place that can be\n")
+
+
+def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch):
+    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
+    assert compiled(lambda x: x + 1)(2) == 3
+
+
+def test_a_full_disk_is_no_end_of_compiling(monkeypatch):
+    def full(*given):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
+    assert compiled(lambda x: x + 2)(2) == 4
