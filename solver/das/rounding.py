@@ -86,7 +86,9 @@ def step_of(values: ArrayLike) -> float:
         apart = apart[apart > finest]
         for step in np.quantile(apart, CANDIDATES, method="lower").tolist() if len(apart) else ():
             step = refined(step, several)
-            if np.mean(np.abs(values / step - np.rint(values / step)) < OFF) >= WHOLE:
+            whole, moved = np.abs(values / step - np.rint(values / step)) < OFF, np.rint(values / step) != 0
+            # Quiet beside loud vehicles is near zero by itself: the values beyond it must be multiples too.
+            if whole.mean() >= WHOLE and moved.sum() >= ENOUGH and whole[moved].mean() >= WHOLE:
                 return step
     return 0.0
 
