@@ -70,7 +70,7 @@ def errors(camera: Camera, kind: str, seed: int) -> pd.DataFrame:
     """Errors of one vehicle's fixes along and across its way, m, their sigmas, and those of the box's lower edge."""
     view = Calibration(image_size=SIZE, homography=camera.ground_homography())
     table = drive(camera, kind, np.random.default_rng([seed, 23]))
-    found = ground_tracks(table, view)
+    found, _ = ground_tracks(table, view)
     lower = np.stack([(found[BOX[0]] + found[BOX[2]]) / 2, found[BOX[3]]], axis=1)
     edge = view.to_ground(lower) - found[["x_true", "y_true"]]
     return pd.DataFrame(

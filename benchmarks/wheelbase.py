@@ -65,7 +65,7 @@ def trial(view: str, kind: str, seed: int) -> dict[str, object] | None:
     shape, camera = SHAPES[kind], VIEWS[view]
     size = [length, *rng.normal(shape.size[1:], shape.deviation[1:])]
     calibration = Calibration(image_size=SIZE, homography=camera.ground_homography())
-    found = ground_tracks(drive(camera, kind, rng, size), calibration)
+    found, _ = ground_tracks(drive(camera, kind, rng, size), calibration)
     if found.empty:
         return None
     start, slope, spread = line(np.delete(known, which, axis=0))

@@ -53,7 +53,8 @@ def track(
     """Follow the vehicles of a video: metric trajectories with a sigma per fix.
 
     With a calibration (`roadfiber calibrate ground`), writes one row per vehicle and frame: UTC, class, the ground
-    under the middle of the wheelbase and its sigma in meters, and the box. Without one, boxes in pixels.
+    under the middle of the wheelbase and its sigma in meters, and the box; and beside it, in OUT.dropped, what was
+    detected and could not be placed, with the cause. Without one, boxes in pixels.
     Detections are kept: a second look, with another calibration or score, costs nothing, and a run that was
     interrupted goes on where it stopped.
 
@@ -64,6 +65,7 @@ def track(
     from vision.camera import Calibration
     from vision.contract.files import require_writable
     from vision.detectors import load_detector
+    from vision.dropped import write_dropped
     from vision.pipeline import box_tracks, on_road, start_time, summarize, utc
     from vision.video import open_video
 
@@ -78,15 +80,17 @@ def track(
         view.require_size(clip.width, clip.height, video)
     zero = start_time(start, clip) if view or start else None
     looks = Appearance.load(appearance) if appearance else None
-    table, speed = box_tracks(
+    table, speed, far = box_tracks(
         clip, model, calibration=view, min_score=min_score, every=every, cache=kept, appearance=looks
     )
+    dropped = None
     if view and zero is not None:
-        table = on_road(table, view, zero, clock_offset, video)
+        table, dropped = on_road(table, view, zero, clock_offset, video, far)
     elif zero is not None:
         table = table.assign(time=utc(table["time"], zero, clock_offset))
     write_table(table, out)
-    report(summarize(table, speed) | {"metric": view is not None, "out": str(out)}, as_json)
+    write_dropped(dropped, out)
+    report(summarize(table, speed, dropped) | {"metric": view is not None, "out": str(out)}, as_json)
 
 
 @app.command()
@@ -161,6 +165,23 @@ def setting_line(setting: "dict[str, Any]") -> str:
     return f"{setting['name']}: {setting['tracks']} vehicles, {frames}, jitter {size}{grade}{three}"
 
 
+def placed_line(summary: dict[str, Any]) -> str:
+    """Say how many detected fixes were placed on the road, and why others were not.
+
+    >>> counts = {"cut by the border of the picture": 20, "above the horizon": 5}
+    >>> placed_line({"fixes_placed": 75, "fixes_not_placed": counts, "tracks_not_placed": 1})
+    '75 of 100 detected fixes placed on the road; 20 cut by the border of the picture, 5 above the horizon; 1 vehicle \
+not at all'
+    """
+    from vision.dropped import words
+
+    placed, left = summary["fixes_placed"], summary["fixes_not_placed"]
+    gone = summary["tracks_not_placed"]
+    why = f"; {words(left)}" if left else ""
+    vehicles = f"; {gone} vehicle{'s' * (gone > 1)} not at all" if gone else ""
+    return f"{placed} of {placed + sum(left.values())} detected fixes placed on the road{why}{vehicles}"
+
+
 def split(text: str | None) -> list[str] | None:
     """Parts of a list given by comma; None for none.
 
@@ -210,6 +231,7 @@ def report(summary: dict[str, Any], as_json: bool) -> None:
     print(f"median track {summary['median_track_frames']:g} frames, {summary['median_track_seconds']:g} s")
     if summary["metric"]:
         print(f"median sigma {summary['median_sigma_x']:g} m along x, {summary['median_sigma_y']:g} m along y")
+        print(placed_line(summary))
     else:
         print("boxes in pixels only; for meters give --calibration (roadfiber calibrate ground makes one)")
     if summary["frames_detected_before"]:

@@ -75,6 +75,14 @@ def _look(rows: "pd.DataFrame") -> Look:
     return Look(int(rows["frame"].iloc[0]), float(rows["time"].iloc[0]), found, None, False, 0.0, 0.0)
 
 
+def detection_table(frame: int, found: Detections) -> "pd.DataFrame":
+    """Detections of one frame as a table [detection] of frame, class, confidence and the box."""
+    import pandas as pd
+
+    box = dict(zip(BOX, found.box.T, strict=True))
+    return pd.DataFrame({"frame": frame, "class": found.label, "confidence": found.score, **box})
+
+
 def _tabulate(seen: Sequence[Look], owners: Sequence[np.ndarray]) -> "pd.DataFrame":
     """Detections that belong to a track, of all frames; `owners` are the tracks of each frame's, 0 for none."""
     import pandas as pd

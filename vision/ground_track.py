@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from vision.body_fit import fit_body
 from vision.camera import Calibration
+from vision.dropped import BORDER, FAR, GHOST, HIDDEN, HORIZON, SHAPE, SHORT, SIGMA
+from vision.edges import EDGE_BIAS, edge_sigma, hidden_edges, sizes
 from vision.footprints import ghosts
 from vision.interpolate import BOX
 from vision.smoother import Motion, smooth
@@ -18,13 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-EDGE_BIAS = 1.0  # px, and
-SHAPE_BIAS = 0.02  # sizes of the box (about 5 cm): sd of an edge that no repetition shows
-USUAL_JITTER = 0.03  # sd of an edge, sizes of the box, of tracks too short to show theirs
 HIDDEN_BIAS = 0.15  # sizes of the box: sd of an edge that a nearer vehicle hides, where a detector must guess
 MOST_HIDDEN = 2  # edges of a box that still says where a vehicle is
-COVERED = 0.5  # share of an edge behind another box that makes it hidden
-MARGIN = 2.0  # px; a box nearer to the image's border than this may be cut by it
 WINDOW = 1.5  # lengths of the vehicle, of travel over which its heading is taken
 LONGEST_WINDOW = 2.0  # s
 MOVED = 1.0  # m in that time, below which a vehicle stands
@@ -32,14 +29,14 @@ LEAST_NOISE = 0.01  # m; no fix is better
 MEDIAN = 1.386  # of a chi-square with two degrees of freedom
 WORST_SIGMA = 1.5  # m; a fix less certain than this says nothing about a fiber
 WORST_MISFIT = 4.0  # sd; boxes that no vehicle of the class fills
-FEWEST_FIXES = 5
+FEWEST_FIXES = 5  # of a track
 TURNS = 6  # rounds, at most, of heading from positions and positions from headings
 STEADY = 0.01  # rad; root mean square change of heading that ends them
 SIZE = ("length", "sigma_length", "width", "wheelbase", "sigma_wheelbase")
 COLUMNS = ("x", "y", "sigma_x", "sigma_y", *SIZE, "x_measured", "y_measured")
 
 
-def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataFrame":
+def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> tuple["pd.DataFrame", "pd.DataFrame"]:
     """Place tracks of boxes on the road.
 
     The position is the ground under the middle of the wheelbase: where a vehicle of the track's class, headed the way
@@ -58,9 +55,12 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
     table [fix] of the same columns and, in m, x, y, sigma_x, sigma_y, length, sigma_length, width, wheelbase,
     sigma_wheelbase (both NaN where the vehicle's length was not seen well enough to say more than its class),
     x_measured, y_measured: x, y are smoothed (`vision.smoother`), also across missed frames; the measured ones are what
-    each box alone says, on a straight line where there is none. Fixes above the horizon, cut by too many borders or
-    less certain than 1.5 m are left out, and so are tracks with fewer than five of the rest and those inside another
-    vehicle (`vision.footprints`).
+    each box alone says, on a straight line where there is none.
+
+    And a table [fix] of the detected fixes that are not placed, with the columns of `tracks` and `cause`
+    (`vision.dropped`): above the horizon, hidden, cut by the border, of no vehicle's shape or less certain than 1.5 m,
+    in tracks with fewer than five of the rest, and in tracks inside another vehicle (`vision.footprints`). Those
+    between two placed ones are in the first table, too, as interpolated ones.
 
     Notes
     -----
@@ -78,20 +78,29 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> "pd.DataF
     """
     boxes, time = tracks[BOX].to_numpy(float), tracks["time"].to_numpy(float)
     hidden = hidden_edges(tracks["frame"].to_numpy(), boxes)
-    usable = ~tracks["interpolated"].to_numpy(bool) & np.isfinite(calibration.to_ground(_contact(boxes))).all(axis=1)
+    seen = ~tracks["interpolated"].to_numpy(bool)
+    cause = np.full(len(tracks), "", object)
     # A box inside a nearer one is more often a second box of that vehicle than a vehicle behind it.
-    usable &= hidden.sum(axis=1) <= MOST_HIDDEN
+    cause[seen & (hidden.sum(axis=1) > MOST_HIDDEN)] = HIDDEN
+    cause[seen & ~np.isfinite(calibration.to_ground(_contact(boxes))).all(axis=1)] = HORIZON
     names = tracks["class"].to_numpy()
     placed = list[Placed]()
     for indices in tracks.groupby("track_id", sort=True).indices.values():
         rows = np.asarray(indices)
-        shape, good = SHAPES.get(names[rows[0]], SHAPES["vehicle"]), rows[usable[rows]]
-        part = _place(shape, rows, time[rows], good, time[good], boxes[good], hidden[good], calibration)
+        shape, good = SHAPES.get(names[rows[0]], SHAPES["vehicle"]), rows[seen[rows] & (cause[rows] == "")]
+        part, cause[good] = _place(shape, rows, time[rows], good, time[good], boxes[good], hidden[good], calibration)
         placed += [part] if part else []
     if not placed:
-        return tracks.iloc[:0].assign(**dict.fromkeys(COLUMNS, np.zeros(0)))
+        return tracks.iloc[:0].assign(**dict.fromkeys(COLUMNS, np.zeros(0))), with_causes(tracks, cause)
     table = _tabulate(tracks, placed, smooth([part.motion for part in placed]), calibration)
-    return table[~table["track_id"].astype(str).isin(ghosts(table))].reset_index(drop=True)
+    ghost = set(ghosts(table))
+    cause[seen & (cause == "") & tracks["track_id"].astype(str).isin(ghost).to_numpy()] = GHOST
+    return table[~table["track_id"].astype(str).isin(ghost)].reset_index(drop=True), with_causes(tracks, cause)
+
+
+def with_causes(tracks: "pd.DataFrame", cause: NDArray[np.object_]) -> "pd.DataFrame":
+    """Rows of `tracks` that have a cause [row], with it."""
+    return tracks.assign(cause=cause)[cause != ""].reset_index(drop=True)
 
 
 @dataclass(frozen=True)
@@ -112,12 +121,17 @@ class Placed:
     size: tuple[float, ...]
 
 
-def placeable(boxes: Array, calibration: Calibration) -> NDArray[np.bool_]:
-    """Whether boxes [n, 4], px, stand on the road near enough for one pixel to be less than `WORST_SIGMA`, [n]."""
+def unplaceable(boxes: Array, calibration: Calibration) -> NDArray[np.object_]:
+    """Why boxes [n, 4], px, cannot be placed on the road, [n]; "" where they can.
+
+    They are above the horizon, or so far off that one pixel is more than `WORST_SIGMA`.
+    """
     jacobian = calibration.jacobian(_contact(boxes))
     on_road: NDArray[np.bool_] = np.asarray(np.isfinite(jacobian).all(axis=(1, 2)))
     coarsest = np.linalg.norm(np.where(on_road[:, None, None], jacobian, 0.0), ord=2, axis=(1, 2))
-    return np.asarray(on_road & (coarsest * EDGE_BIAS < WORST_SIGMA))
+    cause = np.where(coarsest * EDGE_BIAS < WORST_SIGMA, "", FAR).astype(object)
+    cause[~on_road] = HORIZON
+    return cause
 
 
 def _place(
@@ -129,18 +143,26 @@ def _place(
     boxes: Array,
     hidden: NDArray[np.bool_],
     calibration: Calibration,
-) -> Placed | None:
-    """Place a track of `rows` at times `every`; its usable rows `good` are at `time`, with boxes and hidden edges."""
+) -> tuple[Placed | None, NDArray[np.object_]]:
+    """Place a track of `rows` at times `every`; its usable rows `good` are at `time`, with boxes and hidden edges.
+
+    And say of every usable row why it is not placed; "" where it is.
+    """
+    cause = np.full(len(good), SHORT, object)
     if len(time) < FEWEST_FIXES:
-        return None
+        return None, cause
     sigma = edge_sigma(time, boxes, calibration.image_size)
-    sigma = np.where(hidden, np.hypot(sigma, HIDDEN_BIAS * _sizes(boxes)[:, None]), sigma)
+    sigma = np.where(hidden, np.hypot(sigma, HIDDEN_BIAS * sizes(boxes)[:, None]), sigma)
     position, covariance, size, sigma_length = _positions(calibration, shape, time, boxes, sigma)
     with np.errstate(invalid="ignore"):
         deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     sure = np.isfinite(position).all(axis=1) & (deviation.max(axis=1) < WORST_SIGMA)
+    cut = np.isinf(sigma).any(axis=1)
+    misfit = ~np.isfinite(position).all(axis=1) & (calibration.pinhole() is not None)
+    cause[~sure] = np.where(misfit, SHAPE, np.where(cut, BORDER, SIGMA))[~sure]
     if sure.sum() < FEWEST_FIXES:
-        return None
+        return None, cause
+    cause[sure] = ""
     good, time, position, covariance = good[sure], time[sure], position[sure], covariance[sure]
     within = slice(int(np.searchsorted(rows, good[0])), int(np.searchsorted(rows, good[-1])) + 1)
     rows, at = rows[within], every[within]
@@ -153,7 +175,8 @@ def _place(
         [[np.interp(at, time, covariance[:, a, b]) for b in (0, 1)] for a in (0, 1)]
     ).transpose(2, 0, 1)
     length, width = float(size[0]), float(size[1])
-    return Placed(rows, motion, shared, (length, sigma_length, width, *shape.wheelbase_of(length, sigma_length)))
+    size_of = (length, sigma_length, width, *shape.wheelbase_of(length, sigma_length))
+    return Placed(rows, motion, shared, size_of), cause
 
 
 def _tabulate(
@@ -222,60 +245,6 @@ def turned(change: Array) -> float:
     0.02
     """
     return float(np.sqrt(np.mean((np.mod(change + np.pi, 2 * np.pi) - np.pi) ** 2)))
-
-
-def hidden_edges(frame: NDArray[np.int64], boxes: Array) -> NDArray[np.bool_]:
-    """Which edges of boxes [n, 4] are for the most part behind another box of their frame [n] -> [n, 4].
-
-    Of two boxes the one whose lower edge is lower in the image is nearer.
-
-    >>> boxes = np.array([[0.0, 0, 40, 30], [20.0, 5, 60, 50]])
-    >>> hidden_edges(np.array([7, 7]), boxes).tolist()
-    [[False, False, True, True], [False, False, False, False]]
-    """
-    hidden = np.zeros(boxes.shape, bool)
-    order = np.argsort(frame, kind="stable")
-    for rows in np.split(order, np.flatnonzero(np.diff(frame[order])) + 1):
-        if len(rows) > 1:
-            hidden[rows] = _covered(boxes[rows]) >= COVERED
-    return hidden
-
-
-def _covered(boxes: Array) -> Array:
-    """Largest share of every edge [n, 4] that one nearer box covers."""
-    low, high = boxes[:, None, :2], boxes[:, None, 2:]
-    other_low, other_high = boxes[None, :, :2], boxes[None, :, 2:]
-    nearer = boxes[None, :, 3] > boxes[:, None, 3]
-    common = np.maximum(np.minimum(high, other_high) - np.maximum(low, other_low), 0.0)
-    # Along an edge runs the other axis: top and bottom run along x.
-    along = (common / np.maximum(high - low, 1e-9))[..., ::-1]
-    inside = [(other_low < side) & (side < other_high) for side in (low, high)]
-    shares = np.concatenate([np.where(within, along, 0.0) for within in inside], axis=2)
-    return np.asarray((shares * nearer[..., None]).max(axis=1))
-
-
-def edge_sigma(time: Array, boxes: Array, image_size: tuple[int, int]) -> Array:
-    """Sd of every edge of a track's boxes [n, 4], px; infinite for edges at the image's border.
-
-    Detector jitter goes with the size of the box. Its share is measured on the track: the median distance of every
-    edge from the straight line, in time, between its neighbors (three fixes, so variances add to about 1.5).
-    """
-    size = _sizes(boxes)
-    share = USUAL_JITTER
-    if len(time) >= FEWEST_FIXES:
-        part = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
-        bend = np.abs(boxes[1:-1] - (1 - part) * boxes[:-2] - part * boxes[2:]) / size[1:-1, None]
-        share = 1.4826 * float(np.median(bend)) / np.sqrt(1.5)
-    edge = np.sqrt((share**2 + SHAPE_BIAS**2) * size**2 + EDGE_BIAS**2)
-    sigma = np.repeat(edge[:, None], 4, axis=1)
-    low, high = boxes[:, :2] < MARGIN, boxes[:, 2:] > np.array(image_size) - MARGIN
-    sigma[np.concatenate([low, high], axis=1)] = np.inf
-    return sigma
-
-
-def _sizes(boxes: Array) -> Array:
-    """Square root of the area of boxes [n, 4] -> [n], px."""
-    return np.asarray(np.sqrt(np.maximum((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1]), 1.0)))
 
 
 def contact_positions(

@@ -19,8 +19,9 @@ from vision.contract.progress import progress
 from vision.contract.table import COLUMNS
 from vision.detectors import Detector, is_street, load_detector
 from vision.detectors.look import Look, look
-from vision.follow import FEWEST_FIXES, PIXEL_COLUMNS, follow, patience
-from vision.ground_track import SIZE, ground_tracks, placeable
+from vision.dropped import causes, join, words
+from vision.follow import FEWEST_FIXES, PIXEL_COLUMNS, detection_table, follow, patience
+from vision.ground_track import SIZE, ground_tracks, unplaceable
 from vision.interpolate import BOX, fill_frames
 from vision.rendered import is_rendered
 from vision.tracker import Tracker
@@ -114,10 +115,13 @@ def track(
     view.require_size(clip.width, clip.height, clip.path)
     zero = start_time(start, clip)
     finder = load_detector(detector, classes=classes) if isinstance(detector, str | Path) else detector
-    boxes, _ = box_tracks(
+    boxes, _, far = box_tracks(
         clip, finder, calibration=view, min_score=min_score, every=every, cache=cache, appearance=appearance
     )
-    return on_road(boxes, view, zero, clock_offset, clip.path)
+    table, dropped = on_road(boxes, view, zero, clock_offset, clip.path, far)
+    if len(dropped):
+        log.info("%s: fixes not placed on the road: %s", clip.path, words(causes(dropped)))
+    return table
 
 
 def box_tracks(
@@ -129,7 +133,7 @@ def box_tracks(
     every: int = 1,
     cache: Path | None = None,
     appearance: Appearance | None = None,
-) -> tuple["pd.DataFrame", Speed]:
+) -> tuple["pd.DataFrame", Speed, "pd.DataFrame"]:
     """Follow vehicles through the pictures.
 
     With a calibration, vehicles too far off to be placed are not followed: near the vanishing point one that leaves
@@ -139,7 +143,8 @@ def box_tracks(
 
     Returns
     -------
-    table [fix] of `PIXEL_COLUMNS`, without gaps, time in s since the file's time zero; and the speed
+    table [fix] of `PIXEL_COLUMNS`, without gaps, time in s since the file's time zero; the speed; and the detections
+    with a score that starts a track that were too far off, [detection] of `vision.dropped.COLUMNS`
 
     Raises
     ------
@@ -151,9 +156,11 @@ def box_tracks(
     looked_at = len(range(0, len(video), every))
     looks = look(video, detector, every, cache=cache, images=appearance is not None)
     with progress("detecting vehicles", looked_at) as advance, closing(looks):
-        seen, detected = [], 0
+        seen, far, detected = [], [], 0
         for now in looks:
-            seen.append(_placed(now, calibration, appearance))
+            near, beyond = _placeable(now, strong, calibration, appearance)
+            seen.append(near)
+            far += [beyond] if beyond is not None else []
             detected += len(now.found)
             advance(1)
     begun = perf_counter()
@@ -163,41 +170,56 @@ def box_tracks(
     spent = (sum(now.decode for now in done), sum(now.detect for now in done), tracking)
     speed = Speed(looked_at, sum(now.fresh for now in done), *spent)
     if table.empty and detected >= FEWEST_FIXES and not any(len(now.found) for now in done):
-        raise off_road(video.path)
+        raise off_road(video.path, join(far))
     if table.empty:
         raise InputError(
             f"{video.path}: no vehicle was followed through {FEWEST_FIXES} frames; try a lower --min-score than "
             f"{strong:g}, or another --detector"
         )
     filled = fill_frames(table, video.index[::every], video.time[::every])
-    return filled[list(PIXEL_COLUMNS)], speed
+    return filled[list(PIXEL_COLUMNS)], speed, join(far)
 
 
-def _placed(
-    now: Look, calibration: Calibration | None, appearance: Appearance | None
-) -> tuple[Look, NDArray[np.float64] | None]:
-    """Those of a frame's detections that can be placed, without the image, and vectors of their looks."""
-    found = now.found.select(placeable(now.found.box, calibration)) if calibration else now.found
-    vectors = appearance.embed(now.image, found.box) if appearance and now.image is not None else None
-    return replace(now, found=found, image=None), vectors
+def _placeable(
+    now: Look, strong: float, calibration: Calibration | None, appearance: Appearance | None
+) -> tuple[tuple[Look, NDArray[np.float64] | None], "pd.DataFrame | None"]:
+    """Those of a frame's detections that can be placed, without the image, with vectors of their looks.
+
+    And those from the score `strong` on that cannot, with the cause; None where there are none.
+    """
+    found = now.found
+    cause = unplaceable(found.box, calibration) if calibration else np.full(len(found), "", object)
+    near, far = found.select(cause == ""), (cause != "") & (found.score >= strong)
+    vectors = appearance.embed(now.image, near.box) if appearance and now.image is not None else None
+    beyond = detection_table(now.index, found.select(far)).assign(track_id="", cause=cause[far]) if far.any() else None
+    return (replace(now, found=near, image=None), vectors), beyond
 
 
 def on_road(
-    boxes: "pd.DataFrame", calibration: Calibration, zero: np.datetime64, clock_offset: float, video: Path
-) -> "pd.DataFrame":
-    """Turn the boxes of tracks into the trajectory table `track` returns."""
-    placed = ground_tracks(boxes, calibration)
+    boxes: "pd.DataFrame",
+    calibration: Calibration,
+    zero: np.datetime64,
+    clock_offset: float,
+    video: Path,
+    far: "pd.DataFrame",
+) -> tuple["pd.DataFrame", "pd.DataFrame"]:
+    """Turn the boxes of tracks into the trajectory table `track` returns.
+
+    And join what could not be placed to what was too `far` off to be followed: [fix] of `vision.dropped.COLUMNS`.
+    """
+    placed, dropped = ground_tracks(boxes, calibration)
+    dropped = join([dropped.assign(track_id=dropped["track_id"].astype(str)), far])
     if placed.empty:
-        raise off_road(video)
+        raise off_road(video, dropped)
     placed = placed.assign(time=utc(placed["time"], zero, clock_offset), track_id=placed["track_id"].astype(str))
-    return placed[[*COLUMNS, *EXTRA_COLUMNS]]
+    return placed[[*COLUMNS, *EXTRA_COLUMNS]], dropped
 
 
-def off_road(video: Path) -> InputError:
+def off_road(video: Path, dropped: "pd.DataFrame") -> InputError:
     """Say that what was found is not where the calibration knows the road."""
     return InputError(
-        f"{video}: nothing that it shows lies on the calibrated road; check the control points "
-        "(roadfiber calibrate ground --picture)"
+        f"{video}: nothing that it shows lies on the calibrated road ({words(causes(dropped))}); check the control "
+        "points (roadfiber calibrate ground --picture)"
     )
 
 
@@ -227,8 +249,8 @@ def start_time(start: datetime | str | None, video: Video) -> np.datetime64:
     return np.datetime64(round(moment.timestamp() * 1e6), "us").astype("datetime64[ns]")
 
 
-def summarize(table: "pd.DataFrame", speed: Speed) -> dict[str, object]:
-    """Count tracks by class, their median length, and the speed."""
+def summarize(table: "pd.DataFrame", speed: Speed, dropped: "pd.DataFrame | None" = None) -> dict[str, object]:
+    """Count tracks by class, their median length, the speed, and what was `dropped` because it could not be placed."""
     tracks = table.groupby("track_id")
     seconds = tracks["time"].agg(lambda time: time.iloc[-1] - time.iloc[0])
     if seconds.dtype.kind == "m":
@@ -244,6 +266,11 @@ def summarize(table: "pd.DataFrame", speed: Speed) -> dict[str, object]:
         "frames_detected_before": speed.frames - speed.fresh,
         "frames_per_second": speed.rates(),
     }
+    if dropped is not None:
+        summary["fixes_placed"] = int((~table["interpolated"]).sum())
+        summary["fixes_not_placed"] = causes(dropped)
+        gone = set(dropped["track_id"]) - {""} - set(table["track_id"])
+        summary["tracks_not_placed"] = len(gone)
     if "sigma_x" in table:
         summary["median_sigma_x"] = round(float(table["sigma_x"].median()), 3)
         summary["median_sigma_y"] = round(float(table["sigma_y"].median()), 3)

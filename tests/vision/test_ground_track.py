@@ -8,7 +8,9 @@ import pytest
 from tests.vision.test_camera import look
 from vision.body_fit import _linearize, fit_body, project_bodies, silhouette_boxes, turns
 from vision.camera import Calibration
-from vision.ground_track import WORST_SIGMA, edge_sigma, ground_tracks, headings, hidden_edges, placeable, scatter_share
+from vision.dropped import BORDER, FAR, GHOST, HIDDEN, HORIZON, SHAPE, SHORT, SIGMA
+from vision.edges import edge_sigma, hidden_edges
+from vision.ground_track import WORST_SIGMA, ground_tracks, headings, scatter_share, unplaceable
 from vision.interpolate import BOX
 from vision.lens import Lens
 from vision.vehicles import SHAPES
@@ -55,7 +57,7 @@ def visible_box(body):
 
 
 def place(table, view):
-    return ground_tracks(table, Calibration(image_size=SIZE, homography=VIEWS[view][0]))
+    return ground_tracks(table, Calibration(image_size=SIZE, homography=VIEWS[view][0]))[0]
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -139,7 +141,7 @@ def test_without_a_camera_the_contact_point_is_used():
     table = pd.DataFrame(np.concatenate([low, high], axis=1), columns=BOX).assign(
         time=time, frame=np.arange(len(time)), track_id=4, confidence=0.9, interpolated=False
     )
-    found = ground_tracks(table.assign(**{"class": "car"}), down)
+    found, _ = ground_tracks(table.assign(**{"class": "car"}), down)
     np.testing.assert_allclose(found[["x", "y"]], place, atol=0.02)
     assert found["sigma_x"].between(0.05, 0.5).all()
 
@@ -236,13 +238,56 @@ def test_bodies_that_reach_behind_the_camera_stay_where_they_are():
     assert np.isfinite(fit.covariance).all() and fit.covariance[:, 0, 0].min() > 50
 
 
-def test_boxes_on_the_road_are_placeable_down_to_where_a_pixel_is_too_coarse():
+def test_boxes_on_the_road_can_be_placed_down_to_where_a_pixel_is_too_coarse():
     calibration = Calibration(image_size=SIZE, homography=VIEWS["along"][0])
     horizon = next(v for v in range(SIZE[1]) if np.isfinite(calibration.to_ground([[SIZE[0] / 2, v]])).all())
     bottoms = np.array([horizon - 20, horizon + 1, SIZE[1] - 40], float)
     boxes = np.column_stack([np.full(3, 300.0), bottoms - 30, np.full(3, 340.0), bottoms])
-    assert placeable(boxes, calibration).tolist() == [False, False, True]
-    assert placeable(boxes[:0], calibration).shape == (0,)
+    assert unplaceable(boxes, calibration).tolist() == [HORIZON, FAR, ""]
+    assert unplaceable(boxes[:0], calibration).shape == (0,)
+
+
+def with_companions():
+    """A bus, and beside it what cannot be placed: rows [fix], and the cause that each of these tracks has."""
+    bus = drive("across", label="bus", lane=1.75, noise=0.5)
+    inside, hidden, few, flat = (bus.iloc[60:90].assign(track_id=k, **{"class": "car"}) for k in (2, 3, 4, 5))
+    inside["box_left"] += 100.0
+    inside["box_top"] = inside["box_bottom"] - 80.0
+    inside["box_right"] = inside["box_left"] + 160.0
+    inside["box_bottom"] += 1.0
+    hidden[["box_left", "box_top"]] += 25.0
+    hidden[["box_right", "box_bottom"]] -= [25.0, 40.0]
+    few = few.iloc[:4]
+    few[["box_left", "box_right"]] += 400.0
+    flat["box_top"] = flat["box_bottom"] - 4.0
+    flat[["box_top", "box_bottom"]] += 200.0
+    high = bus.iloc[60:90].assign(track_id=6)
+    high[["box_top", "box_bottom"]] -= 2000.0
+    far = drive("along", start=90.0, speed=20.0, noise=2.0).assign(track_id=7)
+    return bus, {2: inside, 3: hidden, 4: few, 5: flat, 6: high, 7: far}
+
+
+@pytest.mark.parametrize(
+    ("track", "cause"), [(2, GHOST), (3, HIDDEN), (4, SHORT), (5, SHAPE), (6, HORIZON), (7, SIGMA)]
+)
+def test_what_is_not_placed_has_its_cause(track, cause):
+    bus, others = with_companions()
+    table = others[track] if track in (4, 7) else pd.concat([bus, others[track]], ignore_index=True)
+    view = Calibration(image_size=SIZE, homography=VIEWS["along" if track == 7 else "across"][0])
+    found, dropped = ground_tracks(table, view)
+    mine = dropped[dropped["track_id"] == track]
+    assert mine["cause"].value_counts().idxmax() == cause and track not in set(found["track_id"])
+    assert len(mine) == (table["track_id"] == track).sum()
+
+
+def test_every_detected_fix_is_placed_or_has_a_cause():
+    table = drive("across", noise=1.0)
+    table["interpolated"] = table["frame"].between(80, 84)
+    found, dropped = ground_tracks(table, Calibration(image_size=SIZE, homography=VIEWS["across"][0]))
+    assert (~found["interpolated"]).sum() + len(dropped) == (~table["interpolated"]).sum()
+    assert set(dropped["cause"]) == {BORDER} and len(dropped) > 5
+    placed = set(found.loc[~found["interpolated"], "frame"])
+    assert not placed & set(dropped["frame"]) and not set(dropped["frame"]) & set(range(80, 85))
 
 
 def test_missed_frames_are_bridged_by_the_motion():
@@ -280,7 +325,7 @@ def test_the_error_of_the_calibration_is_in_the_sigma():
     spread = np.zeros((9, 9))
     spread[2, 2] = (0.3 * abs(bare.homography[2, 2])) ** 2  # x of everything, as far as w is that of (0, 0)
     vague = Calibration(image_size=SIZE, homography=bare.homography, covariance=spread)
-    exact, found = ground_tracks(table, bare), ground_tracks(table, vague)
+    (exact, _), (found, _) = ground_tracks(table, bare), ground_tracks(table, vague)
     added = found["sigma_x"] ** 2 - exact["sigma_x"] ** 2
     pixels = bare.to_image(exact[["x", "y"]])
     np.testing.assert_allclose(added, vague.position_covariance(pixels)[:, 0, 0], rtol=1e-6)
@@ -313,11 +358,11 @@ def test_a_lens_that_bends_the_picture_is_taken_into_account():
         time=time, frame=np.arange(len(time)), track_id=1, confidence=0.9, interpolated=False
     )
     table = table[(boxes[:, :2] > 3).all(axis=1) & (boxes[:, 2:] < np.array(SIZE) - 3).all(axis=1)]
-    found = ground_tracks(table.assign(**{"class": "car"}), bent)
+    found, _ = ground_tracks(table.assign(**{"class": "car"}), bent)
     error = found[["x", "y"]].to_numpy() - place[found["frame"]]
     assert len(found) > 60 and np.abs(error).max() < 0.05
     straight = Calibration(image_size=SIZE, homography=VIEWS["across"][0])
-    without = ground_tracks(table.assign(**{"class": "car"}), straight)
+    without, _ = ground_tracks(table.assign(**{"class": "car"}), straight)
     assert np.abs(without[["x", "y"]].to_numpy() - place[without["frame"]]).max() > 0.3
 
 

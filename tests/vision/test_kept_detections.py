@@ -119,8 +119,8 @@ def test_without_a_cache_nothing_is_kept(clip, model, tmp_path, work, monkeypatc
 
 def test_tracks_of_a_second_look_are_the_same(clip, model, tmp_path, work):
     video, detector = open_video(clip), load_detector(model)
-    first, _ = box_tracks(video, detector, cache=tmp_path)
-    again, speed = box_tracks(video, detector, cache=tmp_path)
+    first, _, _ = box_tracks(video, detector, cache=tmp_path)
+    again, speed, _ = box_tracks(video, detector, cache=tmp_path)
     pd.testing.assert_frame_equal(first, again)
     assert work["detected"] == FRAMES and first["track_id"].nunique() == 1 and speed.frames == FRAMES
 

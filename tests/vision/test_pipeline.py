@@ -16,6 +16,7 @@ from vision.body_fit import project_bodies
 from vision.camera import Calibration
 from vision.contract import COLUMNS, InputError, read_trajectories
 from vision.detectors import Detections, load_detector
+from vision.dropped import causes, read_dropped
 from vision.pipeline import box_tracks, start_time, track
 from vision.rendered import note_rendered
 from vision.vehicles import SHAPES
@@ -102,6 +103,22 @@ def test_command_writes_what_the_solver_reads(survey, command, tmp_path):
     table = read_trajectories([tmp_path / "trajectories.csv"])
     assert list(table)[:7] == list(COLUMNS) and len(table) == FRAMES
     assert (table["time"].iloc[0] - pd.Timestamp(START)).total_seconds() == pytest.approx(0, abs=1e-6)
+
+
+def test_command_says_what_was_not_placed_and_why(survey, command, tmp_path):
+    (tmp_path / "t.csv.dropped").write_text("of an earlier run")
+    usual = survey / "street.mp4", "--detector", survey / "spot.onnx", "--start", START, "--out", "t.csv"
+    _, out, _ = command(*usual, "--json")
+    assert "fixes_placed" not in json.loads(out) and not (tmp_path / "t.csv.dropped").exists()
+    sheared = HOMOGRAPHY @ np.array([[1, 0, 0], [0, 1, 0], [8e-4, 0, 1]])
+    Calibration(image_size=SIZE, homography=sheared).write(tmp_path / "c.json")
+    code, out, _ = command(*usual, "--calibration", tmp_path / "c.json")
+    code, answer, _ = command(*usual, "--calibration", tmp_path / "c.json", "--json")
+    facts, dropped = json.loads(answer), read_dropped(tmp_path / "t.csv")
+    assert code == 0 and facts["fixes_not_placed"] == causes(dropped) and len(dropped) > 0
+    assert facts["fixes_placed"] + len(dropped) == FRAMES - 1, "one frame shows nothing"
+    assert f"{facts['fixes_placed']} of {FRAMES - 1} detected fixes placed on the road; " in out
+    assert all(f"{count} {cause}" in out for cause, count in facts["fixes_not_placed"].items())
 
 
 def test_command_without_a_calibration(survey, command, tmp_path):
@@ -229,7 +246,7 @@ def test_a_graph_that_is_no_detector(survey, command, tmp_path_factory):
 @pytest.mark.parametrize("model", ["yolox_nano", "nanodet_m_416", "deimv2_hgnetv2_atto_coco"])
 def test_real_video_with_real_models(model, shared_data):
     video = open_video(shared_data / "video" / "abhishek-verma-github_highway.mp4")
-    table, speed = box_tracks(video, load_detector(shared_data / "models" / f"{model}.onnx"), every=8)
+    table, speed, _ = box_tracks(video, load_detector(shared_data / "models" / f"{model}.onnx"), every=8)
     longest = table.groupby("track_id").size().sort_values().tail(4)
     assert table["track_id"].nunique() >= 6 and longest.min() >= 8 and speed.frames == 43
     for track_id in longest.index:  # on a motorway, boxes go one way
@@ -268,9 +285,9 @@ def test_a_car_that_leaves_is_not_the_one_that_comes_from_the_vanishing_point():
             box = np.concatenate([pixels.min(0), pixels.max(0)])[None]
             return Detections(box, np.array([0.9]), np.array(["car"]))
 
-    chained, _ = box_tracks(Clip(), Known())
+    chained, _, _ = box_tracks(Clip(), Known())
     assert chained["track_id"].nunique() == 1, "without a calibration nothing tells them apart"
-    table, _ = box_tracks(Clip(), Known(), calibration=view)
+    table, _, _ = box_tracks(Clip(), Known(), calibration=view)
     assert table["track_id"].nunique() == 2
     halves = [set(track["frame"] >= 60) for _, track in table.groupby("track_id")]
     assert halves == [{False}, {True}]

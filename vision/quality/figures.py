@@ -125,7 +125,7 @@ def ax_line(ax: Axes, color: str, label: str) -> LineCollection:
 
 def draw_classes(setting: Setting, ax: Axes) -> None:
     """Draw the tracks of a setting as lines colored by the detected class."""
-    seen = setting.tracks[~setting.tracks["interpolated"]]
+    seen = setting.tracks[~setting.tracks["missed"]]
     lines, colors, changed = [], [], []
     for _, track in seen.groupby("track_id", sort=True):
         place = track[["x", "time"]].to_numpy(float)

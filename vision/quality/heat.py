@@ -34,7 +34,7 @@ def heat_map(setting: Setting, scene: Image) -> Image:
 
     Parameters
     ----------
-    setting : tracks with boxes; only what was detected counts
+    setting : tracks with boxes; what was detected counts, placed on the road or not
     scene : [row, column, 3], blue, green, red
 
     Returns
@@ -46,10 +46,10 @@ def heat_map(setting: Setting, scene: Image) -> Image:
     size = (WIDTH, max(1, round(height * scale)))
     ground = cv2.resize(scene, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
     gray = cv2.cvtColor(cv2.cvtColor(ground, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2RGB).astype(float)
-    seen = setting.tracks[~setting.tracks["interpolated"]]
-    middle = (seen[BOX[0]] + seen[BOX[2]]).to_numpy(float) / 2
-    column = np.clip((middle * scale).astype(int), 0, size[0] - 1)
-    row = np.clip((seen[BOX[3]].to_numpy(float) * scale).astype(int), 0, size[1] - 1)
+    parts = [setting.tracks[~setting.tracks["missed"]]] + ([] if setting.dropped is None else [setting.dropped])
+    seen = np.concatenate([part[BOX].to_numpy(float) for part in parts])
+    column = np.clip(((seen[:, 0] + seen[:, 2]) / 2 * scale).astype(int), 0, size[0] - 1)
+    row = np.clip((seen[:, 3] * scale).astype(int), 0, size[1] - 1)
     counts = np.bincount(row * size[0] + column, minlength=size[0] * size[1]).reshape(size[::-1]).astype(float)
     density = np.asarray(cv2.GaussianBlur(counts, (0, 0), max(SMOOTH * WIDTH, 1.0)))
     # The square root keeps what is seen rarely visible beside a parked car.

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.dropped import causes
 from vision.jitter import bin_edges, jitter_by_bin, jitter_floor, parked, stride
 from vision.quality.classes import tracks_by_class
 from vision.quality.route_effect import route_effect
@@ -32,7 +33,8 @@ class Measures:
     breaks : runs of missed frames inside tracks
     switches : changes of the detected class inside tracks
     switching : tracks that have any
-    interpolated : share of fixes
+    missed : share of fixes that no detection is behind
+    not_placed : detected fixes that could not be placed on the road, by cause; they are no misses
     before, after : jitter by bin of moving vehicles, before and after missed frames are interpolated
     floor : jitter of parked vehicles, None where there is none
     parked : how many there are
@@ -49,7 +51,8 @@ class Measures:
     breaks: int
     switches: int
     switching: int
-    interpolated: float
+    missed: float
+    not_placed: dict[str, int]
     before: "pd.DataFrame"
     after: "pd.DataFrame"
     floor: float | None
@@ -83,7 +86,8 @@ class Measures:
             "breaks": self.breaks,
             "class_switches": self.switches,
             "tracks_with_class_switches": self.switching,
-            "interpolated_share": self.interpolated,
+            "missed_share": self.missed,
+            "not_placed": self.not_placed,
             "jitter": {
                 "mean_before": mean_over(self.before),
                 "mean_after": self.jitter,
@@ -143,7 +147,7 @@ def measure(
     others : [fix] of the truth, of classes that are not compared
     """
     tracks, rolling = setting.tracks, moving(setting)
-    seen = tracks[~tracks["interpolated"]]
+    seen = tracks[~tracks["missed"]]
     groups = tracks.groupby("track_id")
     longest, breaks = fragments(seen)
     switches = seen.groupby("track_id")["detected_class"].agg(changes)
@@ -158,13 +162,14 @@ def measure(
         breaks=breaks,
         switches=int(switches.sum()),
         switching=int((switches > 0).sum()),
-        interpolated=float(tracks["interpolated"].mean()),
+        missed=float(tracks["missed"].mean()),
+        not_placed={} if setting.dropped is None else causes(setting.dropped),
         before=jitter_by_bin(rolling[~rolling["interpolated"]], edges=edges),
         after=jitter_by_bin(rolling, edges=edges),
         floor=jitter_floor(as_measured(tracks)) if metric else None,
         parked=len(parked(as_measured(tracks))) if metric else 0,
         effect=route_effect(rolling, edges, gauge_length) if metric else None,
-        scores=None if truth is None else score_tracks(truth, tracks, others=others),
+        scores=None if truth is None else score_tracks(truth, tracks, others=others, unplaced=setting.dropped),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vision.contract.figures import data_uri, svg
+from vision.dropped import words
 from vision.jitter import LIMIT, WINDOW
 from vision.quality.classes import listed, tracks_by_class
 from vision.quality.figures import NARROW, WIDE, class_figure, jitter_figure, route_figure
@@ -100,12 +101,13 @@ def rows(found: Sequence[Measures]) -> list[tuple[str, str, Callable[[Measures],
         ("Longest unbroken fragment", "frames without a miss", lambda m: str(m.fragment)),
         ("Unbroken per track", "mean of the longest, frames", lambda m: number(m.mean_fragment, digits=1)),
         ("Breaks", "runs of missed frames inside tracks", lambda m: str(m.breaks)),
-        ("Interpolated", "share of fixes", lambda m: number(100 * m.interpolated, "%", 1)),
+        ("Missed", "share of frames inside tracks", lambda m: number(100 * m.missed, "%", 1)),
         ("Class switches", "and tracks that have any", lambda m: f"{m.switches} in {m.switching}"),
         ("Jitter before", "mean of moving vehicles", lambda m: number(mean_over(m.before), unit)),
         ("Jitter after", "frames interpolated", lambda m: number(m.jitter, unit)),
     ]
     metric: list[tuple[str, str, Callable[[Measures], str]]] = [
+        ("Not placed", "detected fixes; no misses", lambda m: words(m.not_placed) or "–"),
         ("Jitter floor", "of parked vehicles", lambda m: f"{number(m.floor, 'm')} ({m.parked})" if m.parked else "–"),
         ("Worth for the fiber", "35 cm rule, and the route", grade),
         ("Effect on the route", "1 sigma sideways, as stated", lambda m: number(typical_effect(m), "m", 3)),
@@ -170,7 +172,7 @@ def key_figures(content: Content) -> list[tuple[str, str, str]]:
     if best.scores:
         figures.append(("HOTA", number(best.scores.hota, digits=3), f"MOTA {best.scores.mota:.3f}"))
     else:
-        figures.append(("Interpolated", f"{100 * best.interpolated:.1f} %", f"{best.breaks} runs of missed frames"))
+        figures.append(("Missed", f"{100 * best.missed:.1f} %", f"{best.breaks} runs of missed frames"))
     return figures
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from vision.contract.errors import InputError
+from vision.dropped import read_dropped
 from vision.interpolate import BOX
 from vision.quality.reading import read_speed, read_tracks
 
@@ -28,12 +29,15 @@ class Setting:
     ----------
     name : to show
     path : where they came from
-    tracks : [fix] with track_id, class, detected_class (empty where interpolated), frame, time (s from the video's
-        zero), interpolated, x, y; boxes (px) and sigma_x, sigma_y (m) where they are known
+    tracks : [fix] with track_id, class, detected_class (empty where `missed`), frame, time (s from the video's zero),
+        interpolated (not placed by a box of its own), missed (not detected either), x, y; boxes (px) and sigma_x,
+        sigma_y (m) where they are known
     unit : of x and y: m, or px where no calibration is behind them: the middle of the box's lower edge
     speed : frames per second by step, where it is known
     clipped : how many boxes reached beyond the picture and were clipped to it
     others : tracks by class, of classes that are not compared
+    dropped : [fix] that were detected and not placed on the road (`vision.dropped`), where the file beside the table
+        says so
     """
 
     name: str
@@ -43,6 +47,7 @@ class Setting:
     speed: dict[str, float] | None = None
     clipped: int = 0
     others: dict[str, int] = field(default_factory=dict)
+    dropped: "pd.DataFrame | None" = None
 
     @property
     def has_boxes(self) -> bool:
@@ -112,7 +117,8 @@ def read_settings(
     ----------
     paths : `.csv` or `.parquet` as `roadfiber track` writes them, with or without meters; MOTChallenge `.txt`;
         OTVision's tracks (`.ottrk`) and detections (`.otdet`, of which roadfiber's tracker takes the vehicles). A
-        `.json` beside a table, of the same name, is taken for what `track --json` printed: its speed.
+        `.json` beside a table, of the same name, is taken for what `track --json` printed: its speed; a `.dropped`
+        beside it says what was detected and not placed on the road.
     names : to show; by default those of the files
     frame_rate : 1/s, for MOTChallenge files; by default that of the other tables
     picture : of the video, to which boxes are clipped; by default they are left as they are
@@ -131,7 +137,8 @@ def read_settings(
 
     def read(source: tuple[str, Path]) -> Setting:
         name, path = source
-        found = Setting(name, path, read_tracks(path, frame_rate), "m", read_speed(path.with_suffix(".json")))
+        speed = read_speed(path.with_suffix(".json"))
+        found = Setting(name, path, read_tracks(path, frame_rate), "m", speed, dropped=read_dropped(path))
         rate_of(found)  # its clock must go on
         if picture is None or not found.has_boxes:
             return found

@@ -34,7 +34,7 @@ def fill(table, missed):
     missed[[0, -1]] = False
     for name in [*BOX, "x", "y"]:
         table[name] = np.interp(table["frame"], table["frame"][~missed], table[name][~missed])
-    return table.assign(interpolated=missed, detected_class=table["detected_class"].mask(missed, ""))
+    return table.assign(interpolated=missed, missed=missed, detected_class=table["detected_class"].mask(missed, ""))
 
 
 def stamped(table):

@@ -23,7 +23,7 @@ def test_counts_and_fragments():
     table = found.setting.tracks
     assert found.tracks == 7 and found.by_class == {"car": 7} and found.by_detected_class["van"] == 7
     assert found.frames_per_track == pytest.approx((6 * 200 + 400) / 7)
-    assert found.interpolated == pytest.approx(table["interpolated"].mean()) and 0.01 < found.interpolated < 0.03
+    assert found.missed == pytest.approx(table["missed"].mean()) and 0.01 < found.missed < 0.03
     runs = [
         len(run)
         for _, track in table.groupby("track_id")

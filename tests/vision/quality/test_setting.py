@@ -9,9 +9,11 @@ import pytest
 from made_tables import stamped, tracks, write
 
 from vision.contract import InputError
+from vision.dropped import FAR, SIGMA, join, write_dropped
 from vision.exchange import write_mot
 from vision.interpolate import BOX
 from vision.quality import read_settings
+from vision.quality.measures import measure, shared_edges
 from vision.quality.setting import Picture
 
 
@@ -136,6 +138,32 @@ def test_other_bad_input(tmp_path):
     (tmp_path / "a.json").write_text("{}")
     with pytest.raises(InputError, match=r"a\.json: not what"):
         read_settings([a])
+
+
+def test_what_was_not_placed_is_no_miss(tmp_path):
+    """Fixes in a track's middle and at its end that were detected and not placed on the road."""
+    truth = tracks(noise=0.0)
+    path, frame, first = tmp_path / "a.csv", truth["frame"], truth["track_id"] == "1"
+    middle, end = first & frame.between(60, 69), first & (frame >= 150)
+    table = truth.assign(interpolated=middle)[~end]
+    write(table, path)
+    gone = truth[middle | end].assign(cause=SIGMA)
+    bare = measure(*plain(path), truth)
+    write_dropped(join([gone, gone[:3].assign(track_id="", frame=7, cause=FAR)]), path)
+    (setting,) = read_settings([path]).settings
+    found = measure(setting, shared_edges([setting]), 10.0, truth)
+    assert found.not_placed == {SIGMA: 60, FAR: 3} and found.breaks == 0 and found.missed == 0.0
+    assert (bare.scores.misses, found.scores.misses, found.scores.unplaced) == (50, 0, 50) and found.scores.mota == 1
+    (tmp_path / "a.csv.dropped").write_text("frame,cause\n1,fog\n")
+    with pytest.raises(InputError, match=r"a\.csv\.dropped: no column track_id, class"):
+        read_settings([path])
+    write_dropped(None, path)
+    assert read_settings([path]).settings[0].dropped is None
+
+
+def plain(path):
+    (setting,) = read_settings([path]).settings
+    return setting, shared_edges([setting]), 10.0
 
 
 def test_boxes_beyond_the_picture_are_clipped_and_counted(tmp_path):
