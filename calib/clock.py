@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calib.options import read_toml
-from vision.contract import InputError
+from vision.contract import InputError, read_toml
 from vision.video import Video, open_video
 
 SPEED = 50 / 3.6  # m/s; of a vehicle, to say what a second is worth
@@ -54,7 +53,7 @@ def read_clock(site: Path, clock_offset: float | None = None) -> Clock:
         If there is no [camera] with video and start, a value is none, or the video cannot be read.
     """
     path = site / "site.toml" if site.is_dir() else site
-    camera = read_toml(path).get("camera")
+    camera = read_toml(path, "a TOML file, as site.toml").get("camera")
     if not isinstance(camera, dict) or not isinstance(camera.get("video"), str):
         raise InputError(f"{path}: no [camera] video; write [camera] with video, calibration and start")
     start, offset = camera.get("start"), camera.get("clock_offset", 0.0) if clock_offset is None else clock_offset

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from vision.camera import Covariance
-from vision.contract import InputError, writing
+from vision.contract import InputError, read_text, writing
 from vision.lens import NAMES, Lens
 
 Array = NDArray[np.float64]
@@ -103,10 +103,7 @@ class Intrinsics(BaseModel):
 def read_intrinsics(path: str | Path) -> Intrinsics:
     """Read what `roadfiber calibrate board` wrote; InputError, one line, where it is none."""
     try:
-        return Intrinsics.model_validate_json(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise InputError(f"{path}: {reason}; give what roadfiber calibrate board wrote") from error
+        return Intrinsics.model_validate_json(read_text(Path(path), "what roadfiber calibrate board wrote"))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))

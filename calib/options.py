@@ -1,6 +1,5 @@
 """What the commands' options mean: the local frame, the picture, measured values."""
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -8,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.contract import InputError, LocalFrame, require_writable
+from vision.contract import InputError, LocalFrame, read_toml, require_writable
 
 Image = NDArray[np.uint8]
 Choice = TypeVar("Choice", bound=str)
@@ -42,20 +41,10 @@ def local_frame(path: Path | None, origin: str | None, x_azimuth: float | None) 
 
 
 def _frame_table(path: Path) -> dict[str, Any]:
-    table = read_toml(path).get("frame")
+    table = read_toml(path, "a TOML file, as site.toml").get("frame")
     if not isinstance(table, dict):
         raise InputError(f"{path}: no [frame]; write [frame] with origin = [LAT, LON] and x_azimuth = DEGREES")
     return table
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file; InputError, one line, where it is none."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}; give a TOML file, as site.toml") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not TOML: {error}") from error
 
 
 def _checked(origin: Any, x_azimuth: Any, where: str) -> LocalFrame:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.contract import InputError, LocalFrame
+from vision.contract import InputError, LocalFrame, read_text
 from vision.contract.columns import finite, first_row, to_frame
 
 if TYPE_CHECKING:
@@ -55,9 +55,9 @@ def read_csv(path: Path, columns: tuple[str, ...] = COLUMNS) -> "pd.DataFrame":
 
 def _load(path: Path) -> Any:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}; give a file of control points") from error
+        return json.loads(read_text(path, "a file of control points"))
+    except InputError:
+        raise
     except ValueError as error:
         raise InputError(f"{path}: not JSON ({str(error).splitlines()[0]})") from error
 

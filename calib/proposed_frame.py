@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.options import local_frame, read_toml
+from calib.options import local_frame
 from calib.point_tables import geographic, place_columns, read_table
-from vision.contract import LocalFrame
+from vision.contract import LocalFrame, read_toml
 from vision.contract.columns import to_frame
 
 log = logging.getLogger("roadfiber.calibrate")
@@ -31,7 +31,11 @@ def frame_for(
     InputError
         As `local_frame` and `read_control_points` say.
     """
-    given = origin is not None or x_azimuth is not None or (path is not None and "frame" in read_toml(path))
+    given = (
+        origin is not None
+        or x_azimuth is not None
+        or (path is not None and "frame" in read_toml(path, "a TOML file, as site.toml"))
+    )
     proposed = None if given or points is None else propose_frame(points, crs)
     if proposed is None:
         return local_frame(path, origin, x_azimuth)

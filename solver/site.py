@@ -1,6 +1,5 @@
 """`site.toml`: the one file that describes a survey."""
 
-import tomllib
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +20,7 @@ from pydantic import (
 
 from solver.das.units import Quantity
 from solver.limits import FELT
-from vision.contract import InputError, LocalFrame
+from vision.contract import InputError, LocalFrame, read_toml
 
 
 def folder_of(info: ValidationInfo) -> Path:
@@ -229,12 +228,7 @@ def read_site(path: Path) -> Site:
     unknown key x_azimut in [frame]; did you mean x_azimuth?
     """
     path = Path(path)
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); give the path of a survey's site.toml") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: no valid TOML ({error}); mend that line") from error
+    content = read_toml(path, "the path of a survey's site.toml")
     folder = path.resolve().parent
     try:
         site = Site.model_validate(content, context={"folder": folder})

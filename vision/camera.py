@@ -12,6 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, Va
 
 from vision.contract.errors import InputError
 from vision.contract.files import writing
+from vision.contract.text import read_text
 from vision.lens import NAMES, Lens
 
 Array = NDArray[np.float64]
@@ -278,10 +279,7 @@ class Calibration(BaseModel):
     def read(cls, path: str | Path) -> "Calibration":
         """Read a calibration file; InputError, one line, where it is none."""
         try:
-            return cls.model_validate_json(Path(path).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "not a text file"
-            raise InputError(f"{path}: {reason}; give a calibration.json (roadfiber calibrate ground)") from error
+            return cls.model_validate_json(read_text(Path(path), "a calibration.json (roadfiber calibrate ground)"))
         except ValidationError as error:
             raise InputError(f"{path}: {_first_complaint(error.errors())}") from error
 

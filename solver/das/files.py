@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC
@@ -15,7 +14,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from solver.das.tdms import read_tdms_properties
 from solver.das.units import Unit, dascore, parse_unit
-from vision.contract import InputError
+from vision.contract import InputError, read_text, read_toml
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -78,9 +77,10 @@ def read_side_file(path: Path) -> SideFile:
             "channel_spacing, gauge_length and unit"
         )
     try:
-        text = found.read_text(encoding="utf-8")
-        return SideFile.model_validate(tomllib.loads(text) if found.suffix == ".toml" else json.loads(text))
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+        wanted = "the side file of an array"
+        said = read_toml(found, wanted) if found.suffix == ".toml" else json.loads(read_text(found, wanted))
+        return SideFile.model_validate(said)
+    except json.JSONDecodeError as error:
         raise InputError(f"{found}: cannot be read ({error}); mend that line") from error
     except ValidationError as error:
         problem = error.errors()[0]

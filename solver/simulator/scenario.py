@@ -1,7 +1,6 @@
 """What is to be simulated: one dataclass, from a TOML file or by a built-in name."""
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from solver.simulator.effects import EFFECTS, SETTINGS, amount_of, effect_rng
-from vision.contract import InputError
+from vision.contract import InputError, read_toml
 
 NOISES = ("white", "colored", "street")
 TRACK_NOISES = ("white", "camera")
@@ -194,10 +193,7 @@ def amounts(words: Sequence[str]) -> dict[str, float]:
 def _from_file(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path}: neither a file nor a built-in scenario ({', '.join(BUILT_IN)})")
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not TOML: {error}") from error
+    table = read_toml(path, "a scenario in TOML")
     base = table.pop("base", "street")
     if base not in BUILT_IN:
         raise InputError(f"{path}: no built-in scenario `{base}`; known are {', '.join(BUILT_IN)}")

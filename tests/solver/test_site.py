@@ -107,6 +107,15 @@ def test_bad_sites_are_one_clear_line(folder, sections, says):
     assert "\n" not in str(caught.value)
 
 
+def test_a_byte_order_mark_is_passed_over_and_utf_16_is_named(folder):
+    text = FRAME + DAS + TRACKS
+    (folder / "site.toml").write_text(text, encoding="utf-8-sig")
+    assert read_site(folder / "site.toml") == site_of(folder, text)
+    (folder / "site.toml").write_text(text, encoding="utf-16")
+    with pytest.raises(InputError, match=r"site\.toml: is in UTF-16; save it as UTF-8$"):
+        read_site(folder / "site.toml")
+
+
 def test_missing_site_is_one_clear_line(tmp_path):
     with pytest.raises(InputError, match="No such file"):
         read_site(tmp_path / "site.toml")

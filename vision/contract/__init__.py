@@ -8,6 +8,7 @@ from vision.contract.files import require_writable, writing, writing_into
 from vision.contract.frame import LocalFrame
 from vision.contract.progress import progress
 from vision.contract.table import COLUMNS, WHEELBASE, read_trajectories, write_trajectories
+from vision.contract.text import read_text, read_toml
 
 __all__ = [
     "COLUMNS",
@@ -15,6 +16,8 @@ __all__ = [
     "InputError",
     "LocalFrame",
     "progress",
+    "read_text",
+    "read_toml",
     "read_trajectories",
     "require_writable",
     "write_trajectories",

@@ -1,0 +1,49 @@
+"""Text and TOML that editors of all sorts save."""
+
+import codecs
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from vision.contract.errors import InputError
+
+
+def read_text(path: Path, wanted: str) -> str:
+    r"""Read text in UTF-8, with or without a byte order mark.
+
+    Parameters
+    ----------
+    path : of the file
+    wanted : what to give in its place, for the message
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it cannot be read, or it is in UTF-16 or no text.
+
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "site.toml"
+    >>> _ = path.write_bytes("\ufeffname = 'Ö'".encode())
+    >>> read_text(path, "a site.toml")
+    "name = 'Ö'"
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); give {wanted}") from error
+    marks = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    if content.startswith(marks) or b"\0" in content[:2]:
+        raise InputError(f"{path}: is in UTF-16; save it as UTF-8")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{path}: line {line} is not UTF-8; save it as UTF-8, or give {wanted}") from error
+
+
+def read_toml(path: Path, wanted: str) -> dict[str, Any]:
+    """Read a TOML file; arguments and errors are those of `read_text`, and a line that is no TOML is told."""
+    try:
+        return tomllib.loads(read_text(path, wanted))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: no valid TOML ({error}); mend that line") from error
