@@ -1,5 +1,7 @@
 """Load stage: a vehicle becomes the forces of its wheels on the road."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -26,17 +28,23 @@ class WheelLayout:
 
 POINT = WheelLayout(0.0, 0.0, 0.0, 0.5, 0.0)
 
-#: Makers' data sheets of European vehicles; a class not listed here is a point load.
+#: Classes without wheels to speak of: what is only known to be a vehicle, and who walks.
+POINTS = ("vehicle", "person")
+
+#: Makers' data sheets of European vehicles; `unknown` holds the wheels of any, from a tuk-tuk to a bus.
 LAYOUTS = {
     "car": WheelLayout(2.65, 0.12, 1.55, 0.56, 0.02),
     "van": WheelLayout(3.40, 0.20, 1.70, 0.52, 0.02),
     "truck": WheelLayout(4.60, 0.40, 1.90, 0.42, 0.03),
     "bus": WheelLayout(5.90, 0.20, 2.05, 0.38, 0.02),
+    "motorcycle": WheelLayout(1.40, 0.10, 0.0, 0.48, 0.03),
+    "bicycle": WheelLayout(1.05, 0.05, 0.0, 0.42, 0.03),
+    "unknown": WheelLayout(3.20, 1.20, 1.60, 0.50, 0.08),
 }
 
 
 def layout_of(vehicle_class: str, wheelbase: tuple[float, float] | None = None) -> WheelLayout:
-    """Return the class's wheel layout, or a point load for a class without one.
+    """Return the class's wheel layout: a point load for those of `POINTS`, `unknown` for a class that is not known.
 
     Parameters
     ----------
@@ -44,26 +52,45 @@ def layout_of(vehicle_class: str, wheelbase: tuple[float, float] | None = None) 
 
     >>> layout_of("car").wheelbase, layout_of("vehicle").wheelbase
     (2.65, 0.0)
+    >>> layout_of("tuk-tuk") is LAYOUTS["unknown"]
+    True
     >>> layout_of("car", (2.48, 0.06)).wheelbase
     2.48
     """
-    layout = LAYOUTS.get(vehicle_class, POINT)
+    layout = POINT if vehicle_class in POINTS else LAYOUTS.get(vehicle_class, LAYOUTS["unknown"])
     if wheelbase is None or layout is POINT:
         return layout
     return replace(layout, wheelbase=wheelbase[0], wheelbase_sd=wheelbase[1])
 
 
-#: All classes that have a number: `CLASSES[class_number(name)]` is the name, or "vehicle" for any other.
+#: All classes that have a number: `CLASSES[class_number(name)]` is the name, "vehicle" for a point load, or "unknown".
 CLASSES = ("vehicle", *LAYOUTS)
 
 
 def class_number(vehicle_class: str) -> int:
-    """Number of a vehicle class; 0 for one without a layout.
+    """Number of a vehicle class; 0 for a point load.
 
-    >>> class_number("car"), class_number("tram")
-    (1, 0)
+    >>> class_number("car"), class_number("person"), CLASSES[class_number("tram")]
+    (1, 0, 'unknown')
     """
-    return CLASSES.index(vehicle_class) if vehicle_class in LAYOUTS else 0
+    if vehicle_class in POINTS:
+        return 0
+    return CLASSES.index(vehicle_class if vehicle_class in LAYOUTS else "unknown")
+
+
+def not_known(vehicle_classes: Sequence[str]) -> list[str]:
+    """What a user should read of the classes [pass] that are not known; nothing where all are.
+
+    >>> not_known(["car", "tuk-tuk", "vehicle", "tuk-tuk"])[0].partition(";")[0]
+    'class tuk-tuk (2 passes) is not known'
+    """
+    strange = Counter(name for name in vehicle_classes if name not in LAYOUTS and name not in POINTS)
+    known = ", ".join([*LAYOUTS, *POINTS])
+    return [
+        f"class {name} ({count} pass{'es' * (count > 1)}) is not known; its wheels may be anything from a tuk-tuk's to "
+        f"a bus's, and are fitted. Known are {known}"
+        for name, count in strange.items()
+    ]
 
 
 def wheel_loads(

@@ -23,6 +23,7 @@ from solver.fit.chain import Chain
 from solver.fit.held_out import FOLDS, held_out_chi2
 from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.windows import is_long
+from solver.load import not_known
 from solver.pose import bent_ends, pose, shortened, with_slow_errors
 from solver.processing import decimated, filtered
 from solver.site import Site
@@ -204,7 +205,9 @@ def locate(
         shown = filtered(heard, filters)
     with timed(timings, "smooth"):
         passes = smooth_passes(table, record)
-        if "wheel_layout" not in effects:
+        if "wheel_layout" in effects:
+            warnings += not_known([one.vehicle_class for one in passes])
+        else:
             passes = [replace(one, vehicle_class="vehicle") for one in passes]
     ground = site.ground
     with timed(timings, "match"):

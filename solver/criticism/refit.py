@@ -18,7 +18,7 @@ from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
-from solver.load import LAYOUTS
+from solver.load import LAYOUTS, POINTS
 from solver.traffic import Vehicles
 
 #: Steps of each round of the race, of the first one from far away, and rounds.
@@ -250,7 +250,7 @@ def with_wheels(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer,
     """
     fit, state = scorer.fit, scorer.state
     effect = next((one for one in effects if one.name == "wheel_layout"), None)
-    unknown = np.array([one.vehicle_class not in LAYOUTS for one in fit.problem.passes])
+    unknown = np.array([one.vehicle_class in POINTS for one in fit.problem.passes])
     if effect is None or not unknown.any():
         return []
     weight = np.abs(state.vehicles.amplitude.numpy())

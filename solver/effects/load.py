@@ -100,7 +100,7 @@ def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
 )
 def long_vehicle(load: Load, p: Values, survey: Surroundings) -> Load:
     """Five axles, evenly apart, carry a share of a heavy or unknown vehicle."""
-    heavy = torch.tensor([name in ("vehicle", "truck", "bus") for name in CLASSES])[load.class_index]
+    heavy = torch.tensor([name in ("vehicle", "unknown", "truck", "bus") for name in CLASSES])[load.class_index]
     share = p["share"] * heavy[:, None].double()
     along = p["length"] * torch.linspace(-0.5, 0.5, 5, dtype=torch.float64)
     where = load.trajectory.position[..., None, :] + along[:, None] * load.trajectory.heading[..., None, :]

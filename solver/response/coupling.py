@@ -81,7 +81,7 @@ def coupling_curve(vehicle_class: str, *, depth: float, gauge_length: float, poi
 
     Parameters
     ----------
-    vehicle_class : its wheel layout is taken; an unknown class is a point load
+    vehicle_class : its wheel layout is taken, see `solver.load.layout_of`
     depth, gauge_length : m
     poisson_ratio : of the ground
 

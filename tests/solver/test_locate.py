@@ -79,6 +79,19 @@ def test_channels_that_hear_nothing_are_named_and_left_out(street: Survey, comma
     assert largest_error(tmp_path / "run", street) < 0.25
 
 
+def test_wheels_of_an_unknown_class_are_fitted_and_it_is_said(street: Survey, command: Command, tmp_path: Path) -> None:
+    """As point loads they cost decimeters, without a word."""
+    tracks = street.trajectories.assign(**{"class": "Tuk-tuk"})
+    write_survey(replace(street, trajectories=tracks), tmp_path / "s")
+    status, _, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    assert status == 0, error
+    facts = json.loads((tmp_path / "run" / "fit.json").read_text())
+    assert any(line.startswith("class tuk tuk (4 passes) is not known; its wheels") for line in facts["warnings"])
+    assert facts["effects"] == ["wheel_layout", "curved_gauge"]
+    assert facts["chi2_per_dof"] < 1.03
+    assert largest_error(tmp_path / "run", street) < 0.15
+
+
 def test_a_rounded_record_is_located_and_its_step_said(street: Survey, command: Command, tmp_path: Path) -> None:
     """In steps of twice the noise quiet is zero: noise was told by its median, so that channels counted as dead."""
     step = 2.0 * street.noise_sd

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from vision.contract.classes import plain_name
 from vision.contract.columns import check_positive, finite, first_row, to_frame
 from vision.contract.csv_table import read_csv
 from vision.contract.errors import InputError
@@ -198,7 +199,7 @@ def read_one(path: Path, frame: LocalFrame | None) -> "pd.DataFrame":
     check_columns(table, path)
     table = to_meters(table.assign(time=to_utc(table["time"], path)), frame, path)
     names = {name: table[name].astype(str).str.strip() for name in ("track_id", "class")}
-    table = table.assign(track_id=names["track_id"], **{"class": names["class"].str.lower()})
+    table = table.assign(track_id=names["track_id"], **{"class": names["class"].map(plain_name)})
     return without_repeats(with_wheelbase(table, path), path)
 
 
@@ -214,7 +215,7 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
 
     Returns
     -------
-    table [fix] sorted by track and time: `time` datetime64[ns, UTC]; `track_id`, `class` (lower case) text;
+    table [fix] sorted by track and time: `time` datetime64[ns, UTC]; `track_id`, `class` text, as `plain_name` spells it;
         `x, y, sigma_x, sigma_y` float64, m. A track_id that several files use is told apart as `file:track_id`.
 
     Raises

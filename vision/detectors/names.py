@@ -1,10 +1,10 @@
 """Class names: the COCO list, spellings models differ in, and which classes are road vehicles."""
 
 import ast
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 
+from vision.contract.classes import VEHICLES, plain_name
 from vision.contract.errors import InputError
 
 COCO_LIST = (
@@ -29,50 +29,6 @@ def _by_id() -> tuple[str, ...]:
 
 
 COCO_IDS = _by_id()
-
-VEHICLES = ("car", "van", "bus", "truck", "motorcycle", "vehicle")
-
-SPELLINGS = {
-    "motorbike": "motorcycle",
-    "motor bike": "motorcycle",
-    "motor cycle": "motorcycle",
-    "motor": "motorcycle",
-    "motorcyclist": "motorcycle",
-    "scooter": "motorcycle",
-    "auto": "car",
-    "automobile": "car",
-    "passenger car": "car",
-    "sedan": "car",
-    "hatchback": "car",
-    "suv": "car",
-    "taxi": "car",
-    "car with trailer": "car",
-    "lorry": "truck",
-    "heavy truck": "truck",
-    "hgv": "truck",
-    "truck with trailer": "truck",
-    "truck with semitrailer": "truck",
-    "minivan": "van",
-    "delivery van": "van",
-    "delivery van with trailer": "van",
-    "private van": "van",
-    "private van with trailer": "van",
-    "coach": "bus",
-    "bike": "bicycle",
-    "bicyclist": "bicycle",
-    "bicyclist with trailer": "bicycle",
-    "cargo bike driver": "bicycle",
-}
-
-
-def plain_name(name: str) -> str:
-    """Spell a class name as this package does.
-
-    >>> plain_name("Motorbike"), plain_name("motor-cycle"), plain_name("car")
-    ('motorcycle', 'motorcycle', 'car')
-    """
-    name = re.sub(r"[\s_-]+", " ", name).strip().lower()
-    return SPELLINGS.get(name, name)
 
 
 def class_names(
