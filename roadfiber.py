@@ -109,7 +109,7 @@ def follow(survey: "Site") -> "pd.DataFrame":
     camera = survey.camera
     return track(
         camera.video,
-        detector=camera.detector or "street",
+        detector=camera.detector,
         calibration=camera.calibration,
         start=camera.start,
         clock_offset=camera.clock_offset,
@@ -157,7 +157,8 @@ def demo(
     calibration, trajectories, run = out / "calibration.json", out / "trajectories.csv", out / "run"
     start = f"{scenario.start}Z"
     run_command("calibrate", "ground", points, "--video", video, "--frame", site, "--out", calibration)
-    run_command("track", video, "--calibration", calibration, "--start", start, "--out", trajectories)
+    known = ("--calibration", calibration, "--start", start)
+    run_command("track", video, "--detector", "street", *known, "--out", trajectories)
     run_command("locate", site, "--out", run)
     error = route_error(run / "route.csv", out / "truth.json")
     print(

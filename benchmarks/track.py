@@ -86,7 +86,7 @@ def ratios(model: str, video: Path, every: int, calibration: Path | None) -> dic
 def main() -> None:
     """Run it some times and print the ratios of each and their medians."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--model", default="street", help=".onnx file, or street")
+    parser.add_argument("--model", default="nanodet", help=".onnx file, nanodet or street")
     parser.add_argument("--video", type=Path, required=True)
     parser.add_argument("--calibration", type=Path)
     parser.add_argument("--every", type=int, default=1)

@@ -22,6 +22,8 @@ from solver.das.units import Quantity
 from solver.limits import FELT
 from vision.contract import InputError, LocalFrame, read_toml
 
+DETECTORS = ("nanodet", "street")  # that come along, the default first
+
 
 def folder_of(info: ValidationInfo) -> Path:
     """Return the site file's folder, which `read_site` passes along."""
@@ -54,9 +56,11 @@ def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
     return sorted(found)
 
 
-def embedded(detector: Any) -> Any:
-    """Read the name of the detector that comes along as no file."""
-    return None if detector == "street" else detector
+def detector_of(detector: Any, info: ValidationInfo) -> Any:
+    """Read a detector: the name of one that comes along, or a file."""
+    if not isinstance(detector, str):
+        raise ValueError(f"give {', '.join(DETECTORS)} or an .onnx file")
+    return detector if detector in DETECTORS else existing(Path(detector), info)
 
 
 File = Annotated[Path, AfterValidator(existing)]
@@ -103,7 +107,7 @@ class CameraSection(Section):
     calibration: File
     start: AwareDatetime
     clock_offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
-    detector: Annotated[File | None, BeforeValidator(embedded)] = None  # None: the one that comes along
+    detector: Annotated[Path | str, BeforeValidator(detector_of)] = DETECTORS[0]
 
 
 class TrajectoriesSection(Section):

@@ -18,8 +18,8 @@ def track(
         Path | None, typer.Option(help="Calibration of the view; without it tracks stay in pixels.")
     ] = None,
     detector: Annotated[
-        str, typer.Option(help="street (built in, demo grade), or the path of an .onnx model.")
-    ] = "street",
+        str, typer.Option(help="nanodet or street (built in, the latter for the demo), or the path of an .onnx model.")
+    ] = "nanodet",
     layout: Annotated[str | None, typer.Option(help="Layout of the model, where it is not recognized.")] = None,
     names: Annotated[str | None, typer.Option(help="Class names in the model's order, by comma.")] = None,
     classes: Annotated[str | None, typer.Option(help="Classes to follow, by comma.  [default: road vehicles]")] = None,

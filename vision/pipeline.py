@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("roadfiber.pipeline")
 
 DEMO_GRADE = (
-    "%s: the detector `street` was made for the demo's renderings and misleads on real streets (MOTA -0.25 where "
-    "others reach 0.5); bring weights: --detector yolox_s.onnx (python tools/export_onnx.py -n yolox-s -c yolox_s.pth)"
+    "%s: the detector `street` was made for the demo's renderings and misleads on real streets (its card has figures); "
+    "leave --detector out for the one that comes along, or bring weights: --detector yolox_s.onnx"
 )
 EXTRA_COLUMNS = (
     *("confidence", "interpolated", *SIZE, "frame", *BOX, "detected_class"),
@@ -73,7 +73,7 @@ class Speed:
 def track(
     video: Path | str,
     *,
-    detector: str | Path | Detector = "street",
+    detector: str | Path | Detector = "nanodet",
     calibration: Path | str | Calibration,
     start: datetime | str | None = None,
     clock_offset: float = 0.0,

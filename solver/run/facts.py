@@ -80,7 +80,7 @@ def inputs_of(site: Site, record: DASRecord) -> list[dict[str, str]]:
         others += [("trajectories", path) for path in site.trajectories.files]
     if site.camera:
         roles = {"video": site.camera.video, "calibration": site.camera.calibration, "detector": site.camera.detector}
-        others += [(role, path) for role, path in roles.items() if path is not None]
+        others += [(role, path) for role, path in roles.items() if isinstance(path, Path)]
     if site.anchors:
         others.append(("anchors", site.anchors.file))
     return files + [{"role": role, "path": str(path), "sha256": checksum(path)} for role, path in others]

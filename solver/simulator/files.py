@@ -48,6 +48,7 @@ CAMERA = """\
 video = "street.mp4"
 calibration = "calibration.json"
 start = {start}Z
+detector = "street"  # made for renderings; leave this line out on a real street
 
 [trajectories]
 files = ["trajectories.csv"]"""

@@ -2,8 +2,9 @@ import datetime
 
 import pytest
 
-from solver.site import read_site
+from solver.site import DETECTORS, read_site
 from vision.contract import InputError, LocalFrame
+from vision.detectors.onnx_detector import BUILT_IN
 
 FRAME = "[frame]\norigin = [32.113, 34.804]\nx_azimuth = 78.0\n"
 DAS = '[das]\nfiles = ["das/*.h5"]\n'
@@ -47,7 +48,7 @@ def test_everything(folder):
     assert site.ground.depth == (1.2, 0.2)
     assert site.camera is not None
     assert site.camera.start == datetime.datetime(2025, 8, 11, 6, tzinfo=datetime.UTC)
-    assert (site.camera.clock_offset, site.camera.detector) == (-0.2, None)
+    assert (site.camera.clock_offset, site.camera.detector) == (-0.2, "nanodet")
 
 
 def test_detector_by_name_or_file(folder):
@@ -56,7 +57,10 @@ def test_detector_by_name_or_file(folder):
     own = site_of(folder, FRAME, DAS, CAMERA, 'detector = "yolo.onnx"\n').camera
     assert named is not None
     assert own is not None
-    assert (named.detector, own.detector) == (None, folder / "yolo.onnx")
+    assert (named.detector, own.detector) == ("street", folder / "yolo.onnx")
+    assert tuple(BUILT_IN) == DETECTORS, "the names that `track` knows, the default first"
+    with pytest.raises(InputError, match=r"camera\.detector.*give nanodet, street or an \.onnx file"):
+        site_of(folder, FRAME, DAS, CAMERA, "detector = 3\n")
 
 
 def test_a_file_that_two_patterns_match_counts_once(folder):

@@ -120,22 +120,26 @@ def detr_logits(path, **more):
     return write_graph(path, answer, image="pixel_values", **more)
 
 
-def levels(strides, box, offset, swapped=False):
+def levels(strides, box, offset, swapped=False, count=8):
     """Per stride class scores and distance bins; the bus sits in the cell under its center at stride 32."""
     classes = {s: np.zeros((1, anchors((SIDE, SIDE), (s,)), 80), np.float32) for s in strides}
-    distances = {s: np.zeros((1, anchors((SIDE, SIDE), (s,)), 32), np.float32) for s in strides}
+    distances = {s: np.zeros((1, anchors((SIDE, SIDE), (s,)), 4 * count), np.float32) for s in strides}
     column, row = (np.array(center_size(box)[:2]) // 32).astype(int)
     cell = row * (SIDE // 32) + column
     center = (np.array([column, row]) + offset) * 32
     edges = np.concatenate([center - box[:2], box[2:] - center]) / 32
     classes[32][0, cell, BUS] = 0.8
-    distances[32][0, cell] = np.concatenate([bins(edge) for edge in edges])
+    distances[32][0, cell] = np.concatenate([bins(edge, count) for edge in edges])
     named = [(f"class_{s}", classes[s]) for s in strides], [(f"distance_{s}", distances[s]) for s in strides]
     return dict(named[1] + named[0]) if swapped else dict(named[0] + named[1])
 
 
 def nanodet(path, **more):
     return write_graph(path, levels((8, 16, 32), CENTERED, 0.5), **more)
+
+
+def nanodet_g(path, swapped=False, **more):
+    return write_graph(path, levels((8, 16, 32), CENTERED, 0.5, swapped, count=11), **more)
 
 
 def nanodet_swapped(path, **more):

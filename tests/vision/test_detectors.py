@@ -73,6 +73,13 @@ def test_class_scores_and_distances_in_either_order(tmp_path):
     assert_finds_the_bus(load_detector(graphs.nanodet_swapped(tmp_path / "m.onnx")))
 
 
+@pytest.mark.parametrize("swapped", [False, True])
+def test_nanodet_g_has_more_bins(swapped, tmp_path):
+    detector = load_detector(graphs.nanodet_g(tmp_path / "m.onnx", swapped=swapped))
+    assert detector.layout.name == "nanodet"
+    assert_finds_the_bus(detector)
+
+
 def test_nanodet_plus_of_three_strides_is_no_yolox(tmp_path):
     detector = load_detector(graphs.nanodet_plus(tmp_path / "m.onnx", strides=(8, 16, 32)))
     assert detector.layout.name == "nanodet-plus", "same shape as a YOLOX of 107 classes; only logits are negative"

@@ -22,7 +22,8 @@ from vision.detectors.layout import (
     pyramid_of,
 )
 
-BINS = 8  # of a distance: 0 to 7 cells, the `reg_max` all published models have
+BINS = 8  # of a distance: 0 to 7 cells, the `reg_max` of most published models
+WIDTHS = (4 * BINS, 4 * 11)  # of four distances; 0 to 10 cells in NanoDet-g
 STRIDES = (8, 16, 32, 64)
 
 
@@ -54,7 +55,8 @@ def joined(parts: list[Candidates]) -> Candidates:
 def decode_levels(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: float) -> Candidates:
     """For each stride class scores [1, n, classes] and distances [1, n, 4 bins], either kind first."""
     half = len(outputs) // 2
-    scores, distances = (outputs[half:], outputs[:half]) if _bins_first(outputs) else (outputs[:half], outputs[half:])
+    first = _bins_first(outputs[0].shape[-1], outputs[-1].shape[-1])
+    scores, distances = (outputs[half:], outputs[:half]) if first else (outputs[:half], outputs[half:])
     levels = zip(scores, distances, cells(size, STRIDES[:half]), STRIDES[:half], strict=True)
     return joined([decode_level(s[0], d[0], grid + 0.5, stride, wanted, floor) for s, d, grid, stride in levels])
 
@@ -72,8 +74,9 @@ def decode_nanodet_plus(outputs: Outputs, size: Size, wanted: NDArray[np.intp], 
     return joined([decode_level(r[:, :split], r[:, split:], grid, s, wanted, floor) for r, grid, s in levels])
 
 
-def _bins_first(outputs: Outputs) -> bool:
-    return outputs[0].shape[-1] == 4 * BINS and outputs[-1].shape[-1] != 4 * BINS
+def _bins_first(first: int, last: int) -> bool:
+    """Whether outputs of these widths give distances before scores; where both may be distances, scores come first."""
+    return next((last != width for width in WIDTHS if width in (first, last)), False)
 
 
 def _has_levels(graph: Graph, levels: int) -> bool:
@@ -83,7 +86,7 @@ def _has_levels(graph: Graph, levels: int) -> bool:
     counts = [len(grid) for grid in cells(graph.size, STRIDES[:levels])]
     widths = [{shape[2] for shape in part} for part in (shapes[:levels], shapes[levels:])]
     agree = [shape[1] for shape in shapes] == counts * 2 and all(len(width) == 1 for width in widths)
-    return agree and {4 * BINS} in widths
+    return agree and any({width} in widths for width in WIDTHS)
 
 
 def _is_nanodet_plus(graph: Graph) -> bool:
@@ -98,7 +101,7 @@ def _level_classes(shapes: Shapes) -> int:
     half = len(shapes) // 2
     if not half or any(len(shape) != 3 for shape in shapes):
         raise ValueError("scores and distances must come as pairs [1, n, k]")
-    return shapes[half][2] if shapes[0][2] == 4 * BINS else shapes[0][2]
+    return shapes[half][2] if _bins_first(shapes[0][2], shapes[half][2]) else shapes[0][2]
 
 
 # PaddleDetection trains on RGB and stretches (ppdet's `Decode`, and deploy/third_engine/onnx/preprocess.py).
@@ -116,7 +119,7 @@ PICODET = Layout(
 DISTANCES = (
     Layout(
         "nanodet",
-        "class scores [1,n,classes] and distances [1,n,32] for each of three strides",
+        "class scores [1,n,classes] and distances [1,n,32], or 44, for each of three strides",
         partial(_has_levels, levels=3),
         decode_levels,
         classes=_level_classes,

@@ -25,7 +25,10 @@ LARGEST = 0.5  # share of the image; small models call an empty road one huge ca
 BACKGROUND_FRAMES = 50
 LISTENING_FRAMES = 5  # looked at before a graph whose scores were all zero is called mute
 REVISION = 3  # of what `detect` makes of a graph's answer: raise it when that changes, and kept detections lapse
-BUILT_IN = {"street": Path(__file__).parents[1] / "street_detector" / "street.onnx"}
+BUILT_IN = {
+    "nanodet": Path(__file__).parents[1] / "nanodet" / "nanodet_g.onnx",  # the default
+    "street": Path(__file__).parents[1] / "street_detector" / "street.onnx",  # for the demo's renderings
+}
 
 
 @dataclass(frozen=True)
@@ -154,14 +157,14 @@ def load_detector(
     names: Sequence[str] | None = None,
     classes: Iterable[str] | None = None,
 ) -> OnnxDetector:
-    """Load an ONNX detector, or a built-in one by name ("street").
+    """Load an ONNX detector, or a built-in one by name ("nanodet", "street").
 
     The layout is the one given, else the one its metadata names (`layout`), else the first that fits the metadata,
     names, shapes and values that a dry run shows.
 
     Parameters
     ----------
-    model : path of an .onnx file, or "street"
+    model : path of an .onnx file, or the name of a built-in one
     layout : name of one of `LAYOUTS`
     names : class names in the model's order, for models that carry none
     classes : names of the classes to detect; road vehicles (car, van, bus, truck, motorcycle) by default

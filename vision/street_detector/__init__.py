@@ -1,4 +1,4 @@
-"""The embedded demo-grade detector for fixed cameras: `street.onnx`, its card and its training."""
+"""The detector for the demo's renderings: `street.onnx`, its card and its training."""
 
 from pathlib import Path
 
