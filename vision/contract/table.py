@@ -215,8 +215,9 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
 
     Returns
     -------
-    table [fix] sorted by track and time: `time` datetime64[ns, UTC]; `track_id`, `class` text, as `plain_name` spells it;
-        `x, y, sigma_x, sigma_y` float64, m. A track_id that several files use is told apart as `file:track_id`.
+    table [fix] sorted by track and time: `time` datetime64[ns, UTC]; `track_id` text; `class` text, as `plain_name`
+        spells it; `x, y, sigma_x, sigma_y` float64, m. A track_id that several files use is told apart as
+        `file:track_id`.
 
     Raises
     ------
