@@ -21,7 +21,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 if TYPE_CHECKING:
     import pandas as pd
 
-    from solver.locate import Located
+    from solver.run import Run
     from solver.simulator import Scenario
     from solver.site import Site
 
@@ -95,10 +95,10 @@ def locate(
     chosen = [name.strip() for name in effects.split(",") if name.strip() not in ("", "none")]
     located = locate_fiber(survey, tracked, method=method, effects=chosen, filters=filters or ())
     with writing(out) as folder:
-        located.write(folder)
+        run = located.write(folder)
         if tracked is not None:
             write_trajectories(tracked, folder / "trajectories.csv")
-    print((out / "fit.json").read_text() if as_json else summary(located, out))
+    print((out / "fit.json").read_text() if as_json else summary(run, out))
 
 
 def follow(survey: "Site") -> "pd.DataFrame":
@@ -117,18 +117,18 @@ def follow(survey: "Site") -> "pd.DataFrame":
     )
 
 
-def summary(located: "Located", out: Path) -> str:
-    """Say in a few lines what was found and how sure it is."""
-    result = located.result
+def summary(run: "Run", out: Path) -> str:
+    """Say in a few lines what was found and how far it may be relied on: what the report and fit.json say, too."""
+    result, facts = run.result, run.facts
     known = result.constrained
     sigma = result.sigma[known]
     return "\n".join(
         [
+            facts["headline"],
+            facts["trust"]["sentence"].replace("RUN", str(out)),
             f"fiber located over {known.sum()} channels, {result.channel[known][0]} to {result.channel[known][-1]}",
             f"1 sigma: {sigma[:, 1].max():.2f} m across at most, {sigma[:, 2].max():.2f} m in depth",
-            f"misfit: chi2 per degree of freedom {result.chi2_per_dof:.2f} (1: noise only)",
-            *(["two routes, left and right of the traffic, fit alike"] if result.ambiguous_side else []),
-            *located.warnings,
+            *facts["warnings"],
             f"report: {out / 'report.html'}",
         ]
     )

@@ -20,7 +20,7 @@ from solver.effects.catalogue import find
 from solver.effects.plugins import catalogue
 from solver.fit import METHODS, FitResult, Prior, Problem, fit_spline
 from solver.fit.chain import Chain
-from solver.fit.held_out import FOLDS, held_out_chi2
+from solver.fit.held_out import FOLDS, HeldOut, held_out
 from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.windows import is_long
 from solver.load import not_known
@@ -32,6 +32,8 @@ from vision.contract import InputError, progress, read_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from solver.run import Run
 
 #: Effects that are in the model by default; `locate --effects none` is the paper's point loads and straight gauges.
 EFFECTS = ("wheel_layout", "curved_gauge")
@@ -55,16 +57,17 @@ class Located:
     anchors: list[Anchor]
     problem: Problem
     result: FitResult
-    held_out: float | None
+    held_out: HeldOut | None
     effects: Sequence[str]
     warnings: list[str] = field(default_factory=list)
+    disputed: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
 
-    def write(self, folder: Path) -> None:
-        """Write the run folder, whole or not at all (see `solver.run.write_run`)."""
+    def write(self, folder: Path) -> "Run":
+        """Write the run folder, whole or not at all (see `solver.run.write_run`), and return what is in it."""
         from solver.run import write_run
 
-        write_run(
+        return write_run(
             folder,
             self.result,
             site=self.site,
@@ -76,6 +79,7 @@ class Located:
             held_out=self.held_out,
             effects=self.effects,
             warnings=self.warnings,
+            disputed=self.disputed,
         )
 
 
@@ -147,17 +151,17 @@ def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitRes
     return replace(again, ambiguous_side=result.ambiguous_side, seconds=result.seconds + again.seconds), fine
 
 
-def fit_agreeing(result: FitResult, problem: Problem, method: str, warnings: list[str]) -> tuple[FitResult, Problem]:
+def fit_agreeing(result: FitResult, problem: Problem, method: str, disputed: list[str]) -> tuple[FitResult, Problem]:
     """Fit again without anchors that all others and the tracks contradict; where nothing tells which, say so.
 
-    Where the model does not explain the data, it and not an anchor may be wrong: all anchors stay, and what they miss
-    widens the sigmas.
+    What is said of them is added to `disputed`. Where the model does not explain the data, it and not an anchor may be
+    wrong: all anchors stay, and what they miss widens the sigmas.
     """
     while result.converged and result.chi2_per_dof < EXPLAINED and (found := contradiction(problem, result)):
-        warnings.append(found.sentence)
+        disputed.append(found.sentence)
         if len(found.suspects) > 1 or len(problem.anchors) < 2:
             break
-        warnings[-1] += "; it is left out"
+        disputed[-1] += "; it is left out"
         rest = [one for one in problem.anchors if one not in found.suspects]
         again, problem = fit_sides([replace(shortened(problem, slice(None), result), anchors=rest)], method)
         result = replace(again, ambiguous_side=reopened(result.ambiguous_side, again, problem))
@@ -193,6 +197,7 @@ def locate(
     more = [find(name, catalogue()) for name in effects if name not in EFFECTS]
     timings: dict[str, float] = {}
     warnings: list[str] = []
+    disputed: list[str] = []
     with timed(timings, "read"):
         if table is None:
             if site.trajectories is None:
@@ -229,20 +234,19 @@ def locate(
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, recorded, warnings)
         result, problem = fit_finely(result, problem, method)
-        result, problem = fit_agreeing(result, problem, method, warnings)
+        result, problem = fit_agreeing(result, problem, method, disputed)
     if len(problem.passes) < FEW:
         count = "one pass" if len(problem.passes) == 1 else f"{len(problem.passes)} passes"
         warnings.append(
             f"{count} only: an error of a track goes into the route, and no vehicle is left to check it by; "
             "survey at least four, both ways"
         )
-    if not result.converged:
-        warnings.append("the fit did not converge: do not rely on this route; check tracks, clocks and anchors")
     with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:
         again = shortened(problem, slice(None), result)
         chain = Chain.of(again)
         ended = (chain, chain.state_of(torch.from_numpy(result.vector)))
-        held_out = held_out_chi2(again, advance, at=ended) if method == "spline" else None
+        unseen = held_out(again, advance, at=ended) if method == "spline" else None
     if all(one.vehicle_class == "vehicle" for one in passes):
         effects = [name for name in effects if name != "wheel_layout"]
-    return Located(site, record, passes, list(problem.anchors), again, result, held_out, effects, warnings, timings)
+    kept = list(problem.anchors)
+    return Located(site, record, passes, kept, again, result, unseen, effects, warnings + disputed, disputed, timings)

@@ -121,10 +121,12 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
     numbers = (score.estimate if tried is None else tried.estimate)[alike]
     one = score.freedom == 1 or len(numbers) == 1
     estimate = float(numbers.mean() if one else np.sqrt(np.mean(numbers**2)))
-    sigma = float(np.median(score.sigma[alike]))
+    # What was fitted in full has the sigma of that fit; what would have shown is said by the score.
+    predicted = float(np.median(score.sigma[alike]))
+    sigma = predicted if tried is None else float(np.median(tried.sigma[alike]))
     strength = score.evidence if tried is None else tried.evidence
     # Where nothing is left of an effect no size of it would show.
-    detectable = 5 * sigma if sigma < 1e3 * parameter.plausible else float("inf")
+    detectable = 5 * predicted if predicted < 1e3 * parameter.plausible else float("inf")
     if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible:
         verdict = "negligible"
     elif strength > FOUND:

@@ -111,9 +111,8 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
         for name in names:
             step = grow(fit, state, name, known, advance)
             if not step.better and not force:
-                before, after = step.held_out
                 raise InputError(
-                    f"{name}: chi2 per degree of freedom of held-out passes goes from {before:.3f} to {after:.3f}; "
+                    f"{name}: chi2 per degree of freedom of held-out passes goes from {step.held_out_words}; "
                     "not kept (--force keeps it all the same)"
                 )
             fit, state = step.fit, step.solution.state
@@ -122,16 +121,16 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
     return with_growth(run, steps[-1], effects, time.perf_counter() - begun), steps
 
 
-def ladder_of(before: "Run", folder: Path, after: "Run", out: Path, step: "Grown") -> "list[Rung]":
-    """The ladder of a run that has grown out of another by a step."""
+def ladder_of(before: "Run", folder: Path, after: "Run", out: Path) -> "list[Rung]":
+    """The ladder of a run that has grown out of another."""
     from solver.criticism.files import read_ladder
-    from solver.criticism.growth import climbed, first_rung, next_rung
+    from solver.criticism.growth import first_rung, next_rung
     from solver.run import read_run
 
     rungs = read_ladder(folder) or [first_rung(before, folder)]
     source = Path(rungs[0].run)
     first = read_run(source) if source != folder and (source / "fit.json").is_file() else before
-    return climbed(rungs, step, next_rung(before, after, first, out))
+    return [*rungs, next_rung(before, after, first, out)]
 
 
 @app.command()
@@ -160,16 +159,18 @@ def add(
     before = read_run(run)
     plugins = plugins_of(run, plugin)
     after, steps = grown(before, effects, plugins, force)
-    rungs = ladder_of(before, run, after, out, steps[0])
+    rungs = ladder_of(before, run, after, out)
     with writing(out) as folder:
         write_files(folder, after, plugins)
         write_ladder(folder, rungs, after.facts["name"])
     if as_json:
         print((out / "ladder.json").read_text(encoding="utf-8"))
         return
+    for line in rungs[-1].words:
+        print(line)
+    print(after.facts["trust"]["sentence"].replace("RUN", str(out)))
     for name, step in zip(effects, steps, strict=True):
-        held = [f"{value:.3f}" if value is not None else "-" for value in step.held_out]
-        print(f"{name}: held-out chi2 per degree of freedom {held[0]} -> {held[1]}")
+        print(f"{name}: held-out chi2 per degree of freedom from {step.held_out_words}")
     print(f"chi2 per degree of freedom {rungs[-2].chi2_per_dof:.3f} -> {rungs[-1].chi2_per_dof:.3f}")
     print(f"the route moved by up to {rungs[-1].route_change:.2f} m")
     print(f"page: {out / 'ladder.html'}")
@@ -189,8 +190,8 @@ def clock(run: RunFolder, as_json: AsJson = False) -> None:
 
     from solver.criticism.diagnosis import converged
     from solver.criticism.growth import fitted_with
-    from solver.criticism.track_trust import strict_tracks
     from solver.effects.catalogue import built_in
+    from solver.fit.track_trust import strict_tracks
     from solver.run import read_run
 
     located = read_run(run)
@@ -226,6 +227,8 @@ def ladder(runs: Annotated[list[Path], typer.Argument(help="Run folders.")], as_
             continue
         for rung in rungs:
             held = "-" if rung.held_out_chi2_per_dof is None else f"{rung.held_out_chi2_per_dof:.3f}"
+            for line in rung.words:
+                print(line)
             names = ", ".join(rung.effects) or "as published"
             print(f"chi2/dof {rung.chi2_per_dof:.3f}  held out {held}  moved {rung.route_change:.2f} m  {names}")
         print(f"page: {folder / 'ladder.html'}")
@@ -248,9 +251,10 @@ def explain(
     import time
 
     from solver.criticism.files import read_ladder, write_diagnosis, write_ladder, write_story
-    from solver.criticism.growth import climbed, first_rung, next_rung, with_growth
+    from solver.criticism.growth import first_rung, next_rung, with_growth
     from solver.criticism.growth import grow as grow_by
     from solver.criticism.pages import Chapter
+    from solver.criticism.verdict_words import left_open
     from solver.effects.plugins import catalogue
     from solver.fit.map_fit import MapFit
     from solver.run import check_target, read_run
@@ -276,8 +280,10 @@ def explain(
             break
         effects = [*current.facts["effects"], name]
         after = with_growth(current, step, effects, time.perf_counter() - begun)
-        climb = climbed(climb, step, next_rung(current, after, first, out))
+        climb = [*climb, next_rung(current, after, first, out)]
         chapters.append(Chapter(diagnosis, f"{name} was added; the route moved {climb[-1].route_change:.2f} m."))
+        for line in climb[-1].words:
+            print(line)
         print(f"added {name}: chi2 per degree of freedom {climb[-2].chi2_per_dof:.3f} -> {climb[-1].chi2_per_dof:.3f}")
         current = after
     with writing(out) as folder:
@@ -285,4 +291,7 @@ def explain(
         write_diagnosis(folder, chapters[-1].diagnosis, current.facts["name"])
         write_ladder(folder, climb, current.facts["name"])
         write_story(folder, chapters, climb, current.facts["name"])
+    print(current.facts["trust"]["sentence"].replace("RUN", str(out)))
+    if words := left_open(one.diagnosis.candidates[0] for one in chapters if one.diagnosis.candidates):
+        print(words)
     print(f"story: {out / 'explain.html'}")

@@ -21,7 +21,6 @@ from solver.criticism.score import FOUND, Score
 from solver.criticism.scorer import Scorer, similarity
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.spectrum import filtered_by
-from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.criticism.verdict_words import (
     MORE,
     advice,
@@ -37,11 +36,12 @@ from solver.criticism.verdict_words import (
 )
 from solver.effects.catalogue import FAMILIES, GAINS, families_of
 from solver.effects.effect import Effect
-from solver.fit.held_out import held_out_chi2
+from solver.fit.held_out import held_out as held_out_misfit
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
+from solver.fit.track_trust import strict_tracks, track_spread
 from solver.noise import quiet
 
 #: Correlation of two effects' signals at which they are not told apart.
@@ -345,5 +345,5 @@ def confounded(
 def held_out_gain(scorer: Scorer, winner: Refit) -> float | None:
     """Fall of the held-out chi2 per degree of freedom with the winner in the model."""
     fits = (scorer.fit, scorer.state), (winner.fit, winner.solution.state)
-    without, with_it = side_by_side(lambda at: held_out_chi2(at[0].problem, at=at), fits)
-    return None if without is None or with_it is None else without - with_it
+    without, with_it = side_by_side(lambda at: held_out_misfit(at[0].problem, at=at), fits)
+    return None if without is None or with_it is None else without.chi2_per_dof - with_it.chi2_per_dof

@@ -54,7 +54,7 @@ def read_ladder(folder: Path) -> list[Rung]:
         return []
     try:
         rungs = json.loads(path.read_text(encoding="utf-8"))["rungs"]
-        return [Rung(**{**rung, "effects": tuple(rung["effects"])}) for rung in rungs]
+        return [Rung(**rung | {name: tuple(rung[name]) for name in ("effects", "words")}) for rung in rungs]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path}: no ladder of a run ({error}); add the effect again") from error
 

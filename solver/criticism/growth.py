@@ -1,32 +1,34 @@
 """A model that grows: add an effect to a run, rung by rung, and see whether passes held out agree."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solver.criticism.refit import Refit, elsewhere, race
 from solver.criticism.repairs import SEARCHES, TAKEN_OUT, mended
 from solver.criticism.scorer import Scorer
-from solver.criticism.track_trust import strict_tracks, track_spread
 from solver.effects.catalogue import find
 from solver.effects.effect import Effect
-from solver.fit.held_out import held_out_chi2
+from solver.fit.held_out import HeldOut, held_out
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
 from solver.fit.sides import reopened
 from solver.fit.state import State
+from solver.fit.track_trust import strict_tracks, track_spread
 from solver.run.contents import Run
-from solver.run.facts import strict
-from solver.run.problem_arrays import problem_facts
+from solver.run.facts import fitted_facts, strict
+from solver.run.report import told
 from vision.contract import InputError
 
 #: Fall of chi2 that is chance.
 CHANCE = 4.0
+#: Checks of what a model leaves.
+MISFITS = ("misfit", "held-out passes")
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,7 @@ class Rung:
     route_change : largest way that the route moved from the rung before, m
     route_change_from_first : and from the first rung, m
     run : folder of the rung
+    words : what must be said of it first; nothing where the route is better founded than that of the rung before
     """
 
     effects: tuple[str, ...]
@@ -49,6 +52,7 @@ class Rung:
     route_change: float
     route_change_from_first: float
     run: str
+    words: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -58,18 +62,26 @@ class Grown:
     Parameters
     ----------
     fit, solution : with it
-    held_out : chi2 per degree of freedom of held-out passes before and after; None where it cannot be compared
+    held_out : misfit of held-out passes before and after; None where it cannot be compared
     """
 
     fit: MapFit
     solution: Solution
-    held_out: tuple[float | None, float | None]
+    held_out: tuple[HeldOut | None, HeldOut | None]
 
     @property
     def better(self) -> bool:
         """Whether passes held out agree that it is better, by more than what does nothing may gain by chance."""
         before, after = self.held_out
-        return before is None or after is None or after < before - CHANCE / float(self.fit.measured.sum())
+        if before is None or after is None:
+            return True
+        return after.chi2_per_dof < before.chi2_per_dof - CHANCE / float(self.fit.measured.sum())
+
+    @property
+    def held_out_words(self) -> str:
+        """Held-out misfit per degree of freedom before and after."""
+        before, after = ("-" if one is None else f"{one.chi2_per_dof:.3f}" for one in self.held_out)
+        return f"{before} to {after}"
 
     def result(self, seconds: float) -> FitResult:
         """The fit as a result that took so many seconds."""
@@ -104,13 +116,11 @@ def grow(
     InputError
         If there is no such effect, it is in the model already, or it does nothing in this survey.
     """
-    # Tracks that may be off by anything would take up what shifts them all, held-out ones too.
-    trusting = strict_tracks(fit.problem, track_spread(fit.problem.passes, state.vehicles.along.numpy()))
 
-    def held_out(fit: MapFit, state: State) -> float | None:
-        return held_out_chi2(replace(fit.problem, prior=trusting.prior), advance, at=(fit, state))
+    def unseen(fit: MapFit, end: Solution) -> HeldOut | None:
+        return held_out(fit.problem, advance, at=(fit, end.state))
 
-    before = held_out(fit, state)
+    before = held_out(fit.problem, advance, at=(fit, state))
     if name in SEARCHES:
         fault = SEARCHES[name](fit, state)
         if fault is None:
@@ -118,16 +128,17 @@ def grow(
         new, end = mended(fit, state, fault)
         if name in TAKEN_OUT:
             # Samples are taken out and no model changes: there is nothing that held-out passes could compare.
-            return Grown(new, end, (None, before))
-        return Grown(new, end, (before, held_out(new, end.state)))
+            return Grown(new, end, (None, unseen(new, end)))
+        return Grown(new, end, (before, unseen(new, end)))
     effect = find(name, dict(catalogue))
     if name in {one.name for one in fit.problem.effects}:
         raise InputError(f"{name}: is in the model already; choose another effect")
-    trusted = MapFit(trusting)
+    # Tracks that may be off by anything would take up what shifts them all.
+    trusted = MapFit(strict_tracks(fit.problem, track_spread(fit.problem.passes, state.vehicles.along.numpy())))
     refit = fitted_with(trusted, solve(trusted, state, iterations=60).state, effect, advance)
     new = MapFit(replace(refit.fit.problem, prior=fit.problem.prior))
     end = solve(new, refit.solution.state, iterations=60)
-    return Grown(new, end, (before, held_out(new, end.state)))
+    return Grown(new, end, (before, unseen(new, end)))
 
 
 def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[int], None]) -> Refit:
@@ -147,62 +158,69 @@ def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) 
     result = replace(result, ambiguous_side=reopened(run.result.ambiguous_side, result, grown.fit.problem))
     at = np.isin(result.channel, grown.fit.problem.channel)
     problem = replace(grown.fit.problem, start=result.route[at])
-    facts = run.facts | {
-        "effects": list(effects),
-        "parameters": {name: asdict(parameter) for name, parameter in result.parameters.items()},
-        "chi2": result.chi2,
-        "chi2_per_dof": result.chi2_per_dof,
-        "held_out_chi2_per_dof": grown.held_out[1],
-        "converged": result.converged,
-        "ambiguous_side": result.ambiguous_side,
-        "iterations": result.iterations,
-        "seconds": seconds,
-        "problem": problem_facts(problem),
-    }
-    checked: dict[str, Any] = strict(facts)
+    facts = run.facts | {"effects": list(effects)}
+    facts |= fitted_facts(result, problem, grown.held_out[1], run.facts["disputed_anchors"])
     known = {one.track_id for one in run.passes}
     passes = run.passes + [one for one in problem.passes if one.track_id not in known]
-    return replace(run, result=result, problem=problem, facts=checked, passes=passes)
+    return told(replace(run, result=result, problem=problem, facts=strict(facts), passes=passes))
+
+
+def together(one: FitResult, other: FitResult) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Routes and sigmas [channel, 3], m, of two fits at the channels that both constrain."""
+    common = np.intersect1d(one.channel[one.constrained], other.channel[other.constrained])
+    at = ((r, np.searchsorted(r.channel, common)) for r in (one, other))
+    return [(r.route[where], r.sigma[where]) for r, where in at]
 
 
 def apart(one: FitResult, other: FitResult) -> float:
-    """Largest distance between two routes over the channels that both constrain, m."""
-    common = np.intersect1d(one.channel[one.constrained], other.channel[other.constrained])
-    if not len(common):
-        return float("nan")
-    first, second = (r.route[np.searchsorted(r.channel, common)] for r in (one, other))
-    return float(np.linalg.norm(first - second, axis=1).max())
+    """Largest distance between two routes over the channels that both constrain, m; NaN where there are none."""
+    (first, _), (second, _) = together(one, other)
+    return float(np.linalg.norm(first - second, axis=1).max()) if len(first) else float("nan")
+
+
+def moved(one: FitResult, other: FitResult) -> float:
+    """Largest difference of two routes there along x, y or z, in the larger of their sigmas; NaN likewise."""
+    (first, sigma), (second, later) = together(one, other)
+    return float(np.max(np.abs(first - second) / np.fmax(sigma, later))) if len(first) else float("nan")
 
 
 def first_rung(run: Run, folder: Path) -> Rung:
     """The rung that a located fiber is by itself."""
     facts = run.facts
-    return Rung(
-        tuple(facts["effects"]),
-        run.result.chi2_per_dof,
-        facts["held_out_chi2_per_dof"],
-        facts["noise_floor"],
-        0.0,
-        0.0,
-        str(folder),
-    )
+    held_out, floor = facts["held_out_chi2_per_dof"], facts["noise_floor"]
+    return Rung(tuple(facts["effects"]), run.result.chi2_per_dof, held_out, floor, 0.0, 0.0, str(folder))
 
 
 def next_rung(before: Run, after: Run, first: Run, folder: Path) -> Rung:
-    """The rung of a run that has grown."""
-    facts = after.facts
-    return Rung(
-        tuple(facts["effects"]),
-        after.result.chi2_per_dof,
-        facts["held_out_chi2_per_dof"],
-        facts["noise_floor"],
-        apart(before.result, after.result),
-        apart(first.result, after.result),
-        str(folder),
+    """The rung of a run that has grown, with what must be said of it first."""
+    change = apart(before.result, after.result)
+    return replace(
+        first_rung(after, folder),
+        route_change=change,
+        route_change_from_first=apart(first.result, after.result),
+        words=tuple(doubts(before, after, change)),
     )
 
 
-def climbed(rungs: Sequence[Rung], step: Grown, rung: Rung) -> list[Rung]:
-    """A ladder with the rung that a step led to; below it the held-out misfit it was compared by."""
-    below = rungs[-1] if step.held_out[0] is None else replace(rungs[-1], held_out_chi2_per_dof=step.held_out[0])
-    return [*rungs[:-1], below, rung]
+def doubts(before: Run, after: Run, change: float) -> list[str]:
+    """Why the route of a rung is no better founded than that of the one before; none where nothing speaks against it.
+
+    Parameters
+    ----------
+    change : of the route, m
+    """
+    known = {one.name for one in before.problem.effects}
+    lines = [
+        f"{one.name} is a stand-in: it names no cause, and the route is no better founded with it"
+        for one in after.problem.effects
+        if one.generic and one.name not in known
+    ]
+    misfits = [one for one in after.facts["trust"]["gates"] if one["name"] in MISFITS and one["verdict"] == "failed"]
+    sigmas = moved(before.result, after.result)
+    if misfits and sigmas > 1:
+        left = "; ".join(one["words"] for one in misfits)
+        lines.append(
+            f"the model still leaves too much ({left}), and the route moved by {change:.2f} m, {sigmas:.1f} of its "
+            "sigmas: it is no better founded than before; `roadfiber diagnose` this run"
+        )
+    return lines

@@ -12,6 +12,7 @@ from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis import Diagnosis
 from solver.criticism.growth import Rung
 from solver.criticism.score import FOUND
+from solver.criticism.verdict_words import left_open
 from solver.run.report.drawing import canvas, place
 from solver.run.report.page import resource
 from vision.contract.figures import styled, svg
@@ -196,7 +197,14 @@ def ladder_body(rungs: Sequence[Rung]) -> str:
         f"<td>{r.route_change:.2f}</td><td>{r.route_change_from_first:.2f}</td></tr>"
         for r in rungs
     )
-    return f"{svg(ladder_figure(rungs))}<table><thead>{head}</thead><tbody>{rows}</tbody></table>"
+    return f"{doubt_list(rungs)}{svg(ladder_figure(rungs))}<table><thead>{head}</thead><tbody>{rows}</tbody></table>"
+
+
+def doubt_list(rungs: Sequence[Rung]) -> str:
+    """What must be said of rungs before their numbers."""
+    lines = [(rung.effects[-1], line) for rung in rungs for line in rung.words]
+    items = "".join(f"<li><b>+ {escape(name)}:</b> {escape(line)}.</li>" for name, line in lines)
+    return f'<ul class="doubts">{items}</ul>' if items else ""
 
 
 def ladder_page(rungs: Sequence[Rung], name: str) -> str:
@@ -216,7 +224,8 @@ class Chapter:
 
 def story_page(chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) -> str:
     """explain.html: every diagnosis, what was done about it, and the ladder."""
-    body = f"<header><p>{escape(name)}</p><h1>What the model lacked</h1></header>"
+    still = escape(left_open(one.diagnosis.candidates[0] for one in chapters if one.diagnosis.candidates))
+    body = f"<header><p>{escape(name)}</p><h1>What the model lacked</h1><p>{still}</p></header>"
     body += f"<section><h2>Error ladder</h2>{ladder_body(rungs)}</section>"
     for number, chapter in enumerate(chapters, 1):
         diagnosis = chapter.diagnosis
@@ -225,4 +234,6 @@ def story_page(chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) ->
             f"<section><h2>{number}. {VERDICTS[diagnosis.verdict]}</h2><p>{words}</p>"
             f"<p>{escape(chapter.done)}</p>{table(diagnosis.candidates[:6])}</section>"
         )
+    if still:
+        body += f"<section><h2>What is still open</h2><p>{still}</p></section>"
     return page(f"{name}: what the model lacked", body)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -13,8 +14,10 @@ from solver.criticism.scorer import Scorer, score_all
 from solver.criticism.side_by_side import side_by_side
 from solver.effects.effect import Effect, Parameter
 from solver.extension import Slot
+from solver.fit.chain import Chain
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
+from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
@@ -117,6 +120,14 @@ class Refit:
     def estimate(self) -> NDArray[np.float64]:
         """Numbers [number] of the candidate without its shape's."""
         return np.concatenate([self.numbers(slot) for slot in self.slots if not slot.parameter.is_shape])
+
+    @cached_property
+    def sigma(self) -> NDArray[np.float64]:
+        """Standard deviations [number] of those, as the full fit has them."""
+        sigma = Posterior(Chain.single(self.fit), self.solution.at).sigmas()
+        numbers = sigma[len(sigma) - len(self.solution.state.numbers) :]
+        every = [numbers[slot.where] for slot in self.slots if not slot.parameter.is_shape]
+        return np.asarray(torch.cat(every))
 
     @property
     def pushed(self) -> bool:

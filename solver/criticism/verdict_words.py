@@ -1,6 +1,6 @@
 """Verdicts in words, for people who bury cables and people who film streets."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from solver.criticism.candidate import Candidate
 from solver.criticism.repairs import Fault
@@ -56,6 +56,18 @@ def twin_words(first: Candidate) -> str:
     """What an effect cannot be told from, as a sentence to follow; "" where there is nothing."""
     names = ", ".join(first.confounded_with)
     return f". This survey cannot tell it from {names}" if names else ""
+
+
+def left_open(firsts: Iterable[Candidate]) -> str:
+    """What a survey could not tell apart of all that verdicts named first, as a sentence; "" where nothing is left.
+
+    What one effect could not be told from does not end with adding it: the other may be what is there.
+    """
+    pairs = {one.effect: ", ".join(one.confounded_with) for one in firsts if one.confounded_with}
+    if not pairs:
+        return ""
+    said = "; ".join(f"{effect} from {others}" for effect, others in pairs.items())
+    return f"Still open: this survey cannot tell {said}. Each of these may be there in place of the other."
 
 
 def advice(first: Candidate) -> str:

@@ -1,17 +1,19 @@
 """How well a route found from some passes explains the passes it never saw."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
 from solver.extension import Slot
 from solver.fit.chain import Chain, Link
-from solver.fit.least_squares import solve
+from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit, vehicles_of
+from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
 from solver.fit.state import State
+from solver.fit.track_trust import strict_tracks, track_spread
 from solver.fit.windows import FIRST, is_long, nearby, part, parts, some
 from solver.trajectory import Pass
 
@@ -20,6 +22,29 @@ FOLDS = 2
 SINGLE = ("pass", "track")
 #: Standard deviations of chi2 from its mean at which an effect shows in the passes that are seen.
 SHOWN = 2.0
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Misfit of passes that a fit has not seen.
+
+    Parameters
+    ----------
+    chi2 : misfit, the cost of each pass's own numbers included
+    freedom : degrees of freedom
+    blurred, blur : part of `chi2`, and its variance beyond the noise's own, that comes of the others not telling the
+        route and the ground exactly: few passes do so badly, however right the model
+    """
+
+    chi2: float
+    freedom: float
+    blurred: float
+    blur: float
+
+    @property
+    def chi2_per_dof(self) -> float:
+        """Misfit per degree of freedom."""
+        return self.chi2 / self.freedom
 
 
 def own_samples(link: Link, others: Sequence[Pass]) -> torch.Tensor:
@@ -105,33 +130,99 @@ def by_direction(passes: Sequence[Pass]) -> np.ndarray:
     return np.argsort(velocity @ velocity[0] < 0, kind="stable")
 
 
-def split(problem: Problem, group: np.ndarray) -> tuple[Chain, Chain, list[Pass]]:
-    """Chains of the passes that are seen and of a group [pass] that is held out, and the former."""
-    others = np.setdiff1d(np.arange(len(problem.passes)), group)
-    held = Chain.of(part(problem, group), known_ground=True)
-    return Chain.of(part(problem, others)), held, [problem.passes[i] for i in others]
+@dataclass(frozen=True)
+class Fold:
+    """Chains of the passes that are seen, of those held out with the ground as it is, and the same with it free.
+
+    `rest` are the passes that are seen where they share samples with those held out.
+    """
+
+    seen: Chain
+    held: Chain
+    free: Chain
+    rest: Sequence[Pass]
+
+    @classmethod
+    def of(cls, problem: Problem, group: np.ndarray) -> "Fold":
+        """Of a group [pass] that is held out."""
+        others = np.setdiff1d(np.arange(len(problem.passes)), group)
+        mine = part(problem, group)
+        seen = Chain.of(part(problem, others))
+        return cls(seen, Chain.of(mine, known_ground=True), Chain.of(mine), [problem.passes[i] for i in others])
+
+    @classmethod
+    def dealt(cls, problem: Problem) -> "Fold":
+        """Of a long fiber: crowds of each stretch are dealt by turns, and some of either half are enough."""
+        seen, held = (
+            [some(mine, FIRST) for stretch in parts(problem) if (mine := stretch[first::FOLDS])] for first in (1, 0)
+        )
+        free = Chain.of(problem, groups=held)
+        return cls(Chain.of(problem, groups=seen), Chain.of(problem, known_ground=True, groups=held), free, [])
+
+    def fitted(self, whole: tuple[Chain, State] | None) -> Solution:
+        """Fit the passes that are seen, from where the fit of all ended."""
+        return solve(self.seen, carried(*whole, self.seen) if whole else self.seen.start())
+
+    def judged(self, ground: Solution, whole: tuple[Chain, State] | None) -> HeldOut:
+        """Misfit of those held out where the others put route and ground."""
+        at, held = ground.state, self.held
+        start = held.start_at(at.coefficients, at.poisson_ratio, shared_numbers(self.seen, at, held))
+        if whole:
+            start = replace(start, vehicles=carried(*whole, held).vehicles)
+        end = solve(held, start)
+        # What held-out passes are shifted or changed by is misfit too: a clock that is off shows there.
+        misfit, freedom, every = held.prior.cost(end.state), -float(held.free.sum()), 0.0
+        for link, model, weights in zip(held.links, end.at.models, end.at.weights, strict=True):
+            alone = own_samples(link, self.rest)
+            misfit += float((link.fit.whitened_of(model, weights)[alone] ** 2).sum())
+            counts = weights.good * weights.soft
+            freedom, every = freedom + float(counts[alone].sum()), every + float(counts.sum())
+        share = np.clip(freedom / max(every, 1.0), 0.0, 1.0)
+        mean, variance = blur(ground, self.seen, self.free, end.state)
+        return HeldOut(misfit, freedom, share * mean, share * variance)
 
 
-def dealt(problem: Problem) -> tuple[Chain, Chain, list[Pass]]:
-    """The same of a long fiber: crowds of each stretch are dealt by turns, and some of either half are enough."""
-    seen, held = (
-        [some(mine, FIRST) for stretch in parts(problem) if (mine := stretch[first::FOLDS])] for first in (1, 0)
-    )
-    return Chain.of(problem, groups=seen), Chain.of(problem, known_ground=True, groups=held), []
+def blur(ground: Solution, seen: Chain, free: Chain, at: State) -> tuple[float, float]:
+    """Misfit of held-out passes that comes of the uncertain ground: mean, and variance beyond that of the noise.
+
+    With the covariance C that the passes `seen` leave, and the information A that the others have of the same numbers,
+    their own taken out: tr(A C), and 2 tr(A C A C) + 4 tr(A C) (Seber and Lee 2003, Linear Regression Analysis, 1.5).
+
+    Parameters
+    ----------
+    ground : where the fit of those seen ended
+    free : chain of those held out, the ground not held
+    at : where they ended
+    """
+    normal, known = free.visit(at).normal, Posterior(seen, ground.at)
+    mean = square = 0.0
+    for number, block in enumerate(normal.blocks):
+        information = block.matrix.copy()
+        for own in (one for one in normal.parts if one.stretch == number):
+            information -= own.cross.T @ np.linalg.solve(own.own, own.cross)
+        where = block.where(normal.size)
+        if normal.border != ground.at.normal.border:
+            # Numbers that the two do not have in common are taken for known.
+            where, information = where[: block.count], information[: block.count, : block.count]
+        together = information @ known.columns(where)[where]
+        mean, square = mean + float(np.trace(together)), square + float(np.trace(together @ together))
+    return max(mean, 0.0), 2 * square + 4 * max(mean, 0.0)
 
 
-def held_out_chi2(
+def held_out(
     problem: Problem,
     advance: Callable[[int], None] = lambda n: None,
     *,
     folds: int = FOLDS,
     at: tuple[MapFit | Chain, State] | None = None,
-) -> float | None:
-    """Chi2 per degree of freedom of held-out passes, each refitting only its own amplitude, shift and wheels.
+) -> HeldOut | None:
+    """Misfit of held-out passes, each refitting only its own amplitude, shift and wheels.
 
     Passes are dealt to `folds` groups; each group is left out once, the route and all that is common to passes fitted
     to the others and then held. Effects that these do not show are left out of the model: they can say nothing of the
-    group. A long fiber has samples enough in one group. `advance` is called with 1 after each.
+    group. Tracks are trusted by how much they differ (`strict_tracks`): such that may be off by anything would take up
+    what shifts them all, held-out ones too. A long fiber has samples enough in one group. `advance` is called with 1
+    after each.
 
     Parameters
     ----------
@@ -145,27 +236,25 @@ def held_out_chi2(
     count = len(problem.passes)
     if count < 2:
         return None
-    misfit = freedom = 0.0
     whole = at and (at[0] if isinstance(at[0], Chain) else Chain.single(at[0]), at[1])
+    if whole:
+        problem = strict_tracks(problem, track_spread(whole[0].passes, whole[1].vehicles.along.numpy()))
+    else:
+        problem = strict_tracks(problem)
     every, folds = by_direction(problem.passes), min(folds, count)
+    found = []
     for group in [None] if is_long(problem) else [np.sort(every[first::folds]) for first in range(folds)]:
-        seen, unseen, rest = dealt(problem) if group is None else split(problem, group)
-        ground = solve(seen, carried(*whole, seen) if whole else seen.start()).state
-        if group is not None and (silent := unshown(seen.links[0].fit, ground)):
+        fold = Fold.dealt(problem) if group is None else Fold.of(problem, group)
+        ground = fold.fitted(whole)
+        if group is not None and (silent := unshown(fold.seen.links[0].fit, ground.state)):
             # What does not show in the passes that are seen can say nothing of the others.
-            fewer = replace(problem, effects=tuple(one for one in problem.effects if one.name not in silent))
-            seen, unseen, rest = split(fewer, group)
-            ground = solve(seen, carried(*whole, seen) if whole else seen.start()).state
-        start = unseen.start_at(ground.coefficients, ground.poisson_ratio, shared_numbers(seen, ground, unseen))
-        if whole:
-            start = replace(start, vehicles=carried(*whole, unseen).vehicles)
-        end = solve(unseen, start)
-        for link, model, weights in zip(unseen.links, end.at.models, end.at.weights, strict=True):
-            alone = own_samples(link, rest)
-            misfit += float((link.fit.whitened_of(model, weights)[alone] ** 2).sum())
-            freedom += float((weights.good * weights.soft)[alone].sum())
-        # What held-out passes are shifted or changed by is misfit too: a clock that is off shows there.
-        misfit += unseen.prior.cost(end.state)
-        freedom -= int(unseen.free.sum())
+            effects = tuple(one for one in problem.effects if one.name not in silent)
+            fold = Fold.of(replace(problem, effects=effects), group)
+            ground = fold.fitted(whole)
+        found.append(fold.judged(ground, whole))
         advance(1)
-    return misfit / freedom if freedom > 0 else None
+    freedom = sum(one.freedom for one in found)
+    if freedom <= 0:
+        return None
+    chi2, blurred, width = (sum(getattr(one, name) for one in found) for name in ("chi2", "blurred", "blur"))
+    return HeldOut(chi2, freedom, blurred, width)

@@ -9,25 +9,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
 
 from solver.anchors import Anchor
 from solver.das import DASRecord
 from solver.das.files import checksum
+from solver.fit.held_out import HeldOut
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
-from solver.fit.robust import HUBER
-from solver.noise import quiet, whitened_noise
+from solver.run.floor import noise_floor
+from solver.run.gates import trust_of
 from solver.run.problem_arrays import problem_facts
 from solver.site import Site
-from solver.trajectory import Pass
-from solver.whitening import Whitener
 
 FORMAT = "roadfiber run 1"
 PACKAGES = ("roadfiber", "torch", "numpy", "scipy", "dascore", "pandas", "pyproj", "matplotlib")
-CHANNELS = 400  # whose quiet samples are whitened at once
-ENOUGH_QUIET = 200  # samples; the mean square of fewer is uncertain by more than 10 %
 
 
 def strict(value: Any) -> Any:
@@ -45,30 +40,6 @@ def strict(value: Any) -> Any:
     if isinstance(value, float):
         return value if np.isfinite(value) else None
     return value if value is None or isinstance(value, bool | int | str) else str(value)
-
-
-def noise_floor(result: FitResult, record: DASRecord, passes: Sequence[Pass]) -> float:
-    """Return the chi2 per degree of freedom that noise alone would leave.
-
-    Mean square of the whitened quiet samples (no vehicle near), with the fit's own Huber weights; NaN where there are
-    too few of them. Above 1 where the noise has heavy tails or is not stationary.
-    """
-    squares, count = 0.0, 0
-    for first in range(0, len(result.fitted_channel), CHANNELS):
-        white = quiet_whitened(result, record, passes, slice(first, first + CHANNELS))
-        squares += float((white * np.minimum(white, HUBER)).sum())
-        count += len(white)
-    return squares / count if count >= ENOUGH_QUIET else float("nan")
-
-
-def quiet_whitened(result: FitResult, record: DASRecord, passes: Sequence[Pass], part: slice) -> NDArray[np.float64]:
-    """Sizes of the whitened samples of some fitted channels without a vehicle near."""
-    channel = result.fitted_channel[part]
-    still = quiet(len(record.strain_rate), result.route[np.searchsorted(result.channel, channel)], passes)
-    samples = np.arange(len(record.strain_rate))
-    whiten = Whitener(torch.from_numpy(result.noise[part]), samples, channel, result.law)
-    white, alone = whitened_noise(record.strain_rate[:, np.searchsorted(record.channel, channel)], still, whiten)
-    return np.asarray(np.abs(white[alone]))
 
 
 def inputs_of(site: Site, record: DASRecord) -> list[dict[str, str]]:
@@ -107,16 +78,38 @@ def settings_of(site: Site, record: DASRecord) -> dict[str, Any]:
     }
 
 
+def fitted_facts(
+    result: FitResult, problem: Problem, held_out: HeldOut | None, disputed: Sequence[str]
+) -> dict[str, Any]:
+    """Return what fit.json says of a fit: its numbers and whether they may be relied on; arguments as of `trust_of`."""
+    floor = noise_floor(problem)
+    return {
+        "converged": result.converged,
+        "iterations": result.iterations,
+        "seconds": result.seconds,
+        "parameters": {name: asdict(parameter) for name, parameter in result.parameters.items()},
+        "chi2": result.chi2,
+        "chi2_per_dof": result.chi2_per_dof,
+        "noise_floor": floor and floor.value,
+        "held_out_chi2_per_dof": held_out and held_out.chi2_per_dof,
+        "ambiguous_side": result.ambiguous_side,
+        "disputed_anchors": disputed,
+        "trust": asdict(trust_of(result, problem, floor, held_out, disputed)),
+        "problem": problem_facts(problem),
+    }
+
+
 def facts_of(
     result: FitResult,
     site: Site,
     record: DASRecord,
-    passes: Sequence[Pass],
     anchors: Sequence[Anchor],
     problem: Problem,
     timings: Mapping[str, float],
-    held_out: float | None,
+    held_out: HeldOut | None,
     effects: Sequence[str],
+    warnings: Sequence[str] = (),
+    disputed: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the content of fit.json, strict JSON; the arguments are those of `write_run`."""
     frame = site.frame
@@ -124,23 +117,14 @@ def facts_of(
         "format": FORMAT,
         "name": site.name,
         "method": result.method,
-        "converged": result.converged,
-        "iterations": result.iterations,
-        "seconds": result.seconds,
         "effects": effects,
-        "parameters": {name: asdict(parameter) for name, parameter in result.parameters.items()},
-        "chi2": result.chi2,
-        "chi2_per_dof": result.chi2_per_dof,
-        "noise_floor": noise_floor(result, record, passes),
-        "held_out_chi2_per_dof": held_out,
+        **fitted_facts(result, problem, held_out, disputed),
         "active_channels": [result.fitted_channel[0], result.fitted_channel[-1]],
-        "ambiguous_side": result.ambiguous_side,
-        "warnings": [],
+        "notes": warnings,
         "frame": {"origin": frame.origin, "x_azimuth": frame.x_azimuth},
         "start": f"{record.start}Z",
         "anchors": [asdict(anchor) for anchor in anchors],
         "settings": settings_of(site, record),
-        "problem": problem_facts(problem),
         "record": {name: value for name, value in record.provenance.items() if name not in ("files", "sha256")},
         "inputs": inputs_of(site, record),
         "timings": timings,

@@ -14,6 +14,7 @@ from solver.anchors import Anchor
 from solver.das import DASRecord
 from solver.effects.catalogue import find
 from solver.effects.plugins import catalogue
+from solver.fit.held_out import HeldOut
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.run import geojson, report
@@ -88,11 +89,12 @@ def write_run(
     anchors: Sequence[Anchor],
     problem: Problem,
     timings: Mapping[str, float],
-    held_out: float | None = None,
+    held_out: HeldOut | None = None,
     effects: Sequence[str] = (),
     warnings: Sequence[str] = (),
-) -> None:
-    """Write a run folder, whole or not at all; an earlier run there is replaced.
+    disputed: Sequence[str] = (),
+) -> Run:
+    """Write a run folder, whole or not at all; an earlier run there is replaced. Return the run.
 
     Parameters
     ----------
@@ -101,9 +103,10 @@ def write_run(
     site, record, passes, anchors : what was read
     problem : as it was fitted
     timings : s of each step, by name
-    held_out : chi2 per degree of freedom of passes that the fit did not see
+    held_out : misfit of passes that the fit did not see
     effects : names of the effects in the model
     warnings : lines for the user, beside those that `solver.run.report.words.cautions` finds
+    disputed : sentences on anchors that contradict the others
 
     Raises
     ------
@@ -111,11 +114,11 @@ def write_run(
         If `folder` holds something else than a run (see `check_target`).
     """
     check_target(folder)
-    facts = facts_of(result, site, record, passes, anchors, problem, timings, held_out, effects)
+    facts = facts_of(result, site, record, anchors, problem, timings, held_out, effects, warnings, disputed)
     time = record.time[result.samples]
-    run = Run(result, problem, site.frame, record.start, time, list(passes), list(anchors), facts)
-    facts["warnings"] = [*report.cautions(run), *warnings]
+    run = report.told(Run(result, problem, site.frame, record.start, time, list(passes), list(anchors), facts))
     write_files(folder, run)
+    return run
 
 
 def write_files(folder: Path, run: Run, plugins: Sequence[Path] = ()) -> None:

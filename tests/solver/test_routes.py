@@ -9,11 +9,11 @@ import torch
 from numpy.typing import NDArray
 
 from solver.criticism.growth import fitted_with
-from solver.criticism.track_trust import strict_tracks
 from solver.effects.catalogue import built_in
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import Posterior
+from solver.fit.track_trust import strict_tracks
 from solver.locate import Located, locate
 from solver.matched_filter.coil import find_coil
 from solver.matched_filter.fiber_line import FiberLine

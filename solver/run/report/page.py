@@ -10,6 +10,7 @@ from string import Template
 from typing import Any
 
 import numpy as np
+import torch
 from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure
 
@@ -230,17 +231,35 @@ def fit_facts(run: Run) -> list[tuple[str, str]]:
     samples = int(np.isfinite(result.measured).sum())
     ended = "converged" if result.converged else "not converged"
     depth, spacing = settings["depth"], settings["channel_spacing"]
-    instrument = f"gauge length {settings['gauge_length']:g} m, channel spacing {spacing:g} m"
+    instrument = f"gauge length {gauge_words(run)}, channel spacing {spacing:g} m"
     noise = f"{settings['sampling_rate']:g} Hz, median noise {np.nanmedian(result.noise):.2g} 1/s"
     return [
         ("Method", f"{result.method}, {result.iterations} iterations, {ended}"),
         ("Effects in the model", ", ".join(facts["effects"]) or "base model"),
         ("Fitted", f"channels {first} to {last}, {len(run.passes)} passes, {samples:,} samples"),
-        ("On passes left out", "not tried" if held_out is None else f"chi²/dof {held_out:.2f}"),
+        ("On passes left out", "not tried" if held_out is None else f"chi²/dof {held_out:.3f}"),
         ("Interrogator", f"{instrument}, {noise}"),
         ("Assumed", f"depth {depth[0]:g} ± {depth[1]:g} m, Poisson ratio about {settings['poisson_ratio']:g}"),
         ("Computing time", seconds or "not taken"),
     ]
+
+
+def gauge_words(run: Run) -> str:
+    """Gauge length as the model has it, and as the files say where an effect changes it."""
+    said, effects = run.problem.gauge_length, [one for one in run.problem.effects if one.stage == "interrogator"]
+    extension = run.problem.extension(effects)
+    numbers = extension.numbers()
+    for slot in extension.slots:
+        name, count = f"{slot.effect.name}.{slot.parameter.name}", slot.where.stop - slot.where.start
+        fitted = [run.result.parameters.get(name if count == 1 else f"{name}[{i}]") for i in range(count)]
+        numbers[slot.where] = torch.tensor(
+            [slot.parameter.null if one is None else one.value for one in fitted]
+        ).double()
+    length = torch.as_tensor(extension.described(extension.local(numbers), said).interrogator.gauge_length)
+    low, high = float(length.min()), float(length.max())
+    if max(abs(low - said), abs(high - said)) < 1e-9 * said:
+        return f"{said:g} m"
+    return f"{words.lengths(low, high)} m as fitted ({said:g} m by the files)"
 
 
 def inputs(run: Run) -> list[tuple[str, str]]:
@@ -260,11 +279,31 @@ def sides(run: Run) -> str:
 
 def caution_section(run: Run) -> str:
     """What to know before relying on the route."""
-    lines = [line for line in run.facts["warnings"] if line != words.quality(run)[1]]
+    lines = run.facts["warnings"]
     if not lines:
         return ""
     items = "".join(f"<li>{escape(line[:1].upper() + line[1:])}</li>" for line in lines)
     return f"<section><h2>What to know before relying on it</h2><ul>{items}</ul></section>"
+
+
+def check_section(run: Run) -> str:
+    """Every check of the fit, and how much of what it looks for the fit would have taken up."""
+    rows = "".join(
+        f"<tr><td>{escape(gate['name'])}</td><td>{words.VERDICTS[gate['verdict']]}</td>"
+        f'<td class="names">{escape(gate["words"])}</td><td>{share_words(gate["taken_up"])}</td></tr>'
+        for gate in run.facts["trust"]["gates"]
+    )
+    head = "<tr><th>check</th><th>verdict</th><th>what was found</th><th>taken up by the fit</th></tr>"
+    return (
+        "<section><h2>What was checked</h2><p>A check says little where the fit itself takes up most of what is wrong "
+        "before it shows.</p>"
+        f'<div class="wide-table"><table class="checks">{head}{rows}</table></div></section>'
+    )
+
+
+def share_words(share: float | None) -> str:
+    """A share as a page shows it."""
+    return "-" if share is None else f"{100 * share:.0f} %"
 
 
 def render(run: Run) -> str:
@@ -279,7 +318,7 @@ def render(run: Run) -> str:
     html : the page
     """
     template = Template(resource("template.html"))
-    grade, verdict = words.quality(run)
+    trust = run.facts["trust"]
     misfit = misfit_of(run.result, run.passes)
     wide, narrow = (route_figure(run, width) for width in (WIDE, NARROW))
     key_figures = "".join(
@@ -291,9 +330,10 @@ def render(run: Run) -> str:
         style=resource("style.css"),
         name=escape(run.facts["name"]),
         when=f"recorded {str(run.start)[:16].replace('T', ' ')} UTC",
-        headline=escape(words.headline(run)),
-        grade=grade,
-        verdict=escape(verdict),
+        headline=escape(run.facts["headline"]),
+        grade=trust["grade"],
+        verdict=escape(trust["sentence"]),
+        checks=check_section(run),
         key_figures=key_figures,
         cautions=caution_section(run),
         sides=escape(sides(run)),

@@ -1,5 +1,7 @@
 """The report in words: where the fiber is, how sure that is, and what the data cannot say."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,23 +10,8 @@ from solver.run.geojson import Z95, half_width, runs
 
 WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"]
 
-TOO_FAR = 3.5  # standard deviations between an anchor and the route
-
-# Ratio of chi2/dof to the noise floor, and what it means for the user of the route.
-VERDICTS = (
-    (1.15, "good", "The model explains the measurement down to the noise."),
-    (1.5, "fair", "The model explains nearly all of the measurement; a small systematic part is left."),
-    (
-        3.0,
-        "weak",
-        "The model leaves a systematic part unexplained; the true error may exceed the stated one.",
-    ),
-    (
-        np.inf,
-        "poor",
-        "The model does not explain the measurement: some physics or some input is wrong. Do not rely on this route.",
-    ),
-)
+#: Verdict of a check -> how a page says it.
+VERDICTS = {"passed": "passed", "failed": "<b>failed</b>", "open": "not checked"}
 
 
 def wind(azimuth: float) -> str:
@@ -54,6 +41,16 @@ def lateral(y: float) -> str:
     return f"{abs(y):.2f} m {'right' if y >= 0 else 'left'}"
 
 
+def lengths(low: float, high: float) -> str:
+    """Two lengths, m, as one where they agree.
+
+    >>> lengths(11.5, 11.5), lengths(9.8, 10.4)
+    ('11.50', '9.80 to 10.40')
+    """
+    first, last = f"{low:.2f}", f"{high:.2f}"
+    return first if first == last else f"{first} to {last}"
+
+
 def span(low: float, high: float) -> str:
     """Two lateral positions, m, as one where they agree within half a meter.
 
@@ -67,14 +64,19 @@ def span(low: float, high: float) -> str:
     return f"{first} to {lateral(far)}"
 
 
+def trusted(run: Run) -> bool:
+    """Whether no check of the fit failed."""
+    return run.facts["trust"]["grade"] in ("good", "fair")
+
+
 def headline(run: Run) -> str:
-    """Where the fiber is, in one sentence."""
+    """Where the fiber is, in one sentence; where a check failed, where the fit puts it."""
     y, z = run.result.route[:, 1], run.result.route[:, 2]
-    sure = "" if run.result.constrained.mean() > 0.5 and not run.result.ambiguous_side else "probably "
-    return (
-        f"The fiber {sure}runs {span(float(y.min()), float(y.max()))} of the survey line, "
-        f"about {z.mean():.2f} m below the road."
-    )
+    place = f"{span(float(y.min()), float(y.max()))} of the survey line, about {z.mean():.2f} m below the road"
+    if not trusted(run):
+        return f"The fit puts the fiber {place}, but does not pass every check."
+    sure = "" if run.result.constrained.mean() > 0.5 else "probably "
+    return f"The fiber {sure}runs {place}."
 
 
 def widest(half: NDArray[np.float64]) -> str:
@@ -82,11 +84,12 @@ def widest(half: NDArray[np.float64]) -> str:
     return f"± {np.max(half):.2f} m" if len(half) and np.isfinite(half).all() else "not stated"
 
 
-def quality(run: Run) -> tuple[str, str]:
-    """Grade (good, fair, weak, poor) and sentence on how well the model explains the measurement."""
-    floor = run.facts["noise_floor"] or 1.0
-    ratio = np.nan_to_num(run.result.chi2_per_dof / max(floor, 1.0), nan=np.inf)
-    return next((grade, words) for limit, grade, words in VERDICTS if ratio <= limit)
+def noise_words(run: Run) -> str:
+    """What of the misfit noise alone would leave."""
+    gate = next(one for one in run.facts["trust"]["gates"] if one["name"] == "misfit")
+    if gate["expected"] is None:
+        return "what noise alone would leave is not known"
+    return f"noise alone would leave {gate['expected']:.3f} ± {gate['scatter']:.3f}"
 
 
 def key_figures(run: Run) -> list[tuple[str, str, str]]:
@@ -97,15 +100,13 @@ def key_figures(run: Run) -> list[tuple[str, str, str]]:
     length = float(result.distance[-1] - result.distance[0])
     share = float(result.constrained.mean())
     whole = "" if share == 1 else f"of {length:.0f} m, "
-    floor = run.facts["noise_floor"]
-    noise = "noise alone would leave 1" if floor is None else f"noise alone would leave {floor:.2f}"
     decided = "" if result.constrained.all() or not result.constrained.any() else " that the data decide"
     where = result.constrained if result.constrained.any() else np.ones_like(result.constrained)
     return [
         ("Located", f"{length * share:.0f} m", f"{whole}channels {result.channel[0]} to {result.channel[-1]}"),
         ("Sideways, 95 %", widest(half[where]), f"at the least certain place{decided}"),
         ("Depth, 95 %", widest(depth[where]), f"at the least certain place{decided}"),
-        ("Misfit, chi²/dof", f"{result.chi2_per_dof:.2f}", noise),
+        ("Misfit, chi²/dof", f"{result.chi2_per_dof:.3f}", noise_words(run)),
     ]
 
 
@@ -142,37 +143,9 @@ def prior_lines(run: Run) -> list[str]:
     return lines
 
 
-def anchor_lines(run: Run) -> list[str]:
-    """Lines on anchors that the route, though drawn to them, misses by more than their uncertainty explains."""
-    result, lines = run.result, []
-    for anchor in run.anchors:
-        i = int(np.argmin(np.abs(result.channel - anchor.channel)))
-        miss = result.route[i, 1:] - (anchor.y, anchor.z)
-        sigma = np.array([anchor.sigma_xy, anchor.sigma_z])
-        if (np.abs(miss) > TOO_FAR * sigma).any():
-            side = "below" if miss[1] > 0 else "above"
-            lines.append(
-                f"Anchor {anchor.name}: the vehicles put the fiber {abs(miss[0]):.2f} m beside it and "
-                f"{abs(miss[1]):.2f} m {side} it, beyond its stated uncertainty. Check its channel and place; "
-                "if they are right, the model is wrong."
-            )
-    return lines
-
-
 def cautions(run: Run) -> list[str]:
-    """What the user must know before relying on the route; empty where there is nothing."""
-    result, settings, lines = run.result, run.facts["settings"], []
-    if result.ambiguous_side:
-        lines.append(
-            "Side: the mirror route on the other side of the traffic fits as well. "
-            "One anchor, or traffic in a second lane, decides."
-        )
-    lines += anchor_lines(run) + prior_lines(run)
-    grade, words = quality(run)
-    if grade in ("weak", "poor"):
-        lines.append(words)
-    if not result.converged:
-        lines.append(f"The fit had not converged after {result.iterations} iterations; treat the route as preliminary.")
+    """What the user must know besides the checks before relying on the route; empty where there is nothing."""
+    result, settings, lines = run.result, run.facts["settings"], prior_lines(run)
     if not np.isfinite(result.covariance).all():
         lines.append(f"The method {result.method!r} states no uncertainty here.")
     if settings["gaps"]:
@@ -182,3 +155,10 @@ def cautions(run: Run) -> list[str]:
     if missing:
         lines.append(f"{counted(len(missing), 'channel')} within the range gave no data.")
     return lines
+
+
+def told(run: Run) -> Run:
+    """The run with its headline and all its warnings in its facts, for whoever shows them."""
+    return replace(
+        run, facts=run.facts | {"headline": headline(run), "warnings": [*cautions(run), *run.facts["notes"]]}
+    )

@@ -1,0 +1,77 @@
+"""What noise alone would leave of the misfit, and by how much that scatters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.fit.problem import Problem
+from solver.fit.robust import HUBER
+from solver.noise import quiet, whitened_noise
+from solver.whitening import Whitener
+
+CHANNELS = 400  # whose quiet samples are whitened at once
+ENOUGH_QUIET = 200  # samples; the mean square of fewer is uncertain by more than 10 %
+BLOCKS = 32  # that the scatter is estimated from at least
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Chi2 per degree of freedom that noise alone would leave.
+
+    Parameters
+    ----------
+    value : mean square of the whitened quiet samples, above 1 where the noise has heavy tails or is not stationary
+    samples : how many there are
+    spread : variance of a mean of n such squares, times n: 2 for white Gaussian noise, more where samples depend on
+        each other or the noise changes
+    """
+
+    value: float
+    samples: int
+    spread: float
+
+    def scatter(self, freedom: float) -> float:
+        """Standard deviation of the chi2 per degree of freedom of so many samples about this estimate of the floor."""
+        return float(np.sqrt(self.spread * (1 / self.samples + 1 / freedom)))
+
+
+def noise_floor(problem: Problem) -> Floor | None:
+    """Measure the noise floor on samples with no vehicle near, with the fit's own Huber weights; None if too few."""
+    square, count = np.zeros(len(problem.record)), np.zeros(len(problem.record))
+    for first in range(0, len(problem.channel), CHANNELS):
+        white, alone = quiet_whitened(problem, slice(first, first + CHANNELS))
+        size = np.where(alone, np.abs(white), 0.0)
+        square += (size * np.minimum(size, HUBER)).sum(1)
+        count += alone.sum(1)
+    total = float(count.sum())
+    if total < ENOUGH_QUIET:
+        return None
+    value = float(square.sum()) / total
+    return Floor(value, int(total), block_variance(square - value * count) / total)
+
+
+def block_variance(row: NDArray[np.float64]) -> float:
+    """Variance of the sum of a series [row] of mean 0 whose rows may depend on each other.
+
+    Blocks of rows are made longer until few are left; their sums' squares grow until blocks are as long as the rows
+    remember (Flyvbjerg and Petersen 1989, J. Chem. Phys. 91, 461).
+
+    >>> white = np.random.default_rng(0).normal(size=4096)
+    >>> slow = np.repeat(white, 8)
+    >>> 1 < block_variance(white) / 4096 < 1.5, 60 < block_variance(slow) / 4096 < 90
+    (True, True)
+    """
+    largest, length = 0.0, 1
+    while -(-len(row) // length) >= BLOCKS:
+        sums = np.add.reduceat(row, np.arange(0, len(row), length))
+        largest, length = max(largest, float((sums**2).sum())), 2 * length
+    return largest
+
+
+def quiet_whitened(problem: Problem, part: slice) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The whitened record of some channels, and where it is noise alone, [sample, channel]."""
+    still = quiet(len(problem.record), problem.start[part], problem.passes)
+    samples = np.arange(len(problem.record))
+    whiten = Whitener(problem.noise[part], samples, problem.channel[part], problem.law)
+    return whitened_noise(problem.record[:, part], still, whiten)

@@ -1,0 +1,83 @@
+"""Whether a route may be relied on: the checks of a fit, and the one sentence that follows from all of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+#: Times what is due from which a misfit is no longer that of a model with a flaw.
+POOR = 3.0
+
+Verdict = Literal["passed", "failed", "open"]
+
+
+@dataclass(frozen=True)
+class Gate:
+    """One check of a fit.
+
+    Parameters
+    ----------
+    name : what is checked
+    verdict : passed, failed, or open where it could not be checked
+    words : what was found, as a clause
+    mend : what to do where it failed, step by step
+    found, expected, scatter : the number, what is due, and how far chance leads from that; NaN where there is none
+    taken_up : share of what is wrong that the fit takes up before it shows here; NaN where it is not known
+    """
+
+    name: str
+    verdict: Verdict
+    words: str
+    mend: tuple[str, ...] = ()
+    found: float = float("nan")
+    expected: float = float("nan")
+    scatter: float = float("nan")
+    taken_up: float = float("nan")
+
+    @property
+    def failed(self) -> bool:
+        """Whether it failed."""
+        return self.verdict == "failed"
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What all checks say together.
+
+    Parameters
+    ----------
+    sentence : which checks failed and what to do next, or that none did
+    grade : good; fair where something could not be checked; weak where a check failed; poor where no route was found
+    gates : the checks
+    """
+
+    sentence: str
+    grade: str
+    gates: tuple[Gate, ...]
+
+    @classmethod
+    def of(cls, gates: Sequence[Gate]) -> "Trust":
+        """From the checks."""
+        failed = [one for one in gates if one.failed]
+        doubtful = [one for one in gates if one.verdict == "open"]
+        if failed:
+            next_steps = "; ".join(dict.fromkeys(step for one in failed for step in one.mend))
+            found = "; ".join(one.words for one in failed)
+            sentence = f"Do not rely on this route as it stands: {found}. Next: {next_steps}."
+        else:
+            held = "; ".join(one.words for one in gates if one.verdict == "passed")
+            sentence = f"No check failed: {held}."
+            if doubtful:
+                sentence += f" Not checked: {'; '.join(one.words for one in doubtful)}."
+        return cls(sentence, grade_of(gates), tuple(gates))
+
+
+def grade_of(gates: Sequence[Gate]) -> str:
+    """Grade of a fit with these checks."""
+    failed = [one for one in gates if one.failed]
+    if any(
+        one.name == "converged" or (one.name == "misfit" and not one.found <= POOR * one.expected) for one in failed
+    ):
+        return "poor"
+    if failed:
+        return "weak"
+    return "fair" if any(one.verdict == "open" for one in gates) else "good"
