@@ -60,8 +60,12 @@ def test_what_all_would_show_is_not_claimed_on_the_word_of_one(
 def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
     found = tried("gauge_length", 41.0)
     monkeypatch.setattr(Refit, "estimate", property(lambda self: np.array([1.0])))
+    monkeypatch.setattr(Refit, "sigma", property(lambda self: np.array([0.02])))
     monkeypatch.setattr(Refit, "shape", property(lambda self: {}))
-    assert score_candidate(found.score, found).verdict == "present"
+    said = score_candidate(found.score, found)
+    assert (said.verdict, said.sigma) == ("present", 0.02)
+    # What would have shown is as the score test says: 5 sigmas of 1.
+    assert said.detectable_size == 5.0
     lone = Refit(found.score, found.fit, found.solution, found.fall, lone=True)
     assert score_candidate(found.score, lone).verdict == "inconclusive"
 

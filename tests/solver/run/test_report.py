@@ -8,12 +8,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from solver.anchors import Anchor
+from solver.effects.catalogue import built_in
+from solver.fit.result import Parameter
 from solver.run import Run
 from solver.run.facts import facts_of
 from solver.run.report import misfit as misfit_module
 from solver.run.report import page as page_module
-from solver.run.report import words
+from solver.run.report import told, words
 from solver.run.report.drawing import coarse, color_scale
 from solver.run.report.misfit import misfit_of
 from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure
@@ -49,15 +50,11 @@ class Reader(HTMLParser):
         self.text.append(data)
 
 
-def made_run(survey, floor=1.0, **changes) -> Run:
-    result = replace(survey.result, **changes)
-    s = survey
-    facts = facts_of(result, s.site, s.record, s.passes, s.anchors, s.problem, {"fit": 1.5}, None, ["wheels"])
-    facts["noise_floor"] = floor
+def made_run(survey, **changes) -> Run:
+    s, result = survey, replace(survey.result, **changes)
+    facts = facts_of(result, s.site, s.record, s.anchors, s.problem, {"fit": 1.5}, None, ["wheels"])
     time = survey.record.time[result.samples]
-    run = Run(result, s.problem, s.site.frame, s.record.start, time, s.passes, s.anchors, facts)
-    facts["warnings"] = words.cautions(run)
-    return run
+    return told(Run(result, s.problem, s.site.frame, s.record.start, time, s.passes, s.anchors, facts))
 
 
 @pytest.fixture(scope="module")
@@ -137,31 +134,30 @@ def test_page_with_many_passes_shows_the_worst_and_says_so(survey, monkeypatch):
 
 
 def test_headline_has_side_and_depth(survey):
-    run = made_run(survey, route=np.tile([0.0, -2.5, 0.8], (61, 1)))
+    bare = replace(survey, problem=replace(survey.problem, anchors=[]))
+    run = made_run(bare, route=np.tile([0.0, -2.5, 0.8], (61, 1)))
     assert words.headline(run) == "The fiber runs 2.50 m left of the survey line, about 0.80 m below the road."
 
 
 def test_headline_is_careful_where_data_do_not_decide(survey):
-    assert "probably" in words.headline(made_run(survey, ambiguous_side=True))
     assert "probably" in words.headline(made_run(survey, constrained=np.zeros(61, bool)))
     assert "probably" not in words.headline(made_run(survey))
 
 
-@pytest.mark.parametrize(
-    ("chi2", "floor", "grade"),
-    [
-        (1.0, 1.0, "good"),
-        (1.3, 1.0, "fair"),
-        (1.3, 1.25, "good"),
-        (2.0, 1.0, "weak"),
-        (9.0, 1.0, "poor"),
-        (0.7, 0.5, "good"),
-        (1.0, None, "good"),
-        (float("nan"), 1.0, "poor"),
-    ],
-)
-def test_grade_is_the_misfit_against_the_noise_floor(survey, chi2, floor, grade):
-    assert words.quality(made_run(survey, floor=floor, chi2_per_dof=chi2))[0] == grade
+def test_headline_says_where_a_check_failed_that_it_is_the_fit_that_puts_the_fiber_there(survey):
+    run = made_run(survey, chi2_per_dof=1.5)
+    assert words.headline(run).startswith("The fit puts the fiber 3.62 to 4.50 m right")
+    assert words.headline(run).endswith("below the road, but does not pass every check.")
+
+
+def test_page_says_what_fit_json_says(survey):
+    run = made_run(survey, chi2_per_dof=1.5, converged=False)
+    text = " ".join(read(render(run)).text)
+    assert run.facts["headline"] in text
+    assert run.facts["trust"]["sentence"] in text
+    assert "not converged in 7 steps" in run.facts["trust"]["sentence"]
+    for gate in run.facts["trust"]["gates"]:
+        assert gate["words"] in text
 
 
 def test_a_good_fit_has_only_the_cautions_that_are_true(survey):
@@ -173,18 +169,10 @@ def test_a_good_fit_has_only_the_cautions_that_are_true(survey):
 def test_cautions_name_what_the_data_do_not_decide(survey):
     share = np.full((61, 3), 0.9)
     share[:, 2] = 0.2
-    lines = words.cautions(made_run(survey, data_share=share, ambiguous_side=True, converged=False))
+    lines = words.cautions(made_run(survey, data_share=share, constrained=np.zeros(61, bool)))
     text = "\n".join(lines)
-    for part in ("Side: the mirror route", "Depth: the assumed 0.9 ± 0.3 m", "all along", "not converged after 7"):
+    for part in ("Sideways, the expected smoothness", "Depth: the assumed 0.9 ± 0.3 m", "all along"):
         assert part in text
-
-
-def test_an_anchor_that_the_route_misses_is_named(survey):
-    assert words.anchor_lines(made_run(survey)) == []
-    x, y, z = survey.result.route[10]
-    wrong = replace(survey, anchors=[Anchor("west", 60.0, x, y - 0.7, z, 0.05, 0.05)])
-    (line,) = words.anchor_lines(made_run(wrong))
-    assert line.startswith("Anchor west: the vehicles put the fiber 0.70 m beside it and 0.00 m")
 
 
 def test_key_figures(survey):
@@ -192,6 +180,14 @@ def test_key_figures(survey):
     assert figures["Sideways, 95 %"] == "± 0.10 m"
     assert figures["Depth, 95 %"] == "± 0.08 m"
     assert figures["Located"] == "56 m"
+
+
+def test_the_gauge_length_is_that_of_the_model(survey):
+    assert page_module.gauge_words(made_run(survey)) == "10 m"
+    problem = replace(survey.problem, effects=(built_in()["gauge_length"],))
+    fitted = survey.result.parameters | {"gauge_length.relative": Parameter(0.15, 0.002, "1", True)}
+    run = made_run(replace(survey, problem=problem), parameters=fitted)
+    assert page_module.gauge_words(run) == "11.50 m as fitted (10 m by the files)"
 
 
 # ---- numbers --------------------------------------------------------------------------------------------------------

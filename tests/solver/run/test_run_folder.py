@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from solver.fit.held_out import HeldOut
 from solver.fit.result import FitResult
 from solver.run import folder as run_folder
 from solver.run.folder import check_target, read_run, write_run
@@ -68,7 +69,11 @@ def test_latitude_and_longitude_lead_back_to_x_and_y(survey, tmp_path, quick):
 
 
 def test_fit_json_has_the_documented_keys(survey, tmp_path, quick):
-    arguments = survey.arguments | {"held_out": 1.1, "effects": ["wheel_layout"], "warnings": ["a line"]}
+    arguments = survey.arguments | {
+        "held_out": HeldOut(11000.0, 10000.0, 0.0, 0.0),
+        "effects": ["wheel_layout"],
+        "warnings": ["a line"],
+    }
     write_run(tmp_path / "run", survey.result, **arguments)
     facts = strict(tmp_path / "run" / "fit.json")
     assert facts["parameters"]["amplitude[1]"] == {"value": 1.2e-5, "sigma": 2e-7, "unit": "m^2", "free": True}
@@ -89,8 +94,8 @@ def test_fit_json_has_the_documented_keys(survey, tmp_path, quick):
 def test_noise_floor_is_the_mean_square_of_the_quiet_samples(survey, tmp_path, quick):
     write_run(tmp_path / "run", survey.result, **survey.arguments)
     assert strict(tmp_path / "run" / "fit.json")["noise_floor"] == pytest.approx(1.0, abs=0.03)
-    louder = survey.changed(noise=survey.result.noise / 2)
-    write_run(tmp_path / "louder", louder.result, **louder.arguments)
+    louder = replace(survey.problem, noise=survey.problem.noise / 2)
+    write_run(tmp_path / "louder", survey.result, **survey.arguments | {"problem": louder})
     # Huber's weights hold back what is beyond 4 sigmas: a little less than 4.
     assert 3.2 < strict(tmp_path / "louder" / "fit.json")["noise_floor"] < 4.0
 

@@ -1,0 +1,83 @@
+"""What is said of a rung before its numbers, and what a story leaves open."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solver.criticism.audit import NoiseAudit
+from solver.criticism.candidate import idle_candidate
+from solver.criticism.diagnosis import Diagnosis
+from solver.criticism.files import read_ladder, write_ladder
+from solver.criticism.growth import first_rung, next_rung
+from solver.criticism.pages import Chapter, ladder_page, story_page
+from solver.criticism.verdict_words import left_open
+from solver.effects.catalogue import built_in
+from solver.run import Run
+
+
+@pytest.fixture
+def run(survey):
+    """A run whose passes held out leave too much or not, with effects, its route aside by so much, m."""
+
+    def made(*effects: str, aside: float = 0.0, failed: bool = False) -> Run:
+        result = replace(survey.result, route=survey.result.route + np.array([0.0, aside, 0.0]))
+        problem = replace(survey.problem, effects=tuple(built_in()[name] for name in effects))
+        gate = {"name": "held-out passes", "verdict": "failed" if failed else "passed", "words": "1.490 on passes"}
+        facts = {
+            "effects": list(effects),
+            "held_out_chi2_per_dof": 1.49,
+            "noise_floor": 1.0,
+            "trust": {"gates": [gate]},
+        }
+        return Run(result, problem, survey.site.frame, survey.record.start, np.zeros(1), [], [], facts)
+
+    return made
+
+
+def generic() -> str:
+    return next(name for name, one in built_in().items() if one.generic)
+
+
+def test_a_rung_that_leaves_too_much_and_moves_the_route_says_so_first(run) -> None:
+    """A stand-in was kept beside hidden braking: held out 1.60 to 1.49, while the route went from .18 to .80 m off."""
+    before = run()
+    (line,) = next_rung(before, run("gauge_length", aside=0.62, failed=True), before, Path("b")).words
+    assert "1.490 on passes" in line and "moved by 0.62 m, 12.4 of its sigmas" in line and "no better founded" in line
+    assert next_rung(before, run("gauge_length", aside=0.04, failed=True), before, Path("b")).words == ()
+    assert next_rung(before, run("gauge_length", aside=0.62), before, Path("b")).words == ()
+
+
+def test_a_stand_in_never_founds_a_route_better(run) -> None:
+    before, name = run(), generic()
+    (line,) = next_rung(before, run(name), before, Path("b")).words
+    assert line.startswith(f"{name} is a stand-in: it names no cause")
+    # It is said of the rung that brought it.
+    assert next_rung(run(name), run(name, "gauge_length"), before, Path("c")).words == ()
+
+
+def test_what_is_said_of_a_rung_is_kept_and_comes_before_its_numbers(run, tmp_path: Path) -> None:
+    before = run()
+    rungs = [first_rung(before, Path("a")), next_rung(before, run(generic()), before, Path("b"))]
+    write_ladder(tmp_path, rungs, "Elm <Street>")
+    assert read_ladder(tmp_path) == rungs
+    assert json.loads((tmp_path / "ladder.json").read_text())["rungs"][1]["words"] == list(rungs[1].words)
+    page = ladder_page(rungs, "Elm <Street>")
+    assert page.index("names no cause") < page.index("<svg")
+
+
+def test_a_story_ends_with_what_could_not_be_told_apart(run) -> None:
+    gauge = replace(idle_candidate(built_in()["gauge_length"]), confounded_with=("pulse_width", "shear_lag"))
+    alone = idle_candidate(built_in()["camber"])
+    words = left_open([gauge, alone])
+    assert words.startswith("Still open: this survey cannot tell gauge_length from pulse_width, shear_lag.")
+    assert left_open([alone]) == ""
+    audit = NoiseAudit(900, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, ())
+    added = Chapter(
+        Diagnosis("missing-effect", "gauge_length is missing", (gauge,), audit, 0.0), "gauge_length was added."
+    )
+    last = Chapter(Diagnosis("adequate", "nothing is missing", (alone,), audit, 0.0), "Nothing more was added.")
+    page = story_page([added, last], [first_rung(run(), Path("a"))], "Elm <Street>")
+    assert page.rindex(words) > page.index("Nothing more was added.")

@@ -1,0 +1,145 @@
+"""The checks of a fit, and the sentence that follows from them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.anchors import Anchor
+from solver.effects.catalogue import built_in
+from solver.fit.held_out import HeldOut
+from solver.fit.result import Parameter
+from solver.run.floor import Floor, noise_floor
+from solver.run.gates import trust_of
+
+FLOOR = Floor(value=1.0, samples=50_000, spread=2.0)
+SEEN = HeldOut(chi2=50_100.0, freedom=50_000.0, blurred=0.0, blur=0.0)
+
+
+@pytest.fixture
+def trust(survey):
+    """Judge the survey's fit, with changes of the result, and of what else is known."""
+    size = {"chi2": 50_000.0, "chi2_per_dof": 1.0}
+
+    def judge(problem=survey.problem, floor=FLOOR, held_out=SEEN, disputed=(), **changes):
+        return trust_of(replace(survey.result, **size | changes), problem, floor, held_out, disputed)
+
+    return judge
+
+
+def failed(found) -> list[str]:
+    return [gate.name for gate in found.gates if gate.failed]
+
+
+def with_anchor(survey, aside: float, sigma: float = 0.05):
+    x, y, z = survey.result.route[10]
+    return replace(survey.problem, anchors=[Anchor("west", 60.0, x, y - aside, z, sigma, sigma)])
+
+
+def test_a_fit_that_passes_every_check_is_good_and_says_by_which_numbers(trust):
+    found = trust()
+    assert found.grade == "good"
+    assert found.sentence.startswith(
+        "No check failed: converged; misfit 1.000 where noise alone leaves 1.000 ± 0.009; "
+    )
+    assert "1 anchor within 0.0 sigmas" in found.sentence
+
+
+def test_a_misfit_is_judged_by_its_own_floor(trust):
+    """A record whose noise alone would leave .34 was told to be explained down to the noise at .87."""
+    assert "misfit" in failed(trust(floor=replace(FLOOR, value=0.34), held_out=None, chi2_per_dof=0.87))
+    assert failed(trust(floor=replace(FLOOR, value=1.3), held_out=None, chi2_per_dof=1.3)) == []
+
+
+@pytest.mark.parametrize(("spread", "names"), [(2.0, ["misfit"]), (50.0, [])])
+def test_what_is_chance_follows_from_how_many_samples_are_independent(trust, spread, names):
+    assert failed(trust(floor=replace(FLOOR, spread=spread), chi2_per_dof=1.04)) == names
+
+
+def test_the_alarm_is_false_as_often_as_it_says(trust):
+    """Floor and misfit drawn as they scatter: one check in a thousand fails, of 4,000 some 4."""
+    rng = np.random.default_rng(1)
+    floors, misfits = (1 + rng.normal(size=4000) * (2 / n) ** 0.5 for n in (FLOOR.samples, 50_000))
+    alarms = sum(
+        misfit > one + 3.09 * replace(FLOOR, value=one).scatter(50_000)
+        for one, misfit in zip(floors, misfits, strict=True)
+    )
+    assert alarms <= 10
+    last = int(np.argmax(misfits - floors))
+    assert trust(floor=replace(FLOOR, value=floors[last]), chi2_per_dof=misfits[last]).gates[1].scatter < 0.01
+
+
+def test_held_out_passes_are_judged_by_what_the_others_can_tell(trust):
+    assert failed(trust(held_out=replace(SEEN, chi2=56_000.0))) == ["held-out passes"]
+    # Two passes that hardly tell the route of two others.
+    assert failed(trust(held_out=HeldOut(56_000.0, 50_000.0, 5_000.0, 500.0**2))) == []
+
+
+def test_what_held_out_passes_show_and_the_fit_does_not_is_what_it_took_up(trust):
+    found = trust(chi2_per_dof=1.05, held_out=replace(SEEN, chi2=55_000.0))
+    assert found.gates[1].taken_up == pytest.approx(0.5, abs=0.01)
+
+
+def test_an_anchor_that_the_route_misses_is_named_with_what_to_do(survey, trust):
+    found = trust(problem=with_anchor(survey, 0.66))
+    assert found.grade == "weak"
+    assert "anchor west 0.66 m off the route (13.2 sigmas)" in found.sentence
+    assert found.sentence.endswith("Next: check the channels and coordinates of the anchors.")
+
+
+def test_a_route_that_follows_an_anchor_hides_how_far_it_is_off(survey, trust):
+    """An error of .16 m at a sigma of .05 may be chance; not where the route took up three quarters of its variance."""
+    assert failed(trust(problem=with_anchor(survey, 0.16))) == []
+    covariance = np.tile(np.eye(3) * 0.75 * 0.05**2, (61, 1, 1)) * (0.16 / 0.05) ** 2 / 3
+    assert failed(trust(problem=with_anchor(survey, 0.16), covariance=covariance)) == ["anchors"]
+
+
+def test_an_anchor_that_checks_nothing_is_not_counted_as_a_check(survey, trust):
+    found = trust(problem=with_anchor(survey, 0.0, sigma=0.3), covariance=np.tile(np.eye(3) * 0.0899, (61, 1, 1)))
+    assert found.grade == "fair"
+    assert "Not checked: anchors, since the route follows them (100 %)" in found.sentence
+    assert "anchors, since there are none" in trust(problem=replace(survey.problem, anchors=[])).sentence
+
+
+def test_an_anchor_that_was_left_out_is_in_the_first_sentence(trust):
+    line = "anchor east is 1.50 m from where the other anchors and the tracks put the fiber; it is left out"
+    found = trust(disputed=[line])
+    assert failed(found) == ["anchors"] and line.split("; ")[0] in found.sentence
+
+
+def test_tracks_are_judged_by_what_they_may_be_off(survey, trust):
+    shifted = {f"across[{one.track_id}]": Parameter(0.37, 0.02, "m", True) for one in survey.passes}
+    found = trust(parameters=survey.result.parameters | shifted)
+    assert failed(found) == ["tracks sideways"]
+    assert "tracks shifted 0.37 m sideways (rms) where 0.07 m is expected" in found.sentence
+    loose = replace(survey.problem, passes=[replace(one, offset=0.4) for one in survey.problem.passes])
+    assert failed(trust(problem=loose, parameters=survey.result.parameters | shifted)) == []
+
+
+def test_what_did_not_converge_is_poor_whatever_its_misfit(trust):
+    found = trust(converged=False)
+    assert (found.grade, failed(found)) == ("poor", ["converged"])
+    assert trust(chi2_per_dof=4.0).grade == trust(chi2_per_dof=float("nan")).grade == "poor"
+
+
+def test_an_open_side_and_a_stand_in_fail(survey, trust):
+    assert failed(trust(ambiguous_side=True)) == ["side of the road"]
+    name, generic = next((name, one) for name, one in built_in().items() if one.generic)
+    found = trust(problem=replace(survey.problem, effects=(generic,)))
+    assert failed(found) == ["named effects"] and f"{name} stands in for something unknown" in found.sentence
+
+
+def test_without_quiet_samples_no_misfit_is_judged(trust):
+    found = trust(floor=None)
+    assert found.grade == "fair"
+    assert "too few samples without a vehicle near" in found.sentence
+
+
+def test_floor_and_its_scatter_are_measured_on_quiet_samples(survey):
+    floor = noise_floor(survey.problem)
+    assert floor is not None
+    assert floor.value == pytest.approx(1.0, abs=0.03)
+    assert 1.5 < floor.spread < 4.0
+    # Every sample twice over: as many, but half as many that tell something.
+    twice = replace(survey.problem, record=np.repeat(survey.problem.record, 2, axis=0)[: len(survey.problem.record)])
+    assert noise_floor(twice).spread > 1.3 * floor.spread
