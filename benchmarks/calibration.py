@@ -1,6 +1,7 @@
 """How often calibrations of random cameras with distortion are within their own stated sigma.
 
 Run `python benchmarks/calibration.py [CAMERAS]`: prints the rates beside those that Gaussian errors would have.
+`python benchmarks/calibration.py few [CAMERAS]` does so for 4 to 8 points.
 """
 
 import sys
@@ -28,6 +29,8 @@ class Rates:
     chosen: int = 0
     refused: int = 0
     distances: list[float] = field(default_factory=list)
+    by_coordinate: list[float] = field(default_factory=list)
+    left_out: list[float] = field(default_factory=list)
     deviations: dict[str, list[float]] = field(default_factory=dict)
 
     @property
@@ -41,6 +44,14 @@ class Rates:
     @property
     def ninety_five(self) -> float:
         return float(np.mean(np.array(self.distances) < ELLIPSE_95))
+
+    @property
+    def two_sigma(self) -> float:
+        return float(np.mean(np.array(self.by_coordinate) < 2))
+
+    @property
+    def left_out_two_sigma(self) -> float:
+        return float(np.mean(np.array(self.left_out) < 2)) if self.left_out else np.nan
 
     @property
     def chance(self) -> float:
@@ -73,19 +84,27 @@ def see(camera: Camera, lens: Lens, ground: np.ndarray) -> np.ndarray:
     return np.where(inside[:, None], pixels, np.nan)
 
 
-def survey(rng: np.random.Generator) -> tuple[Camera, Lens, ControlPoints, np.ndarray]:
-    """A camera, 8 to 20 marks on its road, and `PLACES` others between them."""
+def survey(
+    rng: np.random.Generator, counts: tuple[int, int] = (8, 20), click: float = CLICK
+) -> tuple[Camera, Lens, ControlPoints, np.ndarray]:
+    """A camera, some marks on its road, read to `click` px and said to be read to `CLICK`, and `PLACES` between them.
+
+    Few marks are as they come, at random; the places are in the rectangle around them.
+    """
     while True:
         camera, lens = random_camera(rng)
         ground = rng.uniform([-5, -10], [70, 10], (400, 2))
         ground = ground[np.isfinite(see(camera, lens, ground)).all(axis=1)]
-        if len(ground) < 60 or np.ptp(ground[:30, 0]) < 15 or np.ptp(ground[:30, 1]) < 6:
+        count = int(rng.integers(counts[0], counts[1] + 1))
+        spread = ground[: max(count, 30) if count >= 8 else count]
+        if len(ground) < 60 or np.ptp(spread[:, 0]) < 15 or np.ptp(spread[:, 1]) < 6:
             continue
-        count = int(rng.integers(8, 21))
-        pixels = see(camera, lens, ground[:count]) + CLICK * rng.normal(size=(count, 2))
-        if ((pixels > 0) & (pixels < SIZE)).all():
+        low, high = (ground[:count].min(axis=0), ground[:count].max(axis=0)) if count < 8 else (-np.inf, np.inf)
+        between = ground[count:][((ground[count:] >= low) & (ground[count:] <= high)).all(axis=1)]
+        pixels = see(camera, lens, ground[:count]) + click * rng.normal(size=(count, 2))
+        if len(between) >= PLACES and ((pixels > 0) & (pixels < SIZE)).all():
             marks = control_points(tuple(f"p{k}" for k in range(count)), pixels, ground[:count], CLICK)
-            return camera, lens, marks, ground[-PLACES:]
+            return camera, lens, marks, between[-PLACES:]
 
 
 def judge(rates: Rates, camera: Camera, lens: Lens, fit: GroundFit, ground: np.ndarray) -> None:
@@ -93,6 +112,14 @@ def judge(rates: Rates, camera: Camera, lens: Lens, fit: GroundFit, ground: np.n
     pixels = see(camera, lens, ground)
     off = fit.calibration.to_ground(pixels) - ground
     covariance = fit.calibration.position_covariance(pixels)
+    rates.by_coordinate += (np.abs(off) / np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))).ravel().tolist()
+    rates.left_out += [
+        error / sigma
+        for error, sigma in zip(
+            fit.calibration.leave_one_out_m or (), fit.calibration.leave_one_out_sigma_m or (), strict=True
+        )
+        if error is not None and sigma is not None
+    ]
     rates.distances += np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance), off).tolist()
     x, y, z = camera.position
     truth = {"focal": lens.focal[0], "k1": lens.distortion[0], "x": x, "y": y, "height": -z, "tilt": camera.pitch}
@@ -102,12 +129,12 @@ def judge(rates: Rates, camera: Camera, lens: Lens, fit: GroundFit, ground: np.n
             rates.deviations.setdefault(name, []).append((found.value - value) / found.sigma)
 
 
-def trial_rates(cameras: int, seed: int = 0) -> Rates:
-    """Calibrate random cameras from marks read to 1 px."""
+def trial_rates(cameras: int, seed: int = 0, counts: tuple[int, int] = (8, 20), click: float = CLICK) -> Rates:
+    """Calibrate random cameras from marks read to `click` px and said to be read to 1 px."""
     rng, rates = np.random.default_rng(seed), Rates()
     with progress("calibrating random cameras", cameras) as advance:
         for _ in range(cameras):
-            camera, lens, marks, ground = survey(rng)
+            camera, lens, marks, ground = survey(rng, counts, click)
             rates.cameras += 1
             advance(1)
             try:
@@ -120,7 +147,24 @@ def trial_rates(cameras: int, seed: int = 0) -> Rates:
     return rates
 
 
+def few() -> None:
+    """Print the rates of 4 to 8 points, read as well as stated and half as well."""
+    for click in (CLICK, 2 * CLICK):
+        for count in range(4, 9):
+            rates = trial_rates(int(sys.argv[2]) if len(sys.argv) > 2 else 100, count, (count, count), click)
+            print(
+                f"{count} points read to {click:g} px: {rates.two_sigma:.1%} of coordinates within two sigma, "
+                f"{rates.ninety_five:.1%} ± {rates.chance:.1%} inside the 95 % ellipse, "
+                f"{rates.left_out_two_sigma:.1%} of leave-one-out errors within two of their sigmas; "
+                f"{rates.chosen} cameras, {rates.refused} refused",
+                flush=True,
+            )
+
+
 def main() -> None:
+    if sys.argv[1:2] == ["few"]:
+        few()
+        return
     rates = trial_rates(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
     print(f"{rates.cameras} cameras: {rates.chosen} fitted as camera, {rates.refused} refused, the rest as homography")
     print(f"positions: {rates.one_sigma:.1%} inside one sigma's ellipse (Gaussian 39.3 %)")

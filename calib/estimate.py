@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.control_points import ControlPoints
-from calib.homography import inverse
 from calib.models import GroundModel, View
-from vision.camera import Calibration
+from calib.posterior import decided, posterior_covariance
 
 Array = NDArray[np.float64]
 
@@ -26,13 +25,15 @@ class Estimate:
     ----------
     model, theta : family and parameters [p]
     covariance : [p, p] of theta
-    excess : misfit, chi^2 per degree of freedom, that the covariance was enlarged by; 1 where it is no surprise
+    excess : misfit, chi^2 per degree of freedom; 1 where it is no surprise
+    decided : how many of the parameters the points decide; what is known beforehand decides the others
     """
 
     model: GroundModel
     theta: Array
     covariance: Array
     excess: float
+    decided: float
 
     @property
     def view(self) -> View:
@@ -41,16 +42,14 @@ class Estimate:
 
     def errors(self, points: ControlPoints) -> Array:
         """Distance [point], px, of the points from where the view puts them; inf where it cannot see them."""
-        off = np.linalg.norm(self.view.project(points.ground) - points.pixels, axis=1)
-        return np.asarray(np.where(np.isfinite(off), off, np.inf))
+        return self.view.errors(points)
 
 
 def estimate(model: GroundModel, points: ControlPoints, start: Array, robust: bool = False) -> Estimate:
     """Minimize the whitened pixel errors and the penalties, squared, from `start` [p].
 
     The maximum a posteriori for Gaussian errors of pixels and of places on the road, the latter carried to the image
-    to first order (Hartley & Zisserman 2004, section 4.3). The covariance is (J'J)^-1; where chi^2 is larger than
-    chance allows (1 %), it is enlarged by chi^2 per degree of freedom.
+    to first order (Hartley & Zisserman 2004, section 4.3). The covariance is that of `posterior_covariance`.
 
     Parameters
     ----------
@@ -70,7 +69,9 @@ def estimate(model: GroundModel, points: ControlPoints, start: Array, robust: bo
         found = least_squares(residual, theta, x_scale="jac", xtol=1e-8, ftol=1e-10, gtol=1e-9, **loss)
         theta = found.x
     excess = _excess(2 * found.cost, len(found.fun) - len(theta))
-    return Estimate(model, theta, excess * _inverse_of_square(found.jac), excess)
+    (off, penalty), (slope, bend) = np.split(found.fun, [2 * len(points)]), np.split(found.jac, [2 * len(points)])
+    covariance = posterior_covariance(off.reshape(-1, 2), slope.reshape(len(points), 2, -1), penalty, bend)
+    return Estimate(model, theta, covariance, excess, decided(slope, bend))
 
 
 def _whitening(view: View, points: ControlPoints) -> Array:
@@ -90,44 +91,8 @@ def _excess(chi2: float, freedom: int) -> float:
     return chi2 / freedom if freedom > 0 and distribution.sf(chi2, freedom) < DOUBT else 1.0
 
 
-def _inverse_of_square(jacobian: Array) -> Array:
-    """(J'J)^-1, by singular values of J with columns of equal length."""
-    length = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-12)
-    _, singular, vt = np.linalg.svd(jacobian / length, full_matrices=False)
-    root = vt.T / np.maximum(singular, 1e-12) / length[:, None]
-    return np.asarray(root @ root.T)
-
-
 def slope_of(function: Callable[[Array], Array], theta: Array, covariance: Array) -> Array:
     """Derivative [m, p] of a vector function by theta, with steps that suit the parameters' covariance."""
     steps = STEP * np.maximum(np.sqrt(np.diagonal(covariance)), 1e-9)
     columns = [(function(theta + d) - function(theta - d)) / (2 * d.max()) for d in np.diag(steps)]
     return np.stack(columns, axis=-1)
-
-
-def leave_one_out(fit: Estimate, points: ControlPoints, calibration: Calibration) -> tuple[Array, Array]:
-    """Where the others put each point: distances [point] in px and in m; inf where they cannot say."""
-    in_pixels, in_meters = [], []
-    for index in range(len(points)):
-        rest, alone = points.without(index), points.select(np.arange(len(points)) == index)
-        if not fit.model.determined_by(rest):
-            in_pixels.append(np.inf)
-            in_meters.append(np.inf)
-            continue
-        others = estimate(fit.model, rest, fit.theta)
-        in_pixels.append(float(others.errors(alone)[0]))
-        moved = with_view(calibration, others.view)
-        off = float(np.linalg.norm(moved.to_ground(alone.pixels) - alone.ground)) if moved else np.inf
-        in_meters.append(off if np.isfinite(off) else np.inf)
-    return np.array(in_pixels), np.array(in_meters)
-
-
-def with_view(calibration: Calibration, view: View) -> Calibration | None:
-    """Return the bare calibration of a view; None where it shows the road from below."""
-    from pydantic import ValidationError
-
-    homography = inverse(view.to_image)
-    try:
-        return Calibration(image_size=calibration.image_size, homography=homography, lens=view.lens)
-    except ValidationError:
-        return None

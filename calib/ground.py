@@ -6,21 +6,22 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from calib.calibrated import calibration_of, leave_one_out
 from calib.cautions import cautions
 from calib.control_points import ControlPoints
-from calib.estimate import Estimate, leave_one_out, slope_of
+from calib.estimate import Estimate, slope_of
 from calib.homography import inverse
 from calib.layout import require_below_horizon, require_layout, require_on_road, require_spread
 from calib.lens_prior import LensPrior, weak_prior
-from calib.models import with_sigmas
 from calib.starts import ROBUST_FROM, start_camera, start_homography
-from vision.camera import Calibration, ControlPoint
+from vision.camera import Calibration
 from vision.contract import InputError, LocalFrame
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 THRESHOLD = 5.0  # px; a mark further off than this is left out
 BEYOND_CHANCE = 2.0  # standard errors by which a homography must predict better than a camera
+ROUNDING = 1e-6  # equations left over that are none
 Model = Literal["auto", "homography", "camera"]
 MODELS: tuple[Model, ...] = ("auto", "homography", "camera")
 
@@ -45,6 +46,11 @@ class Candidate:
     errors_px: Array
     held_out_px: Array | None
 
+    @property
+    def redundancy(self) -> float:
+        """Equations of the points used, over the numbers that they decide."""
+        return 2 * float(self.used.sum()) - self.fit.decided
+
 
 @dataclass(frozen=True)
 class GroundFit:
@@ -58,6 +64,7 @@ class GroundFit:
     held_out_px : [point], error of each point as the others predict it, or None
     worst_sigma : m; largest standard deviation of the ground position of a pixel known exactly, over the corners of
         the surveyed area
+    decided : how many numbers of every model that fits the points decide
     scores : root mean square of the held-out errors, px, of every model tried; or why there is none
     warnings : one line each
     """
@@ -68,6 +75,7 @@ class GroundFit:
     residuals_m: Array
     held_out_px: Array | None
     worst_sigma: float
+    decided: dict[str, float]
     scores: dict[str, float | str]
     warnings: tuple[str, ...]
 
@@ -128,10 +136,10 @@ def fit_ground(
     if errors and (not fitted or len(points) < ROBUST_FROM):
         raise errors[0]
     scores = _scores(fitted)
-    best = fitted[_choice(fitted, scores, lens is not None)]
+    best = fitted[_choice(fitted)]
     residuals_m = np.linalg.norm(best.calibration.to_ground(points.pixels) - points.ground, axis=1)
     worst, dilution = _uncertainty(best)
-    messages = cautions(points, best.used, best.errors_px, residuals_m, best.calibration, best.fit.excess, dilution)
+    messages = cautions(points, best.used, best.errors_px, residuals_m, best.calibration, best.fit, dilution)
     return GroundFit(
         calibration=best.calibration,
         used=best.used,
@@ -139,6 +147,7 @@ def fit_ground(
         residuals_m=residuals_m,
         held_out_px=best.held_out_px,
         worst_sigma=worst,
+        decided={name: found.fit.decided for name, found in fitted.items()},
         scores=scores | {name: str(found) for name, found in tried.items() if isinstance(found, InputError)},
         warnings=(*messages, *_bent(fitted, best)),
     )
@@ -161,17 +170,21 @@ def _candidate(
     require_spread(kept)
     ideal = kept.pixels if fit.view.lens is None else fit.view.lens.undistort(kept.pixels)
     require_below_horizon(kept, inverse(fit.view.to_image), ideal)
-    calibration = _calibration(fit, kept, image_size, frame)
+    calibration = calibration_of(fit, kept, image_size, frame)
     if name == "homography":
         require_on_road(points, calibration)
     held_out_px = None
-    in_pixels, in_meters = leave_one_out(fit, kept, calibration)
+    in_pixels, in_meters, expected = leave_one_out(fit, kept, image_size)
     if np.isfinite(in_pixels).any():
         held_out_px = fit.errors(points)
         held_out_px[used] = in_pixels
-        beyond = tuple(float(value) if np.isfinite(value) else None for value in in_meters)
-        calibration = calibration.model_copy(update={"leave_one_out_m": beyond})
+        both = {"leave_one_out_m": _known(in_meters), "leave_one_out_sigma_m": _known(expected)}
+        calibration = calibration.model_copy(update=both)
     return Candidate(fit, used, calibration, fit.errors(points), held_out_px)
+
+
+def _known(values: Array) -> tuple[float | None, ...]:
+    return tuple(float(value) if np.isfinite(value) else None for value in values)
 
 
 def _scores(fitted: dict[str, Candidate]) -> dict[str, float | str]:
@@ -185,87 +198,46 @@ def _scores(fitted: dict[str, Candidate]) -> dict[str, float | str]:
     }
 
 
-def _choice(fitted: dict[str, Candidate], scores: dict[str, float | str], lens_known: bool) -> str:
+def _choice(fitted: dict[str, Candidate]) -> str:
     """Name the model to take.
 
-    A homography is a camera whose lens is known to be straight, which nobody knows. Where distortion hides in the noise
-    it predicts the points as well, by chance better, but errs between them by more than its sigma: taken whenever its
-    held-out errors are smaller, 95 % ellipses held 92 % (`benchmarks/calibration.py`). So they must be smaller beyond
-    chance, or the points must fit no camera but a homography, as in pictures that were squeezed or rectified.
+    First, points must leave equations over that check the model (at four points they are as many as a homography's
+    numbers; of a camera's, what is known of ordinary lenses decides some). Then, a homography is a camera whose lens is
+    known to be straight, which nobody knows. Where distortion hides in the noise it predicts the points as well, by
+    chance better, but errs between them by more than its sigma: taken whenever its held-out errors are smaller, 95 %
+    ellipses held 92 % (`benchmarks/calibration.py`). So they must be smaller beyond chance, or the points must fit no
+    camera but a homography, as in pictures that were squeezed or rectified.
     """
-    if not any(isinstance(score, float) for score in scores.values()):
-        # Nothing checks them: what was measured of the lens decides, else the model that assumes nothing of it.
-        return "camera" if lens_known and "camera" in scores else next(iter(scores))
-    held_out = {name: found.held_out_px for name, found in fitted.items() if found.held_out_px is not None}
-    if len(held_out) < 2:
-        return next(iter(held_out))
-    if fitted["camera"].fit.excess > 1 and fitted["homography"].fit.excess == 1:
+    checked = {name: found for name, found in fitted.items() if found.redundancy > ROUNDING}
+    if len(checked) < 2:
+        return next(iter(checked or fitted))
+    homography, camera = checked["homography"], checked["camera"]
+    if camera.fit.excess > 1 and homography.fit.excess == 1:
         return "homography"
-    judged = np.any([found.used for found in fitted.values()], axis=0)
-    judged &= np.all([np.isfinite(errors) for errors in held_out.values()], axis=0)
-    better = smaller_beyond_chance(held_out["homography"][judged], held_out["camera"][judged])
-    return "homography" if better else "camera"
+    if homography.held_out_px is None or camera.held_out_px is None:
+        return "camera"
+    judged = (homography.used | camera.used) & np.isfinite(homography.held_out_px) & np.isfinite(camera.held_out_px)
+    return (
+        "homography" if smaller_beyond_chance(homography.held_out_px[judged], camera.held_out_px[judged]) else "camera"
+    )
 
 
 def smaller_beyond_chance(errors: Array, others: Array) -> bool:
-    """Whether the mean square of errors [n] is below that of others [n], of the same points, by two standard errors.
+    """Whether the mean square of errors [n] is below that of others [n], of the same points, beyond chance.
+
+    That is by two standard errors, or, where points are few, by as many as are as rare in Student's t.
 
     >>> noise = np.random.default_rng(0).normal(size=(2, 20))
     >>> smaller_beyond_chance(noise[0], noise[1]), smaller_beyond_chance(noise[0], 2 + noise[0])
     (False, True)
     """
+    from scipy.stats import norm, t
+
     gain = others**2 - errors**2
-    return len(gain) > 1 and bool(gain.mean() > BEYOND_CHANCE * gain.std(ddof=1) / np.sqrt(len(gain)))
-
-
-def _calibration(
-    fit: Estimate, points: ControlPoints, image_size: tuple[int, int], frame: LocalFrame | None
-) -> Calibration:
-    marks = tuple(
-        ControlPoint(u=u, v=v, x=x, y=y, name=name, sigma=sigma, sigma_xy=sigma_xy)
-        for name, (u, v), (x, y), sigma, sigma_xy in zip(
-            points.names,
-            points.pixels.tolist(),
-            points.ground.tolist(),
-            points.sigma.tolist(),
-            points.sigma_xy.tolist(),
-            strict=True,
-        )
-    )
-
-    def vector(theta: Array) -> Array:
-        view = fit.model.view(theta)
-        return np.append(np.linalg.inv(view.to_image).ravel(), [] if view.lens is None else view.lens.vector)
-
-    def numbers(theta: Array) -> Array:
-        return np.array([value for value, _ in fit.model.describe(theta).values()])
-
-    slope = slope_of(vector, fit.theta, fit.covariance)
-    described = fit.model.describe(fit.theta)
-    by_theta = slope_of(numbers, fit.theta, fit.covariance)
-    sigmas = np.sqrt(np.einsum("ip,pq,iq->i", by_theta, fit.covariance, by_theta)) if described else np.zeros(0)
-    bare = Calibration(
-        image_size=image_size,
-        homography=inverse(fit.view.to_image),
-        lens=fit.view.lens,
-        model=fit.model.name,
-        covariance=_symmetric(slope @ fit.covariance @ slope.T),
-        parameters=with_sigmas(described, sigmas),
-        control_points=marks,
-    )
-    in_meters = np.linalg.norm(bare.to_ground(points.pixels) - points.ground, axis=1)
-    return bare.model_copy(
-        update={
-            "residuals_px": tuple(fit.errors(points).tolist()),
-            "residuals_m": tuple(in_meters.tolist()),
-            "origin": frame and frame.origin,
-            "x_azimuth": frame and frame.x_azimuth,
-        }
-    )
-
-
-def _symmetric(matrix: Array) -> Array:
-    return np.asarray((matrix + matrix.T) / 2)
+    if len(gain) < 2:
+        return False
+    most = t.isf(norm.sf(BEYOND_CHANCE), len(gain) - 1) * gain.std(ddof=1) / np.sqrt(len(gain))
+    return bool(gain.mean() > most)
 
 
 def _uncertainty(best: Candidate) -> tuple[float, float]:
@@ -276,7 +248,7 @@ def _uncertainty(best: Candidate) -> tuple[float, float]:
     pixels = best.fit.view.project(corners)
     corners, pixels = corners[np.isfinite(pixels).all(axis=1)], pixels[np.isfinite(pixels).all(axis=1)]
     by_theta = slope_of(lambda theta: best.fit.model.view(theta).project(corners), best.fit.theta, best.fit.covariance)
-    in_pixels = by_theta @ (best.fit.covariance / best.fit.excess) @ by_theta.transpose(0, 2, 1)
+    in_pixels = by_theta @ (best.fit.covariance) @ by_theta.transpose(0, 2, 1)
     typical = float(np.median([point.sigma for point in best.calibration.control_points]))
     on_ground = best.calibration.position_covariance(pixels)
     return _largest(on_ground), _largest(in_pixels) / typical

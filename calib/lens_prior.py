@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 FOCAL = 0.5  # sd of the logarithm of the focal length over the image's width
 CENTER = 0.01  # sd of the principal point, widths of the image
+WILD = 20.0  # sd
 RADIAL = {"k1": 0.3, "k2": 0.15, "k3": 0.05}  # sd
 
 
@@ -39,8 +40,8 @@ class LensPrior:
         return self.factor.shape[1]
 
     def lens(self, z: Array) -> Lens:
-        """Lens at z [k]."""
-        return Lens.from_vector(self.mean + self.factor @ z)
+        """Lens at z [k]; a trial further off than `WILD` is taken to be there, where numbers are still numbers."""
+        return Lens.from_vector(self.mean + self.factor @ np.clip(z, -WILD, WILD))
 
 
 def weak_prior(image_size: tuple[int, int]) -> LensPrior:

@@ -35,6 +35,11 @@ class View:
         ideal = np.where(depth[:, None] > 0, apply(self.to_image, ground), np.nan)
         return ideal if self.lens is None else self.lens.distort(ideal)
 
+    def errors(self, points: ControlPoints) -> Array:
+        """Distance [point], px, of points from where they are seen; inf where they cannot be."""
+        off = np.linalg.norm(self.project(points.ground) - points.pixels, axis=1)
+        return np.asarray(np.where(np.isfinite(off), off, np.inf))
+
 
 class GroundModel(ABC):
     """A family of views with parameters theta [p]."""

@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 def summary(points: ControlPoints, fit: GroundFit) -> dict[str, Any]:
     """Everything the command found, JSON-ready; lengths in px or m as the keys say."""
     calibration = fit.calibration
-    held_out_m = np.full(len(points), np.nan)
-    if calibration.leave_one_out_m is not None:
-        held_out_m[fit.used] = [np.nan if value is None else value for value in calibration.leave_one_out_m]
+    held_out_m, expected_m = (
+        _spread(fit, values) for values in (calibration.leave_one_out_m, calibration.leave_one_out_sigma_m)
+    )
     held_out_px = np.full(len(points), np.nan) if fit.held_out_px is None else fit.held_out_px
     return {
         "model": calibration.model,
@@ -32,6 +32,9 @@ def summary(points: ControlPoints, fit: GroundFit) -> dict[str, Any]:
         "rms_m": _rms(fit.residuals_m[fit.used]),
         "leave_one_out_rms_px": _number(_rms(held_out_px[fit.used])),
         "leave_one_out_rms_m": _number(_rms(held_out_m[fit.used])),
+        "leave_one_out_sigma_m": _number(_rms(expected_m[fit.used])),
+        "equations": 2 * int(fit.used.sum()),
+        "decided": fit.decided,
         "worst_sigma_m": fit.worst_sigma,
         "warnings": list(fit.warnings),
         "points": [
@@ -42,12 +45,27 @@ def summary(points: ControlPoints, fit: GroundFit) -> dict[str, Any]:
                 "residual_m": _number(m),
                 "leave_one_out_px": _number(out_px),
                 "leave_one_out_m": _number(out_m),
+                "leave_one_out_sigma_m": _number(expected),
             }
-            for name, used, px, m, out_px, out_m in zip(
-                points.names, fit.used, fit.residuals_px, fit.residuals_m, held_out_px, held_out_m, strict=True
+            for name, used, px, m, out_px, out_m, expected in zip(
+                points.names,
+                fit.used,
+                fit.residuals_px,
+                fit.residuals_m,
+                held_out_px,
+                held_out_m,
+                expected_m,
+                strict=True,
             )
         ],
     }
+
+
+def _spread(fit: GroundFit, values: tuple[float | None, ...] | None) -> Array:
+    """Values of the points used, NaN where there is none, over all points [point]."""
+    spread = np.full(len(fit.used), np.nan)
+    spread[fit.used] = np.nan if values is None else np.array(values, float)
+    return spread
 
 
 COLUMNS = {
@@ -55,6 +73,14 @@ COLUMNS = {
     "residual_m": ("residual m", 3),
     "leave_one_out_px": ("leave-one-out px", 2),
     "leave_one_out_m": ("leave-one-out m", 3),
+    "leave_one_out_sigma_m": ("expected m", 3),
+}
+TOTALS = {
+    "residual_px": "rms_px",
+    "residual_m": "rms_m",
+    "leave_one_out_px": "leave_one_out_rms_px",
+    "leave_one_out_m": "leave_one_out_rms_m",
+    "leave_one_out_sigma_m": "leave_one_out_sigma_m",
 }
 
 
@@ -65,13 +91,20 @@ def table(points: ControlPoints, fit: GroundFit) -> str:
     lines = [f"{'point':<{width}}  " + "  ".join(title for title, _ in COLUMNS.values())]
     for row in facts["points"]:
         lines.append(f"{row['name']:<{width}}  {_cells(row)}" + ("" if row["used"] else "  left out"))
-    totals = {key: facts[key.replace("residual", "rms").replace("out_", "out_rms_")] for key in COLUMNS}
+    totals = {key: facts[TOTALS[key]] for key in COLUMNS}
     lines.append(f"{'rms':<{width}}  {_cells(totals)}")
     lines.append(f"model: {facts['model']}; leave-one-out rms {scores_text(fit)}")
+    lines.append(
+        f"{facts['equations']} equations; the points decide {facts['decided'][facts['model']]:.1f} numbers{_prior(fit)}"
+    )
     for name, value in facts["parameters"].items():
         lines.append(f"  {name:<9} {with_sigma(value['value'], value['sigma']):>17} {value['unit']}")
     lines.append(f"uncertainty within the surveyed area: {facts['worst_sigma_m']:.3f} m at most (one sigma)")
     return "\n".join(lines + [f"warning: {message}" for message in fit.warnings])
+
+
+def _prior(fit: GroundFit) -> str:
+    return ", and what lenses are like the others" if fit.calibration.parameters else ""
 
 
 def _cells(row: dict[str, Any]) -> str:

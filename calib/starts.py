@@ -8,7 +8,7 @@ from calib.estimate import Estimate, estimate
 from calib.homography import Scaling, inverse
 from calib.layout import MIRRORED, require_below_horizon
 from calib.lens_prior import LensPrior
-from calib.models import CameraModel, GroundModel, HomographyModel, rotation_by
+from calib.models import CameraModel, GroundModel, HomographyModel, View, rotation_by
 from vision.contract import InputError
 from vision.lens import Lens
 
@@ -21,15 +21,15 @@ BENT = 6.0  # a distorted picture of a plane agrees with a homography to within 
 SIGMAS = 4.0  # a point this many of its sigmas off may be right all the same
 
 
-def agree(fit: Estimate, points: ControlPoints, threshold: float) -> Mask:
-    """Which points [point] the fit puts within `threshold`, px, or four of their sigmas."""
+def agree(view: View, points: ControlPoints, threshold: float) -> Mask:
+    """Which points [point] a view puts within `threshold`, px, or four of their sigmas."""
     if len(points) < ROBUST_FROM:
         return np.ones(len(points), bool)
     spread = points.sigma
     if points.sigma_xy.any():
-        moved = fit.view.project(points.ground + 1e-3) - fit.view.project(points.ground)
+        moved = view.project(points.ground + 1e-3) - view.project(points.ground)
         spread = np.hypot(spread, points.sigma_xy * np.nan_to_num(np.linalg.norm(moved, axis=1)) / 1e-3 / np.sqrt(2))
-    return np.asarray(fit.errors(points) <= np.maximum(threshold, SIGMAS * spread))
+    return np.asarray(view.errors(points) <= np.maximum(threshold, SIGMAS * spread))
 
 
 def most(count: int) -> int:
@@ -60,11 +60,11 @@ def start_homography(points: ControlPoints, threshold: float, prior: LensPrior |
     if len(points) < ROBUST_FROM:
         require_below_horizon(points, inverse(to_image), pixels)
     model = HomographyModel(Scaling.of(points.ground, pixels), prior)
-    guess = Estimate(model, model.start(to_image), np.eye(8), 1.0)
-    used = agree(guess, points, threshold)
+    start = model.start(to_image)
+    used = agree(model.view(start), points, threshold)
     if used.sum() < 4:
         raise InputError(f"control points: fewer than 4 within {threshold:g} px of one homography; check their places")
-    return estimate(model, points.select(used), guess.theta), used
+    return estimate(model, points.select(used), start), used
 
 
 def magsac(ground: Array, pixels: Array, threshold: float) -> Array | None:
@@ -102,7 +102,7 @@ def start_camera(
     best = min(fits, key=lambda fit: _cost(fit.model, fit.theta, points))
     if not robust and best.errors(points).max() > BENT * threshold:
         raise InputError(f"control points: no camera puts them within {BENT * threshold:g} px; check their places")
-    used = agree(best, points, threshold)
+    used = agree(best.view, points, threshold)
     for _ in range(3):
         if used.sum() < most(len(points)):
             raise InputError(
@@ -110,7 +110,7 @@ def start_camera(
                 "check that px, py and x, y belong together"
             )
         best = estimate(best.model, points.select(used), best.theta)
-        before, used = used, agree(best, points, threshold)
+        before, used = used, agree(best.view, points, threshold)
         if (used == before).all():
             break
     return best, before
@@ -123,7 +123,7 @@ def _subsets(points: ControlPoints, threshold: float) -> list[Mask]:
     if to_image is None or len(points) < ROBUST_FROM:
         return [every]
     model = HomographyModel(Scaling.of(points.ground, points.pixels), None)
-    near = agree(Estimate(model, model.start(to_image), np.eye(8), 1.0), points, BENT * threshold)
+    near = agree(model.view(model.start(to_image)), points, BENT * threshold)
     return [every] if near.all() or near.sum() < most(len(points)) else [every, near]
 
 
@@ -155,5 +155,5 @@ def _lenses(prior: LensPrior) -> list[Lens]:
 
 
 def _cost(model: GroundModel, theta: Array, points: ControlPoints) -> float:
-    errors = Estimate(model, theta, np.eye(1), 1.0).errors(points) / points.sigma
+    errors = model.view(theta).errors(points) / points.sigma
     return float(np.log1p((errors / 2) ** 2).sum())

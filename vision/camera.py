@@ -126,6 +126,7 @@ class Calibration(BaseModel):
     control_points : the marks it was fitted to
     residuals_px, residuals_m : distance of every control point from its fitted place, in image and on road
     leave_one_out_m : distance on the road of every control point predicted by the others; None beyond their horizon
+    leave_one_out_sigma_m : root mean square distance that these predictions state of themselves
     origin : (latitude, longitude) of x = y = 0, degrees
     x_azimuth : direction of +x, degrees clockwise from north
 
@@ -157,6 +158,7 @@ class Calibration(BaseModel):
     residuals_px: tuple[float, ...] | None = None
     residuals_m: tuple[float, ...] | None = None
     leave_one_out_m: tuple[float | None, ...] | None = None
+    leave_one_out_sigma_m: tuple[float | None, ...] | None = None
     origin: tuple[float, float] | None = None
     x_azimuth: float | None = None
 
