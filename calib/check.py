@@ -7,7 +7,19 @@ from numpy.typing import NDArray
 
 from calib.lengths import Lengths, Predicted
 from calib.maps import meters_per_pixel, pixel_lattice, seen_area
-from calib.picture import GREEN, MAGENTA, RED, draw_grid, draw_horizon, draw_line, draw_point, enlarged, write_at
+from calib.picture import (
+    GREEN,
+    LABEL,
+    MAGENTA,
+    RED,
+    draw_grid,
+    draw_horizon,
+    draw_line,
+    draw_point,
+    enlarged,
+    write_at,
+    write_note,
+)
 from vision.camera import Calibration
 
 Array = NDArray[np.float64]
@@ -30,9 +42,9 @@ def draw_check(image: Image, calibration: Calibration, lengths: Lengths | None, 
             ends = scale * lengths.ends[index]
             draw_line(canvas, ends, color, 2)
             text = f"{lengths.names[index]}: {found.length[index]:.2f} m ({lengths.length[index]:g})"
-            write_at(canvas, text, ends.mean(axis=0) + np.array([8, 0]), color, 0.4)
+            write_at(canvas, text, ends.mean(axis=0) + np.array([8, 0]), color, LABEL)
     words = "magenta: horizon" if shown else "the horizon is outside the picture"
-    write_at(canvas, f"grid 10 x 2 m; {words}", np.array([8.0, 16.0]), MAGENTA, 0.42)
+    write_note(canvas, f"grid 10 x 2 m; {words}", MAGENTA)
     return canvas
 
 

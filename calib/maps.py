@@ -83,7 +83,7 @@ def write_maps(calibration: Calibration, path: Path, image: Image | None = None)
     FigureCanvasAgg(figure)
     left, right, below = figure.subplot_mosaic("ab;cc", height_ratios=[1.0, 0.8]).values()
     _over_picture(left, calibration, scale_image(calibration), image, "meters per pixel (the longer way)")
-    title = f"1 sigma of a position, m ({PIXEL_SIGMA:g} px of pixel noise and the calibration)"
+    title = f"1 sigma of a position, m ({PIXEL_SIGMA:g} px and the calibration)"
     _over_picture(right, calibration, sigma_image(calibration), image, title)
     _from_above(below, calibration)
     with writing(path) as temporary:
@@ -125,6 +125,8 @@ def area(calibration: Calibration) -> tuple[Array, Array]:
 
 
 def _from_above(axes: "Axes", calibration: Calibration) -> None:
+    from matplotlib.patheffects import withStroke
+
     low, high = area(calibration) if calibration.control_points else seen_area(calibration)
     x, y = np.linspace(low[0], high[0], 160), np.linspace(low[1], high[1], 80)
     ground = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -136,8 +138,12 @@ def _from_above(axes: "Axes", calibration: Calibration) -> None:
         _contours(axes, x, y, sigma.reshape(len(y), len(x)))
     for point in calibration.control_points:
         axes.plot(point.x, point.y, "k+", ms=7)
-        axes.annotate(point.name, (point.x, point.y), xytext=(3, 3), textcoords="offset points", fontsize=7)
-    title = f"from above: 1 sigma of a position, m, where the picture shows the road (red: {GOOD:g} m)"
+        inward = 1 if point.x < (low[0] + high[0]) / 2 else -1  # so that no name leaves the panel
+        axes.annotate(
+            point.name, (point.x, point.y), xytext=(3 * inward, 3), textcoords="offset points", fontsize=7,
+            ha="left" if inward > 0 else "right", path_effects=[withStroke(linewidth=2, foreground="white")],
+        )  # fmt: skip
+    title = f"from above: 1 sigma of a position, m (red: {GOOD:g} m)"
     axes.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), xlabel="x, m", ylabel="y, m (right of +x)", title=title)
     axes.set_aspect("equal")
     axes.title.set_fontsize(10)

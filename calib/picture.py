@@ -20,6 +20,7 @@ NARROW = 1000  # px
 GRID_X, GRID_Y = 10.0, 2.0  # m between grid lines
 FAR = 2000.0  # m, where the horizon is drawn
 STEP = 0.25  # m between the points of a line
+NOTE, LABEL = 0.5, 0.42  # size of letters, 22 px high at 1
 
 
 def draw_fit(image: Image, points: ControlPoints, fit: GroundFit) -> Image:
@@ -54,7 +55,7 @@ def draw_grid(canvas: Image, calibration: Calibration, ground: Array, scale: int
         height, width = canvas.shape[:2]
         inside = pixels[((pixels > 0) & (pixels < (width - 40, height))).all(axis=1)]
         if len(inside):
-            write_at(canvas, label, inside[-1], BLUE, 0.33)
+            write_at(canvas, label, inside[-1], BLUE, LABEL)
 
 
 def draw_horizon(canvas: Image, calibration: Calibration, scale: int = 1) -> bool:
@@ -74,7 +75,7 @@ def draw_point(canvas: Image, name: str, pixel: Array, color: Color) -> None:
     import cv2
 
     cv2.circle(canvas, _integers(pixel), 5, color, 1, cv2.LINE_AA)
-    write_at(canvas, name, pixel + np.array([7, -4]), color, 0.35)
+    write_at(canvas, name, pixel + np.array([7, -4]), color, LABEL)
 
 
 def draw_line(canvas: Image, pixels: Array, color: Color, thickness: int = 1) -> None:
@@ -91,16 +92,22 @@ def draw_line(canvas: Image, pixels: Array, color: Color, thickness: int = 1) ->
 
 
 def write_at(canvas: Image, text: str, pixel: Array, color: Color, size: float) -> None:
-    """Write a few words at a pixel."""
+    """Write a few words at a pixel, with a dark rim that sets them off from whatever is behind."""
     import cv2
 
-    for place, ink in ((pixel + 1, BLACK), (pixel, color)):
+    # Not thicker letters: they would be wider, too.
+    rim = [pixel + np.array([right, down]) for right in (-1, 0, 1) for down in (-1, 0, 1)]
+    for place, ink in (*((place, BLACK) for place in rim), (pixel, color)):
         cv2.putText(canvas, text, _integers(place), cv2.FONT_HERSHEY_SIMPLEX, size, ink, 1, cv2.LINE_AA)
 
 
-def write_note(canvas: Image, text: str) -> None:
-    """Write a line in the upper left corner."""
-    write_at(canvas, text, np.array([8.0, 16.0]), WHITE, 0.42)
+def write_note(canvas: Image, text: str, color: Color = WHITE) -> None:
+    """Write a line in the upper left corner, on a dark box."""
+    import cv2
+
+    (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, NOTE, 1)
+    cv2.rectangle(canvas, (0, 0), (width + 16, height + below + 12), BLACK, cv2.FILLED)
+    write_at(canvas, text, np.array([8.0, height + 7.0]), color, NOTE)
 
 
 def write_picture(image: Image, path: str | Path) -> None:

@@ -92,7 +92,7 @@ def test_json_with_a_video_and_a_frame(tmp_path, points_file):
         (["--image-size", "1280x720", "--origin", "here"], "--origin: give LAT,LON"),
         (["--image-size", "1280x720", "--origin", "32,34"], "needs origin"),
         (["--image-size", "1280x720", "--x-azimuth", "10"], "needs origin"),
-        (["--image-size", "1280x720", "--frame", "absent.toml"], "absent.toml: No such file"),
+        (["--image-size", "1280x720", "--frame", "absent.toml"], "absent.toml: cannot be read (No such file"),
         (["--image-size", "1280x720", "--picture", "p.png"], "--picture: needs --video"),
         (["--image-size", "1280x720", "--threshold", "0"], "--threshold: must be above 0"),
         (["--image-size", "640x360"], "outside the 640x360 image"),
@@ -100,7 +100,7 @@ def test_json_with_a_video_and_a_frame(tmp_path, points_file):
         (["--image-size", "1280x720", "--model", "fisheye"], "--model fisheye: give one of auto, homography, camera"),
         (["--image-size", "1280x720", "--height", "7"], "--height: give VALUE,SIGMA"),
         (["--image-size", "1280x720", "--height", "7,0"], "--height: value and sigma must be above 0"),
-        (["--image-size", "1280x720", "--intrinsics", "absent.json"], "absent.json: No such file"),
+        (["--image-size", "1280x720", "--intrinsics", "absent.json"], "absent.json: cannot be read (No such file"),
         (["--image-size", "1280x720", "--maps", "maps.txt"], "maps.txt: maps are written as"),
     ],
 )

@@ -12,7 +12,7 @@ import roadfiber
 from calib.check import facts, words
 from calib.ground import fit_ground
 from calib.lengths import Lengths, predict_lengths, read_lengths
-from calib.picture import draw_horizon
+from calib.picture import GREEN, LABEL, draw_horizon, write_at, write_note
 from vision.camera import Calibration
 from vision.contract import InputError
 
@@ -122,3 +122,16 @@ def test_a_frame_of_another_size(street):
 
 def test_lengths_without_a_sigma_have_two_centimeters(street):
     assert read_lengths(street / "lengths.csv").sigma.tolist() == [0.02] * 3
+
+
+@pytest.mark.parametrize("shade", [0, 128, 255])
+def test_notes_and_labels_can_be_read_on_any_ground(shade):
+    """Bright letters on a dark box; labels have a dark rim all around."""
+    plain = np.full((60, 400, 3), shade, np.uint8)
+    noted, labeled = plain.copy(), plain.copy()
+    write_note(noted, "grid 10 x 2 m")
+    assert (noted[0:12, 0:100].min(axis=(0, 1)) == 0).all() and noted[:30].max() > 200
+    write_at(labeled, "y 8", np.array([20.0, 40.0]), GREEN, LABEL)
+    letters = (np.abs(labeled.astype(int) - GREEN).sum(axis=2) < 60).astype(np.uint8)
+    around = (cv2.dilate(letters, np.ones((3, 3), np.uint8)) - letters).astype(bool)
+    assert letters.any() and np.median(labeled[around].max(axis=1)) < 120

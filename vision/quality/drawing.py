@@ -15,11 +15,23 @@ CLASS_COLORS = {
     "motorcycle": GREEN,
     "bicycle": PINK,
 }
+LETTER = 7.5  # px, of a title, on average
 
 
 def class_color(name: str) -> str:
     """Color of a class of vehicles; gray for others."""
     return CLASS_COLORS.get(name, "#888f96")
+
+
+def fitted(name: str, width: float) -> str:
+    """Shorten a name in its middle until it fits a title of `width` px.
+
+    >>> fitted("deimv2_hgnetv2_atto_coco_every_2", 140), fitted("yolox", 140)
+    ('deimv2_hg…_every_2', 'yolox')
+    """
+    most = max(int(width / LETTER), 5)
+    head = (most - 1) // 2 + (most - 1) % 2
+    return name if len(name) <= most else f"{name[:head]}…{name[len(name) - (most - 1 - head) :]}"
 
 
 @styled

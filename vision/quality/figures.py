@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vision.contract.figures import DPI, MUTED, styled
 from vision.jitter import LIMIT
-from vision.quality.drawing import BLUE, ORANGE, RED, class_color, panels
+from vision.quality.drawing import BLUE, ORANGE, RED, class_color, fitted, panels
 from vision.quality.measures import Measures
 from vision.quality.route_effect import FEWEST
 from vision.quality.setting import Setting
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 WIDE, NARROW = 1060, 350  # px
 HIGH = 200  # px, of a panel
+BESIDE = 50  # px, that the labels of an axis take
 PER_ENTRY = 150  # px, that an entry of a legend takes
 DETAIL = 12  # points of a line between two changes of class; more would not be seen
 
@@ -29,6 +30,11 @@ DETAIL = 12  # points of a line between two changes of class; more would not be 
 def columns(width: int) -> int:
     """How many panels stand beside each other."""
     return 2 if width > 2 * NARROW else 1
+
+
+def panel_width(width: int) -> float:
+    """Width of a panel without its labels, px."""
+    return width / columns(width) - BESIDE
 
 
 @styled
@@ -46,7 +52,7 @@ def jitter_figure(found: Sequence[Measures], width: int = WIDE) -> Figure:
             ax.errorbar(middle, bins["mean"], bins["sd"], fmt="o", ms=4, lw=1.1, capsize=2, color=color, label=label)
         if unit == "m":
             ax.axhline(LIMIT, color=RED, lw=1, ls="--", label=f"{100 * LIMIT:.0f} cm")
-        ax.set_title(one.setting.name)
+        ax.set_title(fitted(one.setting.name, panel_width(width)))
     known = [bins[bins["fixes"] >= FEWEST] for m in found for bins in (m.before, m.after)]
     tallest = max(float((bins["mean"] + bins["sd"]).to_numpy().max(initial=0.0)) for bins in known)
     axes[0].set_ylim(0, max(1.1 * tallest, 1.3 * LIMIT if unit == "m" else 0.0) or 1.0)
@@ -64,7 +70,6 @@ def route_figure(found: Sequence[Measures], width: int = WIDE) -> Figure:
         if effect is None:
             continue
         known = effect[effect["passes"] > 0]
-        edges = [*known["low"], *known["high"]]
         for axis, color in (("x", ORANGE), ("y", BLUE)):
             way = {"x": "along", "y": "sideways"}[axis]
             ax.fill_between(
@@ -79,9 +84,12 @@ def route_figure(found: Sequence[Measures], width: int = WIDE) -> Figure:
                 f"{row['passes']:.0f}", ((row["low"] + row["high"]) / 2, 1), (0, -2), ha="center", va="top",
                 xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=7.5, color=MUTED,
             )  # fmt: skip
-        ax.set_title(one.setting.name)
-        if edges:
-            ax.set_xlim(min(edges), max(edges))
+        ax.set_title(fitted(one.setting.name, panel_width(width)))
+    # Of all, as they share it: figures beyond would stand in the panel beside.
+    reach = [effect[effect["passes"] > 0] for one in found if (effect := one.effect) is not None]
+    edges = np.concatenate([part[["low", "high"]].to_numpy().ravel() for part in reach])
+    if len(edges):
+        axes[0].set_xlim(edges.min(), edges.max())
     axes[0].set_ylim(0, 1.2 * axes[0].get_ylim()[1])
     label_axes(figure, axes, "x, m (small figures: vehicles that passed)", "1 sigma of the route, m")
     legend(figure, axes[0])
@@ -95,7 +103,7 @@ def class_figure(settings: Sequence[Setting], width: int = WIDE) -> Figure:
     names = sorted({name for s in settings for name in s.tracks["detected_class"].unique() if name})
     for setting, ax in zip(settings, axes, strict=True):
         draw_classes(setting, ax)
-        ax.set_title(setting.name)
+        ax.set_title(fitted(setting.name, panel_width(width)))
     axes[0].set_ylim(*span([setting.tracks["time"] for setting in settings])[::-1])
     axes[0].set_xlim(*span([setting.tracks["x"] for setting in settings]))
     label_axes(figure, axes, f"x, {settings[0].unit}", "time, s")

@@ -1,5 +1,6 @@
 """The report as one page that opens offline, on a phone, in the dark, and prints."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -11,7 +12,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from vision.contract.figures import data_uri, svg
-from vision.dropped import words
 from vision.jitter import LIMIT, WINDOW
 from vision.quality.classes import listed, tracks_by_class
 from vision.quality.figures import NARROW, WIDE, class_figure, jitter_figure, route_figure
@@ -74,8 +74,10 @@ class Content:
         for setting in (one.setting for one in self.found):
             if setting.others:
                 notes.append(f"{setting.name}: left out {listed(setting.others)}")
-            if setting.clipped:
-                notes.append(f"{setting.name}: {setting.clipped} boxes reached beyond the picture and were clipped")
+        clipped = {one.setting.name: one.setting.clipped for one in self.found if one.setting.clipped}
+        if clipped:
+            numbers = ", ".join(f"{count} of {name}" for name, count in clipped.items())
+            notes.append(f"Boxes that reached beyond the picture and were clipped to it: {numbers}")
         return notes
 
 
@@ -107,7 +109,7 @@ def rows(found: Sequence[Measures]) -> list[tuple[str, str, Callable[[Measures],
         ("Jitter after", "frames interpolated", lambda m: number(m.jitter, unit)),
     ]
     metric: list[tuple[str, str, Callable[[Measures], str]]] = [
-        ("Not placed", "detected fixes; no misses", lambda m: words(m.not_placed) or "–"),
+        *not_placed(found),
         ("Jitter floor", "of parked vehicles", lambda m: f"{number(m.floor, 'm')} ({m.parked})" if m.parked else "–"),
         ("Worth for the fiber", "35 cm rule, and the route", grade),
         ("Effect on the route", "1 sigma sideways, as stated", lambda m: number(typical_effect(m), "m", 3)),
@@ -126,17 +128,40 @@ def rows(found: Sequence[Measures]) -> list[tuple[str, str, Callable[[Measures],
     return always + (metric if unit == "m" else []) + scored + (speed if known else [])
 
 
+def not_placed(found: Sequence[Measures]) -> list[tuple[str, str, Callable[[Measures], str]]]:
+    """Rows of how many detected fixes were not placed on the road, in all and by cause; none where none are known."""
+    causes = list(dict.fromkeys(cause for m in found for cause in m.not_placed))
+    if not causes:
+        return []
+
+    def text(wanted: Sequence[str]) -> Callable[[Measures], str]:
+        return lambda m: "–" if m.setting.dropped is None else str(sum(m.not_placed.get(cause, 0) for cause in wanted))
+
+    total = ("Not placed", "detected fixes; they are no misses", text(causes))
+    return [total, *(("", cause, text([cause])) for cause in causes)]
+
+
+def breakable(name: str) -> str:
+    """HTML of a name that may break after a sign.
+
+    >>> breakable("yolo_11.n")
+    'yolo_<wbr>11.<wbr>n'
+    """
+    return re.sub(r"([_.-])", r"\1<wbr>", escape(name))
+
+
 def comparison(content: Content) -> str:
-    """Table of all settings side by side, the one to use marked."""
+    """Table of all settings side by side, the one to use marked and first: on the screen, however many there are."""
+    found = sorted(content.found, key=lambda m: m.setting.name != content.verdict.use)
     heads = "".join(
-        f"<th{' class=use' if m.setting.name == content.verdict.use else ''}>{escape(m.setting.name)}</th>"
-        for m in content.found
+        f"<th{' class=use' if m.setting.name == content.verdict.use else ''}>{breakable(m.setting.name)}</th>"
+        for m in found
     )
     body = "".join(
         f"<tr><td>{escape(head)} <small>{escape(meaning)}</small></td>"
-        + "".join(f"<td>{escape(text(m))}</td>" for m in content.found)
+        + "".join(f"<td>{escape(text(m))}</td>" for m in found)
         + "</tr>"
-        for head, meaning, text in rows(content.found)
+        for head, meaning, text in rows(found)
     )
     return f"<table><tr><th></th>{heads}</tr>{body}</table>"
 

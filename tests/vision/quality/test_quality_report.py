@@ -12,6 +12,9 @@ from made_tables import stamped, tracks, write
 import roadfiber
 from tests.vision.videos import write_video
 from vision.exchange import write_mot
+from vision.quality import read_settings
+from vision.quality.figures import route_figure
+from vision.quality.measures import measure, shared_edges
 
 
 class Page(HTMLParser):
@@ -79,6 +82,25 @@ def test_the_report_is_whole_and_offline(files, command, tmp_path):
     assert fine["scores"]["mota"] == 1.0 and fine["frames_per_second"] == {"all": 61.0}
     assert len(fine["jitter"]["after"]) == len(fine["route"]) == 10 and fine["jitter"]["parked_vehicles"] == 1
     assert [entry["role"] for entry in facts["inputs"]] == ["tracks", "tracks", "truth", "video"]
+
+
+def test_the_one_to_use_is_first_and_figures_stay_in_their_panels(files, command, tmp_path):
+    """Beside tables of a shorter view, and with names that no title holds."""
+    short = tracks(noise=0.6)
+    name = "a_detector_with_a_name_that_is_longer_than_any_title_of_a_panel_that_stands_beside_another.csv"
+    write(stamped(short[short["x"] < 40]), tmp_path / name)
+    code, _, _ = command(files / "rough.csv", tmp_path / name, files / "fine.csv", "--truth", files / "truth.txt")
+    html = (tmp_path / "quality" / "report.html").read_text()
+    assert code == 0 and re.findall(r"<th[^>]*>(\w+)", html)[0] == "fine"
+    settings = read_settings([tmp_path / name, files / "fine.csv"]).settings
+    found = [measure(setting, shared_edges(settings), 10.0) for setting in settings]
+    figure = route_figure(found)
+    figure.draw_without_rendering()
+    for ax in figure.axes:
+        box = ax.get_window_extent()
+        texts = [*ax.texts, ax.title, ax._left_title]
+        reach = [text.get_window_extent() for text in texts if text.get_text()]
+        assert min(r.x0 for r in reach) >= box.x0 - 3 and max(r.x1 for r in reach) <= box.x1 + 3
 
 
 def test_the_heat_map_is_where_the_boxes_are(files, command, tmp_path):
