@@ -1,5 +1,6 @@
 """Detections, frame by frame, to tracks of one class each."""
 
+import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,9 @@ from vision.tracker import Tracker
 if TYPE_CHECKING:
     import pandas as pd
 
+log = logging.getLogger("roadfiber.follow")
+
+STANDING = 0.5  # sizes of its box; what ends so near to where it began has not passed by
 FEWEST_FIXES = 5  # of a track; less is more often a false alarm than a vehicle
 PATIENCE = 1.0  # s without a fix after which a track ends, or
 PATIENT_FRAMES = 6  # looked-at frames, whichever is longer
@@ -36,12 +40,42 @@ def follow(seen: Sequence[tuple[Look, NDArray[np.float64] | None]], tracker: Tra
     Returns
     -------
     table [fix] of frame, time (s), track_id, class (one for each track), detected_class, confidence and the box (px);
-    tracks of fewer than five fixes are left out, and it may be empty
+    tracks of fewer than five fixes, and of what stands still, are left out, and it may be empty
     """
     owners = [tracker.update(now.time, now.found.box, now.found.score, vectors) for now, vectors in seen]
     table = _tabulate([now for now, _ in seen], owners)
     table = table[table.groupby("track_id")["frame"].transform("size") >= FEWEST_FIXES]
-    return table if table.empty else majority_class(table)
+    if table.empty:
+        return table
+    moves = moving(table)
+    if standing := table.loc[~moves, "track_id"].nunique():
+        log.info("%d tracks that end where they began are left out: parked vehicles or false alarms", standing)
+    return majority_class(table[moves])
+
+
+def moving(table: "pd.DataFrame") -> "pd.Series":
+    """Whether each fix [fix] is of a track that ends elsewhere than it began: an edge by more than half its box's size.
+
+    Parked vehicles, and what only looks like one, would else be the longest tracks of all. The ends are medians of up
+    to five fixes, so that a box that slips is no motion; one that grows comes nearer.
+
+    >>> import pandas as pd
+    >>> frame = np.arange(9)
+    >>> boxes = pd.DataFrame({"frame": frame, "box_left": 5 * frame, "box_top": 20, "box_bottom": 45})
+    >>> passing = boxes.assign(track_id=1, box_right=40 + 5 * frame)
+    >>> slipping = boxes.assign(track_id=2, box_left=np.where(frame == 8, 30, 0), box_right=40)
+    >>> both = pd.concat([passing, slipping], ignore_index=True)
+    >>> moving(both).groupby(both["track_id"]).all().to_dict()
+    {1: True, 2: False}
+    """
+    tracks = table.groupby("track_id")
+    before, after = tracks.cumcount(), tracks.cumcount(ascending=False)
+    part = np.minimum(FEWEST_FIXES, tracks["frame"].transform("size") // 2)
+    first, last = (table[count < part].groupby("track_id")[BOX].median() for count in (before, after))
+    way = (last - first).abs().max(axis=1)
+    area = (table["box_right"] - table["box_left"]) * (table["box_bottom"] - table["box_top"])
+    size = np.sqrt(area.groupby(table["track_id"]).median())
+    return table["track_id"].map(way > STANDING * size)
 
 
 def follow_table(detections: "pd.DataFrame") -> "pd.DataFrame":

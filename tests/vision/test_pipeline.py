@@ -291,3 +291,38 @@ def test_a_car_that_leaves_is_not_the_one_that_comes_from_the_vanishing_point():
     assert table["track_id"].nunique() == 2
     halves = [set(track["frame"] >= 60) for _, track in table.groupby("track_id")]
     assert halves == [{False}, {True}]
+
+
+class Drawn:
+    """A clip without pictures: frames know their number only."""
+
+    path, index, time, frame_interval = "clip", np.arange(60), np.arange(60) * 0.04, 0.04
+
+    def __len__(self):
+        return 60
+
+    def decoded(self, wanted):
+        return (Frame(k, float(self.time[k]), np.full((1, 1), k)) for k in wanted)
+
+
+def test_what_never_moves_is_left_out_and_what_comes_nearer_is_not(caplog):
+    class Known:
+        threshold = 0.4
+
+        def prepare(self, video):
+            return self
+
+        def detect(self, image):
+            k = int(image[0, 0])
+            parked = [20 + k % 2, 20, 80, 60]
+            coming = [300 - k, 100 - k, 320 + k, 115 + k]  # its middle stays
+            waiting = [200 + 6 * max(k - 50, 0), 200, 240 + 6 * max(k - 50, 0), 230]  # and then drives off
+            return Detections(np.array([parked, coming, waiting], float), np.full(3, 0.9), np.full(3, "car"))
+
+    with caplog.at_level("INFO", logger="roadfiber"):
+        table, *_ = box_tracks(Drawn(), Known())
+    assert table["track_id"].nunique() == 2 and (table.groupby("track_id").size() == 60).all()
+    assert table["box_left"].min() > 100, "the parked one is gone"
+    assert [record.getMessage() for record in caplog.records if "left out" in record.getMessage()] == [
+        "1 tracks that end where they began are left out: parked vehicles or false alarms"
+    ]
