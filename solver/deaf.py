@@ -34,7 +34,7 @@ def deaf_channels(record: DASRecord, channel: Integers) -> Integers:
     for run in np.split(channel, np.flatnonzero(np.diff(channel) != 1) + 1) if reach else ():
         for first in range(0, len(run), TOGETHER):
             lot = run[max(0, first - reach) : first + TOGETHER + reach]
-            values = record.strain_rate[:, np.searchsorted(record.channel, lot)]
+            values = record.strain_rate[:, np.searchsorted(record.channel, lot)][record.measured]
             found.append(lot[deaf(values, reach) & np.isin(lot, run[first : first + TOGETHER])])
     return np.concatenate(found)
 

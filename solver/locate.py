@@ -205,6 +205,7 @@ def locate(
             table = read_trajectories(site.trajectories.files, site.frame)
         said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
         record = decimated(read_das(site.das.files, **{name: getattr(site.das, name) for name in said}))
+        warnings += record.cautions
         anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
         heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
         shown = filtered(heard, filters)

@@ -60,13 +60,14 @@ def view_of(rough: Initialization, passes: Sequence[Pass]) -> np.ndarray:
 def silent(record: DASRecord, ends: np.ndarray) -> str | None:
     """Say which channels between `ends` [2] record nothing; None where all do.
 
-    What a channel repeats for more than half of the time is nothing.
+    What a channel repeats for more than half of the time is nothing; of gaps nothing is said.
     """
     inside = (record.channel >= ends[0]) & (record.channel <= ends[1])
     columns = np.flatnonzero(inside)
     # Block by block: of a long fiber every copy is a large part of the memory.
     blocks = np.array_split(columns, max(1, len(columns) // TYPICAL))
-    changing = [(np.abs(np.diff(record.strain_rate[:, block], axis=0)) > 0).mean(0) for block in blocks]
+    told = record.measured[1:] & record.measured[:-1]
+    changing = [(np.abs(np.diff(record.strain_rate[:, block], axis=0)[told]) > 0).mean(0) for block in blocks]
     dead = record.channel[columns][~(np.concatenate(changing) > 0.5)]
     if not len(dead):
         return None

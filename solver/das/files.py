@@ -14,7 +14,10 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from solver.das.tdms import read_tdms_properties
 from solver.das.units import Unit, dascore, parse_unit
+from solver.das.unreadable import why_unknown, why_unreadable
 from vision.contract import InputError, read_text, read_toml
+
+ROUNDED = 1_000_000  # ns; so far may two clocks of one file be apart
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -156,11 +159,24 @@ def from_silixa_h5(block: Block) -> Block:
 
 
 def from_prodml(block: Block) -> Block:
-    """Number the channels of a PRODML file as it does: from its StartLocusIndex."""
+    """Number the channels of a PRODML file as it does, from its StartLocusIndex, and take the time of every sample.
+
+    DASCore takes the times of the first and the last sample; that they jump or run backwards between shows only here.
+    """
     import h5py
 
     with h5py.File(block.path) as file:
-        return replace(block, first_channel=int(file["Acquisition"].attrs["StartLocusIndex"]))
+        acquisition = file["Acquisition"]
+        block = replace(block, first_channel=int(acquisition.attrs["StartLocusIndex"]))
+        for name in acquisition:
+            times = acquisition.get(f"{name}/RawDataTime")
+            # Microseconds since 1970, as the standard has it; not all makers keep to it.
+            if times is not None and len(times) == len(block.time) and np.issubdtype(times.dtype, np.integer):
+                time = times[:].astype(np.int64) * 1000
+                ends = np.array([time.min(), time.max()])
+                if (np.abs(ends - block.time[[0, -1]]) <= ROUNDED).any():
+                    return replace(block, time=time)
+    return block
 
 
 def from_febus(block: Block) -> Block:
@@ -249,14 +265,11 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
     except InputError:
         raise
     except UnknownFiberFormatError as error:
-        raise InputError(
-            f"{path}: no known DAS format; give a file of an interrogator, or numpy with a side file"
-        ) from error
+        raise InputError(f"{path}: {why_unknown(path)}") from error
     except Exception as error:  # a parser fed with damaged bytes fails in ways nobody lists
         if is_lone_sample(path):
             raise InputError(f"{path}: holds a single sample, whose rate nothing tells; leave this file out") from error
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: damaged or incomplete ({reason}); copy the file again") from error
+        raise InputError(f"{path}: {why_unreadable(error)}") from error
 
 
 def read_blocks(path: Path) -> list[Block]:

@@ -30,8 +30,13 @@ class Segment:
 def file_interval(block: Block) -> float:
     """Return the sampling interval of a file, ns."""
     steps = np.diff(block.time)
-    if not len(steps) or steps.min() <= 0:
-        raise InputError(f"{block.path}: its times do not increase; export the recording again")
+    if not len(steps):
+        raise InputError(f"{block.path}: a single sample has no rate; leave this file out")
+    if steps.min() <= 0:
+        sample = int((steps <= 0).argmax()) + 1
+        what = "repeat" if steps[sample - 1] == 0 else "run backwards"
+        at = np.datetime64(int(block.time[sample]), "ns").astype("datetime64[ms]")
+        raise InputError(f"{block.path}: its times {what} at sample {sample} ({at}Z); export the recording again")
     usual = float(np.median(steps))
     return float(steps.mean()) if steps.max() < 1.5 * usual else usual
 

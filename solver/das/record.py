@@ -14,6 +14,8 @@ from solver.das.files import Block, checksum, read_blocks
 from solver.das.grid import assemble, sampling_interval, segments_of
 from solver.das.rounding import Rounding, rounding_of
 from solver.das.units import Unit, across_gauge, resolve, to_strain_rate
+from solver.das.values import check_size, clipped
+from solver.limits import CHANNEL_SPACINGS, GAUGE_LENGTHS
 from vision.contract import InputError, progress
 
 Array = NDArray[np.float64]
@@ -39,6 +41,7 @@ class DASRecord:
     gaps : (first, last) time of the missing samples of each gap, s
     provenance : files, checksums, format, original unit, scale and notes
     rounding : of the stored numbers; None where they were not rounded
+    cautions : what the user should know of the record, a line each
     """
 
     strain_rate: Array
@@ -52,6 +55,7 @@ class DASRecord:
     gaps: tuple[tuple[float, float], ...]
     provenance: dict[str, Any]
     rounding: Rounding | None = None
+    cautions: tuple[str, ...] = ()
 
     @cached_property
     def measured(self) -> NDArray[np.bool_]:
@@ -115,18 +119,28 @@ def file_spacing(block: Block) -> float | None:
     return spacing
 
 
-def agreed(name: str, stated: float | None, given: float | None, where: Path, notes: list[str]) -> float:
+def agreed(
+    name: str, limits: tuple[float, float], stated: float | None, given: float | None, where: Path, notes: list[str]
+) -> float:
     """Return what the user gives, else what the file states; note it where they differ.
 
     Raises
     ------
     InputError
-        If neither is there.
+        If neither is there, or no interrogator has such a length.
     """
+    key = name.replace(" ", "_")
+    length = stated if given is None else given
+    if length is None:
+        raise InputError(f"{where}: {name} absent; give {key}, m, in [das] of site.toml")
+    if not limits[0] <= length <= limits[1]:
+        source = "stated" if given is None else "given"
+        raise InputError(
+            f"{where}: {name} {length:g} m as {source}, but none is below {limits[0]:g} or above {limits[1]:g} m; "
+            f"give {key}, m, in [das] of site.toml"
+        )
     if given is None:
-        if stated is None:
-            raise InputError(f"{where}: {name} absent; give {name.replace(' ', '_')}, m, in [das] of site.toml")
-        return stated
+        return length
     if stated is not None and abs(given / stated - 1) > TOLERANCE:
         notes.append(f"{name} {given:g} m as given; the file states {stated:g} m")
         logger.warning("%s: %s", where, notes[-1])
@@ -200,11 +214,26 @@ def distance_of(block: Block, channel: NDArray[np.int64], spacing: float, given:
     return distance[0] + np.arange(len(channel), dtype=np.float64) * spacing if given else distance
 
 
+def gap_line(start: np.datetime64, first: float, last: float, interval: float) -> str:
+    """Say when a record has no samples: the first and last missing one, s after `start`, and their interval, s.
+
+    >>> gap_line(np.datetime64("2025-08-11T06:00:00", "ns"), 128.0, 727.8, 0.2)
+    'the record has a gap of 10 min 0 s, from 2025-08-11T06:02:08Z to 06:12:08Z; what lies on either side is used'
+    """
+    ends = start + np.round(np.array([first, last + interval]) * 1e9).astype("timedelta64[ns]")
+    begin, end = np.datetime_as_string(ends, unit="s")
+    minutes, seconds = divmod(last - first + interval, 60)
+    length = f"{minutes:.0f} min {seconds:.0f} s" if minutes else f"{seconds:.1f} s"
+    end = end.partition("T")[2] if end[:10] == begin[:10] else end
+    return f"the record has a gap of {length}, from {begin}Z to {end}Z; what lies on either side is used"
+
+
 def without_dead(strain_rate: Array, channel: NDArray[np.int64], excluded: NDArray[np.bool_], where: Path) -> Array:
     """Set channels that never change to NaN, in place: what does not move is not measured."""
     still = np.nanmax(strain_rate, axis=0) == np.nanmin(strain_rate, axis=0)
     if still.all():
         raise InputError(f"{where}: no channel holds a signal; check channels and exclude in [das] of site.toml")
+    check_size((np.nanmax(strain_rate, axis=0) - np.nanmin(strain_rate, axis=0))[~still], where)
     dead = still & ~excluded
     if dead.any():
         logger.warning(
@@ -265,9 +294,10 @@ def read_das(
     blocks = read_all(files)
     check_alike(blocks)
     first = blocks[0]
-    stored = resolve(first.unit, first.stated, quantity, scale, first.path)
-    spacing = agreed("channel spacing", file_spacing(first), channel_spacing, first.path, notes)
-    gauge = agreed("gauge length", first.gauge_length, gauge_length, first.path, notes)
+    whole = np.issubdtype(first.data.dtype, np.integer)
+    stored = resolve(first.unit, first.stated, quantity, scale, first.path, whole=whole)
+    spacing = agreed("channel spacing", CHANNEL_SPACINGS, file_spacing(first), channel_spacing, first.path, notes)
+    gauge = agreed("gauge length", GAUGE_LENGTHS, first.gauge_length, gauge_length, first.path, notes)
     unit = stored
     if stored.quantity == "velocity":
         blocks = [differenced(block, spacing, gauge) for block in blocks]
@@ -282,14 +312,16 @@ def read_das(
     segments = [part for block in blocks for part in segments_of(block, checked(block, columns, excluded), interval)]
     values, gaps = assemble(segments, interval)
     del segments
-    for begin, end in gaps:
-        logger.warning("%s: gap from %.3f to %.3f s after the start", first.path, begin, end)
+    start = np.datetime64(int(first.time[0]), "ns")
+    cautions = [gap_line(start, *gap, interval * 1e-9) for gap in gaps]
+    if cut_off := clipped(values):
+        cautions.append(cut_off)
     rounding = rounding_of(values, unit, 1e9 / interval, gauge)
     strain_rate = converted(values, unit, 1e9 / interval, gauge)
     return DASRecord(
         strain_rate=without_dead(strain_rate, channel, excluded, first.path),
         time=np.arange(len(strain_rate), dtype=np.float64) * (interval * 1e-9),
-        start=np.datetime64(int(first.time[0]), "ns"),
+        start=start,
         distance=distance_of(blocks[0], channel, spacing, channel_spacing is not None),
         channel=channel,
         gauge_length=gauge,
@@ -298,4 +330,5 @@ def read_das(
         gaps=gaps,
         provenance=provenance_of(blocks, stored, notes),
         rounding=rounding,
+        cautions=tuple(cautions),
     )

@@ -99,10 +99,13 @@ def parse_unit(text: Any) -> Unit | None:
     return None if powers else Unit("strain", factor)
 
 
-def resolve(unit: Unit | None, stated: str, quantity: str | None, scale: float | None, where: Path) -> Unit:
+def resolve(
+    unit: Unit | None, stated: str, quantity: str | None, scale: float | None, where: Path, *, whole: bool = False
+) -> Unit:
     """Decide what the numbers are, from what the file says (`unit`; `stated` in its words) and what the user says.
 
     `quantity` fills in what the file does not say (numbers in SI units then); `scale` overrides the file's factor.
+    `whole`: the file stores integers, which are counts of something and in no SI unit.
 
     Raises
     ------
@@ -123,6 +126,11 @@ def resolve(unit: Unit | None, stated: str, quantity: str | None, scale: float |
     if scale is not None:
         known = quantity or (unit.quantity if unit else "")
         return Unit(known, scale, bool(unit and unit.per_length and unit.quantity == known))
+    if unit is None and whole and quantity != "idas_counts":
+        raise InputError(
+            f"{where}: integers are counts, not {quantity} in SI units; give scale (count to SI unit) in [das] "
+            "of site.toml"
+        )
     if unit is None:
         return Unit(str(quantity), 116.0 if quantity == "idas_counts" else 1.0)
     if quantity is not None and quantity != unit.quantity:

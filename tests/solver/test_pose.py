@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from solver.das import DASRecord
+from solver.deaf import deaf_channels
 from solver.fit.map_fit import MapFit
 from solver.fit.result import FitResult
-from solver.pose import bent_ends, pose, track_sigma, with_slow_errors
+from solver.pose import bent_ends, pose, silent, track_sigma, with_slow_errors
 from solver.traffic import Traffic
 from vision.contract import InputError
 
@@ -106,3 +107,14 @@ def test_no_vehicle_near_the_channels_is_said(case) -> None:
     )
     with pytest.raises(InputError, match=r"no vehicle comes within 25 m of channels .* check the frame"):
         pose(record, away, [], problem.start, problem.channel, problem.prior)
+
+
+def test_a_gap_is_not_channels_that_hear_nothing(survey) -> None:
+    """In a gap of 10 min amid 3 of record, every channel "recorded nothing", and half of them were left out."""
+    strain_rate = np.full((2000, survey.record.strain_rate.shape[1]), np.nan)
+    strain_rate[:300], strain_rate[-100:] = survey.record.strain_rate[:300], survey.record.strain_rate[300:]
+    record = replace(survey.record, strain_rate=strain_rate, time=np.arange(2000) / 5)
+    fitted = survey.result.fitted_channel
+    assert silent(record, fitted[[0, -1]]) == silent(survey.record, fitted[[0, -1]])
+    assert "channels 70 record nothing" in str(silent(record, fitted[[0, -1]]))
+    assert not len(deaf_channels(record, fitted))

@@ -145,12 +145,9 @@ def prior_lines(run: Run) -> list[str]:
 
 def cautions(run: Run) -> list[str]:
     """What the user must know besides the checks before relying on the route; empty where there is nothing."""
-    result, settings, lines = run.result, run.facts["settings"], prior_lines(run)
+    result, lines = run.result, prior_lines(run)
     if not np.isfinite(result.covariance).all():
         lines.append(f"The method {result.method!r} states no uncertainty here.")
-    if settings["gaps"]:
-        lost = sum(end - begin for begin, end in settings["gaps"])
-        lines.append(f"The recording has {counted(len(settings['gaps']), 'gap')}, {lost:.1f} s in all.")
     missing = set(range(result.fitted_channel[0], result.fitted_channel[-1] + 1)) - set(result.fitted_channel.tolist())
     if missing:
         lines.append(f"{counted(len(missing), 'channel')} within the range gave no data.")

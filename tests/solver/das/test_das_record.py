@@ -47,14 +47,15 @@ def test_many_files_are_one_record(tmp_path):
     assert (record.provenance["format"], record.provenance["scale"]) == ("PRODML 2.0", 1e-9)
 
 
-def test_missing_files_leave_a_gap(tmp_path, caplog):
+def test_missing_files_leave_a_gap(tmp_path):
     whole = noise(100)
     record = read_das([das_file(tmp_path / f"{row}.h5", whole[row : row + 25], row) for row in (0, 50, 75)])
     assert record.gaps == ((pytest.approx(5.0), pytest.approx(9.8)),)
     assert (~record.measured).nonzero()[0].tolist() == list(range(25, 50))
     assert np.allclose(record.strain_rate[50:], whole[50:], rtol=1e-6, atol=0)
     assert np.allclose(np.diff(record.time), 0.2)
-    assert "gap from 5.000 to 9.800 s" in caplog.text
+    line = "the record has a gap of 5.0 s, from 2025-08-11T06:00:05Z to 06:00:10Z; what lies on either side is used"
+    assert record.cautions == (line,)
 
 
 def test_channels_keep_their_numbers(tmp_path):
@@ -239,8 +240,10 @@ class Trap:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (b"", "no known DAS format"),
-        (b"time,channel\n1,2\n", "no known DAS format"),
+        (b"", "an empty file, 0 bytes"),
+        (b"time,channel\n1,2\n", "text, whatever its name says"),
+        (b"TDSm" + bytes(40), "TDMS that breaks off"),
+        (b"\0\1\2", "no known DAS format"),
         (pickle.dumps(["dascore.core Patch", Trap()]), "a pickle can run code"),
     ],
 )
@@ -259,6 +262,98 @@ def test_cut_files_are_one_clear_line(tmp_path, share):
         read_das([tmp_path / "a.h5"])
     assert "\n" not in str(caught.value)
     assert str(tmp_path / "a.h5") in str(caught.value)
+
+
+def test_hdf5_that_is_cut_or_holds_no_das_is_named(tmp_path):
+    content = das_file(tmp_path / "a.h5", noise(400)).read_bytes()
+    (tmp_path / "a.h5").write_bytes(content[:5000])
+    with pytest.raises(InputError, match=f"HDF5 that breaks off after 5000 of {len(content)} bytes; copy"):
+        read_das([tmp_path / "a.h5"])
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file["picture"] = np.zeros(3)
+    with pytest.raises(InputError, match=r"HDF5 of no known DAS format \(it holds picture\)"):
+        read_das([tmp_path / "b.h5"])
+
+
+def changed(path, name, value):
+    """Replace a dataset of Raw[0], or its unit."""
+    with h5py.File(path, "r+") as file:
+        raw = file["Acquisition/Raw[0]"]
+        if name == "RawDataUnit":
+            raw.attrs[name] = value
+            return path
+        attributes = dict(raw[name].attrs)
+        array = value(raw[name][:])
+        del raw[name]
+        raw.create_dataset(name, data=array).attrs.update(attributes)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("RawData", np.transpose, r"its data are \[12, 40\], but time and channel \[40, 12\]: the axes are exchanged"),
+        ("RawDataUnit", np.bytes_("bananas"), "unknown unit 'bananas'; write one such as"),
+        ("RawDataTime", lambda t: t[::-1], "its times run backwards at sample 1"),
+        (
+            "RawDataTime",
+            lambda t: np.r_[t[:20], t[19:-1]],
+            r"times repeat at sample 20 \(2025-08-11T06:00:03.800Z\)",
+        ),
+        ("RawDataTime", lambda t: np.r_[t[:20], t[10:30]], "its times run backwards at sample 20"),
+        (
+            "RawData",
+            lambda v: 1e12 * v,
+            "strain rates of 2e[+]04 1/s, but the ground never strains faster than 0.1 1/s",
+        ),
+        ("RawData", lambda v: 1e-9 * v, "but no interrogator hears less than 1e-13 1/s; check the file's unit"),
+    ],
+)
+def test_files_that_contradict_themselves_or_nature(tmp_path, name, value, says):
+    with pytest.raises(InputError, match=says) as caught:
+        read_das([changed(das_file(tmp_path / "a.h5", noise()), name, value)])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_gap_within_a_file(tmp_path):
+    path = changed(das_file(tmp_path / "a.h5", noise()), "RawDataTime", lambda t: t + 60_000_000 * (t > t[19]))
+    record = read_das([path])
+    assert np.allclose(record.strain_rate[record.measured], noise(), rtol=1e-6, atol=0)
+    assert record.cautions[0].startswith("the record has a gap of 1 min 0 s, from 2025-08-11T06:00:04Z to 06:01:04Z")
+
+
+def test_integers_without_a_scale_are_counts(tmp_path):
+    path = array_file(tmp_path, np.rint(1e9 * noise()).astype(np.int16))
+    with pytest.raises(InputError, match="integers are counts, not strain_rate in SI units; give scale"):
+        read_das([path], quantity="strain_rate")
+    assert np.allclose(read_das([path], quantity="strain_rate", scale=1e-9).strain_rate, noise(), atol=1e-9)
+
+
+def test_clipped_records_are_told(tmp_path):
+    clip = np.clip(noise(), -1e-8, 1e-8)
+    (line,) = read_das([array_file(tmp_path, clip, unit="1/s")]).cautions
+    assert line.startswith(
+        f"{(clip == 1e-8).sum()} samples of 12 channels stand at the same largest number, 1e-08: the"
+    )
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (
+            {"gauge_length": 1e-4},
+            "gauge length 0.0001 m as given, but none is below 0.01 or above 1000 m",
+        ),
+        ({"gauge_length": 1e4}, "gauge length 10000 m as given"),
+        ({"channel_spacing": 1e-4}, "channel spacing 0.0001 m as given, but none is below 0.001 or above 200 m"),
+        ({"channel_spacing": 1e3}, "channel spacing 1000 m as given"),
+    ],
+)
+def test_lengths_that_no_interrogator_has(tmp_path, given, says):
+    with pytest.raises(InputError, match=says):
+        read_das([das_file(tmp_path / "a.h5", noise())], **given)
+    with pytest.raises(InputError, match=says.replace("given", "stated", 1)):
+        read_das([das_file(tmp_path / "a.h5", noise(), **given)])
 
 
 def test_no_files(tmp_path):
@@ -313,7 +408,7 @@ def test_real_files_open(shared_data, name, kind, quantity, gauge_length, sampli
     [
         ("ap_sensing_1.hdf5", "states 'SCALED_DIFFERENTIAL_PHASE_32', which tells no unit; give quantity"),
         ("febus_2.h5", "a spectrum and no time series; export StrainRate instead"),
-        ("LICENSE", "no known DAS format"),
+        ("LICENSE", "text, whatever its name says"),
     ],
 )
 def test_real_files_that_say_why_not(shared_data, name, says):

@@ -1,0 +1,54 @@
+"""Why a file is no DAS file that can be read: empty, cut short, text, another kind of HDF5, axes exchanged."""
+
+import re
+from pathlib import Path
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+TDMS = b"TDSm"
+
+
+def why_unknown(path: Path) -> str:
+    """Say, in a line that ends with how to mend it, why the format of a file is not known."""
+    with path.open("rb") as stream:
+        start = stream.read(4096)
+    if not start:
+        return "an empty file, 0 bytes; copy it again"
+    if start.startswith(HDF5):
+        return why_no_hdf5(path)
+    if start.startswith(TDMS):
+        return "TDMS that breaks off or is of no DAS; copy the file again"
+    if b"\0" not in start and start.isascii():
+        return "text, whatever its name says; give the file of an interrogator, or numpy with a side file"
+    return "no known DAS format; give a file of an interrogator, or numpy with a side file"
+
+
+def why_no_hdf5(path: Path) -> str:
+    """Say why HDF5 is of no known DAS format."""
+    import h5py
+
+    try:
+        with h5py.File(path) as file:
+            held = ", ".join(sorted(file)) or "nothing"
+    except OSError as error:
+        if sizes := re.search(r"truncated file: eof = (\d+).*?stored_eof = (\d+)", str(error)):
+            return f"HDF5 that breaks off after {sizes[1]} of {sizes[2]} bytes; copy the file again"
+        return "damaged HDF5; copy the file again"
+    return f"HDF5 of no known DAS format (it holds {held}); export PRODML, or numpy with a side file"
+
+
+def why_unreadable(error: Exception) -> str:
+    """Say, in a line that ends with how to mend it, why DASCore could not read a file.
+
+    >>> why_unreadable(ValueError("Data array has a shape of (241, 322) which doesnt match (322, 241)."))
+    'its data are [241, 322], but time and channel [322, 241]: the axes are exchanged; transpose them in the file'
+    >>> why_unreadable(ValueError("'bananas' is not defined in the unit registry"))
+    "unknown unit 'bananas'; write one such as (nm/m)/s or rad/s into the file"
+    """
+    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+    if unit := re.search(r"('.+') is not defined in the unit registry", reason):
+        return f"unknown unit {unit[1]}; write one such as (nm/m)/s or rad/s into the file"
+    shapes = re.findall(r"\((\d+), (\d+)\)", reason)
+    if len(shapes) == 2 and shapes[0] == shapes[1][::-1]:
+        held, wanted = (f"[{', '.join(shape)}]" for shape in shapes)
+        return f"its data are {held}, but time and channel {wanted}: the axes are exchanged; transpose them in the file"
+    return f"damaged or incomplete ({reason}); copy the file again"
