@@ -15,7 +15,7 @@ from solver.criticism.bench import RACERS, STANDING_IN, Advance, Asked, Bench, r
 from solver.criticism.beside import BESIDE, CLOSE, FEW, MANY, Beside, akin, both_known, of_family, outdone
 from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.placing import stage_of
-from solver.criticism.refit import HOPE, Refit, elsewhere, race
+from solver.criticism.refit import HOPE, Refit, as_located, elsewhere, race
 from solver.criticism.repairs import mended
 from solver.criticism.score import FOUND, Score
 from solver.criticism.scorer import Scorer, similarity
@@ -345,5 +345,5 @@ def confounded(
 def held_out_gain(scorer: Scorer, winner: Refit) -> float | None:
     """Fall of the held-out chi2 per degree of freedom with the winner in the model."""
     fits = (scorer.fit, scorer.state), (winner.fit, winner.solution.state)
-    without, with_it = side_by_side(lambda at: held_out_misfit(at[0].problem, at=at), fits)
+    without, with_it = side_by_side(lambda at: held_out_misfit(as_located(at[0].problem), at=at), fits)
     return None if without is None or with_it is None else without.chi2_per_dof - with_it.chi2_per_dof

@@ -123,8 +123,9 @@ class Refit:
 
     @cached_property
     def sigma(self) -> NDArray[np.float64]:
-        """Standard deviations [number] of those, as the full fit has them."""
-        sigma = Posterior(Chain.single(self.fit), self.solution.at).sigmas()
+        """Standard deviations [number] of those, as a run with the candidate in its model will have them."""
+        chain = Chain.single(MapFit(as_located(self.fit.problem)))
+        sigma = Posterior(chain, chain.visit(self.solution.state)).sigmas()
         numbers = sigma[len(sigma) - len(self.solution.state.numbers) :]
         every = [numbers[slot.where] for slot in self.slots if not slot.parameter.is_shape]
         return np.asarray(torch.cat(every))
@@ -167,6 +168,14 @@ def too_large(parameter: Parameter, size: NDArray[np.float64]) -> bool:
     """Whether many numbers without bounds are together of a size that their prior rules out."""
     bounded = np.isfinite(parameter.lower) or np.isfinite(parameter.upper)
     return not bounded and float(np.sqrt(np.mean((size - parameter.null) ** 2))) > EXTREME * parameter.plausible
+
+
+def as_located(problem: Problem) -> Problem:
+    """The survey with noise as `locate` and `add` take it.
+
+    That it grows with the signal is allowed for while effects are ranked, but it may be what the missing effect leaves.
+    """
+    return replace(problem, signal_noise=0.0)
 
 
 def with_effect(problem: Problem, effect: Effect) -> Problem:

@@ -3,18 +3,26 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from solver.criticism import diagnosis
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import idle_candidate
 from solver.criticism.diagnosis import Diagnosis
 from solver.criticism.files import read_ladder, write_ladder
 from solver.criticism.growth import first_rung, next_rung
 from solver.criticism.pages import Chapter, ladder_page, story_page
+from solver.criticism.refit import Refit
 from solver.criticism.verdict_words import left_open
 from solver.effects.catalogue import built_in
+from solver.fit.chain import Chain
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit
+from solver.fit.posterior import assemble
 from solver.run import Run
 
 
@@ -81,3 +89,25 @@ def test_a_story_ends_with_what_could_not_be_told_apart(run) -> None:
     last = Chapter(Diagnosis("adequate", "nothing is missing", (alone,), audit, 0.0), "Nothing more was added.")
     page = story_page([added, last], [first_rung(run(), Path("a"))], "Elm <Street>")
     assert page.rindex(words) > page.index("Nothing more was added.")
+
+
+def test_an_effect_has_one_sigma_and_one_held_out_misfit(case, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gauge's sigma was .0021 in its diagnosis and .0003 in the run to which it was added.
+
+    While effects are ranked noise may count as growing with the signal, which is how a missing effect looks.
+    """
+    gauge = built_in()["gauge_length"]
+    problem = replace(case.problem, effects=(gauge,))
+    fit = MapFit(problem)
+    end = solve(fit, fit.start(), iterations=60)
+    told = assemble(problem, fit, end.state, method="spline", iterations=1, seconds=0.0, converged=True)
+    ranked = MapFit(replace(problem, signal_noise=0.02))
+    score: Any = SimpleNamespace(effect=gauge)
+    refit = Refit(score, ranked, replace(end, at=Chain.single(ranked).visit(end.state)), 100.0)
+    assert refit.sigma[0] == pytest.approx(told.parameters["gauge_length.relative"].sigma, rel=1e-6)
+    judged: list[float] = []
+    monkeypatch.setattr(diagnosis, "held_out_misfit", lambda problem, at: judged.append(problem.signal_noise))
+    monkeypatch.setattr(diagnosis, "side_by_side", lambda function, of: [function(one) for one in of])
+    scorer: Any = SimpleNamespace(fit=ranked, state=end.state)
+    diagnosis.held_out_gain(scorer, refit)
+    assert judged == [0.0, 0.0]
