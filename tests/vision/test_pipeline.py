@@ -233,7 +233,7 @@ def test_the_demos_detector_warns_of_itself_except_on_renderings(rendered, tmp_p
         box_tracks(open_video(clip), load_detector("street"))
     told = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
     assert bool(told) != rendered
-    assert all("misleads" in line and "--detector" in line for line in told)
+    assert all("MOTA" in line and "--detector" in line for line in told)
 
 
 def test_a_graph_that_is_no_detector(survey, command, tmp_path_factory):
