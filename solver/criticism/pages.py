@@ -14,7 +14,7 @@ from solver.criticism.growth import Rung
 from solver.criticism.score import FOUND
 from solver.criticism.verdict_words import left_open
 from solver.run.report.drawing import canvas, place
-from solver.run.report.page import resource
+from solver.run.report.page import resource, with_commands
 from vision.contract.figures import styled, svg
 
 PAGE = """<!doctype html>
@@ -203,7 +203,7 @@ def ladder_body(rungs: Sequence[Rung]) -> str:
 def doubt_list(rungs: Sequence[Rung]) -> str:
     """What must be said of rungs before their numbers."""
     lines = [(rung.effects[-1], line) for rung in rungs for line in rung.words]
-    items = "".join(f"<li><b>+ {escape(name)}:</b> {escape(line)}.</li>" for name, line in lines)
+    items = "".join(f"<li><b>+ {escape(name)}:</b> {with_commands(line)}.</li>" for name, line in lines)
     return f'<ul class="doubts">{items}</ul>' if items else ""
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections import defaultdict
 from html import escape
 from importlib.resources import files
@@ -52,6 +53,15 @@ def json_text(value: Any) -> str:
         .replace("<", "\\u003c")
         .replace("'", "\\u0027")
     )
+
+
+def with_commands(text: str) -> str:
+    """Text as HTML, with what stands between backticks as commands.
+
+    >>> with_commands("a < b: `roadfiber diagnose RUN`")
+    'a &lt; b: <code>roadfiber diagnose RUN</code>'
+    """
+    return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def terms(pairs: list[tuple[str, str]]) -> str:
@@ -332,7 +342,7 @@ def render(run: Run) -> str:
         when=f"recorded {str(run.start)[:16].replace('T', ' ')} UTC",
         headline=escape(run.facts["headline"]),
         grade=trust["grade"],
-        verdict=escape(trust["sentence"]),
+        verdict=with_commands(trust["sentence"]),
         checks=check_section(run),
         key_figures=key_figures,
         cautions=caution_section(run),
