@@ -7,7 +7,8 @@ import typer
 
 if TYPE_CHECKING:
     from solver.criticism.diagnosis import Diagnosis
-    from solver.criticism.growth import Grown, Rung
+    from solver.criticism.growth import Grown
+    from solver.effects.plugins import Catalogue
     from solver.fit.state import State
     from solver.run.contents import Run
 
@@ -15,12 +16,10 @@ app = typer.Typer()
 
 RunFolder = Annotated[Path, typer.Argument(help="A run folder that `roadfiber locate` or `add` wrote.")]
 Plugins = Annotated[list[Path] | None, typer.Option("--plugin", help="File with effects of your own; may be repeated.")]
+Changed = Annotated[
+    bool, typer.Option("--plugin-changed", help="Go on with a plugin that is not the file the run was made with.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")]
-
-
-def plugins_of(folder: Path, more: list[Path] | None) -> list[Path]:
-    """Files of users' effects: those in a run folder, and more."""
-    return [*sorted(folder.glob("plugin-*.py")), *(more or [])]
 
 
 def state_of(run: "Run") -> "State":
@@ -29,7 +28,8 @@ def state_of(run: "Run") -> "State":
     Raises
     ------
     InputError
-        If the run is of a long fiber: effects would have to be the same along all of it.
+        If the run is of a long fiber, where effects would have to be the same along all of it; if it holds other
+        numbers than its model has; or if code of its model was not given.
     """
     import torch
 
@@ -43,19 +43,24 @@ def state_of(run: "Run") -> "State":
             f"run of {length:.0f} m of fiber: a model is criticized over {ONE_STRETCH:.0f} m at most; "
             "name a stretch as channels in site.toml and locate that"
         )
-    return MapFit(run.problem).state_of(torch.from_numpy(run.result.vector))
+    fit = MapFit(run.problem)
+    if len(run.result.vector) != len(fit.mean):
+        raise InputError(
+            f"run: holds {len(run.result.vector)} fitted numbers, and its model has {len(fit.mean)}; "
+            "give the plugin it was made with, or run `roadfiber locate` again"
+        )
+    return fit.state_of(torch.from_numpy(run.result.vector))
 
 
-def diagnosed(run: "Run", plugins: list[Path]) -> "Diagnosis":
+def diagnosed(run: "Run", known: "Catalogue") -> "Diagnosis":
     """Diagnose a run, with a progress bar."""
     from solver.criticism.diagnosis import diagnose as diagnose_problem
     from solver.criticism.diagnosis import steps
-    from solver.effects.plugins import catalogue
     from vision.contract import progress
 
-    effects = list(catalogue(plugins).values())
+    effects, state = list(known.values()), state_of(run)
     with progress("testing effects", steps(effects)) as advance:
-        return diagnose_problem(run.problem, state_of(run), effects=effects, advance=advance)
+        return diagnose_problem(run.problem, state, effects=effects, advance=advance)
 
 
 def in_words(diagnosis: "Diagnosis", folder: Path) -> str:
@@ -72,7 +77,7 @@ def in_words(diagnosis: "Diagnosis", folder: Path) -> str:
 
 
 @app.command()
-def diagnose(run: RunFolder, plugin: Plugins = None, as_json: AsJson = False) -> None:
+def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, as_json: AsJson = False) -> None:
     """Say which physical effect the model of a run lacks, if any.
 
     Audits the noise, tests every effect of the catalogue (and your own), fits the best in full, and writes
@@ -82,30 +87,29 @@ def diagnose(run: RunFolder, plugin: Plugins = None, as_json: AsJson = False) ->
     Example: `roadfiber diagnose runs/main-street --plugin my_effects.py`
     """
     from solver.criticism.files import write_diagnosis
-    from solver.run import read_run
+    from solver.run import open_run
     from vision.contract import require_writable
 
-    located = read_run(run)
+    located, known = open_run(run, plugin or [], changed)
     require_writable(run / "diagnosis.json")
-    diagnosis = diagnosed(located, plugins_of(run, plugin))
+    diagnosis = diagnosed(located, known)
     write_diagnosis(run, diagnosis, located.facts["name"])
     print((run / "diagnosis.json").read_text(encoding="utf-8") if as_json else in_words(diagnosis, run))
 
 
-def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tuple[Run, list[Grown]]":
+def grown(run: "Run", names: list[str], known: "Catalogue", force: bool) -> "tuple[Run, list[Grown]]":
     """Add effects one after another; refuse one that passes held out do not want."""
     import time
 
-    from solver.criticism.growth import grow, with_growth
-    from solver.effects.plugins import catalogue
+    from solver.criticism.growth import check_names, grow, with_growth
     from solver.fit.held_out import FOLDS
     from solver.fit.map_fit import MapFit
+    from solver.run.code import with_plugins
     from vision.contract import InputError, progress
 
     begun = time.perf_counter()
-    known = catalogue(plugins)
-    fit = MapFit(run.problem)
-    state = state_of(run)
+    check_names(names, run.problem, known)
+    state, fit = state_of(run), MapFit(run.problem)
     effects, steps = list(run.facts["effects"]), []
     with progress("fitting with more effects", (2 * FOLDS + 2) * len(names)) as advance:
         for name in names:
@@ -118,19 +122,7 @@ def grown(run: "Run", names: list[str], plugins: list[Path], force: bool) -> "tu
             fit, state = step.fit, step.solution.state
             effects.append(name)
             steps.append(step)
-    return with_growth(run, steps[-1], effects, time.perf_counter() - begun), steps
-
-
-def ladder_of(before: "Run", folder: Path, after: "Run", out: Path) -> "list[Rung]":
-    """The ladder of a run that has grown out of another."""
-    from solver.criticism.files import read_ladder
-    from solver.criticism.growth import first_rung, next_rung
-    from solver.run import read_run
-
-    rungs = read_ladder(folder) or [first_rung(before, folder)]
-    source = Path(rungs[0].run)
-    first = read_run(source) if source != folder and (source / "fit.json").is_file() else before
-    return [*rungs, next_rung(before, after, first, out)]
+    return with_plugins(with_growth(run, steps[-1], effects, time.perf_counter() - begun), known), steps
 
 
 @app.command()
@@ -139,6 +131,7 @@ def add(
     effects: Annotated[list[str], typer.Argument(help="Names of effects; `roadfiber effects` lists them.")],
     out: Annotated[Path, typer.Option("--out", help="Run folder to write.")],
     plugin: Plugins = None,
+    changed: Changed = False,
     force: Annotated[bool, typer.Option("--force", help="Keep it even if held-out passes fit no better.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -148,20 +141,19 @@ def add(
 
     Example: `roadfiber add runs/main-street gauge_length --out runs/main-street-2`
     """
-    from solver.criticism.files import write_ladder
-    from solver.run import check_target, read_run
+    from solver.criticism.files import check_out, ladder_from, write_ladder
+    from solver.criticism.growth import climbed
+    from solver.run import open_run
     from solver.run.folder import write_files
-    from vision.contract import InputError, writing
+    from vision.contract import writing
 
-    if out.resolve() == run.resolve():
-        raise InputError(f"--out {out}: is the run you start from; give the name of a new folder")
-    check_target(out)
-    before = read_run(run)
-    plugins = plugins_of(run, plugin)
-    after, steps = grown(before, effects, plugins, force)
-    rungs = ladder_of(before, run, after, out)
+    check_out(out, run)
+    before, known = open_run(run, plugin or [], changed)
+    below = ladder_from(run, before, out)
+    after, steps = grown(before, effects, known, force)
+    rungs = climbed(below, before, after)
     with writing(out) as folder:
-        write_files(folder, after, plugins)
+        write_files(folder, after)
         write_ladder(folder, rungs, after.facts["name"])
     if as_json:
         print((out / "ladder.json").read_text(encoding="utf-8"))
@@ -177,7 +169,7 @@ def add(
 
 
 @app.command()
-def clock(run: RunFolder, as_json: AsJson = False) -> None:
+def clock(run: RunFolder, plugin: Plugins = None, changed: Changed = False, as_json: AsJson = False) -> None:
     """Estimate the offset between the clocks of trajectories and DAS from a located run.
 
     The offset that fits all passes best, with the route free to move along; two directions, or clearly different
@@ -192,9 +184,9 @@ def clock(run: RunFolder, as_json: AsJson = False) -> None:
     from solver.criticism.growth import fitted_with
     from solver.effects.catalogue import built_in
     from solver.fit.track_trust import strict_tracks
-    from solver.run import read_run
+    from solver.run import open_run
 
-    located = read_run(run)
+    located, _ = open_run(run, plugin or [], changed)
     fit, state = converged(strict_tracks(located.problem), state_of(located))
     found = fitted_with(fit, state, built_in()["clock_offset"], lambda n: None)
     at = found.solution.state
@@ -212,18 +204,23 @@ def clock(run: RunFolder, as_json: AsJson = False) -> None:
 def ladder(runs: Annotated[list[Path], typer.Argument(help="Run folders.")], as_json: AsJson = False) -> None:
     """Draw the error ladder of runs: misfit against rungs, the noise floor, and how far the route moved.
 
+    `--json` prints one ladder, or a list of them where several runs are given.
+
     Example: `roadfiber ladder runs/main-street-2`
     """
-    from solver.criticism.files import read_ladder, write_ladder
+    import json
+
+    from solver.criticism.files import ladder_facts, read_ladder, write_ladder
     from solver.criticism.growth import first_rung
     from solver.run import read_run
 
+    written = []
     for folder in runs:
         run = read_run(folder)
-        rungs = read_ladder(folder) or [first_rung(run, folder)]
+        rungs = read_ladder(folder) or [first_rung(run)]
         write_ladder(folder, rungs, run.facts["name"])
+        written.append(ladder_facts(rungs))
         if as_json:
-            print((folder / "ladder.json").read_text(encoding="utf-8"))
             continue
         for rung in rungs:
             held = "-" if rung.held_out_chi2_per_dof is None else f"{rung.held_out_chi2_per_dof:.3f}"
@@ -232,6 +229,8 @@ def ladder(runs: Annotated[list[Path], typer.Argument(help="Run folders.")], as_
             names = ", ".join(rung.effects) or "as published"
             print(f"chi2/dof {rung.chi2_per_dof:.3f}  held out {held}  moved {rung.route_change:.2f} m  {names}")
         print(f"page: {folder / 'ladder.html'}")
+    if as_json:
+        print(json.dumps(written if len(written) > 1 else written[0], indent=1))
 
 
 @app.command()
@@ -239,7 +238,9 @@ def explain(
     run: RunFolder,
     out: Annotated[Path, typer.Option("--out", help="Run folder to write: the last rung, with the story.")],
     plugin: Plugins = None,
+    changed: Changed = False,
     rungs: Annotated[int, typer.Option(min=1, max=8, help="Effects to add at most.")] = 4,
+    as_json: AsJson = False,
 ) -> None:
     """Diagnose, add, and again until the model is adequate; tell the story.
 
@@ -248,50 +249,57 @@ def explain(
 
     Example: `roadfiber explain runs/main-street --out runs/main-street-explained`
     """
+    import json
     import time
 
-    from solver.criticism.files import read_ladder, write_diagnosis, write_ladder, write_story
-    from solver.criticism.growth import first_rung, next_rung, with_growth
+    from solver.criticism.files import check_out, ladder_from, story_facts, write_diagnosis, write_ladder, write_story
+    from solver.criticism.growth import climbed, with_growth
     from solver.criticism.growth import grow as grow_by
     from solver.criticism.pages import Chapter
     from solver.criticism.verdict_words import left_open
-    from solver.effects.plugins import catalogue
     from solver.fit.map_fit import MapFit
-    from solver.run import check_target, read_run
+    from solver.run import open_run
+    from solver.run.code import with_plugins
     from solver.run.folder import write_files
     from vision.contract import writing
 
-    check_target(out)
-    plugins = plugins_of(run, plugin)
-    first = current = read_run(run)
-    climb = read_ladder(run) or [first_rung(current, run)]
+    def tell(line: str) -> None:
+        if not as_json:
+            print(line, flush=True)
+
+    check_out(out, run)
+    current, known = open_run(run, plugin or [], changed)
+    climb = ladder_from(run, current, out)
     chapters: list[Chapter] = []
     for _ in range(rungs + 1):
-        diagnosis = diagnosed(current, plugins)
-        print(f"{diagnosis.verdict}: {diagnosis.words}", flush=True)
+        diagnosis = diagnosed(current, known)
+        tell(f"{diagnosis.verdict}: {diagnosis.words}")
         name = diagnosis.candidates[0].effect if diagnosis.candidates else ""
         if diagnosis.verdict != "missing-effect" or len(chapters) == rungs:
             chapters.append(Chapter(diagnosis, "Nothing more was added."))
             break
         begun = time.perf_counter()
-        step = grow_by(MapFit(current.problem), state_of(current), name, catalogue(plugins))
+        step = grow_by(MapFit(current.problem), state_of(current), name, known)
         if not step.better:
             chapters.append(Chapter(diagnosis, f"{name} was tried, and passes held out fit no better."))
             break
         effects = [*current.facts["effects"], name]
         after = with_growth(current, step, effects, time.perf_counter() - begun)
-        climb = [*climb, next_rung(current, after, first, out)]
+        climb = climbed(climb, current, after)
         chapters.append(Chapter(diagnosis, f"{name} was added; the route moved {climb[-1].route_change:.2f} m."))
         for line in climb[-1].words:
-            print(line)
-        print(f"added {name}: chi2 per degree of freedom {climb[-2].chi2_per_dof:.3f} -> {climb[-1].chi2_per_dof:.3f}")
+            tell(line)
+        tell(f"added {name}: chi2 per degree of freedom {climb[-2].chi2_per_dof:.3f} -> {climb[-1].chi2_per_dof:.3f}")
         current = after
     with writing(out) as folder:
-        write_files(folder, current, plugins)
+        write_files(folder, with_plugins(current, known))
         write_diagnosis(folder, chapters[-1].diagnosis, current.facts["name"])
         write_ladder(folder, climb, current.facts["name"])
         write_story(folder, chapters, climb, current.facts["name"])
-    print(current.facts["trust"]["sentence"].replace("RUN", str(out)))
-    if words := left_open(one.diagnosis.candidates[0] for one in chapters if one.diagnosis.candidates):
-        print(words)
-    print(f"story: {out / 'explain.html'}")
+    sentence = current.facts["trust"]["sentence"].replace("RUN", str(out))
+    words = left_open(one.diagnosis.candidates[0] for one in chapters if one.diagnosis.candidates)
+    if as_json:
+        print(json.dumps(story_facts(chapters, climb) | {"trust": sentence, "still_open": words}, indent=1))
+    for line in (sentence, words, f"story: {out / 'explain.html'}"):
+        if line:
+            tell(line)

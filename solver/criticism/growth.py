@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from solver.fit.held_out import HeldOut, held_out
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
+from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.sides import reopened
 from solver.fit.state import State
@@ -25,6 +25,8 @@ from solver.run.facts import fitted_facts, strict
 from solver.run.report import told
 from vision.contract import InputError
 
+#: Rows of channel number, x, y, z (m).
+Route = tuple[tuple[float, float, float, float], ...]
 #: Fall of chi2 that is chance.
 CHANCE = 4.0
 #: Checks of what a model leaves.
@@ -41,7 +43,8 @@ class Rung:
     chi2_per_dof, held_out_chi2_per_dof, noise_floor : misfit of the fit, of passes it has not seen, and of noise alone
     route_change : largest way that the route moved from the rung before, m
     route_change_from_first : and from the first rung, m
-    run : folder of the rung
+    run : folder of the rung, seen from that of the ladder: a label, nothing is read there; None where it was not kept
+    route : channel number and x, y, z, m, of every channel that is constrained
     words : what must be said of it first; nothing where the route is better founded than that of the rung before
     """
 
@@ -51,7 +54,8 @@ class Rung:
     noise_floor: float | None
     route_change: float
     route_change_from_first: float
-    run: str
+    run: str | None
+    route: Route
     words: tuple[str, ...] = ()
 
 
@@ -120,6 +124,7 @@ def grow(
     def unseen(fit: MapFit, end: Solution) -> HeldOut | None:
         return held_out(fit.problem, advance, at=(fit, end.state))
 
+    check_names([name], fit.problem, catalogue)
     before = held_out(fit.problem, advance, at=(fit, state))
     if name in SEARCHES:
         fault = SEARCHES[name](fit, state)
@@ -130,15 +135,29 @@ def grow(
             # Samples are taken out and no model changes: there is nothing that held-out passes could compare.
             return Grown(new, end, (None, unseen(new, end)))
         return Grown(new, end, (before, unseen(new, end)))
-    effect = find(name, dict(catalogue))
-    if name in {one.name for one in fit.problem.effects}:
-        raise InputError(f"{name}: is in the model already; choose another effect")
     # Tracks that may be off by anything would take up what shifts them all.
     trusted = MapFit(strict_tracks(fit.problem, track_spread(fit.problem.passes, state.vehicles.along.numpy())))
-    refit = fitted_with(trusted, solve(trusted, state, iterations=60).state, effect, advance)
+    refit = fitted_with(trusted, solve(trusted, state, iterations=60).state, catalogue[name], advance)
     new = MapFit(replace(refit.fit.problem, prior=fit.problem.prior))
     end = solve(new, refit.solution.state, iterations=60)
     return Grown(new, end, (before, unseen(new, end)))
+
+
+def check_names(names: Sequence[str], problem: Problem, catalogue: Mapping[str, Effect]) -> None:
+    """Refuse names of which there is no effect or fault, or whose effect is in the model already.
+
+    Raises
+    ------
+    InputError
+        For the first of them.
+    """
+    present = {one.name for one in problem.effects}
+    for name in names:
+        if name not in SEARCHES:
+            find(name, catalogue)
+        if name in present:
+            raise InputError(f"{name}: is in the model already; choose another effect")
+        present.add(name)
 
 
 def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[int], None]) -> Refit:
@@ -172,34 +191,51 @@ def together(one: FitResult, other: FitResult) -> list[tuple[NDArray[np.float64]
     return [(r.route[where], r.sigma[where]) for r, where in at]
 
 
-def apart(one: FitResult, other: FitResult) -> float:
-    """Largest distance between two routes over the channels that both constrain, m; NaN where there are none."""
-    (first, _), (second, _) = together(one, other)
-    return float(np.linalg.norm(first - second, axis=1).max()) if len(first) else float("nan")
+def known_route(result: FitResult) -> Route:
+    """Channel number and place, to a tenth of a millimeter, of every channel that a result constrains."""
+    rows = np.column_stack([result.channel, result.route.round(4)])[result.constrained]
+    return tuple((c, x, y, z) for c, x, y, z in rows.tolist())
+
+
+def apart(one: Route, other: Route) -> float:
+    """Largest distance between two routes over the channels that both constrain, m; NaN where there are none.
+
+    >>> apart(((7, 0.0, 4.0, 1.0), (8, 1.0, 4.0, 1.0)), ((8, 1.0, 4.3, 1.4), (9, 2.0, 9.0, 1.0)))
+    0.5
+    """
+    first, second = ({row[0]: row[1:] for row in route} for route in (one, other))
+    common = sorted(set(first) & set(second))
+    shift = np.array([first[c] for c in common]) - np.array([second[c] for c in common])
+    return float(np.linalg.norm(shift, axis=1).max().round(4)) if common else float("nan")
 
 
 def moved(one: FitResult, other: FitResult) -> float:
     """Largest difference of two routes there along x, y or z, in the larger of their sigmas; NaN likewise."""
-    (first, sigma), (second, later) = together(one, other)
+    common = np.intersect1d(one.channel[one.constrained], other.channel[other.constrained])
+    (first, sigma), (second, later) = (
+        (fit.route[at], fit.sigma[at]) for fit in (one, other) for at in [np.searchsorted(fit.channel, common)]
+    )
     return float(np.max(np.abs(first - second) / np.fmax(sigma, later))) if len(first) else float("nan")
 
 
-def first_rung(run: Run, folder: Path) -> Rung:
-    """The rung that a located fiber is by itself."""
+def first_rung(run: Run) -> Rung:
+    """The rung that a run is by itself, in its own folder."""
     facts = run.facts
     held_out, floor = facts["held_out_chi2_per_dof"], facts["noise_floor"]
-    return Rung(tuple(facts["effects"]), run.result.chi2_per_dof, held_out, floor, 0.0, 0.0, str(folder))
+    route = known_route(run.result)
+    return Rung(tuple(facts["effects"]), run.result.chi2_per_dof, held_out, floor, 0.0, 0.0, ".", route)
 
 
-def next_rung(before: Run, after: Run, first: Run, folder: Path) -> Rung:
-    """The rung of a run that has grown, with what must be said of it first."""
-    change = apart(before.result, after.result)
-    return replace(
-        first_rung(after, folder),
-        route_change=change,
-        route_change_from_first=apart(first.result, after.result),
-        words=tuple(doubts(before, after, change)),
-    )
+def climbed(rungs: Sequence[Rung], before: Run, after: Run) -> list[Rung]:
+    """The ladder `rungs` of a run with that of another, which has grown out of it, and what must be said of it first.
+
+    In the folder that the new one goes to no run below is kept.
+    """
+    rung = first_rung(after)
+    change = apart(known_route(before.result), rung.route)
+    since = apart(rungs[0].route, rung.route)
+    last = replace(rung, route_change=change, route_change_from_first=since, words=tuple(doubts(before, after, change)))
+    return [*(replace(one, run=None) if one.run == rung.run else one for one in rungs), last]
 
 
 def doubts(before: Run, after: Run, change: float) -> list[str]:

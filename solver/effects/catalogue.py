@@ -131,6 +131,7 @@ def find(name: str, catalogue: Mapping[str, Known]) -> Known:
         If there is none of that name.
     """
     if name not in catalogue:
-        near = get_close_matches(name, catalogue, 3) or [other for other in catalogue if name[:4] in other] or catalogue
-        raise InputError(f"effect {name}: not known; did you mean {', '.join(near)}? `roadfiber effects` lists all")
+        near = get_close_matches(name, catalogue, 3) or [other for other in catalogue if name[:4] in other][:3]
+        hint = f"did you mean {', '.join(near)}? " if near else ""
+        raise InputError(f"effect {name}: not known; {hint}`roadfiber effects` lists all")
     return catalogue[name]

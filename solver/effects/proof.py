@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TypeVar
 
@@ -56,7 +57,11 @@ def prove(load: Callable[[S], Sequence[Effect]], source: S, who: str) -> None:
 
 @cache
 def warm() -> None:
-    """Let PyTorch load what its first derivatives need, which each process would do anew."""
+    """Let PyTorch load what its first derivatives need, which each process would do anew.
+
+    Some forward derivatives load its compiler, which puts functions of its own into torch: not the plugin's doing.
+    """
+    import_module("torch._dynamo")
     verify(built_in()["channel_coupling"])
 
 

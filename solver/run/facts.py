@@ -19,9 +19,9 @@ from solver.fit.result import FitResult
 from solver.run.floor import noise_floor
 from solver.run.gates import trust_of
 from solver.run.problem_arrays import problem_facts
+from solver.run.stored import FORMAT
 from solver.site import Site
 
-FORMAT = "roadfiber run 1"
 PACKAGES = ("roadfiber", "torch", "numpy", "scipy", "dascore", "pandas", "pyproj", "matplotlib")
 
 
@@ -125,6 +125,7 @@ def facts_of(
         "start": f"{record.start}Z",
         "anchors": [asdict(anchor) for anchor in anchors],
         "settings": settings_of(site, record),
+        "plugins": [],
         "record": {name: value for name, value in record.provenance.items() if name not in ("files", "sha256")},
         "inputs": inputs_of(site, record),
         "timings": timings,

@@ -1,10 +1,9 @@
 """The run folder: what `locate` leaves behind, and all that later commands need of it."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from shutil import copyfile
 from typing import Any
 from zipfile import BadZipFile
 
@@ -12,15 +11,17 @@ import numpy as np
 
 from solver.anchors import Anchor
 from solver.das import DASRecord
-from solver.effects.catalogue import find
-from solver.effects.plugins import catalogue
+from solver.effects.effect import Effect
+from solver.effects.plugins import Catalogue, catalogue
 from solver.fit.held_out import HeldOut
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.run import geojson, report
+from solver.run.code import check_plugins, finder
 from solver.run.contents import Run
-from solver.run.facts import FORMAT, facts_of
+from solver.run.facts import facts_of
 from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, problem_from
+from solver.run.stored import AnyRun, FitFile, read_model
 from solver.site import Site
 from solver.trajectory import Pass
 from vision.contract import InputError, LocalFrame, require_writable, writing
@@ -73,7 +74,7 @@ def check_target(folder: Path) -> None:
         raise InputError(f"{folder}: a file; give the name of a new folder")
     if folder.is_dir() and any(folder.iterdir()):
         try:
-            read_facts(folder)
+            read_model(folder / "fit.json", AnyRun, "")
         except InputError as error:
             raise InputError(f"{folder}: holds something else than a run; give the name of a new folder") from error
     require_writable(folder)
@@ -121,8 +122,8 @@ def write_run(
     return run
 
 
-def write_files(folder: Path, run: Run, plugins: Sequence[Path] = ()) -> None:
-    """Write the files of a run, whole or not at all; `plugins` are the files of users' effects in its model."""
+def write_files(folder: Path, run: Run) -> None:
+    """Write the files of a run, whole or not at all."""
     result, facts = run.result, run.facts
     with writing(folder) as temporary:
         temporary.mkdir()
@@ -132,8 +133,6 @@ def write_files(folder: Path, run: Run, plugins: Sequence[Path] = ()) -> None:
         (temporary / "fit.json").write_text(json.dumps(facts, allow_nan=False, indent=1), encoding="utf-8")
         write_arrays(temporary / "data.npz", run)
         (temporary / "report.html").write_text(report.render(run), encoding="utf-8")
-        for number, plugin in enumerate(plugins):
-            copyfile(plugin, temporary / f"plugin-{number}.py")
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
@@ -146,15 +145,9 @@ def read_facts(folder: Path) -> dict[str, Any]:
     """
     path = Path(folder) / "fit.json"
     mend = "give a folder that `roadfiber locate` wrote"
-    try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{folder}: no run folder (fit.json: {error.strerror}); {mend}") from error
-    except ValueError as error:
-        raise InputError(f"{path}: no valid JSON ({error}); {mend}") from error
-    if not isinstance(facts, dict) or facts.get("format") != FORMAT:
-        raise InputError(f"{path}: not of a run in the format {FORMAT!r}; {mend}")
-    return facts
+    if not path.is_file():
+        raise InputError(f"{folder}: no run folder (it has no fit.json); {mend}")
+    return read_model(path, FitFile, mend).model_dump(mode="json")
 
 
 def number(value: float | None) -> float:
@@ -162,12 +155,14 @@ def number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-def read_run(folder: Path) -> Run:
-    """Read a run folder back.
+def read_run(folder: Path, effects: Iterable[Effect] = ()) -> Run:
+    """Read a run folder back; no code that lies in it is run.
 
     Parameters
     ----------
     folder : as `write_run` wrote it
+    effects : beyond the built-in ones, that its model may hold; where one is not given, everything but the model can be
+        looked at, and evaluating that raises an InputError which says what to give
 
     Returns
     -------
@@ -193,8 +188,7 @@ def read_run(folder: Path) -> Run:
         scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
         scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof")}
         anchors = [Anchor(**anchor) for anchor in facts["anchors"]]
-        known = catalogue(sorted(Path(folder).glob("plugin-*.py")))
-        problem = problem_from(arrays, facts["problem"], anchors, lambda name: find(name, known))
+        problem = problem_from(arrays, facts["problem"], anchors, finder(facts["plugins"], effects))
         scalars["law"] = problem.law
         result = FitResult(**{name: arrays[name] for name in ARRAYS}, **maps, **scalars, parameters=parameters)
         return Run(
@@ -209,3 +203,24 @@ def read_run(folder: Path) -> Run:
         )
     except (OSError, KeyError, TypeError, ValueError, BadZipFile) as error:
         raise InputError(f"{path}: not the arrays of this run ({error}); run `roadfiber locate` again") from error
+
+
+def open_run(folder: Path, plugins: Sequence[Path], changed: bool = False) -> tuple[Run, Catalogue]:
+    """Read a run and the effects that may be put into its model.
+
+    Parameters
+    ----------
+    folder : of the run
+    plugins : files with users' effects
+    changed : whether one may be another than the file that the run was made with
+
+    Raises
+    ------
+    InputError
+        If the run or a plugin cannot be read, or a plugin is not the one that the run was made with.
+    """
+    facts = read_facts(folder)
+    known = catalogue(plugins)
+    if not changed:
+        check_plugins(facts, known.plugin_of)
+    return read_run(folder, known.values()), known

@@ -191,12 +191,14 @@ def test_add_extends_the_ladder_refuses_what_does_not_help_and_takes_a_user_effe
     assert ladder[1]["held_out_chi2_per_dof"] < ladder[0]["held_out_chi2_per_dof"]
     facts = json.loads((tmp_path / "second" / "fit.json").read_text(encoding="utf-8"))
     assert facts["parameters"]["wide_gauge.relative"]["value"] == pytest.approx(0.15, abs=0.03)
-    # The new run folder holds the user's file and is diagnosed with it.
-    assert diagnosis(tmp_path / "second")["verdict"] == "adequate"
+    # The new run folder says which file it was made with, and is diagnosed with that.
+    with pytest.raises(InputError, match=r"made with mine\.py \(sha256 \w{64}\): give it with --plugin mine\.py"):
+        diagnosis(tmp_path / "second")
+    assert diagnosis(tmp_path / "second", "--plugin", plugin)["verdict"] == "adequate"
     with pytest.raises(InputError, match=r"camber: chi2 .* held-out .* not kept"):
         CliRunner().invoke(
             roadfiber.app,
-            ["-q", "add", str(tmp_path / "second"), "camber", "--out", str(tmp_path / "third")],
+            ["-q", *map(str, ("add", tmp_path / "second", "camber", "--plugin", plugin, "--out", tmp_path / "third"))],
             catch_exceptions=False,
             standalone_mode=False,
         )

@@ -14,7 +14,7 @@ from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import idle_candidate
 from solver.criticism.diagnosis import Diagnosis
 from solver.criticism.files import read_ladder, write_ladder
-from solver.criticism.growth import first_rung, next_rung
+from solver.criticism.growth import climbed, first_rung
 from solver.criticism.pages import Chapter, ladder_page, story_page
 from solver.criticism.refit import Refit
 from solver.criticism.verdict_words import left_open
@@ -45,6 +45,11 @@ def run(survey):
     return made
 
 
+def said(before: Run, after: Run) -> tuple[str, ...]:
+    """What must be said first of the run that grew out of another."""
+    return climbed([first_rung(before)], before, after)[-1].words
+
+
 def generic() -> str:
     return next(name for name, one in built_in().items() if one.generic)
 
@@ -52,23 +57,23 @@ def generic() -> str:
 def test_a_rung_that_leaves_too_much_and_moves_the_route_says_so_first(run) -> None:
     """A stand-in was kept beside hidden braking: held out 1.60 to 1.49, while the route went from .18 to .80 m off."""
     before = run()
-    (line,) = next_rung(before, run("gauge_length", aside=0.62, failed=True), before, Path("b")).words
+    (line,) = said(before, run("gauge_length", aside=0.62, failed=True))
     assert "1.490 on passes" in line and "moved by 0.62 m, 12.4 of its sigmas" in line and "no better founded" in line
-    assert next_rung(before, run("gauge_length", aside=0.04, failed=True), before, Path("b")).words == ()
-    assert next_rung(before, run("gauge_length", aside=0.62), before, Path("b")).words == ()
+    assert said(before, run("gauge_length", aside=0.04, failed=True)) == ()
+    assert said(before, run("gauge_length", aside=0.62)) == ()
 
 
 def test_a_stand_in_never_founds_a_route_better(run) -> None:
     before, name = run(), generic()
-    (line,) = next_rung(before, run(name), before, Path("b")).words
+    (line,) = said(before, run(name))
     assert line.startswith(f"{name} is a stand-in: it names no cause")
     # It is said of the rung that brought it.
-    assert next_rung(run(name), run(name, "gauge_length"), before, Path("c")).words == ()
+    assert said(run(name), run(name, "gauge_length")) == ()
 
 
 def test_what_is_said_of_a_rung_is_kept_and_comes_before_its_numbers(run, tmp_path: Path) -> None:
     before = run()
-    rungs = [first_rung(before, Path("a")), next_rung(before, run(generic()), before, Path("b"))]
+    rungs = climbed([first_rung(before)], before, run(generic()))
     write_ladder(tmp_path, rungs, "Elm <Street>")
     assert read_ladder(tmp_path) == rungs
     assert json.loads((tmp_path / "ladder.json").read_text())["rungs"][1]["words"] == list(rungs[1].words)
@@ -87,7 +92,7 @@ def test_a_story_ends_with_what_could_not_be_told_apart(run) -> None:
         Diagnosis("missing-effect", "gauge_length is missing", (gauge,), audit, 0.0), "gauge_length was added."
     )
     last = Chapter(Diagnosis("adequate", "nothing is missing", (alone,), audit, 0.0), "Nothing more was added.")
-    page = story_page([added, last], [first_rung(run(), Path("a"))], "Elm <Street>")
+    page = story_page([added, last], [first_rung(run())], "Elm <Street>")
     assert page.rindex(words) > page.index("Nothing more was added.")
 
 

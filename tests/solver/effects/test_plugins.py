@@ -1,5 +1,8 @@
 """Users' own effects: from a file, from installed packages, and as the README shows them."""
 
+import hashlib
+import os
+import py_compile
 import re
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -9,7 +12,7 @@ import pytest
 
 from solver.effects import plugins
 from solver.effects.catalogue import built_in
-from solver.effects.plugins import catalogue, load_plugin
+from solver.effects.plugins import catalogue, load_plugin, read_plugin
 from solver.effects.trial_survey import Trial, trial_survey
 from vision.contract import InputError
 
@@ -87,13 +90,13 @@ def test_a_file_that_cannot_serve_is_refused_in_a_line(tmp_path, text, words):
     path = tmp_path / "mine.py"
     path.write_text(text)
     with pytest.raises(InputError, match=words) as caught:
-        load_plugin(path)
+        load_plugin(read_plugin(path))
     assert "\n" not in str(caught.value) and str(path) in str(caught.value)
 
 
 def test_a_missing_file_is_told(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.py: no such file"):
-        load_plugin(tmp_path / "nowhere.py")
+        read_plugin(tmp_path / "nowhere.py")
 
 
 @pytest.fixture
@@ -118,3 +121,23 @@ def test_an_entry_point_that_fails_is_named(package):
     package.declared("roads_of_nobody")
     with pytest.raises(InputError, match=r"entry point mine \(roads_of_nobody\): ModuleNotFoundError.* uninstall"):
         catalogue()
+
+
+def test_what_runs_is_what_the_checksum_is_of(tmp_path):
+    """Not a compiled copy beside the file, which Python would take for it by its time."""
+    path = written(tmp_path)
+    honest, stamp = path.read_text(), path.stat().st_mtime_ns
+    path.write_text(honest.replace("grip", "grap"))
+    os.utime(path, ns=(stamp, stamp))
+    py_compile.compile(str(path))
+    path.write_text(honest)
+    os.utime(path, ns=(stamp, stamp))
+    assert [one.name for one in load_plugin(read_plugin(path))] == ["grip"]
+    assert read_plugin(path).sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize(("content", "words"), [(b"\xff\xfe", "no UTF-8 text"), (b"#" * (2**20 + 1), "over 1 MiB")])
+def test_what_is_no_text_of_a_plugin_is_told(tmp_path, content, words):
+    (tmp_path / "mine.py").write_bytes(content)
+    with pytest.raises(InputError, match=words):
+        read_plugin(tmp_path / "mine.py")

@@ -173,7 +173,8 @@ def test_a_folder_of_something_else_is_never_replaced(survey, tmp_path, quick):
     [
         (lambda folder: (folder / "fit.json").unlink(), "no run folder"),
         (lambda folder: (folder / "fit.json").write_text("{"), "no valid JSON"),
-        (lambda folder: (folder / "fit.json").write_text("[1]"), "format"),
+        (lambda folder: (folder / "fit.json").write_text("[1]"), "an object"),
+        (lambda folder: (folder / "fit.json").write_text('{"format": "thesis"}'), "format: input should be 'roadfiber"),
         (lambda folder: (folder / "data.npz").unlink(), "arrays"),
         (lambda folder: (folder / "data.npz").write_bytes(b"PK\x03\x04 cut short"), "arrays"),
         (lambda folder: np.savez(folder / "data.npz", time=np.zeros(3)), "arrays"),

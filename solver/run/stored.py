@@ -1,0 +1,264 @@
+"""JSON files of a run folder: who wrote them is not known, so everything in them is checked before it is used.
+
+The models below are all that a run folder's JSON may hold: a key, type or size that they do not have is an error.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar, get_args
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from solver.run.trust import Verdict
+from vision.contract import InputError
+
+Format = Literal["roadfiber run 2"]
+(FORMAT,) = get_args(Format)
+#: Bytes of a JSON file; a run of 10 km of fiber and a thousand vehicles has a tenth of it.
+LARGEST = 2**26
+#: What is told of an error's place.
+PLACE = 80
+
+#: Text of one line, that no terminal takes for a command.
+Text = Annotated[str, Field(max_length=2**16, pattern=r"^[^\p{Cc}]*$")]
+FileName = Annotated[str, Field(max_length=255, pattern=r"^[^\p{Cc}/\\]+$")]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Moment = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?Z$")]
+Count = Annotated[int, Field(ge=0, le=10**9)]
+Size = Annotated[float, Field(ge=0)]
+Spread = Annotated[float, Field(ge=0, le=1e6)]
+Positive = Annotated[float, Field(gt=0, le=1e9)]
+#: Meters of gauges, between channels and knots.
+Length = Annotated[float, Field(ge=0.01, le=1e4)]
+#: A place, m, or a channel, which may lie between two.
+Place = Annotated[float, Field(ge=-1e8, le=1e8)]
+#: A number of which null says that it is not known; NaN then.
+Maybe = Annotated[float | None, AfterValidator(lambda value: float("nan") if value is None else value)]
+
+
+class Stored(BaseModel):
+    """What a JSON file of a run holds: finite numbers, no conversions, no other keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class FittedNumber(Stored):
+    """One of `parameters`."""
+
+    value: float | None
+    sigma: float | None
+    unit: Text
+    free: bool
+
+
+class FrameFile(Stored):
+    """`frame`: latitude and longitude of the origin, and the azimuth of +x, degrees."""
+
+    origin: tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]]
+    x_azimuth: Annotated[float, Field(ge=-360, le=360)]
+
+
+class AnchorFile(Stored):
+    """One of `anchors`; fields as those of `solver.anchors.Anchor`."""
+
+    name: Text
+    channel: Place
+    x: Place
+    y: Place
+    z: Place
+    sigma_xy: Positive
+    sigma_z: Positive
+
+
+class SettingsFile(Stored):
+    """`settings`: what the fit was given, m, Hz, s."""
+
+    gauge_length: Length
+    channel_spacing: Length
+    sampling_rate: Positive
+    gaps: tuple[tuple[float, float], ...]
+    poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
+    depth: tuple[Positive, Positive]
+
+
+class PriorFile(Stored):
+    """`problem.prior`; fields as those of `solver.fit.prior.Prior`."""
+
+    depth: tuple[Spread, Spread]
+    depth_slope: Spread
+    curvature: Spread
+    depth_curvature: Spread
+    stretch: Spread
+    poisson_ratio: tuple[Spread, Spread]
+    along: Spread
+    across: Spread
+    belief: Spread
+    jitter: Spread
+
+
+class CoilFile(Stored):
+    """`problem.coil`; fields as those of `solver.cable.Coil`."""
+
+    place: Place
+    length: Place
+    origin: Place
+    slope: float
+    lateral: Place
+    depth: Place
+
+
+class ProblemFile(Stored):
+    """`problem`: what is no array of `solver.fit.problem.Problem`; `added` are the names of its effects."""
+
+    recorded: Count
+    zero_distance: Place
+    channel_spacing: Length
+    gauge_length: Length
+    sampling_rate: Positive
+    curved: bool
+    signal_noise: Size
+    knot_spacing: Annotated[float, Field(ge=0.5, le=1e4)]
+    prior: PriorFile
+    added: Annotated[tuple[Text, ...], Field(max_length=1000)]
+    coil: CoilFile | None
+
+    @model_validator(mode="after")
+    def distinct(self) -> "ProblemFile":
+        """Refuse a model that has an effect twice."""
+        if len(set(self.added)) < len(self.added):
+            raise ValueError("an effect is there twice")
+        return self
+
+
+class PluginFile(Stored):
+    """One of `plugins`: a file with effects of the model, as text for people to read."""
+
+    file: FileName
+    sha256: Digest
+    effects: tuple[Text, ...]
+    text: Annotated[str, Field(max_length=2**20)]
+
+
+class InputFile(Stored):
+    """One of `inputs`."""
+
+    role: Text
+    path: Text
+    sha256: Digest
+
+
+class GateFile(Stored):
+    """One of `trust.gates`; fields as those of `solver.run.trust.Gate`."""
+
+    name: Text
+    verdict: Verdict
+    words: Text
+    mend: tuple[Text, ...]
+    found: float | None
+    expected: float | None
+    scatter: float | None
+    taken_up: float | None
+
+
+class TrustFile(Stored):
+    """`trust`; fields as those of `solver.run.trust.Trust`."""
+
+    sentence: Text
+    grade: Literal["good", "fair", "weak", "poor"]
+    gates: tuple[GateFile, ...]
+
+
+class AnyRun(Stored):
+    """What of fit.json says that it is of a run, of whatever version of roadfiber."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    format: Annotated[str, Field(pattern=r"^roadfiber run \d+$")]
+
+
+class FitFile(Stored):
+    """fit.json."""
+
+    format: Format
+    name: Annotated[str, Field(max_length=4096)]
+    method: Text
+    converged: bool
+    iterations: Count
+    seconds: Size
+    effects: tuple[Text, ...]
+    parameters: dict[Text, FittedNumber]
+    chi2: Size | None
+    chi2_per_dof: Size | None
+    noise_floor: Size | None
+    held_out_chi2_per_dof: Size | None
+    active_channels: tuple[Count, Count]
+    ambiguous_side: bool
+    disputed_anchors: tuple[Text, ...]
+    trust: TrustFile
+    headline: Text
+    notes: tuple[Text, ...]
+    warnings: tuple[Text, ...]
+    frame: FrameFile
+    start: Moment
+    anchors: tuple[AnchorFile, ...]
+    settings: SettingsFile
+    problem: ProblemFile
+    plugins: tuple[PluginFile, ...]
+    record: dict[Text, Text | float | int | bool | tuple[Text, ...] | None]
+    inputs: tuple[InputFile, ...]
+    timings: dict[Text, Size]
+    versions: dict[Text, Text]
+    created: Moment
+
+    @model_validator(mode="after")
+    def in_time(self) -> "FitFile":
+        """Refuse a start that no clock shows."""
+        np.datetime64(self.start.removesuffix("Z"), "ns")
+        return self
+
+
+Model = TypeVar("Model", bound=Stored)
+
+
+def printable(text: str, most: int = PLACE) -> str:
+    r"""Text of a stranger's in so many characters, none of which does anything to a terminal.
+
+    >>> printable("a\x1b[2Jb"), printable("abc", 2)
+    ('a?[2Jb', 'ab...')
+    """
+    shown = "".join(c if c.isprintable() else "?" for c in text[:most])
+    return shown + "..." if len(text) > most else shown
+
+
+def read_model(path: Path, model: type[Model], mend: str) -> Model:
+    """Read a JSON file of a run folder.
+
+    Parameters
+    ----------
+    path : of the file
+    model : what it must be
+    mend : what to do where it is not that
+
+    Raises
+    ------
+    InputError
+        If it is no file, too large, no JSON, or something else than `model`.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; {mend}")
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(LARGEST + 1)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {mend}") from error
+    if len(content) > LARGEST:
+        raise InputError(f"{path}: over {LARGEST >> 20} MiB, which no run's is; {mend}")
+    try:
+        return model.model_validate_json(content)
+    except ValidationError as error:
+        problem = error.errors(include_url=False, include_input=False)[0]
+        place = printable(".".join(map(str, problem["loc"]))) or "all of it"
+        said = printable(problem["msg"].removeprefix("Value error, "))
+        if problem["type"] == "json_invalid":
+            raise InputError(f"{path}: no valid JSON ({said}); {mend}") from error
+        raise InputError(f"{path}: {place}: {said[:1].lower()}{said[1:]}; {mend}") from error
