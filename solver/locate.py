@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 
 from solver.anchor_check import contradiction
@@ -227,7 +228,10 @@ def locate(
             f"channels {ranges(deaf)} hear next to nothing of what those beside them hear; they are left out, and the "
             "route there hangs on their neighbors"
         )
-    posed = [pose(record, passes, found.anchors, start, found.channel, prior, deaf) for start in found.routes]
+    begun = pose(record, passes, found.anchors, found.routes[0], found.channel, prior, deaf)
+    # From wherever a fit begins, noise and samples are the same: misfits compare.
+    alive = np.isin(found.channel, begun.channel)
+    posed = [replace(begun, start=start[alive]) for start in found.routes]
     curved, recorded = "curved_gauge" in effects, (int(record.channel[0]), int(record.channel[-1]))
     problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved, coil=found.coil)) for one in posed]
     if record.rounding:

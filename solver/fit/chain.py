@@ -21,6 +21,7 @@ from solver.fit.links import Link, linked
 from solver.fit.map_fit import MapFit, is_buried
 from solver.fit.normal import Block, Normal, Part
 from solver.fit.problem import Problem
+from solver.fit.robust import HUBER, SPIKE
 from solver.fit.state import PER_PASS, State, Weights
 from solver.fit.windows import parts
 
@@ -180,6 +181,19 @@ class Chain:
     def state_of(self, vector: Tensor) -> State:
         """The state of a vector [parameter], as `State.vector` gives it."""
         return State.of(vector, self.basis.size, self.passes)
+
+    def cost(self, visit: "Visit") -> float:
+        """-2 ln of the posterior density at a visit, but for a constant that all fits of one problem have in common.
+
+        A weight is what is left of a sample's precision, so that a fit that trusts its samples less pays for it; a
+        sample that was left out costs what one of its size costs at least.
+        """
+        trusted = 0.0
+        for link, weights in zip(self.links, visit.weights, strict=True):
+            weight = (weights.good * weights.soft)[link.fit.measured].double()
+            used = weight > 0
+            trusted += float(weight[used].log().sum()) - HUBER * SPIKE * int((~used).sum())
+        return visit.misfit - trusted + self.prior.total(visit.state)
 
     @cached_property
     def bounds(self) -> tuple[Tensor, Tensor]:

@@ -288,6 +288,7 @@ def assemble(
         law=problem.law,
         chi2=posterior.visit.misfit,
         chi2_per_dof=posterior.chi2_per_dof,
+        cost=chain.cost(posterior.visit),
         ambiguous_side=False,
         iterations=iterations,
         seconds=seconds,

@@ -40,6 +40,7 @@ class FitResult:
     law : of the noise in time and across channels
     chi2 : misfit of the whitened residual, weights applied
     chi2_per_dof : the same over degrees of freedom
+    cost : -2 ln of the posterior density where the fit ended, see `solver.fit.chain.Chain.cost`
     ambiguous_side : True where the mirror route on the other side of the traffic fits as well
     iterations, seconds, converged : how it went
     """
@@ -62,6 +63,7 @@ class FitResult:
     law: NoiseLaw
     chi2: float
     chi2_per_dof: float
+    cost: float
     ambiguous_side: bool
     iterations: int
     seconds: float

@@ -7,7 +7,7 @@ import numpy as np
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 
-#: Chi2 by which one side of the road must beat the other before the side counts as known (3 sigma).
+#: Fall of -2 ln posterior by which one side of the road must beat the other before it counts as known (3 sigma).
 DECISIVE = 9.0
 #: Chi2 beyond that of the first side from which the other is not followed to its end.
 HOPELESS = 100.0
@@ -49,13 +49,16 @@ def is_open(best: End, other: End, steps: int) -> bool:
     given_up = not second.converged and second.iterations < steps and second.chi2 > hopeless(first)
     if first.converged and (second.converged or given_up):
         # Where the model leaves more than noise, so much more must a rival be worse to be ruled out.
-        return second.chi2 - first.chi2 < DECISIVE * max(1.0, first.chi2_per_dof) and apart(second, first)
+        return second.cost - first.cost < DECISIVE * max(1.0, first.chi2_per_dof) and apart(second, first)
     return begun_apart(begun, elsewhere)
 
 
 def best_of(ends: Sequence[End], steps: int) -> tuple[End, bool]:
-    """The best of some fits, and whether another side is still open."""
-    best, *others = sorted(ends, key=lambda end: end[0].chi2)
+    """The best of some fits of one record, and whether another side is still open.
+
+    The misfit alone does not tell: on the wrong side all tracks may be moved aside by meters, and samples trusted less.
+    """
+    best, *others = sorted(ends, key=lambda end: end[0].cost)
     return best, any(is_open(best, other, steps) for other in others)
 
 

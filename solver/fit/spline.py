@@ -17,6 +17,8 @@ from solver.fit.windows import FIRST, parts, some
 
 #: Shifts of the tracks along their way, m rms, that no camera makes; and times, s, by which clocks may be apart.
 MISLED, DELAYS = 1.0, np.arange(-10, 11) / 10
+#: Distances from the traffic, m, at which a route may be laid instead.
+BESIDE = np.arange(0.0, 12.5, 1.0)
 #: Way to the side, m, that no camera is off by; and Poisson's ratios to begin at where a fit ends in what cannot be.
 ASIDE, RATIOS = 3.0, (0.05, 0.15, 0.25, 0.35, 0.4, 0.45)
 
@@ -57,6 +59,24 @@ def of_other_ratio(chain: Chain, state: State) -> State | None:
     return better_start(chain, begun, others)
 
 
+def laid_elsewhere(chain: Chain, state: State) -> State | None:
+    """Where to begin again if vehicles drive beside the road: on the straight route beside the traffic that fits best.
+
+    A fit that began too far off moves the tracks to where it puts the fiber. None where all are on the road, anchors
+    hold the route, or no other place fits better.
+    """
+    problem = chain.problem
+    if chain.long or problem.anchors or not bool((state.vehicles.across.abs() > ASIDE).any()):
+        return None
+    begun, y = chain.start(), torch.cat([torch.from_numpy(one.position[one.in_view, 1]) for one in chain.passes])
+    places = [*(float(y.max()) + BESIDE).tolist(), *(float(y.min()) - BESIDE).tolist()]
+    routes = (
+        np.column_stack([problem.start[:, 0], np.full(len(problem.start), y), problem.start[:, 2]]) for y in places
+    )
+    laid = (chain.basis.interpolate(problem.distance, route) for route in routes)
+    return better_start(chain, begun, (replace(begun, coefficients=torch.from_numpy(one)) for one in laid))
+
+
 def better_start(chain: Chain, begun: State, others: Iterable[State]) -> State | None:
     """That of other states at which vehicles of the best amplitudes fit best; None where none beats the first start."""
     fit = chain.links[0].fit
@@ -85,10 +105,10 @@ def fit_spline(
     begun = time.perf_counter()
     chain = Chain.of(problem)
     end = solve(chain, beginning(problem, chain, advance), advance=advance, hopeless=hopeless)
-    for elsewhere in (shifted_in_time, of_other_ratio):
+    for elsewhere in (shifted_in_time, of_other_ratio, laid_elsewhere):
         if (again := elsewhere(chain, end.state)) is not None:
             other = solve(chain, again, advance=advance, hopeless=hopeless)
-            end = min(end, other, key=lambda one: one.at.misfit + chain.prior.total(one.state))
+            end = min(end, other, key=lambda one: chain.cost(one.at))
     return assemble(
         problem,
         chain,

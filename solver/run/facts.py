@@ -90,6 +90,7 @@ def fitted_facts(
         "parameters": {name: asdict(parameter) for name, parameter in result.parameters.items()},
         "chi2": result.chi2,
         "chi2_per_dof": result.chi2_per_dof,
+        "cost": result.cost,
         "noise_floor": floor and floor.value,
         "held_out_chi2_per_dof": held_out and held_out.chi2_per_dof,
         "ambiguous_side": result.ambiguous_side,

@@ -142,6 +142,7 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Survey:
         law=NoiseLaw.white(),
         chi2=1234.5,
         chi2_per_dof=1.01,
+        cost=1234.5,
         ambiguous_side=False,
         iterations=7,
         seconds=1.2,

@@ -113,6 +113,7 @@ class Maker:
             law=law,
             chi2=1.0,
             chi2_per_dof=1.0,
+            cost=1.0,
             ambiguous_side=False,
             iterations=1,
             seconds=0.1,

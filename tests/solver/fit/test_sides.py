@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from solver import locate
+from solver.fit.chain import Chain
 from solver.fit.sides import reopened
+from solver.fit.state import Weights
 
 
 @pytest.fixture
@@ -27,22 +29,42 @@ def mirrored(result, **changes):
     return replace(result, route=result.route * [1, -1, 1], **changes)
 
 
-def test_converged_fits_decide_by_their_chi2(survey, two_sides):
-    result = replace(survey.result, chi2=1000.0)
-    assert two_sides(result, mirrored(result, chi2=1005.0))
-    assert not two_sides(result, mirrored(result, chi2=1050.0))
-    assert not two_sides(result, replace(result, chi2=1001.0)), "both fits ended on one side"
+def test_converged_fits_decide_by_their_posterior(survey, two_sides):
+    result = replace(survey.result, chi2=1000.0, cost=1000.0)
+    assert two_sides(result, mirrored(result, chi2=1005.0, cost=1005.0))
+    assert not two_sides(result, mirrored(result, chi2=1050.0, cost=1050.0))
+    assert not two_sides(result, replace(result, chi2=1001.0, cost=1001.0)), "both fits ended on one side"
+
+
+def test_the_misfit_alone_does_not_choose_the_side(survey, two_sides):
+    """The wrong side fitted better by moving every track meters aside, and by trusting the samples less."""
+    right = replace(survey.result, chi2=1000.0, cost=1010.0)
+    wrong = mirrored(right, chi2=990.0, cost=1060.0)
+    assert not two_sides(right, wrong)
+    assert not two_sides(wrong, right)
+
+
+def test_samples_that_are_trusted_less_cost_their_weight(case):
+    chain = Chain.of(case.problem)
+    visit = chain.visit(chain.start())
+    (weights,) = visit.weights
+    half = replace(visit, misfit=visit.misfit / 2, weights=[Weights(weights.good, weights.soft / 2)])
+    samples = float(weights.good.sum())
+    assert visit.misfit > 1.5 * samples, "not at the end of the fit"
+    assert chain.cost(half) - chain.cost(visit) == pytest.approx(samples * np.log(2) - visit.misfit / 2, rel=1e-6)
+    none = replace(visit, misfit=0.0, weights=[Weights(0 * weights.good, weights.soft)])
+    assert chain.cost(none) > 20 * samples
 
 
 def test_a_fit_that_was_given_up_is_ruled_out(survey, two_sides):
-    result = replace(survey.result, chi2=1000.0)
-    assert not two_sides(result, mirrored(result, chi2=2000.0, converged=False, iterations=6))
+    result = replace(survey.result, chi2=1000.0, cost=1000.0)
+    assert not two_sides(result, mirrored(result, chi2=2000.0, cost=2000.0, converged=False, iterations=6))
 
 
 @pytest.mark.parametrize("worse", [5.0, 50.0, 5000.0])
 def test_fits_that_did_not_converge_decide_nothing(survey, two_sides, worse):
-    result = replace(survey.result, chi2=1000.0, iterations=40)
-    behind = mirrored(result, chi2=1000.0 + worse, converged=False)
+    result = replace(survey.result, chi2=1000.0, cost=1000.0, iterations=40)
+    behind = mirrored(result, chi2=1000.0 + worse, cost=1000.0 + worse, converged=False)
     assert two_sides(result, behind)
     assert two_sides(replace(result, converged=False), replace(behind, converged=True))
     # Sigmas are wide where the misfit is large: routes do not even count as apart.
