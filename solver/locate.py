@@ -22,6 +22,7 @@ from solver.effects.plugins import catalogue
 from solver.fit import METHODS, FitResult, Prior, Problem, fit_spline
 from solver.fit.chain import Chain
 from solver.fit.held_out import FOLDS, HeldOut, held_out
+from solver.fit.room import require_room_to_fit
 from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.windows import is_long
 from solver.load import not_known
@@ -233,6 +234,8 @@ def locate(
     alive = np.isin(found.channel, begun.channel)
     posed = [replace(begun, start=start[alive]) for start in found.routes]
     curved, recorded = "curved_gauge" in effects, (int(record.channel[0]), int(record.channel[-1]))
+    if method == "spline":
+        require_room_to_fit(posed[0])
     problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved, coil=found.coil)) for one in posed]
     if record.rounding:
         warnings += told(record.rounding.at(posed[0].channel - record.channel[0]), posed[0].noise.numpy())

@@ -12,12 +12,13 @@ import torch
 from torch.autograd import forward_ad
 
 from solver.forks import can_fork
+from solver.memory import available
 
 S = TypeVar("S")
 T = TypeVar("T")
 
-#: Processes at most: each holds about a gigabyte of its own.
-MOST = 8
+#: Processes at most, and bytes that each holds of its own.
+MOST, EACH = 8, 1e9
 
 _task: Callable[[int], bytes]
 
@@ -39,7 +40,7 @@ def side_by_side(
     >>> side_by_side(lambda number: number**2, [0, 1, 4])
     [0, 1, 16]
     """
-    workers = min(torch.get_num_threads(), MOST, len(of))
+    workers = min(torch.get_num_threads(), len(of), int(min(available() // EACH, MOST)))
     parallel = workers > 1 and can_fork()
     results = {}
     for number, result in forked(function, of, workers) if parallel else enumerate(map(function, of)):

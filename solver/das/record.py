@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from solver.das.files import Block, checksum, read_blocks
 from solver.das.grid import assemble, sampling_interval, segments_of
 from solver.das.rounding import Rounding, rounding_of
+from solver.das.size import require_room_for_files, require_room_for_record
 from solver.das.units import Unit, across_gauge, resolve, to_strain_rate
 from solver.das.values import check_size, clipped
 from solver.limits import CHANNEL_SPACINGS, GAUGE_LENGTHS
@@ -20,6 +21,7 @@ from vision.contract import InputError, progress
 
 Array = NDArray[np.float64]
 
+AT_ONCE = 64  # channels that are converted
 TOLERANCE = 0.01  # between what the file and the user say
 
 logger = logging.getLogger("roadfiber")
@@ -78,10 +80,11 @@ def ranges(numbers: NDArray[np.int64]) -> str:
     return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
 
 
-def read_all(files: Sequence[Path]) -> list[Block]:
-    """Read every file; blocks sorted by time."""
+def read_all(files: Sequence[Path], whole: bool) -> list[Block]:
+    """Read every file; blocks sorted by time. `whole`: all channels are wanted."""
     if not files:
         raise InputError("no DAS files; give at least one")
+    require_room_for_files(files, whole)
     blocks = list[Block]()
     with progress("reading DAS", len(files)) as advance:
         for path in files:
@@ -202,7 +205,10 @@ def converted(values: Array, unit: Unit, sampling_rate: float, gauge_length: flo
     rows = np.flatnonzero(np.isfinite(values).all(axis=1))
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
         span = slice(run[0], run[-1] + 1)
-        values[span] = to_strain_rate(values[span], unit, sampling_rate, gauge_length)
+        # A derivative takes ten times the memory of what it is of.
+        for first in range(0, values.shape[1], AT_ONCE):
+            part = slice(first, first + AT_ONCE)
+            values[span, part] = to_strain_rate(values[span, part], unit, sampling_rate, gauge_length)
     return values
 
 
@@ -291,7 +297,7 @@ def read_das(
         length are absent, channels are out of range or hold NaN, or no channel holds a signal.
     """
     notes = list[str]()
-    blocks = read_all(files)
+    blocks = read_all(files, channels is None)
     check_alike(blocks)
     first = blocks[0]
     whole = np.issubdtype(first.data.dtype, np.integer)
@@ -309,6 +315,7 @@ def read_das(
     columns = columns_of(blocks[0], channels)
     channel = blocks[0].first_channel + np.arange(columns.start, columns.stop)
     excluded = excluded_of(blocks[0], channel, exclude)
+    require_room_for_record(sum(len(block.data) for block in blocks), len(channel), first.path)
     segments = [part for block in blocks for part in segments_of(block, checked(block, columns, excluded), interval)]
     values, gaps = assemble(segments, interval)
     del segments

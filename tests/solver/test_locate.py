@@ -42,6 +42,18 @@ def folder(street: Survey, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path / "s"
 
 
+def test_a_survey_that_does_not_fit_into_memory_is_refused_before_the_fit(
+    folder: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for user in ("solver.memory", "solver.fit.room"):
+        monkeypatch.setattr(f"{user}.available", lambda: 1.5e8)
+    monkeypatch.setattr("solver.locate.fit_sides", lambda *given: pytest.fail("was fitted"))
+    status, _, error = command("-q", "locate", folder, "--out", tmp_path / "run")
+    assert status == 2 and error.count("\n") == 1
+    assert " of memory, and 0.15 GB are free, enough for " in error and "channels at most, channels = [first" in error
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_survey_becomes_a_run_folder(folder: Path, street: Survey, command: Command, tmp_path: Path) -> None:
     status, said, error = command("-q", "locate", folder, "--out", tmp_path / "run")
     assert status == 0, error

@@ -1,0 +1,75 @@
+"""How much memory work needs, and how much this machine has left: known before the work, not by its end."""
+
+import os
+from pathlib import Path
+
+from vision.contract import InputError
+
+#: Where Linux says what a container may use, and uses: its limit and its use, bytes.
+CGROUPS = (
+    ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
+    ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
+)
+MEMINFO = Path("/proc/meminfo")
+
+
+def available() -> float:
+    """Bytes that can still be used; infinity where the system does not say.
+
+    >>> available() > 1e6
+    True
+    """
+    rooms = [float("inf")]
+    try:
+        said = dict(line.split(":") for line in MEMINFO.read_text().splitlines())
+        rooms.append(float(said["MemAvailable"].split()[0]) * 1024)
+    except (OSError, KeyError, ValueError):
+        rooms.append(free_pages())
+    for limit, use in CGROUPS:
+        try:
+            # No limit is the word "max", or a number beyond all memory.
+            rooms.append(float(Path(limit).read_text()) - float(Path(use).read_text()))
+        except (OSError, ValueError):
+            continue
+    return max(0.0, min(rooms))
+
+
+def free_pages() -> float:
+    """Bytes in free pages, where the system counts them."""
+    try:
+        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        return float("inf")
+
+
+def require_memory(needed: float, what: str, mend: str) -> None:
+    """Refuse work for which the memory does not suffice.
+
+    Parameters
+    ----------
+    needed : bytes, beyond what this process has
+    what : the work, as the message begins
+    mend : what to do
+
+    Raises
+    ------
+    InputError
+        If less is available.
+
+    >>> require_memory(1e21, "reading a.h5", "name fewer channels")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    vision.contract.errors.InputError: reading a.h5 needs about 1000000000000 GB of memory, ...
+    """
+    room = available()
+    if needed > room:
+        free = f"{gigabytes(room)} are free, enough for {room / needed:.0%} of it"
+        raise InputError(f"{what} needs about {gigabytes(needed)} of memory, and {free}; {mend}")
+
+
+def gigabytes(size: float) -> str:
+    """Write bytes for people.
+
+    >>> gigabytes(5.04e9), gigabytes(3.2e8)
+    ('5 GB', '0.32 GB')
+    """
+    return f"{size / 1e9:.2g} GB" if size < 1e11 else f"{size / 1e9:.0f} GB"
