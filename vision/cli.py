@@ -48,6 +48,10 @@ def track(
         Path | None,
         typer.Option(help=".csv, .parquet, or MOTChallenge .txt.  [default: trajectories.csv; pixels: boxes.csv]"),
     ] = None,
+    draw: Annotated[
+        Path | None,
+        typer.Option(help=".mp4 to write: the video with boxes, tails, ids, classes and, with a calibration, speeds."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the summary as JSON.")] = False,
 ) -> None:
     """Follow the vehicles of a video: metric trajectories with a sigma per fix.
@@ -65,6 +69,7 @@ def track(
     from vision.camera import Calibration
     from vision.contract.files import require_writable
     from vision.detectors import load_detector
+    from vision.drawn_video import draw_video, require_drawable
     from vision.dropped import write_dropped
     from vision.pipeline import box_tracks, on_road, start_time, summarize, utc
     from vision.video import open_video
@@ -72,6 +77,9 @@ def track(
     out = out or Path("trajectories.csv" if calibration else "boxes.csv")
     check_suffix(out)
     require_writable(out)
+    if draw:
+        require_drawable(draw, video)
+        require_writable(draw)
     view = Calibration.read(calibration) if calibration else None
     model = load_detector(detector, layout=layout, names=split(names), classes=split(classes))
     kept = None if no_cache else cache or cache_folder()
@@ -90,7 +98,10 @@ def track(
         table = table.assign(time=utc(table["time"], zero, clock_offset))
     write_table(table, out)
     write_dropped(dropped, out)
-    report(summarize(table, speed, dropped) | {"metric": view is not None, "out": str(out)}, as_json)
+    if draw:
+        draw_video(clip, table, draw, every)
+    summary = summarize(table, speed, dropped) | {"metric": view is not None, "out": str(out)}
+    report(summary | ({"drawn": str(draw)} if draw else {}), as_json)
 
 
 @app.command()
@@ -237,4 +248,4 @@ def report(summary: dict[str, Any], as_json: bool) -> None:
     if summary["frames_detected_before"]:
         print(f"detections of {summary['frames_detected_before']} of {summary['frames']} frames were kept from before")
     print(f"frames per second: {rates}")
-    print(f"wrote {summary['out']}")
+    print(f"wrote {summary['out']}" + (f" and {summary['drawn']}" if "drawn" in summary else ""))

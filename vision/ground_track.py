@@ -12,7 +12,7 @@ from vision.dropped import BORDER, FAR, GHOST, HIDDEN, HORIZON, SHAPE, SHORT, SI
 from vision.edges import EDGE_BIAS, edge_sigma, hidden_edges, sizes
 from vision.footprints import ghosts
 from vision.interpolate import BOX
-from vision.smoother import Motion, smooth
+from vision.smoother import Motion, Smoothed, smooth
 from vision.vehicles import SHAPES, VehicleShape
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ FEWEST_FIXES = 5  # of a track
 TURNS = 6  # rounds, at most, of heading from positions and positions from headings
 STEADY = 0.01  # rad; root mean square change of heading that ends them
 SIZE = ("length", "sigma_length", "width", "wheelbase", "sigma_wheelbase")
-COLUMNS = ("x", "y", "sigma_x", "sigma_y", *SIZE, "x_measured", "y_measured")
+COLUMNS = ("x", "y", "sigma_x", "sigma_y", "speed", *SIZE, "x_measured", "y_measured")
 
 
 def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> tuple["pd.DataFrame", "pd.DataFrame"]:
@@ -52,10 +52,10 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> tuple["pd
 
     Returns
     -------
-    table [fix] of the same columns and, in m, x, y, sigma_x, sigma_y, length, sigma_length, width, wheelbase,
-    sigma_wheelbase (both NaN where the vehicle's length was not seen well enough to say more than its class),
-    x_measured, y_measured: x, y are smoothed (`vision.smoother`), also across missed frames; the measured ones are what
-    each box alone says, on a straight line where there is none.
+    table [fix] of the same columns, speed (m/s, of the smoothed motion) and, in m, x, y, sigma_x, sigma_y, length,
+    sigma_length, width, wheelbase, sigma_wheelbase (both NaN where the vehicle's length was not seen well enough to say
+    more than its class), x_measured, y_measured: x, y are smoothed (`vision.smoother`), also across missed frames; the
+    measured ones are what each box alone says, on a straight line where there is none.
 
     And a table [fix] of the detected fixes that are not placed, with the columns of `tracks` and `cause`
     (`vision.dropped`): above the horizon, hidden, cut by the border, of no vehicle's shape or less certain than 1.5 m,
@@ -180,7 +180,7 @@ def _place(
 
 
 def _tabulate(
-    tracks: "pd.DataFrame", placed: list[Placed], smoothed: list[Motion], calibration: Calibration
+    tracks: "pd.DataFrame", placed: list[Placed], smoothed: list[Smoothed], calibration: Calibration
 ) -> "pd.DataFrame":
     """The rows of the tracks that could be placed, with `COLUMNS`."""
     position = np.concatenate([motion.position for motion in smoothed])
@@ -194,7 +194,8 @@ def _tabulate(
         [np.interp(part.motion.time, part.motion.time[seen], part.motion.position[seen, axis]) for axis in (0, 1)]
         for part, seen in zip(placed, fixes, strict=True)
     ]
-    values = [*position.T, *sigma.T, *size.T, *np.concatenate(measured, axis=1)]
+    speed = np.linalg.norm(np.concatenate([motion.velocity for motion in smoothed]), axis=1)
+    values = [*position.T, *sigma.T, speed, *size.T, *np.concatenate(measured, axis=1)]
     table = tracks.iloc[np.concatenate([part.rows for part in placed])].reset_index(drop=True)
     columns = dict(zip(COLUMNS, values, strict=True))
     return table.assign(**columns, interpolated=~np.concatenate(fixes))

@@ -37,7 +37,7 @@ DEMO_GRADE = (
     "0.88, by clip); leave --detector out for NanoDet-g, or bring weights: --detector yolox_s.onnx"
 )
 EXTRA_COLUMNS = (
-    *("confidence", "interpolated", *SIZE, "frame", *BOX, "detected_class"),
+    *("speed", "confidence", "interpolated", *SIZE, "frame", *BOX, "detected_class"),
     *("x_measured", "y_measured"),
 )
 
@@ -101,9 +101,10 @@ def track(
     Returns
     -------
     trajectory table [fix]: `time` datetime64[ns, UTC], `track_id` text, `class`, `x, y, sigma_x, sigma_y` (m; the
-    ground under the middle of the wheelbase, smoothed), `confidence`, `interpolated`, `length`, `sigma_length`,
-    `width`, `wheelbase`, `sigma_wheelbase` (m; empty where no more is known than the class says), `frame`, the box
-    (px), `detected_class`, and `x_measured, y_measured` (m; what each box alone says)
+    ground under the middle of the wheelbase, smoothed), `speed` (m/s, of the smoothed motion), `confidence`,
+    `interpolated`, `length`, `sigma_length`, `width`, `wheelbase`, `sigma_wheelbase` (m; empty where no more is known
+    than the class says), `frame`, the box (px), `detected_class`, and `x_measured, y_measured` (m; what each box alone
+    says)
 
     Raises
     ------

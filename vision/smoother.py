@@ -37,7 +37,24 @@ class Motion:
     covariance: Array
 
 
-def smooth(tracks: Sequence[Motion]) -> list[Motion]:
+@dataclass(frozen=True)
+class Smoothed:
+    """The motion of one vehicle.
+
+    Parameters
+    ----------
+    time : [n], s, increasing
+    position, velocity : [n, 2], m and m/s
+    covariance : [n, 2, 2], m^2, of the position
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    covariance: Array
+
+
+def smooth(tracks: Sequence[Motion]) -> list[Smoothed]:
     """Smooth tracks; each has its first and last place known.
 
     >>> time = np.arange(50) / 25
@@ -48,14 +65,14 @@ def smooth(tracks: Sequence[Motion]) -> list[Motion]:
     True
     """
     order = sorted(range(len(tracks)), key=lambda row: len(tracks[row].time))
-    result: dict[int, Motion] = {}
+    result: dict[int, Smoothed] = {}
     for first in range(0, len(order), BATCH):
         rows = order[first : first + BATCH]
         result |= dict(zip(rows, _smooth_batch([tracks[row] for row in rows]), strict=True))
     return [result[row] for row in range(len(tracks))]
 
 
-def _smooth_batch(tracks: Sequence[Motion]) -> list[Motion]:
+def _smooth_batch(tracks: Sequence[Motion]) -> list[Smoothed]:
     longest = max(len(track.time) for track in tracks)
     time = np.array([_padded(track.time, longest) for track in tracks])
     fix = np.array([_padded(track.position, longest) for track in tracks])
@@ -78,11 +95,11 @@ def _smooth_batch(tracks: Sequence[Motion]) -> list[Motion]:
         gain = np.where((steps[:, k] > 0)[:, None, None], gain, np.eye(6))
         means[k] = means[k] + np.einsum("tij,tj->ti", gain, means[k + 1] - ahead[k + 1][0])
         covariances[k] = covariances[k] + gain @ (covariances[k + 1] - ahead[k + 1][1]) @ np.swapaxes(gain, 1, 2)
-    position = np.stack(means, axis=1)[..., PLACE]
+    position, velocity = (np.stack(means, axis=1)[..., PLACE + order] for order in (0, 1))
     spread = np.stack(covariances, axis=1)[..., PLACE[:, None], PLACE]
     return [
-        Motion(track.time, position[row, : len(track.time)], spread[row, : len(track.time)])
-        for row, track in enumerate(tracks)
+        Smoothed(track.time, position[row, :count], velocity[row, :count], spread[row, :count])
+        for row, (track, count) in enumerate(zip(tracks, lengths, strict=True))
     ]
 
 

@@ -1,6 +1,7 @@
 """A drawn street, through a real video file and a real ONNX graph, to trajectories."""
 
 import json
+import re
 import sys
 
 import cv2
@@ -103,6 +104,42 @@ def test_command_writes_what_the_solver_reads(survey, command, tmp_path):
     table = read_trajectories([tmp_path / "trajectories.csv"])
     assert list(table)[:7] == list(COLUMNS) and len(table) == FRAMES
     assert (table["time"].iloc[0] - pd.Timestamp(START)).total_seconds() == pytest.approx(0, abs=1e-6)
+
+
+def test_the_speed_is_that_of_the_car(survey, command, tmp_path):
+    command(
+        survey / "street.mp4", "--calibration", survey / "calibration.json", "--detector", survey / "spot.onnx",
+        "--start", START,
+    )  # fmt: skip
+    speed = read_trajectories([tmp_path / "trajectories.csv"])["speed"]
+    assert np.abs(speed - SPEED).mean() < 0.2 and np.abs(speed - SPEED).max() < 1.0
+
+
+@pytest.mark.parametrize("metric", [True, False])
+def test_the_video_is_drawn_with_its_tracks(survey, command, tmp_path, metric, monkeypatch):
+    words, write = [], cv2.putText
+    monkeypatch.setattr(cv2, "putText", lambda canvas, text, *rest: words.append(text) or write(canvas, text, *rest))
+    calibrated = ("--calibration", survey / "calibration.json", "--start", START) if metric else ()
+    code, out, _ = command(
+        survey / "street.mp4", "--detector", survey / "spot.onnx", "--draw", "drawn.mp4", *calibrated
+    )
+    assert code == 0 and "drawn.mp4" in out and len(words) == FRAMES
+    assert all(re.fullmatch(r"1 car 9\.\d m/s|1 car 8\.\d m/s" if metric else "1 car", text) for text in words)
+    drawn, true = open_video(tmp_path / "drawn.mp4"), open_video(survey / "street.mp4")
+    assert (drawn.width, drawn.height) == SIZE
+    assert drawn.time[-1] == pytest.approx(true.time[-1] - true.time[0], abs=0.1)
+    assert drawn.sample(3)[1].image.std(axis=2).max() > 60, "colors over a gray street"
+
+
+@pytest.mark.parametrize(
+    ("draw", "message"), [("a.gif", "is written as .mp4"), ("street.mp4", "is the video to track")]
+)
+def test_a_drawing_that_cannot_be_is_refused_before_the_work(survey, command, draw, message, tmp_path):
+    target = survey / draw if draw == "street.mp4" else tmp_path / draw
+    before = (survey / "street.mp4").read_bytes()
+    code, _, err = command(survey / "street.mp4", "--detector", survey / "spot.onnx", "--draw", target)
+    assert code == 2 and message in err and not (tmp_path / "boxes.csv").exists()
+    assert (survey / "street.mp4").read_bytes() == before
 
 
 def test_command_says_what_was_not_placed_and_why(survey, command, tmp_path):
