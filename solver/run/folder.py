@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -17,10 +16,12 @@ from solver.fit.held_out import HeldOut
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.run import geojson, report
+from solver.run.arrays import Arrays, read_arrays
 from solver.run.code import check_plugins, finder
 from solver.run.contents import Run
 from solver.run.facts import facts_of
 from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, problem_from
+from solver.run.soundness import check_agreement, check_arrays
 from solver.run.stored import AnyRun, FitFile, read_model
 from solver.site import Site
 from solver.trajectory import Pass
@@ -175,34 +176,39 @@ def read_run(folder: Path, effects: Iterable[Effect] = ()) -> Run:
     """
     facts = read_facts(folder)
     path = Path(folder) / "data.npz"
+    arrays = read_arrays(path)
     try:
-        # A stream of our own is closed even where numpy finds no archive in it.
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        maps = {name: arrays[name].astype(np.float64) for name in MAPS}
-        maps["measured"] = arrays["record"][arrays["samples"]].astype(np.float64)
-        parameters = {
-            name: Parameter(number(p["value"]), number(p["sigma"]), p["unit"], p["free"])
-            for name, p in facts["parameters"].items()
-        }
-        scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
-        scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof")}
-        anchors = [Anchor(**anchor) for anchor in facts["anchors"]]
-        problem = problem_from(arrays, facts["problem"], anchors, finder(facts["plugins"], effects))
-        scalars["law"] = problem.law
-        result = FitResult(**{name: arrays[name] for name in ARRAYS}, **maps, **scalars, parameters=parameters)
-        return Run(
-            result=result,
-            problem=problem,
-            frame=LocalFrame(tuple(facts["frame"]["origin"]), facts["frame"]["x_azimuth"]),
-            start=np.datetime64(facts["start"].removesuffix("Z"), "ns"),
-            time=arrays["time"],
-            passes=passes_from(arrays),
-            anchors=anchors,
-            facts=facts,
-        )
-    except (OSError, KeyError, TypeError, ValueError, BadZipFile) as error:
+        check_arrays(arrays)
+        return assembled(facts, arrays, effects)
+    except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: not the arrays of this run ({error}); run `roadfiber locate` again") from error
+
+
+def assembled(facts: dict[str, Any], arrays: Arrays, effects: Iterable[Effect]) -> Run:
+    """The run that a run folder's facts and arrays are of; ValueError where they contradict each other."""
+    maps: dict[str, Any] = {name: arrays[name].astype(np.float64) for name in MAPS}
+    maps["measured"] = arrays["record"][arrays["samples"]].astype(np.float64)
+    maps |= {name: arrays[name] for name in ARRAYS}
+    parameters = {
+        name: Parameter(number(p["value"]), number(p["sigma"]), p["unit"], p["free"])
+        for name, p in facts["parameters"].items()
+    }
+    scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
+    scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof")}
+    anchors = [Anchor(**anchor) for anchor in facts["anchors"]]
+    problem = problem_from(arrays, facts["problem"], anchors, finder(facts["plugins"], effects))
+    check_agreement(problem, arrays, anchors, facts["settings"]["sampling_rate"])
+    scalars["law"] = problem.law
+    return Run(
+        result=FitResult(**maps, **scalars, parameters=parameters),
+        problem=problem,
+        frame=LocalFrame(tuple(facts["frame"]["origin"]), facts["frame"]["x_azimuth"]),
+        start=np.datetime64(facts["start"].removesuffix("Z"), "ns"),
+        time=arrays["time"],
+        passes=passes_from(arrays),
+        anchors=anchors,
+        facts=facts,
+    )
 
 
 def open_run(folder: Path, plugins: Sequence[Path], changed: bool = False) -> tuple[Run, Catalogue]:

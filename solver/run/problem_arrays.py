@@ -13,6 +13,7 @@ from solver.cable import Coil
 from solver.effects.effect import Effect
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
+from solver.run.arrays import Arrays
 from solver.traffic import Traffic
 from solver.trajectory import Pass
 from solver.whitening import NoiseLaw
@@ -22,8 +23,6 @@ SCALARS = (
     *("recorded", "zero_distance", "channel_spacing", "gauge_length", "sampling_rate"),
     *("curved", "signal_noise", "knot_spacing"),
 )
-
-Arrays = Mapping[str, NDArray[Any]]
 
 
 def pass_arrays(passes: Sequence[Pass], prefix: str = "pass") -> dict[str, NDArray[Any]]:

@@ -28,6 +28,8 @@ Count = Annotated[int, Field(ge=0, le=10**9)]
 Size = Annotated[float, Field(ge=0)]
 Spread = Annotated[float, Field(ge=0, le=1e6)]
 Positive = Annotated[float, Field(gt=0, le=1e9)]
+#: Samples a second.
+Rate = Annotated[float, Field(ge=0.01, le=1e5)]
 #: Meters of gauges, between channels and knots.
 Length = Annotated[float, Field(ge=0.01, le=1e4)]
 #: A place, m, or a channel, which may lie between two.
@@ -75,7 +77,7 @@ class SettingsFile(Stored):
 
     gauge_length: Length
     channel_spacing: Length
-    sampling_rate: Positive
+    sampling_rate: Rate
     gaps: tuple[tuple[float, float], ...]
     poisson_ratio: Annotated[float, Field(ge=0, lt=0.5)]
     depth: tuple[Positive, Positive]
@@ -114,7 +116,7 @@ class ProblemFile(Stored):
     zero_distance: Place
     channel_spacing: Length
     gauge_length: Length
-    sampling_rate: Positive
+    sampling_rate: Rate
     curved: bool
     signal_noise: Size
     knot_spacing: Annotated[float, Field(ge=0.5, le=1e4)]
@@ -246,13 +248,12 @@ def read_model(path: Path, model: type[Model], mend: str) -> Model:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; {mend}")
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{path}: over {LARGEST >> 20} MiB, which no run's is; {mend}")
     try:
-        with path.open("rb") as stream:
-            content = stream.read(LARGEST + 1)
+        content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {mend}") from error
-    if len(content) > LARGEST:
-        raise InputError(f"{path}: over {LARGEST >> 20} MiB, which no run's is; {mend}")
     try:
         return model.model_validate_json(content)
     except ValidationError as error:
