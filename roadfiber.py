@@ -61,6 +61,8 @@ def verbosity(
     level = logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO
     logging.basicConfig(format="%(message)s", stream=sys.stderr)
     logging.getLogger("roadfiber").setLevel(level)
+    # It says at length where it keeps its fonts, for a user who has no home.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 
 @app.command()

@@ -1,15 +1,18 @@
 """The command itself: its version, and how it ends when the machine refuses something."""
 
 import os
+import shutil
 import sys
 from importlib.metadata import version
 
+import pint
 import pytest
 from numba.core import caching
 from typer.testing import CliRunner
 
 import roadfiber
 from solver.compiled import compiled
+from solver.das.units import require_cache
 
 
 def ended(monkeypatch, capsys, *words) -> tuple[int, str]:
@@ -85,3 +88,14 @@ def test_a_full_disk_is_no_end_of_compiling(monkeypatch):
 
     monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
     assert compiled(lambda x: x + 2)(2) == 4
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there the cache's place is no variable")
+def test_units_are_read_where_no_cache_can_be_written(monkeypatch, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file" / "cache"))
+    with pytest.raises(NotADirectoryError):
+        pint.UnitRegistry(cache_folder=":auto:")
+    require_cache()
+    assert pint.UnitRegistry(cache_folder=":auto:").Quantity(1, "nm/m").to("").magnitude == 1e-9
+    shutil.rmtree(os.environ["XDG_CACHE_HOME"])

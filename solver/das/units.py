@@ -1,14 +1,20 @@
 """What the numbers of a DAS file are, and how they become strain rate."""
 
+import atexit
 import logging
+import os
+import shutil
+import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from platformdirs import user_cache_path
 
-from vision.contract import InputError
+from vision.contract import InputError, require_writable
 
 Quantity = Literal["strain_rate", "strain", "phase", "phase_rate", "velocity", "idas_counts"]
 QUANTITIES: tuple[str, ...] = get_args(Quantity)
@@ -18,12 +24,27 @@ REFRACTIVE_INDEX = 1.468  # group index of G.652 fiber at 1550 nm
 STRAIN_OPTIC = 0.78  # zeta: the refractive index of silica falls as it is stretched
 
 
+@cache
 def dascore() -> Any:
     """Import DASCore without the warnings of pint that DASCore's unit file redefines two of its units."""
     logging.getLogger("pint").setLevel(logging.ERROR)
+    require_cache()
     import dascore as dc
 
     return dc
+
+
+def require_cache() -> None:
+    """Give pint, which needs one, a folder for its cache until this process ends, where the user has none."""
+    folder = user_cache_path("pint", appauthor=False)
+    try:
+        if folder.is_absolute():
+            require_writable(folder / "units")
+            return
+    except InputError:
+        pass
+    os.environ["XDG_CACHE_HOME"] = tempfile.mkdtemp(prefix="roadfiber-")
+    atexit.register(shutil.rmtree, os.environ["XDG_CACHE_HOME"], ignore_errors=True)
 
 
 @dataclass(frozen=True)
