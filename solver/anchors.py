@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from solver.limits import FELT
 from vision.contract import InputError, LocalFrame
-from vision.contract.columns import check_positive, finite, first_row, to_frame
+from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame
 from vision.contract.csv_table import read_csv
 
 COLUMNS = ("name", "channel", "x", "y", "z", "sigma_xy", "sigma_z")
@@ -47,7 +48,7 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     ------
     InputError
         If the file is missing, empty or lacks a column, a value is no number, a sigma is not positive, a name or a
-        channel is there twice, or latitude and longitude are out of range or swapped.
+        channel is there twice, a depth is none, or latitude and longitude are out of range or swapped.
 
     Examples
     --------
@@ -66,6 +67,12 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
         raise InputError(f"{path}: no anchors; write one row per anchor or leave [anchors] out of site.toml")
     table = finite(table, names[1:], path)
     check_positive(table, ("sigma_xy", "sigma_z"), path)
+    if (wrong := (table["z"] <= 0) | (table["z"] > FELT)).any():
+        row = first_row(wrong)
+        raise InputError(
+            f"{path}: row {row}: z is {table['z'].iloc[row - 1]:g}; z points down: give the depth below the road, m, "
+            f"above 0 and at most {FELT:g}"
+        )
     for name in ("name", "channel"):
         if table[name].duplicated().any():
             row = first_row(table[name].duplicated())
@@ -73,5 +80,7 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     if geographic:
         x, y = to_frame(table["latitude"].to_numpy(), table["longitude"].to_numpy(), frame, path)
         table = table.assign(x=x, y=y)
+    elif len(table) > 1:  # a single one may lie there by chance
+        check_meters(table, frame, path)
     ordered = table.sort_values("channel")
     return [Anchor(str(row[0]), *map(float, row[1:])) for row in ordered[list(COLUMNS)].itertuples(index=False)]

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.agreement import check_reach, misplaced, misplaced_line, near
 from solver.anchors import Anchor
 from solver.cable import Coil
 from solver.das import DASRecord
 from solver.matched_filter import Initialization, initialize
 from solver.matched_filter.sections import ONE_SECTION, Found, extent, initialize_sections, joined, sides_of
-from solver.pose import OFF_LINE, near, silent, start_route, straight_part, view_of
+from solver.pose import OFF_LINE, silent, start_route, straight_part, view_of
 from solver.trajectory import Pass
 
 Array = NDArray[np.float64]
@@ -28,12 +29,14 @@ class Beginning:
     channel : [channel], numbers of the channels to fit
     routes : rough routes [channel, 3], m, of which any may lead to the fiber
     anchors : within reach of the channels
+    disputed : sentences on anchors that are left out because vehicles are felt elsewhere
     coil : fiber that seems to lie coiled; None where none does
     """
 
     channel: NDArray[np.int64]
     routes: list[Array]
     anchors: list[Anchor]
+    disputed: list[str]
     coil: Coil | None = None
 
 
@@ -56,13 +59,17 @@ def begin(
     Raises
     ------
     InputError
-        If no vehicle is seen in the DAS where the trajectories say.
+        If no vehicle is seen in the DAS where the trajectories say, or anchors cannot be where they are said to be.
     """
     if extent(passes) > ONE_SECTION:
         found = initialize_sections(record, passes, depth=depth, poisson_ratio=poisson_ratio)
-        return along_road(record, found, anchors, warnings)
+        return along_road(record, passes, found, anchors, warnings)
     rough = initialize(record, passes, depth=depth, poisson_ratio=poisson_ratio)
     used = near(anchors, rough.active, record.channel_spacing, warnings)
+    check_reach(used, passes, rough.active, record.channel_spacing)
+    # Beyond a coil the line is off, and not the anchors.
+    wrong = misplaced(used, rough.channel, rough.route[:, 0]) if rough.coil is None else []
+    used = [one for one in used if one not in wrong]
     if nothing := silent(record, view_of(rough, passes)):
         warnings.append(nothing)
     recorded = int(record.channel[0]), int(record.channel[-1])
@@ -78,7 +85,8 @@ def begin(
     # Ground of an unusual Poisson's ratio makes waves of another form, which fit best a crest away.
     if coil is None and abs(ahead := anchors_ahead(rough, used)) > OFF_LINE:
         routes.append(routes[0] + np.array([ahead, 0.0, 0.0]))
-    return Beginning(rough.channel[keep], routes, used, coil)
+    disputed = [misplaced_line(one, rough.channel, rough.route[:, 0]) for one in wrong]
+    return Beginning(rough.channel[keep], routes, used, disputed, coil)
 
 
 def anchors_ahead(rough: Initialization, anchors: Sequence[Anchor]) -> float:
@@ -103,11 +111,21 @@ def coiled(rough: Initialization, route: Array, record: DASRecord, warnings: lis
     return Coil(zero + channel * record.channel_spacing, length, x0 - slope * zero, slope, y, z)
 
 
-def along_road(record: DASRecord, found: Sequence[Found], anchors: Sequence[Anchor], warnings: list[str]) -> Beginning:
+def along_road(
+    record: DASRecord,
+    passes: Sequence[Pass],
+    found: Sequence[Found],
+    anchors: Sequence[Anchor],
+    warnings: list[str],
+) -> Beginning:
     """Join the sections of a long road; the other side is tried only where the widths leave it open."""
     chosen, other, evidence = sides_of(found)
     channel, route = joined(found, chosen)
-    used = near(anchors, (int(channel[0]), int(channel[-1])), record.channel_spacing, warnings)
+    active = int(channel[0]), int(channel[-1])
+    used = near(anchors, active, record.channel_spacing, warnings)
+    check_reach(used, passes, active, record.channel_spacing)
+    wrong = misplaced(used, channel, route[:, 0])
+    used = [one for one in used if one not in wrong]
     if nothing := silent(record, channel[[0, -1]]):
         warnings.append(nothing)
     gaps = np.flatnonzero(np.diff(channel) > 1)
@@ -116,4 +134,4 @@ def along_road(record: DASRecord, found: Sequence[Found], anchors: Sequence[Anch
             f"no vehicle is felt between channels {channel[gap]} and {channel[gap + 1]}; the rest alone tells the route"
         )
     routes = [route] if used or evidence > TOLD * len(found) else [route, joined(found, other)[1]]
-    return Beginning(channel, routes, used)
+    return Beginning(channel, routes, used, [misplaced_line(one, channel, route[:, 0]) for one in wrong])

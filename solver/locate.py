@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from solver.agreement import check_apart, check_gauge, in_record, slow_line, suspicions
 from solver.anchor_check import contradiction
 from solver.anchors import Anchor, read_anchors
 from solver.beginning import begin
@@ -199,7 +200,6 @@ def locate(
     more = [find(name, catalogue()) for name in effects if name not in EFFECTS]
     timings: dict[str, float] = {}
     warnings: list[str] = []
-    disputed: list[str] = []
     with timed(timings, "read"):
         if table is None:
             if site.trajectories is None:
@@ -207,8 +207,11 @@ def locate(
             table = read_trajectories(site.trajectories.files, site.frame)
         said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
         record = decimated(read_das(site.das.files, **{name: getattr(site.das, name) for name in said}))
+        check_gauge(record)
         warnings += record.cautions
         anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
+        check_apart(anchors, record.channel_spacing)
+        anchors = in_record(anchors, record, warnings)
         heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
         shown = filtered(heard, filters)
     with timed(timings, "smooth"):
@@ -218,10 +221,14 @@ def locate(
         else:
             passes = [replace(one, vehicle_class="vehicle") for one in passes]
     ground = site.ground
+    if slow := slow_line(record, passes):
+        warnings.append(slow)
     with timed(timings, "match"):
-        found = begin(
-            shown, passes, anchors, depth=ground.depth[0], poisson_ratio=ground.poisson_ratio, warnings=warnings
-        )
+        believed = {"depth": ground.depth[0], "poisson_ratio": ground.poisson_ratio}
+        try:
+            found = begin(shown, passes, anchors, **believed, warnings=warnings)
+        except InputError as error:
+            raise InputError(f"{error}{suspicions(record, passes)}") from error
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
     deaf = deaf_channels(heard, found.channel)
     if len(deaf):
@@ -239,6 +246,7 @@ def locate(
     problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved, coil=found.coil)) for one in posed]
     if record.rounding:
         warnings += told(record.rounding.at(posed[0].channel - record.channel[0]), posed[0].noise.numpy())
+    disputed = list(found.disputed)
     with timed(timings, "fit"):
         result, problem = fit_straight(*fit_sides(problems, method), method, recorded, warnings)
         result, problem = fit_finely(result, problem, method)

@@ -22,8 +22,6 @@ from solver.trajectory import Pass
 from solver.whitening import NoiseLaw, noise_law
 from vision.contract import InputError
 
-#: Anchors farther than this from the active channels, in meters of fiber, say nothing about them.
-ANCHOR_REACH = 50.0
 #: Channels that the noise's law is learned from, in the middle of a long fiber.
 TYPICAL = 400
 #: How long before and after each pass the record is looked at, s: what filters leave behind shows there.
@@ -38,16 +36,6 @@ OFF_LINE = 5.0
 UNSEEN = 3.0
 #: Where tracks in view are this uncertain, m, their slow errors are fitted too.
 UNCERTAIN = 0.05
-
-
-def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, warnings: list[str]) -> list[Anchor]:
-    """Anchors within reach of the active channels; the others are named in `warnings`."""
-    reach = ANCHOR_REACH / spacing
-    used = [a for a in anchors if active[0] - reach <= a.channel <= active[1] + reach]
-    far = [a.name for a in anchors if a not in used]
-    if far:
-        warnings.append(f"anchors too far from the located channels to matter: {', '.join(far)}")
-    return used
 
 
 def view_of(rough: Initialization, passes: Sequence[Pass]) -> np.ndarray:

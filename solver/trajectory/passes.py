@@ -8,9 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.agreement import check_clocks
 from solver.das import DASRecord
+from solver.limits import FASTEST
 from solver.trajectory.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, likelihood, smooth
-from solver.trajectory.tracks import Track, driven, during, moves, numbered, tracks_of, turns, unbroken
+from solver.trajectory.tracks import (
+    Track,
+    driven,
+    during,
+    impossible,
+    moves,
+    numbered,
+    tracks_of,
+    turns,
+    unbroken,
+    why_still,
+)
 from vision.contract import InputError, progress
 
 if TYPE_CHECKING:
@@ -18,6 +31,7 @@ if TYPE_CHECKING:
 
 SLOWEST = 1.0  # m/s; one that stops at the edge of the view is followed for reach / SLOWEST seconds
 OPENING = 9  # fixes that the filter's first guess is made from
+NAMED = 5  # tracks that a message names
 BATCH = 64  # tracks smoothed at once
 
 # Candidates of the maximum-likelihood search: standard deviation of the acceleration, m/s^2, and the correlation of
@@ -171,22 +185,19 @@ def smoothed_passes(tracks: list[Track], time: Array, reach: float) -> list[Pass
     return [one for drive in drives for one in single_passes(drive)]
 
 
-def check_overlap(tracks: list[Track], record: DASRecord) -> None:
-    """Raise InputError where no track has a fix during the record."""
-    if not tracks:
-        raise InputError("no trajectories; give a table with at least one moving vehicle")
-    if any(track.time[0] <= record.time[-1] and track.time[-1] >= 0 for track in tracks):
-        return
-
-    def span(first: float, last: float) -> str:
-        ends = record.start + np.round(np.array([first, last]) * 1e9).astype("timedelta64[ns]")
-        return " to ".join(f"{np.datetime_as_string(end, unit='s')}Z" for end in ends)
-
-    first, last = min(track.time[0] for track in tracks), max(track.time[-1] for track in tracks)
-    raise InputError(
-        f"trajectories ({span(first, last)}) and DAS ({span(0.0, record.time[-1])}) do not overlap in time; "
-        "check both clocks, or give files of one survey"
-    )
+def possible(tracks: list[Track]) -> list[Track]:
+    """Leave out tracks that no vehicle can have driven, with a warning; InputError where most are so."""
+    wrong = [track for track in tracks if impossible(track)]
+    if not wrong:
+        return tracks
+    names = ", ".join(track.track_id for track in wrong[:NAMED]) + (" ..." if len(wrong) > NAMED else "")
+    fault = f"{len(wrong)} of {len(tracks)} tracks ({names}) go faster than any vehicle ({FASTEST:g} m/s)"
+    if 2 * len(wrong) > len(tracks):
+        raise InputError(
+            f"trajectories: {fault}; check that x and y are in m, the times, and that each vehicle has its own track_id"
+        )
+    logger.warning("trajectories: %s; they are left out", fault)
+    return [track for track in tracks if not impossible(track)]
 
 
 def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40.0) -> list[Pass]:
@@ -216,8 +227,10 @@ def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40
     track and is not in `sigma`. Left out, and counted in the log: tracks of under 3 fixes or 5 m of travel.
     """
     tracks = [part for track in tracks_of(table, record.start) for part in unbroken(track)]
-    check_overlap(tracks, record)
-    present = [part for track in tracks if (part := during(track, record.time[-1]))]
+    check_clocks(tracks, record)
+    present = possible([part for track in tracks if (part := during(track, record.time[-1]))])
+    if present and not any(moves(track) for track in present):
+        raise InputError(f"trajectories: no moving vehicle during the DAS record; {why_still(present)}")
     moving = sorted((driven(track) for track in present if moves(track)), key=lambda track: len(track.time))
     if len(moving) < len(tracks):
         away, still = len(tracks) - len(present), len(present) - len(moving)
@@ -230,5 +243,5 @@ def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40
             advance(len(batch))
     seen = [one for one in passes if len(one.rows) and record.measured[one.rows].any()]
     if not seen:
-        raise InputError("no moving vehicle during the DAS record; check the trajectories and both clocks")
+        raise InputError("trajectories: no moving vehicle while the DAS has samples; check both clocks")
     return sorted(seen, key=lambda one: (int(one.rows[0]), one.track_id))

@@ -1,6 +1,6 @@
 """The trajectory table taken apart: one track per drive of one vehicle, ready to be smoothed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.limits import FASTEST
 from vision.contract import WHEELBASE
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ LONGEST_GAP = 20.0  # s between fixes; after it the vehicle comes by anew
 MARGIN = 60.0  # s; fixes so long before and after the record still tell how the vehicle goes by
 STANDING = 2.0  # m; a vehicle that stays this near to where its track begins or ends stands there
 REST = 5.0  # s of standing that are kept
+MOST_LEAPS = 5  # one step in so many may be faster than any vehicle: a mistake of the detector
 TURN = 10.0  # m back along the road; after it the vehicle comes by anew
 
 
@@ -94,9 +96,39 @@ def numbered(track_id: str, index: int) -> str:
     return track_id if index == 0 else f"{track_id}#{index + 1}"
 
 
+def leaps(track: Track) -> NDArray[np.bool_]:
+    """Which steps [fix - 1] are longer than any vehicle goes in their time, beyond the scatter of the fixes."""
+    step = np.hypot(*np.diff(track.value, axis=0).T)
+    scatter = SCATTER * np.hypot(*track.sigma.T)
+    return np.asarray(step - np.maximum(scatter[1:], scatter[:-1]) > FASTEST * np.diff(track.time))
+
+
+def impossible(track: Track) -> bool:
+    """Whether no vehicle can have driven a track: several went by its name, or it is in no meters or seconds.
+
+    Between its two halves it is faster than `FASTEST`, or more than one of `MOST_LEAPS` steps is.
+
+    >>> time = np.arange(50) / 10
+    >>> car = Track("1", "car", time, np.stack([15 * time, 0 * time], -1), np.full((50, 2), 0.1))
+    >>> impossible(car), impossible(replace(car, value=1000 * car.value)), impossible(replace(car, time=time / 10))
+    (False, True, True)
+    """
+    half = len(track.time) // 2
+    if half == 0:
+        return False
+    way = np.hypot(*(track.value[half:] - track.value[:-half]).T) - SCATTER * np.hypot(*np.median(track.sigma, axis=0))
+    speed = np.median(way / (track.time[half:] - track.time[:-half]))
+    return bool(speed > FASTEST or MOST_LEAPS * leaps(track).sum() > len(track.time) - 1)
+
+
 def unbroken(track: Track) -> list[Track]:
-    """Split a track where it has no fix for `LONGEST_GAP`."""
-    cuts = [0, *(np.flatnonzero(np.diff(track.time) > LONGEST_GAP) + 1), len(track.time)]
+    """Split a track where it has no fix for `LONGEST_GAP`, and where it leaps and goes on from there."""
+    leap = leaps(track).astype(int)
+    # A fix that alone is wrong is a leap there and one back; the smoother bears it.
+    alone = (
+        (leap == 1) & (np.convolve(leap, np.ones(2 * MINIMUM_FIXES - 1, int), "same") == 1) if len(leap) else leap > 0
+    )
+    cuts = [0, *(np.flatnonzero((np.diff(track.time) > LONGEST_GAP) | alone) + 1), len(track.time)]
     return [
         part_of(track, slice(begin, end), numbered(track.track_id, index))
         for index, (begin, end) in enumerate(pairwise(cuts))
@@ -153,3 +185,15 @@ def turns(x: Array) -> list[int]:
             found.append(extreme)
             extreme, direction = index, -direction
     return found
+
+
+def why_still(tracks: Sequence[Track]) -> str:
+    """Say why none of some tracks is of a moving vehicle, and how to mend it."""
+    many = [track for track in tracks if len(track.time) >= MINIMUM_FIXES]
+    if not many:
+        return f"no track has {MINIMUM_FIXES} fixes; give all fixes of a vehicle the same track_id"
+    travel = [float(np.hypot(*np.ptp(track.value, axis=0))) for track in many]
+    if max(travel) < MINIMUM_TRAVEL:
+        return f"no track goes farther than {max(travel):.2g} m; check that x and y are in m"
+    sigma = float(np.median([np.hypot(*np.median(track.sigma, axis=0)) for track in many]))
+    return f"tracks of up to {max(travel):.2g} m are lost in fixes of sigma {sigma:.2g} m; check the sigmas, in m"

@@ -41,6 +41,19 @@ def test_latitude_and_longitude_are_projected(tmp_path):
         ([HEADER, WEST.replace("84.5", "manhole")], "row 1: channel is 'manhole'"),
         ([HEADER, EAST, WEST.replace("0.05,0.05", "0,0.05")], "row 2: sigma_xy is 0"),
         ([HEADER, EAST.replace("0.1", "-1")], "row 1: sigma_z is -1"),
+        (
+            [HEADER, EAST, WEST.replace("0.96", "-0.96")],
+            "row 2: z is -0.96; z points down: give the depth below the road",
+        ),
+        ([HEADER, WEST.replace("0.96", "0")], "row 1: z is 0; z points down"),
+        (
+            [HEADER, WEST.replace("0.96", "96")],
+            "row 1: z is 96; z points down: give the depth below the road, m, above 0",
+        ),
+        (
+            [HEADER, "w,84,32.1131,34.8041,1,.1,.1", "e,99,32.1132,34.8042,1,.1,.1"],
+            "x and y hold latitude and longitude",
+        ),
         ([HEADER.replace("x,y", "latitude,longitude"), "w,84,34.804,32.113,1,.1,.1"], "look swapped"),
         ([HEADER, WEST, WEST + ",1,2"], "cannot be read (Error tokenizing"),
     ],

@@ -189,6 +189,17 @@ def clock_an_hour_off(folder: Path) -> None:
     table.to_csv(folder / "trajectories.csv", index=False)
 
 
+def far_anchor(folder: Path) -> None:
+    table = pd.read_csv(folder / "anchors.csv")
+    table.loc[0, "x"] += 12600
+    table.to_csv(folder / "anchors.csv", index=False)
+
+
+def exchanged_anchors(folder: Path) -> None:
+    table = pd.read_csv(folder / "anchors.csv")
+    table.assign(channel=table["channel"].to_numpy()[::-1]).to_csv(folder / "anchors.csv", index=False)
+
+
 def empty_trajectories(folder: Path) -> None:
     table = pd.read_csv(folder / "trajectories.csv")
     table.head(0).to_csv(folder / "trajectories.csv", index=False)
@@ -229,7 +240,9 @@ def nan_channel(folder: Path) -> None:
 
 BROKEN = {
     break_clock: "overlap",
-    clock_an_hour_off: "do not overlap in time; check both clocks",
+    clock_an_hour_off: "do not overlap in time; they are 1 h apart: one of the clocks seems to be local time",
+    far_anchor: "m apart, but from channel",
+    exchanged_anchors: "seem to be exchanged: each lies where vehicles are felt on the channel of the other",
     late_clock: "s ahead of that of the DAS; take",
     empty_trajectories: "trajectories.csv",
     corrupt_das: "das",

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 # Beyond this the plane of the local frame is no longer the ground's, and so long a way off is a mistake anyway.
 REACH_OF_FRAME = 100e3
+# Points that are all nearer to the origin than this, in degrees, are within 11 km; in meters, within a hand's breadth.
+DEGREES_OFF = 0.1
 
 
 def first_row(mask: "pd.Series") -> int:
@@ -56,6 +58,16 @@ def check_positive(table: "pd.DataFrame", names: Sequence[str], path: Path, unit
             row = first_row(bad)
             value = table[name].iloc[row - 1]
             raise InputError(f"{path}: row {row}: {name} is {value:g}; give a standard deviation above 0 {unit}")
+
+
+def check_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> None:
+    """Raise InputError where all x and y are degrees beside the frame's origin: in meters nothing would move."""
+    if frame is None:
+        return
+    x, y = table["x"], table["y"]
+    for names, origin in (("latitude and longitude", frame.origin), ("longitude and latitude", frame.origin[::-1])):
+        if max((x - origin[0]).abs().max(), (y - origin[1]).abs().max()) < DEGREES_OFF:
+            raise InputError(f"{path}: x and y hold {names}; name the columns so")
 
 
 def to_frame(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from vision.contract.classes import plain_name
-from vision.contract.columns import check_positive, finite, first_row, to_frame
+from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame
 from vision.contract.csv_table import read_csv
 from vision.contract.errors import InputError
 from vision.contract.files import writing
@@ -28,8 +28,6 @@ TIME_MEND = "write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z"
 # Unix times of the years 2001 to 2096, s; in ms, us and ns they are 10^3, 10^6 and 10^9 times that.
 UNIX = (1e9, 4e9)
 UNIX_UNITS: dict[Literal["s", "ms", "us", "ns"], float] = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-# Fixes that are all nearer to the origin than this, in degrees, are within 11 km; in meters, within a hand's breadth.
-DEGREES_OFF = 0.1
 # Days since 1899-12-30 of the same years, as spreadsheets count.
 SPREADSHEET = (36892, 72000)
 
@@ -121,18 +119,6 @@ def to_utc(column: "pd.Series", path: Path) -> "pd.Series":
             row = first_row(bad)
             raise InputError(f"{path}: row {row}: time {str(column.iloc[row - 1])!r} {problem}; {TIME_MEND}")
     return times.dt.as_unit("ns")
-
-
-def check_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> None:
-    """Raise InputError where all x and y are degrees beside the frame's origin: in meters nothing would move."""
-    if frame is None:
-        return
-    x, y = table["x"], table["y"]
-    for names, origin in (("latitude and longitude", frame.origin), ("longitude and latitude", frame.origin[::-1])):
-        if max((x - origin[0]).abs().max(), (y - origin[1]).abs().max()) < DEGREES_OFF:
-            raise InputError(
-                f"{path}: x and y hold {names}; name the columns so, and give sigma, m, for sigma_x, sigma_y"
-            )
 
 
 def to_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> "pd.DataFrame":

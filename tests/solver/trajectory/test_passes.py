@@ -143,6 +143,46 @@ def test_what_does_not_move_is_counted_and_left_out(caplog):
         smooth_passes(table[table["track_id"] == "parked"], a_record())
 
 
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (
+            lambda t: t.assign(x=1000 * t["x"]),
+            "2 of 2 tracks (1, 2) go faster than any vehicle (90 m/s); check that x and",
+        ),
+        (lambda t: t.assign(x=t["x"] / 1000), "no track goes farther than 0.26 m; check that x and y are in m"),
+        (
+            lambda t: t.assign(sigma_x=500.0),
+            "tracks of up to 49 m are lost in fixes of sigma 5e+02 m; check the sigmas",
+        ),
+        (
+            lambda t: t.groupby("track_id").head(1),
+            "no track has 3 fixes; give all fixes of a vehicle the same track_id",
+        ),
+        (lambda t: t.assign(track_id="1", x=t["x"] + 900 * (t["track_id"] == "2")), "1 of 1 tracks (1) go faster than"),
+    ],
+    ids=["mm", "km", "sigma", "one row per track", "one id for all"],
+)
+def test_tracks_that_no_vehicle_drives_are_one_clear_line(change, says):
+    seen = 20 + np.arange(50) * 0.1
+    table = pd.concat([fixes(seen + 0.05 * k, 10 * (seen - 20), 0.0, track_id=f"{k + 1}") for k in (0, 1)])
+    assert len(smooth_passes(table, a_record())) == 2
+    with pytest.raises(InputError) as caught:
+        smooth_passes(change(table), a_record())
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_track_that_leaps_is_two_and_an_impossible_one_among_many_is_left_out(caplog):
+    seen = 20 + np.arange(50) * 0.1
+    leaping = fixes(seen, 10 * (seen - 20) + 200 * (seen > 22.45), 0.0, track_id="leaps")
+    others = [fixes(seen, 10 * (seen - 20), float(k), track_id=f"{k}") for k in (1, 2)]
+    swift = fixes(seen, 900 * (seen - 20), 0.0, track_id="swift")
+    passes = smooth_passes(pd.concat([leaping, *others, swift]), a_record())
+    assert sorted(one.track_id for one in passes) == ["1", "2", "leaps", "leaps#2"]
+    assert "1 of 5 tracks (swift) go faster than any vehicle (90 m/s); they are left out" in caplog.text
+
+
 def test_a_pass_in_a_gap_is_left_out():
     tables = [fixes(at + np.arange(50) * 0.1, 10 * np.arange(50) * 0.1, 0.0, track_id=str(at)) for at in (10, 40)]
     record = a_record(missing=slice(20, 120))

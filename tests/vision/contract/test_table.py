@@ -133,11 +133,11 @@ def test_repeated_rows_count_once(tmp_path):
         (f"{HEADER}\n{ROW.replace('.25Z', 'Z')}\n{ROW.replace('.25Z', 'Z').replace('2.5', '9.5')}", "whole seconds"),
         (
             f"{HEADER}\n{ROW.replace('2.5,-1.5', '32.1135,34.8041')}",
-            "x and y hold latitude and longitude; name the col",
+            "x and y hold latitude and longitude; name the",
         ),
         (
             f"{HEADER}\n{ROW.replace('2.5,-1.5', '34.8041,32.1135')}",
-            "x and y hold longitude and latitude; name the col",
+            "x and y hold longitude and latitude; name the",
         ),
     ],
 )
