@@ -20,6 +20,7 @@ from pydantic import (
 
 from solver.das.units import Quantity
 from solver.limits import FELT
+from solver.patterns import files_matching
 from vision.contract import InputError, LocalFrame, read_toml
 
 DETECTORS = ("nanodet", "street")  # that come along, the default first
@@ -47,9 +48,7 @@ def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
     folder = folder_of(info)
     found: set[Path] = set()
     for pattern in patterns:
-        # Path.glob takes no absolute pattern, so the root is split off.
-        root = Path(Path(pattern).anchor) if Path(pattern).is_absolute() else folder
-        hits = [path for path in root.glob(str(Path(pattern).relative_to(Path(pattern).anchor))) if path.is_file()]
+        hits = files_matching(pattern, folder)
         if not hits:
             raise ValueError(f"no file matches {pattern!r} beside the site file")
         found.update(hits)
