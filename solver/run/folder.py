@@ -194,7 +194,7 @@ def assembled(facts: dict[str, Any], arrays: Arrays, effects: Iterable[Effect]) 
         for name, p in facts["parameters"].items()
     }
     scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
-    scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof")}
+    scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof", "cost")}
     anchors = [Anchor(**anchor) for anchor in facts["anchors"]]
     problem = problem_from(arrays, facts["problem"], anchors, finder(facts["plugins"], effects))
     check_agreement(problem, arrays, anchors, facts["settings"]["sampling_rate"])

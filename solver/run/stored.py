@@ -179,7 +179,7 @@ class AnyRun(Stored):
 
 
 class FitFile(Stored):
-    """fit.json."""
+    """fit.json: what `solver.run.facts.facts_of` makes, and what `solver.run.report.told` adds."""
 
     format: Format
     name: Annotated[str, Field(max_length=4096)]
@@ -191,6 +191,7 @@ class FitFile(Stored):
     parameters: dict[Text, FittedNumber]
     chi2: Size | None
     chi2_per_dof: Size | None
+    cost: float | None
     noise_floor: Size | None
     held_out_chi2_per_dof: Size | None
     active_channels: tuple[Count, Count]

@@ -100,7 +100,7 @@ def acceptable(place: tuple, now, wrong) -> bool:
     if place[0] == "record" and len(place) == 2:
         return wrong is None or wrong is True
     if wrong is None:
-        unknown = ("value", "sigma", "chi2", "chi2_per_dof", "noise_floor", "held_out_chi2_per_dof", "coil")
+        unknown = ("value", "sigma", "chi2", "chi2_per_dof", "cost", "noise_floor", "held_out_chi2_per_dof", "coil")
         return place[-1] in (*unknown, "found", "expected", "scatter", "taken_up")
     if wrong is True:
         return isinstance(now, bool)
