@@ -27,7 +27,7 @@ def room(monkeypatch):
 
 
 def arrays(folder, rows=100, columns=20):
-    x = np.random.default_rng(0).standard_normal((rows, columns)).astype(np.float32)
+    x = (1e-8 * np.random.default_rng(0).standard_normal((rows, columns))).astype(np.float32)
     np.save(folder / "a.npy", x)
     side = (
         "start = 2025-08-11T06:00:00Z\nsampling_rate = 10.0\nunit = '1/s'\nchannel_spacing = 1.0\ngauge_length = 10.0\n"
