@@ -30,6 +30,8 @@ TAIL = 4.0
 #: that of the other channels, is a bend that the model does not hold for.
 TURN, EXCESS = 0.2, 1.2
 
+#: Channels without which there is no route to speak of: a cubic spline has four coefficients.
+FEWEST = 4
 #: An anchor farther along the road from the matched filter's line, m, is around a bend, or wrong.
 OFF_LINE = 5.0
 #: Positions out of view go on from the last ones in view: they err alike over many samples, which weigh as one.
@@ -122,6 +124,11 @@ def pose(
     rounding = record.rounding and record.rounding.at(column)
     noise = rounded_level(noise_level(strain_rate, still), strain_rate, still, rounding)
     alive = np.isfinite(noise) & (noise > 0) & ~np.isin(channel, deaf)
+    if alive.sum() < FEWEST:
+        raise InputError(
+            f"DAS record: vehicles are told from noise in {alive.sum()} channels only, too few for a route; give "
+            "more and heavier vehicles, or a record with more digits (roadfiber locate --filter fk finds fainter ones)"
+        )
     kept = strain_rate if alive.all() else strain_rate[:, alive]
     passes = [guessed_less(part) for one in passes if (part := nearby(one, route)) is not None]
     if not passes:

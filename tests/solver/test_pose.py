@@ -7,6 +7,7 @@ import pytest
 
 from solver.das import DASRecord
 from solver.deaf import deaf_channels
+from solver.fit import Problem
 from solver.fit.map_fit import MapFit
 from solver.fit.result import FitResult
 from solver.pose import bent_ends, pose, silent, track_sigma, with_slow_errors
@@ -90,10 +91,9 @@ def test_slow_errors_of_tracks_are_fitted_where_these_are_uncertain(case) -> Non
     assert float(MapFit(unsure).track_variance(local).max()) > 1
 
 
-def test_no_vehicle_near_the_channels_is_said(case) -> None:
-    problem = case.problem
-    away = [replace(one, position=one.position + 400.0) for one in problem.passes]
-    record = DASRecord(
+def record_of(problem: Problem) -> DASRecord:
+    """The record of a problem."""
+    return DASRecord(
         strain_rate=problem.record,
         time=np.arange(len(problem.record)) / problem.sampling_rate,
         start=np.datetime64(0, "ns"),
@@ -105,6 +105,19 @@ def test_no_vehicle_near_the_channels_is_said(case) -> None:
         gaps=(),
         provenance={},
     )
+
+
+def test_a_few_channels_are_no_route(case) -> None:
+    """The spline of the start was singular: a traceback."""
+    problem, few = case.problem, slice(40, 43)
+    with pytest.raises(InputError, match="in 3 channels only, too few for a route"):
+        pose(record_of(problem), problem.passes, [], problem.start[few], problem.channel[few], problem.prior)
+
+
+def test_no_vehicle_near_the_channels_is_said(case) -> None:
+    problem = case.problem
+    away = [replace(one, position=one.position + 400.0) for one in problem.passes]
+    record = record_of(problem)
     with pytest.raises(InputError, match=r"no vehicle comes within 25 m of channels .* check the frame"):
         pose(record, away, [], problem.start, problem.channel, problem.prior)
 
