@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.lens_prior import Intrinsics
-from calib.options import PICTURES, read_picture
+from calib.options import read_picture
 from vision.contract import InputError, progress
 from vision.lens import Lens
+from vision.stills import PICTURES
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

@@ -33,7 +33,8 @@ def ground(
         ),
     ],
     video: Annotated[
-        Path | None, typer.Option(help="Video or picture: take the image size from it; draw the fit over a frame.")
+        Path | None,
+        typer.Option(help="Video, picture or folder of stills: its size is taken; the fit is drawn over a frame."),
     ] = None,
     image_size: Annotated[str | None, typer.Option(metavar="WxH", help="In place of --video, as 1280x720.")] = None,
     out: Annotated[Path, typer.Option(help="Calibration file to write.")] = Path("calibration.json"),

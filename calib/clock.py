@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from vision.contract import InputError, read_toml
-from vision.video import Video, open_video
+from vision.frames import Video
+from vision.video import open_video
 
 SPEED = 50 / 3.6  # m/s; of a vehicle, to say what a second is worth
 GAP = 1.5  # median frame intervals that make a gap

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.contract import InputError, LocalFrame, read_toml, require_writable
+from vision.sources import require_file
+from vision.stills import ANY_RATE, PICTURES, read_still
 
 Image = NDArray[np.uint8]
 Choice = TypeVar("Choice", bound=str)
-PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
 def local_frame(path: Path | None, origin: str | None, x_azimuth: float | None) -> LocalFrame | None:
@@ -103,6 +104,8 @@ def picture_size(video: Path | None, image_size: str | None) -> tuple[tuple[int,
 def read_frame(source: Path, time: float | None = None) -> Image:
     """Read a picture, or the frame of a video nearest to `time`, s since its start (by default its middle one).
 
+    A folder of pictures is a video, too; only with a `time` must they tell theirs.
+
     Raises
     ------
     InputError
@@ -112,7 +115,7 @@ def read_frame(source: Path, time: float | None = None) -> Image:
         return read_picture(source)
     from vision.video import open_video
 
-    video = open_video(source)
+    video = open_video(source, rate=ANY_RATE if time is None else None)
     if time is None:
         frames = video.sample(3)
         return frames[len(frames) // 2].image
@@ -124,14 +127,11 @@ def read_frame(source: Path, time: float | None = None) -> Image:
 
 def read_picture(path: Path) -> Image:
     """Read a picture [height, width, 3], BGR; InputError where it is none."""
-    import cv2
-
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; give a picture or a video")
-    image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
+    require_file(path)
+    image = read_still(path)
     if image is None:
         raise InputError(f"{path}: not a picture that can be read; give .png or .jpg")
-    return np.asarray(image, np.uint8)
+    return image
 
 
 def two_counts(text: str, option: str, example: str) -> tuple[int, int]:

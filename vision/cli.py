@@ -13,7 +13,7 @@ app = typer.Typer()
 
 @app.command()
 def track(
-    video: Annotated[Path, typer.Argument(help="Video of a fixed camera.")],
+    video: Annotated[Path, typer.Argument(help="Video of a fixed camera, or a folder of stills.")],
     calibration: Annotated[
         Path | None, typer.Option(help="Calibration of the view; without it tracks stay in pixels.")
     ] = None,
@@ -26,6 +26,10 @@ def track(
     start: Annotated[
         str | None,
         typer.Option(help="UTC of the video's first instant, as 2025-08-11T06:00:00.25Z.  [default: its header]"),
+    ] = None,
+    frame_rate: Annotated[
+        float | None,
+        typer.Option(help="Of a folder of stills, 1/s.  [default: times in their EXIF data or their names]"),
     ] = None,
     clock_offset: Annotated[float, typer.Option(help="How far the camera's clock is ahead, s; it is taken off.")] = 0.0,
     min_score: Annotated[
@@ -72,6 +76,7 @@ def track(
     from vision.drawn_video import draw_video, require_drawable
     from vision.dropped import write_dropped
     from vision.pipeline import box_tracks, on_road, start_time, summarize, utc
+    from vision.stills import require_rate
     from vision.video import open_video
 
     out = out or Path("trajectories.csv" if calibration else "boxes.csv")
@@ -83,7 +88,8 @@ def track(
     view = Calibration.read(calibration) if calibration else None
     model = load_detector(detector, layout=layout, names=split(names), classes=split(classes))
     kept = None if no_cache else cache or cache_folder()
-    clip = open_video(video, kept)
+    require_rate(video, frame_rate)
+    clip = open_video(video, kept, frame_rate)
     if view:
         view.require_size(clip.width, clip.height, video)
     zero = start_time(start, clip) if view or start else None

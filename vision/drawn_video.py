@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from vision.contract.errors import InputError
 from vision.contract.files import writing
 from vision.contract.progress import progress
+from vision.frames import Video
 from vision.interpolate import BOX
 from vision.overlay import COLORS, Drawn, Image, draw
-from vision.video import Video
 
 if TYPE_CHECKING:
     import pandas as pd

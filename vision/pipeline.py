@@ -21,11 +21,13 @@ from vision.detectors import Detector, is_street, load_detector
 from vision.detectors.look import Look, look
 from vision.dropped import causes, join, words
 from vision.follow import FEWEST_FIXES, PIXEL_COLUMNS, detection_table, follow, patience
+from vision.frames import Video
 from vision.ground_track import SIZE, ground_tracks, unplaceable
 from vision.interpolate import BOX, fill_frames
 from vision.rendered import is_rendered
+from vision.stills import require_rate
 from vision.tracker import Tracker
-from vision.video import Video, open_video
+from vision.video import open_video
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,6 +78,7 @@ def track(
     detector: str | Path | Detector = "nanodet",
     calibration: Path | str | Calibration,
     start: datetime | str | None = None,
+    frame_rate: float | None = None,
     clock_offset: float = 0.0,
     min_score: float | None = None,
     classes: Iterable[str] | None = None,
@@ -87,10 +90,11 @@ def track(
 
     Parameters
     ----------
-    video : file
+    video : file, or folder of pictures
     detector : name of a built-in detector, path of an .onnx file, or one that is loaded
     calibration : of the view, or its file
     start : UTC of the video's time zero; by default the creation time in its header
+    frame_rate : of a folder of pictures, 1/s; by default they must tell their times
     clock_offset : s that the camera's clock is ahead of true time; it is taken off
     min_score : score that starts a track; by default the detector's own
     classes : names of the classes to follow; road vehicles by default
@@ -111,7 +115,8 @@ def track(
     InputError, where the video, the detector or the calibration cannot be used or do not belong together, the start
     is unknown, or no vehicle was followed on the road.
     """
-    clip = open_video(video, cache)
+    require_rate(Path(video), frame_rate)
+    clip = open_video(video, cache, frame_rate)
     view = calibration if isinstance(calibration, Calibration) else Calibration.read(calibration)
     view.require_size(clip.width, clip.height, clip.path)
     zero = start_time(start, clip)

@@ -21,6 +21,8 @@ def is_rendered(path: Path) -> bool:
     >>> is_rendered(Path(__file__))
     False
     """
+    if path.is_dir():  # of pictures, which have no such note
+        return False
     with path.open("rb") as file:
         file.seek(max(path.stat().st_size - len(NOTE), 0))
         return file.read() == NOTE

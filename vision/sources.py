@@ -26,7 +26,7 @@ street.mp4 (ffmpeg -rtsp_transport tcp -i URL -c copy -t 600 street.mp4)
             f"{scheme}://{place}: is a stream, not a file; record it first, then give street.mp4 "
             f"(ffmpeg {option}-i URL -c copy -t 600 street.mp4)"
         )
-    raise InputError(f"{path}: no such file; give a video file")
+    raise InputError(f"{path}: no such file; give a video or a folder of stills")
 
 
 def undecodable(path: Path, codec: str) -> InputError:

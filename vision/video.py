@@ -4,7 +4,6 @@ import logging
 import os
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import BinaryIO
@@ -14,7 +13,9 @@ from numpy.typing import NDArray
 
 from vision.cache import checksum, keep_arrays, kept_arrays
 from vision.contract.errors import InputError
+from vision.frames import Frame, Video
 from vision.sources import require_file, undecodable
+from vision.stills import open_stills
 from vision.timestamps import SAME, clock, codec_of, frame_times, open_capture
 
 log = logging.getLogger("roadfiber.video")
@@ -25,65 +26,16 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 MP4_EPOCH = np.datetime64("1904-01-01T00:00:00", "ns")
 
 
-@dataclass(frozen=True)
-class Frame:
-    """A decoded frame: its place in the file, s since the file's time zero, image [height, width, 3] BGR."""
-
-    index: int
-    time: float
-    image: NDArray[np.uint8]
-
-
-@dataclass(frozen=True)
-class Video:
-    """A video whose frames were counted and timed, so its length is not what its header claims.
-
-    Parameters
-    ----------
-    path : the file
-    width, height : of the decoded images (after the rotation the file asks for), px
-    index : [frame], place of every usable frame in decoding order
-    time : [frame], s since the file's time zero, strictly increasing
-    created : UTC of the file's time zero as its header says it, or None
-    """
-
-    path: Path
-    width: int
-    height: int
-    index: NDArray[np.int64]
-    time: NDArray[np.float64]
-    created: np.datetime64 | None = None
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    @property
-    def frame_interval(self) -> float:
-        """Median time between frames, s."""
-        return float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
+class VideoFile(Video):
+    """A file that FFmpeg reads."""
 
     @cached_property
     def checksum(self) -> str:
         """SHA-256 of the file."""
         return checksum(self.path)
 
-    def frames(self, every: int = 1) -> Iterator[Frame]:
-        """Decode every `every`-th frame."""
-        yield from self.frames_at(np.arange(0, len(self), every))
-
-    def sample(self, count: int) -> list[Frame]:
-        """Decode `count` frames, or all there are, spread evenly over the file."""
-        return list(self.frames_at(np.unique(np.linspace(0, len(self) - 1, count).round().astype(int))))
-
-    def frames_at(self, wanted: NDArray[np.intp]) -> Iterator[Frame]:
-        """Decode the frames at these places of `index` and `time`, which increase; damaged ones are left out."""
-        return (frame for frame in self.decoded(wanted) if frame is not None)
-
     def decoded(self, wanted: NDArray[np.intp]) -> Iterator[Frame | None]:
-        """Decode the frame at each of these places of `index` and `time`, which increase; None for a damaged one.
-
-        Raises InputError, where the file ends before them.
-        """
+        """Decode the frame at each of these places; InputError, where the file ends before them."""
         capture, now, damaged = open_capture(self.path), -np.inf, 0
         for place in wanted:
             refused = 0
@@ -104,16 +56,17 @@ class Video:
             log.warning("%s: %d frames are damaged and left out", self.path, damaged)
 
 
-def open_video(path: str | Path, cache: Path | None = None) -> Video:
-    """Count and time a file's frames (`vision.timestamps`) and return what is in it.
+def open_video(path: str | Path, cache: Path | None = None, rate: float | None = None) -> Video:
+    """Count and time the frames of a file (`vision.timestamps`) or a folder of pictures (`vision.stills`).
 
     The timestamp of a frame is the presentation time the container holds for it. A frame whose time does not increase
     is left out and counted in the log.
 
     Parameters
     ----------
-    path : the file
+    path : the file or folder
     cache : folder where what decodes is kept by the file's checksum; the next time nothing is decoded
+    rate : 1/s, of the pictures of a folder; by default they must tell their times. A file always does
 
     Raises
     ------
@@ -123,9 +76,11 @@ def open_video(path: str | Path, cache: Path | None = None) -> Video:
     import cv2
 
     path = Path(path)
+    if path.is_dir():
+        return open_stills(path, rate)
     require_file(path)
     capture = open_capture(path)
-    rate, claimed = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
+    usual, claimed = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
     raw, shape = frame_times(path) if cache is None else _kept_times(path, cache)
     if not len(raw):
         raise undecodable(path, codec_of(capture))
@@ -135,9 +90,9 @@ def open_video(path: str | Path, cache: Path | None = None) -> Video:
     if not increasing.all():
         log.warning("%s: %d frames left out, their time does not increase", path, (~increasing).sum())
     created, duration = movie_header(path)
-    _require_whole(path, float(raw.max()), duration or (claimed / rate if rate > 0 else 0.0))
+    _require_whole(path, float(raw.max()), duration or (claimed / usual if usual > 0 else 0.0))
     height, width = shape
-    return Video(path, width, height, np.flatnonzero(increasing), raw[increasing], created)
+    return VideoFile(path, width, height, np.flatnonzero(increasing), raw[increasing], created)
 
 
 def _kept_times(path: Path, cache: Path) -> tuple[NDArray[np.float64], tuple[int, int]]:

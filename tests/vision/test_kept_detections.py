@@ -20,7 +20,7 @@ from vision.detectors import look as looking
 from vision.detectors.kept import Kept
 from vision.detectors.look import look
 from vision.pipeline import box_tracks
-from vision.video import Video, open_video
+from vision.video import VideoFile, open_video
 
 FRAMES, SIZE = 40, (160, 120)
 
@@ -50,7 +50,7 @@ def work(monkeypatch):
     done = {"detected": 0, "decoded": [], "prepared": 0, "scanned": 0}
     detect_all, decoded, prepare, scan = (
         OnnxDetector.detect_all,
-        Video.decoded,
+        VideoFile.decoded,
         OnnxDetector.prepare,
         vision.video.frame_times,
     )
@@ -75,7 +75,7 @@ def work(monkeypatch):
 
     monkeypatch.setattr(OnnxDetector, "detect_all", count_detect)
     monkeypatch.setattr(OnnxDetector, "prepare", count_prepare)
-    monkeypatch.setattr(Video, "decoded", count_frames)
+    monkeypatch.setattr(VideoFile, "decoded", count_frames)
     monkeypatch.setattr(vision.video, "frame_times", count_scan)
     return done
 
@@ -187,13 +187,13 @@ def test_other_options_are_another_look(clip, model, tmp_path, work):
 
 
 def test_nothing_is_found_in_damaged_frames(clip, model, monkeypatch):
-    usual, decoded = see(clip, model, None), Video.decoded
+    usual, decoded = see(clip, model, None), VideoFile.decoded
     torn = {3, 4, 17}
 
     def tear(self, wanted):
         return (None if frame.index in torn else frame for frame in decoded(self, wanted))
 
-    monkeypatch.setattr(Video, "decoded", tear)
+    monkeypatch.setattr(VideoFile, "decoded", tear)
     looks = see(clip, model, None)
     assert [now.index for now in looks] == list(range(FRAMES))
     assert all(len(now.found) == 0 for now in looks if now.index in torn)

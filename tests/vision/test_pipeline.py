@@ -18,10 +18,11 @@ from vision.camera import Calibration
 from vision.contract import COLUMNS, InputError, read_trajectories
 from vision.detectors import Detections, load_detector
 from vision.dropped import causes, read_dropped
+from vision.frames import Frame
 from vision.pipeline import box_tracks, start_time, track
 from vision.rendered import note_rendered
 from vision.vehicles import SHAPES
-from vision.video import Frame, open_video
+from vision.video import open_video
 
 SIZE, FRAMES, SPEED, LANE = (640, 360), 70, 9.0, 1.75
 TICKS = [256, 768] * (FRAMES // 2)  # of 1/12800 s: a frame rate that alternates between 50 and 16.7 per s

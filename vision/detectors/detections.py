@@ -6,7 +6,7 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.video import Video
+from vision.frames import Video
 
 
 @dataclass(frozen=True)

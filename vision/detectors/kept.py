@@ -10,7 +10,7 @@ import numpy as np
 from vision.cache import keep_arrays, kept_arrays
 from vision.detectors.detections import Detections
 from vision.detectors.onnx_detector import OnnxDetector
-from vision.video import Video
+from vision.frames import Video
 
 
 class Kept:

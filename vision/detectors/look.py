@@ -12,7 +12,7 @@ from vision.cache import allowed, prune
 from vision.detectors.detections import Detections, Detector
 from vision.detectors.kept import Kept
 from vision.detectors.onnx_detector import OnnxDetector
-from vision.video import Frame, Video
+from vision.frames import Frame, Video
 
 CHUNK = 250  # frames after which detections are written: some seconds of work
 BURST = 16  # frames that are decoded before they are detected, see `OnnxDetector.detect_all`

@@ -18,7 +18,7 @@ from vision.detectors.layout import Candidates, Graph, Layout, Size
 from vision.detectors.layouts import choose_layout, no_detector
 from vision.detectors.names import class_names, wanted_classes
 from vision.detectors.session import ImageInput, dry_run, find_input, open_session, run, side_feeds
-from vision.video import Video
+from vision.frames import Video
 
 FLOOR = 0.1  # lowest score handed on; the tracker continues tracks, but starts none, on weak detections
 LARGEST = 0.5  # share of the image; small models call an empty road one huge car

@@ -5,9 +5,9 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.frames import Video
 from vision.interpolate import BOX
 from vision.quality.setting import Setting
-from vision.video import Video
 
 Image = NDArray[np.uint8]
 

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from vision.contract.errors import InputError
 from vision.contract.figures import png_bytes, styled
 from vision.contract.files import require_writable, writing
+from vision.frames import Video
 from vision.interpolate import BOX
 from vision.jitter import LIMIT
 from vision.quality.classes import compared_classes, of_classes, tracks_by_class
@@ -27,7 +28,8 @@ from vision.quality.reading import read_tracks
 from vision.quality.route_effect import GAUGE_LENGTH
 from vision.quality.setting import Picture, Setting, Tables, clip_boxes, read_settings
 from vision.quality.verdict import grade, judge
-from vision.video import Video, open_video
+from vision.stills import ANY_RATE
+from vision.video import open_video
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +75,7 @@ def write_report(
     check_target(out)
     if gauge_length <= 0:
         raise InputError(f"--gauge-length {gauge_length:g}: must be above 0 m")
-    clip = open_video(video) if video else None
+    clip = open_video(video, rate=ANY_RATE) if video else None
     picture = Picture(Path(clip.path), clip.width, clip.height, int(clip.index[-1]) + 1) if clip else None
     tables = read_settings(paths, names, frame_rate, picture)
     if clip and not any(setting.has_boxes for setting in tables.settings):
@@ -94,7 +96,7 @@ def write_report(
         inputs=[
             *checksums("tracks", [one.path for one in settings]),
             *checksums("truth", [truth]),
-            *checksums("video", [video]),
+            *([("video", clip.path.name, clip.checksum)] if clip else []),
         ],
         title=video.name if video else ", ".join(setting.name for setting in settings),
         created=f"{created:%Y-%m-%d %H:%M} UTC",

@@ -1,0 +1,71 @@
+"""What everything that is looked at gives: frames, each with the time it was taken."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A decoded frame: its place in the file, s since the file's time zero, image [height, width, 3] BGR."""
+
+    index: int
+    time: float
+    image: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Video(ABC):
+    """Frames that were counted and timed, so their number is not what a header claims.
+
+    Parameters
+    ----------
+    path : the file, or the folder of pictures
+    width, height : of the decoded images (after the rotation the file asks for), px
+    index : [frame], place of every usable frame in decoding order
+    time : [frame], s since the video's time zero, strictly increasing
+    created : UTC of time zero as the file says it, or None
+    """
+
+    path: Path
+    width: int
+    height: int
+    index: NDArray[np.int64]
+    time: NDArray[np.float64]
+    created: np.datetime64 | None = None
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def frame_interval(self) -> float:
+        """Median time between frames, s."""
+        return float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
+
+    @property
+    @abstractmethod
+    def checksum(self) -> str:
+        """SHA-256 of what is decoded."""
+
+    @abstractmethod
+    def decoded(self, wanted: NDArray[np.intp]) -> Iterator[Frame | None]:
+        """Decode the frame at each of these places of `index` and `time`, which increase; None for a damaged one.
+
+        Raises InputError, where the video changed since it was opened.
+        """
+
+    def frames(self, every: int = 1) -> Iterator[Frame]:
+        """Decode every `every`-th frame."""
+        yield from self.frames_at(np.arange(0, len(self), every))
+
+    def sample(self, count: int) -> list[Frame]:
+        """Decode `count` frames, or all there are, spread evenly over the video."""
+        return list(self.frames_at(np.unique(np.linspace(0, len(self) - 1, count).round().astype(int))))
+
+    def frames_at(self, wanted: NDArray[np.intp]) -> Iterator[Frame]:
+        """Decode the frames at these places of `index` and `time`, which increase; damaged ones are left out."""
+        return (frame for frame in self.decoded(wanted) if frame is not None)
