@@ -51,15 +51,15 @@ def writing_into(folder: str | Path) -> Iterator[Path]:
         As of `writing`.
     """
     folder = Path(folder)
-    with scratch_for(folder / "files") as scratch:
+    with scratch_for(folder / "files", folder) as scratch:
         yield scratch
         for path in sorted(scratch.iterdir()):
             path.replace(folder / path.name)
 
 
 @contextmanager
-def scratch_for(target: Path) -> Iterator[Path]:
-    """Yield an empty folder beside `target` and remove it; tell in a line where that cannot be written."""
+def scratch_for(target: Path, named: Path | None = None) -> Iterator[Path]:
+    """Yield an empty folder beside `target` and remove it; tell in a line where that (`named` so) cannot be written."""
     scratch, made = beside(target)
     try:
         yield scratch
@@ -69,7 +69,7 @@ def scratch_for(target: Path) -> Iterator[Path]:
         ours = is_full(error) or (isinstance(error, OSError) and str(scratch) in str(error.filename or scratch))
         if not ours or isinstance(error, InputError):
             raise
-        raise InputError(unwritable(target, error)) from error
+        raise InputError(unwritable(named or target, error)) from error
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
         remove(made)
