@@ -1,9 +1,12 @@
 """The `roadfiber` command: one sub-command group of each package, and the main job across them."""
 
+import json
 import logging
 import os
 import shlex
 import sys
+from contextlib import nullcontext, redirect_stdout
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -142,6 +145,9 @@ def demo(
         "roadfiber-demo"
     ),
     seed: Annotated[int, typer.Option(min=0, help="Another seed is another street.")] = 4,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the error as JSON; what the commands print goes to standard error.")
+    ] = False,
 ) -> None:
     """Film a street, record its fiber, and find the fiber again: the whole way, on a survey whose answer is known.
 
@@ -152,7 +158,21 @@ def demo(
     """
     from solver.simulator import read_scenario, route_error
 
-    scenario = read_scenario("street-filmed", seed=seed)
+    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+        run = run_demo(out, read_scenario("street-filmed", seed=seed))
+    error, report = route_error(run / "route.csv", out / "truth.json"), run / "report.html"
+    if as_json:
+        print(json.dumps({"error": {"unit": "m", **asdict(error)}, "run": str(run), "report": str(report)}, indent=1))
+        return
+    print(
+        f"\nerror against the known route, {error.channels} channels in view: {error.mean:.2f} m on average, "
+        f"{error.largest:.2f} m at most ({error.largest_lateral:.2f} on the map, {error.largest_depth:.2f} in depth)"
+    )
+    print(f"report: {report}")
+
+
+def run_demo(out: Path, scenario: "Scenario") -> Path:
+    """Write a demo and run the commands on it; the run folder."""
     print(f"filming a street and recording its fiber: {out}", flush=True)
     write_demo(out, scenario)
     site, points, video = out / "site.toml", out / "control_points.csv", out / "street.mp4"
@@ -162,12 +182,7 @@ def demo(
     known = ("--calibration", calibration, "--start", start)
     run_command("track", video, "--detector", "street", *known, "--out", trajectories)
     run_command("locate", site, "--out", run)
-    error = route_error(run / "route.csv", out / "truth.json")
-    print(
-        f"\nerror against the known route, {error.channels} channels in view: {error.mean:.2f} m on average, "
-        f"{error.largest:.2f} m at most ({error.largest_lateral:.2f} on the map, {error.largest_depth:.2f} in depth)"
-    )
-    print(f"report: {run / 'report.html'}")
+    return run
 
 
 def write_demo(out: Path, scenario: "Scenario") -> None:

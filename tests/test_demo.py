@@ -49,6 +49,13 @@ def test_the_demo_writes_a_survey_and_runs_the_commands_on_it(brief, tmp_path, m
     assert len(open_video(out / "street.mp4")) == 12
     assert read_das(sorted((out / "das").glob("*.h5"))).strain_rate.shape[1] == brief.channels
     assert "0.10 m on average, 0.10 m at most" in result.output and "report.html" in result.output
+    # The same again for a machine.
+    monkeypatch.setattr(roadfiber, "run_command", lambda *words: print("a command speaks"))
+    monkeypatch.setattr(roadfiber, "write_demo", lambda out, scenario: None)
+    result = CliRunner().invoke(roadfiber.app, ["demo", "--out", str(out), "--json"], catch_exceptions=False)
+    told = json.loads(result.stdout)
+    assert told["error"]["mean"] == pytest.approx(0.1) and told["error"]["channels"] > 10
+    assert told["report"] == str(out / "run" / "report.html") and "a command speaks" in result.stderr
 
 
 def test_a_command_is_shown_and_run(tmp_path, capsys):
