@@ -60,7 +60,7 @@ def writing_into(folder: str | Path) -> Iterator[Path]:
 @contextmanager
 def scratch_for(target: Path, named: Path | None = None) -> Iterator[Path]:
     """Yield an empty folder beside `target` and remove it; tell in a line where that (`named` so) cannot be written."""
-    scratch, made = beside(target)
+    scratch, made = beside(target, named)
     try:
         yield scratch
         made.clear()
@@ -75,7 +75,7 @@ def scratch_for(target: Path, named: Path | None = None) -> Iterator[Path]:
         remove(made)
 
 
-def beside(target: Path) -> tuple[Path, list[Path]]:
+def beside(target: Path, named: Path | None = None) -> tuple[Path, list[Path]]:
     """Make an empty folder beside `target`, and return it with the folders made for it, the deepest first.
 
     A folder of its own on the same file system keeps the suffix (writers choose the format by it) and the replacing
@@ -95,7 +95,7 @@ def beside(target: Path) -> tuple[Path, list[Path]]:
         return Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent)), made
     except OSError as error:
         remove(made)
-        raise InputError(unwritable(target, error)) from error
+        raise InputError(unwritable(named or target, error)) from error
 
 
 def remove(made: list[Path]) -> None:

@@ -91,6 +91,8 @@ def test_a_folder_that_only_can_be_read_is_told_before_the_work(tmp_path, monkey
     for write in (require_writable, lambda target: writing(target).__enter__()):
         with pytest.raises(InputError, match=rf"run: cannot be written \({os.strerror(code)}\); name a place"):
             write(tmp_path / "deep" / "run")
+    with pytest.raises(InputError, match="run: cannot be written"), writing_into(tmp_path / "run"):
+        pass
     assert left(tmp_path) == []
 
 
