@@ -19,7 +19,7 @@ from vision.camera import Calibration
 CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
 )
-PATIENCE = 20_000  # ms
+PATIENCE = 90_000  # ms; tests share the machine
 READY = "window.Bokeh && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle"
 # Where a pixel of the frame is on the screen.
 PLACE = """([u, v]) => {

@@ -143,6 +143,6 @@ def test_the_default_finds_the_traffic_of_a_real_motorway(shared_data):
     from vision.video import open_video
 
     video = open_video(shared_data / "video" / "abhishek-verma-github_highway.mp4")
-    table, _ = box_tracks(video, load_detector("nanodet"), every=12)
+    table, *_ = box_tracks(video, load_detector("nanodet"), every=12)
     assert 8 <= table["track_id"].nunique() <= 20
     assert set(table["class"]) <= {"car", "truck", "bus", "van"}

@@ -67,9 +67,11 @@ def test_otvision_beside_a_table_of_ours(tmp_path, suffix):
     table = tracks(metric=False, missed=0.05)
     ours = write(table, tmp_path / "a.csv")
     theirs = as_otvision(table, tmp_path / f"b.{suffix}", suffix == "ottrk")
-    first, second = read_settings([ours, theirs]).settings
-    assert second.tracks["track_id"].nunique() == 7 and set(second.tracks["class"]) == {"van"}
-    boxes = [s.tracks[~s.tracks["interpolated"]].sort_values([*BOX, "frame"])[[*BOX, "frame"]] for s in (first, second)]
+    first, second = (one.tracks for one in read_settings([ours, theirs]).settings)
+    if suffix == "otdet":  # what is parked is not followed
+        first = first[first["track_id"] != first["track_id"].iloc[-1]]
+    assert second["track_id"].nunique() == first["track_id"].nunique() and set(second["class"]) == {"van"}
+    boxes = [one[~one["interpolated"]].sort_values([*BOX, "frame"])[[*BOX, "frame"]] for one in (first, second)]
     np.testing.assert_allclose(*boxes)
 
 
