@@ -23,10 +23,10 @@ import numpy as np
 import pandas as pd
 import torch
 
-from solver.locate import Located, locate
+from solver.run.locate import Located, locate
 from solver.simulator import EFFECTS, Scenario, Survey, read_scenario, simulate, write_survey
 from solver.simulator.effects import hidden
-from solver.site import read_site
+from solver.survey.site import read_site
 
 KINDS = {"null": 0.25, "one": 0.4, "two": 0.1, "unknown": 0.15, "geometry": 0.1}
 #: Effects that a survey of eight to ten passes can show at a plausible size.
@@ -157,8 +157,8 @@ def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
     """Simulate, locate and diagnose one trial, and judge what the diagnosis says."""
     from dataclasses import asdict
 
+    from solver.catalogue.catalogue import built_in
     from solver.criticism.diagnosis import diagnose
-    from solver.effects.catalogue import built_in
     from solver.fit.map_fit import MapFit
 
     scenario = draw_trial(seed, kind)
@@ -179,8 +179,8 @@ def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
 
 def added(seed: int, kind: str | None) -> dict[str, object]:
     """Put the first hidden effect of a trial into the model, as `roadfiber add` does, and compare with none hidden."""
+    from solver.catalogue.catalogue import built_in
     from solver.criticism.growth import grow
-    from solver.effects.catalogue import built_in
     from solver.fit.map_fit import MapFit
 
     scenario = draw_trial(seed, kind)

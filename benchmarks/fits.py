@@ -13,11 +13,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from solver.fit import METHODS, FitResult
-from solver.locate import locate
+from solver.fit import FitResult
+from solver.run.locate import locate
+from solver.run.methods import METHODS
 from solver.simulator import Survey, simulate, write_survey
 from solver.simulator.scenario import read_scenario
-from solver.site import read_site
+from solver.survey.site import read_site
 
 
 def scored(survey: Survey, result: FitResult, seconds: float) -> dict[str, float]:

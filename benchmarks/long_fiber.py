@@ -21,13 +21,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from solver.anchors import Anchor
-from solver.das import DASRecord
-from solver.locate import locate
+from solver.run.locate import locate
+from solver.simulator.buried_route import Route
 from solver.simulator.elastic import extension, gauge_nodes, gauge_weights
-from solver.simulator.route import Route
 from solver.simulator.vehicle import GRAVITY, Vehicle, draw_vehicle
-from solver.site import read_site
+from solver.survey.anchors import Anchor
+from solver.survey.das import DASRecord
+from solver.survey.site import read_site
 from vision.contract import progress
 
 Array = NDArray[Any]

@@ -23,16 +23,16 @@ import torch
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from solver.anchors import Anchor
-from solver.curves import hausdorff
+from solver.cable.curves import hausdorff
 from solver.fit import Prior, Problem
 from solver.fit.map_fit import MapFit
-from solver.geometric import geometric_route
-from solver.locate import Located, locate
-from solver.matched_filter import initialize
-from solver.pose import pose
+from solver.fit.pose import pose
+from solver.published.geometric_route import geometric_route
+from solver.run.locate import Located, locate
 from solver.simulator import Scenario, Survey, simulate, write_survey
-from solver.site import read_site
+from solver.start.initialization import initialize
+from solver.survey.anchors import Anchor
+from solver.survey.site import read_site
 from vision.contract import InputError, progress, writing
 
 METHODS = ("spline", "network", "geometric")

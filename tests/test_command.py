@@ -10,21 +10,21 @@ import pytest
 from numba.core import caching
 from typer.testing import CliRunner
 
-import roadfiber
-from solver.compiled import compiled
-from solver.das.units import require_cache
+import roadfiber.command
+from solver.ground.compiled import compiled
+from solver.survey.das.units import require_cache
 
 
 def ended(monkeypatch, capsys, *words) -> tuple[int, str]:
     """Exit status and standard error of `roadfiber`."""
     monkeypatch.setattr(sys, "argv", ["roadfiber", *map(str, words)])
     with pytest.raises(SystemExit) as end:
-        roadfiber.main()
+        roadfiber.command.main()
     return end.value.code, capsys.readouterr().err
 
 
 def test_version():
-    result = CliRunner().invoke(roadfiber.app, ["--version"])
+    result = CliRunner().invoke(roadfiber.command.app, ["--version"])
     assert (result.exit_code, result.output) == (0, f"roadfiber {version('roadfiber')}\n")
 
 
@@ -40,16 +40,16 @@ def test_what_ends_a_command_is_one_line(monkeypatch, capsys, error, status, lin
     def fail(*given):
         raise error
 
-    monkeypatch.setattr("solver.effects.plugins.catalogue", fail)
+    monkeypatch.setattr("solver.catalogue.plugins.catalogue", fail)
     code, told = ended(monkeypatch, capsys, "effects")
     assert code == status and told.startswith(line) and told.count("\n") == 1
 
 
 def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["roadfiber", "effects"])
-    monkeypatch.setattr("solver.effects.plugins.catalogue", lambda plugins: {}["fault"])
+    monkeypatch.setattr("solver.catalogue.plugins.catalogue", lambda plugins: {}["fault"])
     with pytest.raises(KeyError):
-        roadfiber.main()
+        roadfiber.command.main()
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full is Linux's")  # noqa: PTH110

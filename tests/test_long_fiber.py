@@ -6,19 +6,12 @@ import numpy as np
 import pytest
 
 from benchmarks.long_fiber import LongSurvey, made, written
-from solver.locate import Located, locate
-from solver.matched_filter.sections import (
-    extent,
-    heard,
-    initialize_sections,
-    joined,
-    sections_of,
-    sides_of,
-    sought,
-)
 from solver.run.folder import read_run
-from solver.site import read_site
-from solver.trajectory import Pass, smooth_passes
+from solver.run.locate import Located, locate
+from solver.start.sections import extent, heard, initialize_sections, joined, sections_of, sides_of, sought
+from solver.survey.site import read_site
+from solver.trajectory.passes import smooth_passes
+from solver.trajectory.vehicle_pass import Pass
 
 
 @pytest.fixture(scope="module")

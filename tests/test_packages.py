@@ -56,7 +56,7 @@ def test_opencv_is_the_contrib_build_and_alone() -> None:
 
 def test_help_needs_no_heavy_package() -> None:
     code = (
-        "import sys, roadfiber; "
+        "import sys, roadfiber.command; "
         "heavy = {'torch', 'onnxruntime', 'dascore', 'panel', 'pandas', 'scipy', 'cv2', 'matplotlib'}; "
         "print(sorted(heavy & set(sys.modules)))"
     )

@@ -9,8 +9,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from solver.fit.problem import Problem
-from solver.noise import quiet, whitened_noise
-from solver.whitening import Whitener, reach_of
+from solver.noise.quiet_windows import quiet, whitened_noise
+from solver.noise.whitening import Whitener, reach_of
 
 #: Fewer quiet samples than this say too little about the noise to rank effects by it.
 ENOUGH = 400

@@ -8,7 +8,7 @@ from solver.criticism.candidate import Candidate
 from solver.criticism.repairs import SEARCHES, Fault
 from solver.criticism.score import FOUND, Score
 from solver.criticism.scorer import Scorer, score_all
-from solver.effects.effect import Effect
+from solver.effect import Effect
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from solver.catalogue.catalogue import STAND_INS, families_of
 from solver.criticism.bench import Asked, Bench, racers, scorable
 from solver.criticism.candidate import Candidate
 from solver.criticism.refit import Refit, race
 from solver.criticism.score import FOUND, Score
 from solver.criticism.scorer import score_all
-from solver.effects.catalogue import STAND_INS, families_of
-from solver.effects.effect import Effect
+from solver.effect import Effect
 from solver.fit.least_squares import solve
 
 #: How many enter the race for what the winner leaves.

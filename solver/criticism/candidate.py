@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
+from solver.catalogue.catalogue import FAULTS
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import Fault
 from solver.criticism.score import FOUND, Score, evidence
-from solver.effects.catalogue import FAULTS
-from solver.effects.effect import Effect, Parameter
+from solver.effect import Effect, Parameter
 
 #: Share of its plausible size below which an effect may be there and explains nothing.
 NEGLIGIBLE = 0.1

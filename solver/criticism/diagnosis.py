@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from solver.catalogue.catalogue import FAMILIES, GAINS, families_of
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.bench import RACERS, STANDING_IN, Advance, Asked, Bench, racers, scorable
 from solver.criticism.beside import BESIDE, CLOSE, FEW, MANY, Beside, akin, both_known, of_family, outdone
@@ -34,15 +35,14 @@ from solver.criticism.verdict_words import (
     unknown_words,
     untrusted_words,
 )
-from solver.effects.catalogue import FAMILIES, GAINS, families_of
-from solver.effects.effect import Effect
+from solver.effect import Effect
 from solver.fit.held_out import held_out as held_out_misfit
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
 from solver.fit.track_trust import strict_tracks, track_spread
-from solver.noise import quiet
+from solver.noise.quiet_windows import quiet
 
 #: Correlation of two effects' signals at which they are not told apart.
 ALIKE = 0.95

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.catalogue.catalogue import find
 from solver.criticism.refit import Refit, elsewhere, race
 from solver.criticism.repairs import SEARCHES, TAKEN_OUT, mended
 from solver.criticism.scorer import Scorer
-from solver.effects.catalogue import find
-from solver.effects.effect import Effect
+from solver.effect import Effect
 from solver.fit.held_out import HeldOut, held_out
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
@@ -20,9 +20,9 @@ from solver.fit.result import FitResult
 from solver.fit.sides import reopened
 from solver.fit.state import State
 from solver.fit.track_trust import strict_tracks, track_spread
-from solver.run.contents import Run
 from solver.run.facts import fitted_facts, strict
 from solver.run.report import told
+from solver.run.run import Run
 from vision.contract import InputError
 
 #: Rows of channel number, x, y, z (m).

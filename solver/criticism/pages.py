@@ -14,7 +14,7 @@ from solver.criticism.growth import Rung
 from solver.criticism.score import FOUND
 from solver.criticism.verdict_words import left_open
 from solver.run.report.drawing import canvas, place
-from solver.run.report.page import resource, with_commands
+from solver.run.report.report_page import resource, with_commands
 from vision.contract.figures import styled, svg
 
 PAGE = """<!doctype html>

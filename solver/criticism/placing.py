@@ -2,11 +2,11 @@
 
 import torch
 
+from solver.catalogue.catalogue import GAINS, MEANT_FOR, MIXING
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.score import outcome
 from solver.criticism.scorer import Scorer
-from solver.effects.catalogue import GAINS, MEANT_FOR, MIXING
-from solver.effects.effect import Effect
+from solver.effect import Effect
 
 #: Correlation of the noise of neighboring channels above which it was mixed after it was read.
 SHARED = 0.1

@@ -12,8 +12,7 @@ from torch import Tensor
 from solver.criticism.score import FOUND, Score, evidence
 from solver.criticism.scorer import Scorer, score_all
 from solver.criticism.side_by_side import side_by_side
-from solver.effects.effect import Effect, Parameter
-from solver.extension import Slot
+from solver.effect import Effect, Parameter
 from solver.fit.chain import Chain
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
@@ -21,8 +20,9 @@ from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
-from solver.load import LAYOUTS, POINTS
-from solver.traffic import Vehicles
+from solver.load.wheel_layout import LAYOUTS, POINTS
+from solver.signal_path.extension import Slot
+from solver.signal_path.traffic import Vehicles
 
 #: Steps of each round of the race, of the first one from far away, and rounds.
 PACE, FAR_PACE, ROUNDS = 2, 3, 12

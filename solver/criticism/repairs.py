@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter, percentile_filter
 from scipy.optimize import minimize
 
-from solver.cable import Fiber
-from solver.deaf import DEAF, SURE
+from solver.cable.fiber import Fiber
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import State
-from solver.traffic import Traffic, Vehicles
-from solver.trajectory import Pass
-from solver.whitening import Whitener
+from solver.noise.whitening import Whitener
+from solver.signal_path.traffic import Traffic, Vehicles
+from solver.survey.dead_channels import DEAF, SURE
+from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.effects.effect import Effect
+from solver.effect import Effect
 
 Array = NDArray[np.float64]
 

@@ -11,18 +11,18 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
+from solver.catalogue.catalogue import built_in
 from solver.criticism.score import FOUND, Projected, Score, mixes, one_sided, outcome
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.windowed import Windowed
-from solver.effects.catalogue import built_in
-from solver.effects.effect import Effect, Heard
-from solver.extension import SLOW_ERROR, Extension
-from solver.fit.derivatives import acts_on_rows, derivative
-from solver.fit.local import Local, Seen
+from solver.effect import Effect, Heard
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
-from solver.pose import track_sigma
+from solver.signal_path.derivatives import acts_on_rows, derivative
+from solver.signal_path.extension import SLOW_ERROR, Extension
+from solver.signal_path.local import Local, Seen
+from solver.trajectory.vehicle_pass import track_sigma
 
 #: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
 FAR, FAR_ALONE = (1.0, 3.0), (0.5, 1.0, 2.0, 3.0)

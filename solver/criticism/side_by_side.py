@@ -11,8 +11,8 @@ from typing import TypeVar
 import torch
 from torch.autograd import forward_ad
 
-from solver.forks import can_fork
-from solver.memory import available
+from solver.catalogue.forks import can_fork
+from solver.survey.memory import available
 
 S = TypeVar("S")
 T = TypeVar("T")

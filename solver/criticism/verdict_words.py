@@ -2,10 +2,10 @@
 
 from collections.abc import Iterable, Sequence
 
+from solver.catalogue.catalogue import FAMILIES, families_of
 from solver.criticism.candidate import Candidate
 from solver.criticism.repairs import Fault
 from solver.criticism.score import FOUND
-from solver.effects.catalogue import FAMILIES, families_of
 
 ADVICE = {
     "blur": "passes from 30 to 70 km/h, a second lane farther away, and two classes of vehicle",

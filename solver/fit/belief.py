@@ -9,14 +9,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.anchors import Anchor
-from solver.cable import DEGREE, SplineBasis
-from solver.extension import NONE, SLOW_ERROR, Extension, Slot
+from solver.cable.fiber import DEGREE, SplineBasis
 from solver.fit.prior import Prior, Rows, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.state import PER_PASS, State
-from solver.load import layout_of
-from solver.traffic import Vehicles
-from solver.trajectory import Pass
+from solver.load.wheel_layout import layout_of
+from solver.signal_path.extension import NONE, SLOW_ERROR, Extension, Slot
+from solver.signal_path.traffic import Vehicles
+from solver.survey.anchors import Anchor
+from solver.trajectory.vehicle_pass import Pass
 
 #: What is wrong with a whole track: the passes together tell how large it is.
 TRACK_ERRORS = ("along", "across")

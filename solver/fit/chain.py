@@ -1,7 +1,7 @@
 """A survey of any length as a chain of small problems that share one route: linear in the length of the fiber.
 
 A camera's view is a chain of one. On a longer fiber each stretch and each crowd of vehicles in it is a problem of its
-own (`solver.fit.windows`), with the noise taken for independent between them; the route's spline runs through all.
+own (`solver.fit.stretches`), with the noise taken for independent between them; the route's spline runs through all.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.cable import SplineBasis
+from solver.cable.fiber import SplineBasis
 from solver.fit.belief import Belief, RouteRows
 from solver.fit.links import Link, linked
 from solver.fit.map_fit import MapFit, is_buried
@@ -23,7 +23,7 @@ from solver.fit.normal import Block, Normal, Part
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER, SPIKE
 from solver.fit.state import PER_PASS, State, Weights
-from solver.fit.windows import parts
+from solver.fit.stretches import parts
 
 T = TypeVar("T")
 THREADS = 2

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from solver.extension import Slot
 from solver.fit.chain import Chain, Link
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit, vehicles_of
 from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
 from solver.fit.state import State
+from solver.fit.stretches import FIRST, is_long, nearby, part, parts, some
 from solver.fit.track_trust import strict_tracks, track_spread
-from solver.fit.windows import FIRST, is_long, nearby, part, parts, some
-from solver.trajectory import Pass
+from solver.signal_path.extension import Slot
+from solver.trajectory.vehicle_pass import Pass
 
 FOLDS = 2
 #: Scopes of numbers that single passes have of their own.

@@ -7,13 +7,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.cable import GaugeEnds, SplineBasis
+from solver.cable.fiber import GaugeEnds, SplineBasis
 from solver.fit.belief import Belief, number_sd
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import PER_PASS
-from solver.fit.windows import reach_of
-from solver.trajectory import Pass
+from solver.fit.stretches import reach_of
+from solver.trajectory.vehicle_pass import Pass
 
 
 @dataclass(frozen=True)

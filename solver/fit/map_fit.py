@@ -11,17 +11,17 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from solver.cable import Fiber, GaugeEnds, SplineBasis
-from solver.extension import SLOW_ERROR, Values
+from solver.cable.fiber import Fiber, GaugeEnds, SplineBasis
 from solver.fit.belief import Belief, spreads
-from solver.fit.derivatives import derivative, observed_tangents
-from solver.fit.local import Local, Seen
 from solver.fit.problem import Problem
 from solver.fit.robust import huber, near_noise
 from solver.fit.state import PER_PASS, Felt, Linearized, State, Weights
-from solver.model import Sensitivities, SignalPath
-from solver.observation import BASE
-from solver.traffic import Vehicles
+from solver.signal_path.derivatives import derivative, observed_tangents
+from solver.signal_path.extension import SLOW_ERROR, Values
+from solver.signal_path.local import Local, Seen
+from solver.signal_path.observation import BASE
+from solver.signal_path.signal_path import Sensitivities, SignalPath
+from solver.signal_path.traffic import Vehicles
 
 SHALLOWEST = 0.02
 #: Variance of a cubic spline of unit coefficients.

@@ -18,7 +18,7 @@ from solver.fit.normal import Block, Reduced
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.fit.state import PER_PASS, State
-from solver.trajectory import Pass
+from solver.trajectory.vehicle_pass import Pass
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.anchors import Anchor
-from solver.cable import SplineBasis
+from solver.cable.fiber import SplineBasis
+from solver.survey.anchors import Anchor
 
 
 @dataclass(frozen=True)

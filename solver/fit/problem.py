@@ -9,16 +9,15 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor
 
-from solver.anchors import Anchor
-from solver.cable import Basis, Coil, GaugeEnds, SplineBasis
-from solver.effects.effect import Effect
-from solver.extension import Extension, Scopes
+from solver.cable.fiber import Basis, Coil, GaugeEnds, SplineBasis
+from solver.effect import Effect, Surroundings
 from solver.fit.prior import Prior
-from solver.model import SignalPath
-from solver.stages import Surroundings
-from solver.traffic import Traffic
-from solver.trajectory import Pass
-from solver.whitening import NoiseLaw, Whitener
+from solver.noise.whitening import NoiseLaw, Whitener
+from solver.signal_path.extension import Extension, Scopes
+from solver.signal_path.signal_path import SignalPath
+from solver.signal_path.traffic import Traffic
+from solver.survey.anchors import Anchor
+from solver.trajectory.vehicle_pass import Pass
 
 #: Knot spacing of a route, m: roads and ducts bend slowly.
 KNOT_SPACING = 10.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.whitening import NoiseLaw
+from solver.noise.whitening import NoiseLaw
 
 
 @dataclass(frozen=True)

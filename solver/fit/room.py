@@ -1,8 +1,8 @@
 """Whether a fit has room in memory."""
 
 from solver.fit.problem import Problem
-from solver.fit.windows import is_long
-from solver.memory import available, require_memory
+from solver.fit.stretches import is_long
+from solver.survey.memory import available, require_memory
 
 #: Bytes that a fit takes: whatever it is of, by each number of the model's map (a vehicle's sample on a channel), and
 #: by each of them and each pass. Measured on 8 to 40 passes over 51 to 98 channels (0.4 to 4.4 GB); right within 25 %.

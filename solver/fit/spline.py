@@ -13,7 +13,7 @@ from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.state import State, Weights
-from solver.fit.windows import FIRST, parts, some
+from solver.fit.stretches import FIRST, parts, some
 
 #: Shifts of the tracks along their way, m rms, that no camera makes; and times, s, by which clocks may be apart.
 MISLED, DELAYS = 1.0, np.arange(-10, 11) / 10

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from solver.extension import Values
-from solver.model import Sensitivities
-from solver.traffic import Vehicles
-from solver.trajectory import Pass
+from solver.signal_path.extension import Values
+from solver.signal_path.signal_path import Sensitivities
+from solver.signal_path.traffic import Vehicles
+from solver.trajectory.vehicle_pass import Pass
 
 PER_PASS = ("amplitude", "along", "across", "wheelbase", "front_share")
 

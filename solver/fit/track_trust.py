@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.fit.problem import Problem
-from solver.trajectory import Pass
+from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from solver.das import DASRecord
 from solver.processing.decimation import FIT_RATE, decimated
 from solver.processing.fk import fk_filter, fk_filtered, fk_mask
 from solver.processing.median import median_filtered
+from solver.survey.das import DASRecord
 from vision.contract import InputError
 
 #: The paper's filters, as `locate --filter` names them.

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.das import DASRecord
 from solver.processing.gaps import interpolated, runs
+from solver.survey.das import DASRecord
 from vision.contract import InputError
 
 #: The paper's pass band: apparent speed along the fiber, m/s (9 to 90 km/h), and frequency, Hz.

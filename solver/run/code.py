@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
-from solver.effects.catalogue import built_in
-from solver.effects.effect import Effect
-from solver.effects.plugins import Catalogue, Plugin
-from solver.run.contents import Run
+from solver.catalogue.catalogue import built_in
+from solver.catalogue.plugins import Catalogue, Plugin
+from solver.effect import Effect
+from solver.run.run import Run
 from vision.contract import InputError
 
 

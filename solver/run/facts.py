@@ -10,9 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from solver.anchors import Anchor
-from solver.das import DASRecord
-from solver.das.files import checksum
 from solver.fit.held_out import HeldOut
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
@@ -20,7 +17,10 @@ from solver.run.floor import noise_floor
 from solver.run.gates import trust_of
 from solver.run.problem_arrays import problem_facts
 from solver.run.stored import FORMAT
-from solver.site import Site
+from solver.survey.anchors import Anchor
+from solver.survey.das import DASRecord
+from solver.survey.das.das_files import checksum
+from solver.survey.site import Site
 
 PACKAGES = ("roadfiber", "torch", "numpy", "scipy", "dascore", "pandas", "pyproj", "matplotlib")
 

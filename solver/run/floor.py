@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
-from solver.noise import quiet, whitened_noise
-from solver.whitening import Whitener
+from solver.noise.quiet_windows import quiet, whitened_noise
+from solver.noise.whitening import Whitener
 
 CHANNELS = 400  # whose quiet samples are whitened at once
 ENOUGH_QUIET = 200  # samples; the mean square of fewer is uncertain by more than 10 %

@@ -8,23 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from solver.anchors import Anchor
-from solver.das import DASRecord
-from solver.effects.effect import Effect
-from solver.effects.plugins import Catalogue, catalogue
+from solver.catalogue.plugins import Catalogue, catalogue
+from solver.effect import Effect
 from solver.fit.held_out import HeldOut
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.run import geojson, report
 from solver.run.arrays import Arrays, read_arrays
 from solver.run.code import check_plugins, finder
-from solver.run.contents import Run
 from solver.run.facts import facts_of
 from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, problem_from
+from solver.run.run import Run
 from solver.run.soundness import check_agreement, check_arrays
 from solver.run.stored import AnyRun, FitFile, read_model
-from solver.site import Site
-from solver.trajectory import Pass
+from solver.survey.anchors import Anchor
+from solver.survey.das import DASRecord
+from solver.survey.site import Site
+from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError, LocalFrame, require_writable, writing
 
 # What of a FitResult are arrays, and so goes into data.npz; maps are stored in single precision, 1e-7 of their value.
@@ -107,7 +107,7 @@ def write_run(
     timings : s of each step, by name
     held_out : misfit of passes that the fit did not see
     effects : names of the effects in the model
-    warnings : lines for the user, beside those that `solver.run.report.words.cautions` finds
+    warnings : lines for the user, beside those that `solver.run.report.report_words.cautions` finds
     disputed : sentences on anchors that contradict the others
 
     Raises

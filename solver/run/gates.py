@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtri
 
-from solver.anchors import Anchor
 from solver.fit.held_out import HeldOut
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.run.floor import Floor
 from solver.run.trust import Gate, Trust, Verdict
-from solver.trajectory import Pass
+from solver.survey.anchors import Anchor
+from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def trust_of(
     result, problem : the fit, and what was fitted
     floor : that noise alone would leave; None where it is not known
     held_out : misfit of passes that the fit has not seen; None where there is none
-    disputed : sentences on anchors that contradict the others, see `solver.anchor_check`
+    disputed : sentences on anchors that contradict the others, see `solver.fit.anchor_check`
     """
     fitted, unseen = misfit_gate(result, floor), held_out_gate(held_out, floor)
     return Trust.of(

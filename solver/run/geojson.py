@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.anchors import Anchor
 from solver.fit.result import FitResult
+from solver.survey.anchors import Anchor
 from vision.contract import LocalFrame
 
 Z95 = 1.959964  # standard deviations that hold 95 % of a normal distribution

@@ -8,15 +8,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from solver.anchors import Anchor
-from solver.cable import Coil
-from solver.effects.effect import Effect
+from solver.cable.fiber import Coil
+from solver.effect import Effect
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
+from solver.noise.whitening import NoiseLaw
 from solver.run.arrays import Arrays
-from solver.traffic import Traffic
-from solver.trajectory import Pass
-from solver.whitening import NoiseLaw
+from solver.signal_path.traffic import Traffic
+from solver.survey.anchors import Anchor
+from solver.trajectory.vehicle_pass import Pass
 
 ROWS = ("rows", "position", "velocity", "sigma", "in_view")
 SCALARS = (

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solver.anchors import Anchor
 from solver.fit.problem import Problem
 from solver.run.arrays import Arrays, UnfitError
+from solver.survey.anchors import Anchor
 
 #: Largest number of a place or speed, m and m/s, and of a channel or sample.
 FARTHEST, HIGHEST = 1e8, 10**9

@@ -61,7 +61,7 @@ class FrameFile(Stored):
 
 
 class AnchorFile(Stored):
-    """One of `anchors`; fields as those of `solver.anchors.Anchor`."""
+    """One of `anchors`; fields as those of `solver.survey.anchors.Anchor`."""
 
     name: Text
     channel: Place
@@ -99,7 +99,7 @@ class PriorFile(Stored):
 
 
 class CoilFile(Stored):
-    """`problem.coil`; fields as those of `solver.cable.Coil`."""
+    """`problem.coil`; fields as those of `solver.cable.fiber.Coil`."""
 
     place: Place
     length: Place

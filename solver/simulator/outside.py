@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.simulator.cable import smooth
+from solver.simulator.buried_route import Route
 from solver.simulator.effects import effect_rng
-from solver.simulator.interrogator import relaxed
-from solver.simulator.route import Route
+from solver.simulator.fiber_motion import smooth
+from solver.simulator.instrument import relaxed
 from solver.simulator.scenario import Scenario
 from solver.simulator.vehicle import Vehicle
 

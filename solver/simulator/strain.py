@@ -3,15 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.simulator.cable import arc_of, sense
+from solver.simulator.axle_forces import contact
+from solver.simulator.buried_route import Route
 from solver.simulator.elastic import extension, gauge_nodes, gauge_weights, tangential_extension
-from solver.simulator.interrogator import IN_TIME, clipped, creep, filtered, rate_of
-from solver.simulator.layered import Table, layers_of
-from solver.simulator.load import contact
-from solver.simulator.moving import Inertia
+from solver.simulator.fiber_motion import arc_of, sense
+from solver.simulator.instrument import IN_TIME, clipped, creep, filtered, rate_of
+from solver.simulator.layered_elastic import Table, layers_of
+from solver.simulator.moving_source import Inertia
 from solver.simulator.outside import amplified, exhausted, packet, read, strained, tails
 from solver.simulator.recording import low_pass_decimate
-from solver.simulator.route import Route
 from solver.simulator.scenario import Scenario
 from solver.simulator.surface_wave import surface_wave
 from solver.simulator.vehicle import Vehicle

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.simulator.cable import bend
+from solver.simulator.buried_route import Route, spline_route, street_route
 from solver.simulator.effects import effect_rng
-from solver.simulator.route import Route, spline_route, street_route
+from solver.simulator.fiber_motion import bend
 from solver.simulator.scenario import Scenario
 from solver.simulator.vehicle import FLEET, GRAVITY, Vehicle, draw_vehicle
 

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.simulator.buried_route import Route
 from solver.simulator.effects import effect_rng
-from solver.simulator.route import Route
 from solver.simulator.scenario import Scenario
 from solver.simulator.vehicle import Vehicle
 

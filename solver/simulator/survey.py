@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.simulator.cable import arc_of
-from solver.simulator.noise import color, damage, noise
+from solver.simulator.fiber_motion import arc_of
 from solver.simulator.observe import active_channels, dig, in_view, sample_times, watch
-from solver.simulator.processing import processed
+from solver.simulator.postprocessing import processed
+from solver.simulator.recorded_noise import color, damage, noise
 from solver.simulator.scenario import Scenario
 from solver.simulator.strain import listen
 from solver.simulator.street import drive, lay, unseen

@@ -1,16 +1,16 @@
 """Trajectory tables -> passes: smoothed, and extrapolated beyond the view, at the sample times of the DAS."""
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.agreement import check_clocks
-from solver.das import DASRecord
-from solver.limits import FASTEST
+from solver.survey.das import DASRecord
+from solver.survey.limits import FASTEST
+from solver.trajectory.agreement import check_clocks
 from solver.trajectory.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, likelihood, smooth
 from solver.trajectory.tracks import (
     Track,
@@ -24,6 +24,7 @@ from solver.trajectory.tracks import (
     unbroken,
     why_still,
 )
+from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError, progress
 
 if TYPE_CHECKING:
@@ -42,41 +43,6 @@ CORRELATIONS = np.array([1e-3, 0.3, 0.5, 0.65, 0.8, 0.9])
 UNSEEN_ACCELERATION = 0.05
 
 logger = logging.getLogger("roadfiber")
-
-
-@dataclass(frozen=True)
-class Pass:
-    """One vehicle going by once.
-
-    Parameters
-    ----------
-    track_id, vehicle_class : as in the trajectory table; the later passes of one track are `7#2`, `7#3`
-    rows : indices into the record's `time`, consecutive [row]
-    position : x, y of the point under the middle of the wheelbase, m [row, 2]
-    velocity : m/s [row, 2]
-    sigma : standard deviation of `position`, m [row, 2]; errors of neighboring rows are correlated
-    in_view : between the first and the last fix, not extrapolated [row]
-    length : of the vehicle, m, where the table says it
-    wheelbase : of the vehicle and its standard deviation, m, where the table says them; else its class's counts
-    offset : how far the whole of it may be off beyond what tracks are, m, as where no camera saw the vehicle
-    """
-
-    track_id: str
-    vehicle_class: str
-    rows: NDArray[np.int64]
-    position: Array
-    velocity: Array
-    sigma: Array
-    in_view: NDArray[np.bool_]
-    length: float | None = None
-    wheelbase: tuple[float, float] | None = None
-    offset: float = 0.0
-
-    @property
-    def speed(self) -> float:
-        """Median speed in view, m/s; negative for a vehicle going against +x."""
-        within = self.velocity[self.in_view] if self.in_view.any() else self.velocity
-        return float(np.median(np.hypot(*within.T)) * np.sign(self.position[-1, 0] - self.position[0, 0]))
 
 
 def padded(tracks: list[Track]) -> Fixes:

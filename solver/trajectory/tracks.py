@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.limits import FASTEST
+from solver.survey.limits import FASTEST
 from vision.contract import WHEELBASE
 
 if TYPE_CHECKING:

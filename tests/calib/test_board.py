@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import roadfiber
+import roadfiber.command
 from calib.board import Board, BoardView, draw_board, find_board, fit_board
 from calib.lens_prior import read_intrinsics
 from vision.contract import InputError
@@ -61,7 +61,7 @@ def pictures(tmp_path_factory):
 
 
 def run(*arguments):
-    return CliRunner().invoke(roadfiber.app, ["calibrate", "board", *map(str, arguments)])
+    return CliRunner().invoke(roadfiber.command.app, ["calibrate", "board", *map(str, arguments)])
 
 
 def test_the_lens_comes_back_within_its_sigma(pictures, tmp_path):

@@ -9,7 +9,7 @@ from pyproj import Transformer
 from street_marks import GROUND, SIZE, marks
 from typer.testing import CliRunner
 
-import roadfiber
+from roadfiber.command import app
 from vision.camera import Calibration
 from vision.contract import InputError, LocalFrame
 
@@ -17,7 +17,7 @@ FRAME = "[frame]\norigin = [32.113, 34.804]\nx_azimuth = 78.0\n"
 
 
 def run(*arguments):
-    return CliRunner().invoke(roadfiber.app, ["calibrate", "ground", *map(str, arguments)], catch_exceptions=True)
+    return CliRunner().invoke(app, ["calibrate", "ground", *map(str, arguments)], catch_exceptions=True)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 from street_marks import CAMERA, SIZE, marks
 from typer.testing import CliRunner
 
-import roadfiber
+import roadfiber.command
 from calib.check import facts, words
 from calib.ground import fit_ground
 from calib.lengths import Lengths, predict_lengths, read_lengths
@@ -31,7 +31,7 @@ def truth():
 
 
 def run(*arguments):
-    return CliRunner().invoke(roadfiber.app, ["calibrate", "check", *map(str, arguments)])
+    return CliRunner().invoke(roadfiber.command.app, ["calibrate", "check", *map(str, arguments)])
 
 
 @pytest.fixture

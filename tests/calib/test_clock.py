@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import roadfiber
+import roadfiber.command
 from tests.vision.videos import numbered_images, set_creation_time, set_frame_durations, write_video
 from vision.contract import InputError
 
@@ -27,7 +27,7 @@ def site(tmp_path):
 
 
 def run(*arguments):
-    return CliRunner().invoke(roadfiber.app, ["calibrate", "clock", *map(str, arguments)])
+    return CliRunner().invoke(roadfiber.command.app, ["calibrate", "clock", *map(str, arguments)])
 
 
 def test_frames_are_on_utc_less_the_offset(site):

@@ -5,7 +5,7 @@ import pytest
 from street_marks import CAMERA, SIZE, marks
 from typer.testing import CliRunner
 
-import roadfiber
+import roadfiber.command
 from calib.layers import ABOVE, ellipses, from_above, grid_in_picture, rgba
 from calib.maps import area
 from calib.page_text import typed_mark, with_place
@@ -67,7 +67,7 @@ def test_it_saves_what_the_command_line_writes(session, tmp_path):
     session.change((*session.marks, Mark("loose", 300.0, 600.0)))
     calibration, points = session.save(tmp_path / "page.json")
     arguments = ["calibrate", "ground", points, "--image-size", "1280x720", "--out", tmp_path / "line.json"]
-    assert CliRunner().invoke(roadfiber.app, [str(word) for word in arguments]).exit_code == 0
+    assert CliRunner().invoke(roadfiber.command.app, [str(word) for word in arguments]).exit_code == 0
     page, line = (Calibration.read(path) for path in (calibration, tmp_path / "line.json"))
     np.testing.assert_allclose(page.homography, line.homography, rtol=1e-4)
     assert page.model == line.model and [p.name for p in page.control_points] == [p.name for p in line.control_points]

@@ -9,15 +9,15 @@ import torch
 from simulated import Case, case_of
 
 from solver import simulator
-from solver.anchors import Anchor
-from solver.das import DASRecord
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
-from solver.site import Site, read_site
-from solver.traffic import Traffic
-from solver.trajectory import Pass
-from solver.whitening import NoiseLaw
+from solver.noise.whitening import NoiseLaw
+from solver.signal_path.traffic import Traffic
+from solver.survey.anchors import Anchor
+from solver.survey.das import DASRecord
+from solver.survey.site import Site, read_site
+from solver.trajectory.vehicle_pass import Pass
 
 SITE = """
 name = "Elm <Street> & 2nd"

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solver.anchors import Anchor
-from solver.das import DASRecord
 from solver.fit import Prior, Problem
-from solver.pose import pose
+from solver.fit.pose import pose
 from solver.simulator import Survey
-from solver.trajectory import smooth_passes
+from solver.survey.anchors import Anchor
+from solver.survey.das import DASRecord
+from solver.trajectory.passes import smooth_passes
 
 
 def record_of(survey: Survey) -> DASRecord:

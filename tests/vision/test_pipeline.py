@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import roadfiber
+import roadfiber.command
 from tests.vision.graphs import write_bright_spot_detector, write_graph
 from tests.vision.test_camera import look
 from tests.vision.videos import numbered_images, set_creation_time, set_frame_durations, write_video
@@ -61,7 +61,7 @@ def command(monkeypatch, capsys, tmp_path):
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["roadfiber", "-q", "track", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
-            roadfiber.main()
+            roadfiber.command.main()
         return end.value.code or 0, *capsys.readouterr()
 
     return run

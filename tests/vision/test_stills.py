@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import roadfiber
+import roadfiber.command
 from calib.options import read_frame
 from tests.vision.graphs import write_bright_spot_detector
 from tests.vision.videos import numbered_images
@@ -143,7 +143,7 @@ def test_track_follows_a_car_through_stills(tmp_path, monkeypatch, capsys):
     for rate in ((), ("--frame-rate", "4"), ("--frame-rate", "0")):
         monkeypatch.setattr(sys, "argv", [str(part) for part in (*arguments, *rate)])
         with pytest.raises(SystemExit) as end:
-            roadfiber.main()
+            roadfiber.command.main()
         out, err = capsys.readouterr()
         found.append(json.loads(out) if not end.value.code else err)
     assert found[0]["tracks"] == 1 and found[0]["median_track_seconds"] == 11

@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 
 from solver.criticism.comparison.changes import Change, linear, shifted, transposed
-from solver.run.contents import Run
-from solver.trajectory import Pass
-from solver.whitening import Whitener, blocks_of
+from solver.noise.whitening import Whitener, blocks_of
+from solver.run.run import Run
+from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
 

@@ -1,12 +1,12 @@
 """Compare a run's model with the measurement."""
 
 from solver.criticism.comparison.cells import cells_of
-from solver.criticism.comparison.contents import Comparison
+from solver.criticism.comparison.comparison import Comparison
 from solver.criticism.comparison.power import power_of
 from solver.criticism.comparison.regions import TRIED, regions_of
 from solver.criticism.comparison.split import split_of
 from solver.criticism.comparison.stack import stack_of
-from solver.run.contents import Run
+from solver.run.run import Run
 from vision.contract import progress
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.criticism.comparison.cells import Approach, Cells, lanes
-from solver.run.contents import Run
+from solver.noise.whitening import blocks_of
 from solver.run.report.misfit_figure import pass_label
-from solver.whitening import blocks_of
+from solver.run.run import Run
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from solver.criticism.comparison.cells import SLOWEST, Cells
 from solver.criticism.comparison.unseen import unseen_windows
 from solver.criticism.comparison.windows import Window, fitted, gain_statistic, looked_at, summed, threshold, widest
-from solver.run.contents import Run
+from solver.run.run import Run
 
 Array = NDArray[np.float64]
 

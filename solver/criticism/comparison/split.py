@@ -11,8 +11,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from solver.criticism.comparison.cells import Cells, lanes
 from solver.criticism.comparison.stack import strength
-from solver.run.contents import Run
-from solver.whitening import LONGEST, blocks_of
+from solver.noise.whitening import LONGEST, blocks_of
+from solver.run.run import Run
 
 Array = NDArray[np.float64]
 

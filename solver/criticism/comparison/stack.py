@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.criticism.comparison.cells import Cells
-from solver.run.contents import Run
+from solver.run.run import Run
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from solver.criticism.comparison.cells import Cells
 from solver.criticism.comparison.windows import ladder, power_statistic, threshold
-from solver.run.contents import Run
-from solver.whitening import blocks_of
+from solver.noise.whitening import blocks_of
+from solver.run.run import Run
 
 Array = NDArray[np.float64]
 

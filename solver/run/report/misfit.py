@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.fit.result import FitResult
-from solver.trajectory import Pass
+from solver.trajectory.vehicle_pass import Pass
 
 BINS = 60  # most bins of channels
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solver.fit.result import FitResult
+from solver.noise.whitening import NoiseLaw
 from solver.run import Run
-from solver.trajectory import Pass
-from solver.whitening import NoiseLaw
+from solver.trajectory.vehicle_pass import Pass
 from vision.contract import LocalFrame
 
 RATE, SPACING, FIRST, CHANNELS = 10.0, 1.0, 100, 90

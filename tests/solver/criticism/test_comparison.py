@@ -10,17 +10,17 @@ from made_runs import CHANNELS, RATE, Maker, gain, ghost, late, made_passes, mov
 from scipy.stats import chi2 as chi2_law
 from typer.testing import CliRunner
 
-import solver.cli
+from roadfiber.survey_commands import app
 from solver.criticism import comparison
 from solver.criticism.comparison import compare, render, write_comparison
 from solver.criticism.comparison import split as split_module
 from solver.criticism.comparison.cells import cells_of, noise_of, on_fiber
+from solver.criticism.comparison.comparison_words import clock, region_words, size_words
 from solver.criticism.comparison.power import periodogram, power_of
 from solver.criticism.comparison.regions import regions_of
 from solver.criticism.comparison.split import SOURCES, fair_shares, normal_equations, split_of
 from solver.criticism.comparison.stack import stack_of
 from solver.criticism.comparison.windows import ladder, power_statistic, threshold, widest
-from solver.criticism.comparison.words import clock, region_words, size_words
 from solver.run import folder as run_folder
 from solver.run.folder import write_run
 
@@ -335,14 +335,14 @@ def test_page_of_a_run_with_gaps_faded_channels_and_one_pass():
 
 def test_command_writes_beside_the_run_and_prints_words_or_json(survey, tmp_path, monkeypatch):
     monkeypatch.setattr(run_folder.report, "render", lambda run: "")
-    monkeypatch.setattr(comparison.files, "figures_of", lambda *arguments: {})
-    monkeypatch.setattr(comparison.files, "render", lambda *arguments: "")
+    monkeypatch.setattr(comparison.comparison_files, "figures_of", lambda *arguments: {})
+    monkeypatch.setattr(comparison.comparison_files, "render", lambda *arguments: "")
     write_run(tmp_path / "run", survey.result, **survey.arguments)
-    result = CliRunner().invoke(solver.cli.app, ["compare", str(tmp_path / "run"), "--json"])
+    result = CliRunner().invoke(app, ["compare", str(tmp_path / "run"), "--json"])
     assert result.exit_code == 0, result.output
     assert json.loads(result.output)["name"] == "Elm <Street> & 2nd"
     assert (tmp_path / "run" / "compare.html").exists()
-    result = CliRunner().invoke(solver.cli.app, ["compare", str(tmp_path / "run"), "--out", str(tmp_path / "out")])
+    result = CliRunner().invoke(app, ["compare", str(tmp_path / "run"), "--out", str(tmp_path / "out")])
     assert result.output.splitlines()[-1] == f"page: {tmp_path / 'out' / 'compare.html'}"
 
 

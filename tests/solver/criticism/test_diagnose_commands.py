@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import roadfiber
+import roadfiber.command
 from solver.criticism.score import FOUND
 from vision.contract import InputError
 
@@ -44,7 +44,7 @@ HIDDEN = {
 
 def run(*words: object) -> str:
     """Run a command; what it printed."""
-    result = CliRunner().invoke(roadfiber.app, ["-q", *(str(word) for word in words)], catch_exceptions=False)
+    result = CliRunner().invoke(roadfiber.command.app, ["-q", *(str(word) for word in words)], catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.output
 
@@ -170,7 +170,7 @@ def test_a_vehicle_that_the_camera_missed_hides_no_other_effect(tmp_path: Path) 
 
 
 PLUGIN = """
-from solver.effects import Parameter, effect
+from solver.effect import Parameter, effect
 
 
 @effect("wide_gauge", "interrogator", [Parameter("relative", "1", 0.1, lower=-0.5, upper=1.0)],
@@ -197,7 +197,7 @@ def test_add_extends_the_ladder_refuses_what_does_not_help_and_takes_a_user_effe
     assert diagnosis(tmp_path / "second", "--plugin", plugin)["verdict"] == "adequate"
     with pytest.raises(InputError, match=r"camber: chi2 .* held-out .* not kept"):
         CliRunner().invoke(
-            roadfiber.app,
+            roadfiber.command.app,
             ["-q", *map(str, ("add", tmp_path / "second", "camber", "--plugin", plugin, "--out", tmp_path / "third"))],
             catch_exceptions=False,
             standalone_mode=False,

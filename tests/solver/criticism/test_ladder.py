@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solver.catalogue.catalogue import built_in
 from solver.criticism import diagnosis
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import idle_candidate
 from solver.criticism.diagnosis import Diagnosis
-from solver.criticism.files import read_ladder, write_ladder
+from solver.criticism.diagnosis_files import read_ladder, write_ladder
 from solver.criticism.growth import climbed, first_rung
 from solver.criticism.pages import Chapter, ladder_page, story_page
 from solver.criticism.refit import Refit
 from solver.criticism.verdict_words import left_open
-from solver.effects.catalogue import built_in
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit

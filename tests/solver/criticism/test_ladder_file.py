@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import roadfiber
-from solver.criticism.files import check_out, ladder_from, read_ladder, write_ladder
+import roadfiber.command
+from solver.catalogue.catalogue import built_in
+from solver.criticism.diagnosis_files import check_out, ladder_from, read_ladder, write_ladder
 from solver.criticism.growth import Rung, check_names, climbed
-from solver.effects.catalogue import built_in
 from solver.run import folder as run_folder
 from solver.run import read_run
 from solver.run.folder import write_files, write_run
@@ -73,7 +73,7 @@ def test_nothing_but_the_ladder_s_own_file_is_opened(runs, tmp_path):
 def test_several_ladders_are_one_document(runs):
     def printed(*names: str):
         words = ["-q", "ladder", *(str(runs / name) for name in names), "--json"]
-        return json.loads(CliRunner().invoke(roadfiber.app, words, catch_exceptions=False).stdout)
+        return json.loads(CliRunner().invoke(roadfiber.command.app, words, catch_exceptions=False).stdout)
 
     one, other = printed("a", "c")
     assert (len(one["rungs"]), len(other["rungs"])) == (1, 3)
@@ -92,7 +92,7 @@ def test_a_run_is_not_written_over_what_it_grew_from(runs, out):
     for words in (("explain",), ("add", "camber")):
         with pytest.raises(InputError, match=r"holds the run you start from|is a rung of the ladder"):
             CliRunner().invoke(
-                roadfiber.app,
+                roadfiber.command.app,
                 [words[0], str(runs / "link"), *words[1:], "--out", os.path.join(runs, out)],  # noqa: PTH118
                 catch_exceptions=False,
                 standalone_mode=False,

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from solver.criticism.cli import state_of
+from roadfiber.criticism_commands import state_of
 from vision.contract import InputError
 
 

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 import torch
 
+from solver.cable.cable import Cable
+from solver.catalogue.catalogue import FAMILIES, STAND_INS, built_in, families_of
+from solver.catalogue.trial_survey import trial_survey
 from solver.criticism import refit
 from solver.criticism.candidate import score_candidate
 from solver.criticism.refit import Refit, race, rests_on_one, with_effect
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
 from solver.criticism.verdict_words import ADVICE
-from solver.effects.catalogue import FAMILIES, STAND_INS, built_in, families_of
-from solver.effects.effect import Parameter, effect
-from solver.effects.trial_survey import trial_survey
-from solver.extension import Slot, Values
+from solver.effect import Parameter, Surroundings, effect
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
-from solver.stages import Cable, Surroundings
+from solver.signal_path.extension import Slot, Values
 
 
 def tried(name: str, fall: float) -> Refit:

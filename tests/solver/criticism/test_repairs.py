@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 
+from solver.catalogue.catalogue import FAULTS
+from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.audit import NoiseAudit, audit, signal_growth
 from solver.criticism.repairs import SEARCHES, find_cycle_skips, find_faded_channels, find_unseen_vehicle, mended
-from solver.effects.catalogue import FAULTS
-from solver.effects.trial_survey import trial_survey
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
-from solver.traffic import Traffic
+from solver.signal_path.traffic import Traffic
 
 
 @pytest.fixture(scope="module")

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from solver.anchors import Anchor
+from solver.catalogue.catalogue import built_in
+from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.candidate import score_candidate
 from solver.criticism.score import FOUND
 from solver.criticism.scorer import Scorer
-from solver.effects.catalogue import built_in
-from solver.effects.trial_survey import trial_survey
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
+from solver.survey.anchors import Anchor
 
 
 def off_by(size: float, sigma: float):

@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
+from solver.catalogue.catalogue import built_in
 from solver.criticism import beside, diagnosis
 from solver.criticism.bench import Asked, Bench
 from solver.criticism.beside import Beside, both_known
 from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis import judge, overlooked
 from solver.criticism.score import FOUND
-from solver.effects.catalogue import built_in
-from solver.effects.effect import Effect
+from solver.effect import Effect
 
 
 def candidate(

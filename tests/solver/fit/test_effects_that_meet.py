@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from solver.effects.catalogue import built_in
-from solver.effects.trial_survey import trial_survey
+from solver.catalogue.catalogue import built_in
+from solver.catalogue.trial_survey import trial_survey
 from solver.fit.map_fit import MapFit
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from simulated import case_of
 
-from solver.effects.catalogue import built_in
-from solver.fit import FitResult, fit_network, fit_spline
+from solver.catalogue.catalogue import built_in
+from solver.fit import FitResult, fit_spline
 from solver.fit.held_out import held_out
+from solver.published.network import fit_network
 from solver.simulator import Scenario, Survey, simulate
 
 

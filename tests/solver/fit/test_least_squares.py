@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from solver.cable import SplineBasis
+from solver.cable.fiber import SplineBasis
 from solver.fit.chain import Chain
 from solver.fit.least_squares import PATIENCE, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.prior import Prior, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.robust import huber
 from solver.fit.spline import fit_spline
-from solver.traffic import Traffic
+from solver.signal_path.traffic import Traffic
 
 
 def test_jacobian_by_finite_differences(case) -> None:

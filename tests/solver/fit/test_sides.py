@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver import locate
 from solver.fit.chain import Chain
 from solver.fit.sides import reopened
 from solver.fit.state import Weights
+from solver.run import locate
 
 
 @pytest.fixture

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from solver.effects.catalogue import built_in
+from solver.catalogue.catalogue import built_in
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Banded, Block, Factor, Normal, Part
 from solver.fit.posterior import Posterior
 from solver.fit.spline import beginning, fit_spline
-from solver.fit.windows import crowds, nearby, parts, some, stretches
+from solver.fit.stretches import crowds, nearby, parts, some, stretches
 
 RNG = np.random.default_rng(4)
 
@@ -86,8 +86,8 @@ def test_a_banded_factor_solves(equations: tuple) -> None:
 @pytest.fixture
 def cut_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """A street that counts as a long fiber, in stretches of some 35 m."""
-    monkeypatch.setattr("solver.fit.windows.ONE_STRETCH", 50.0)
-    monkeypatch.setattr("solver.fit.windows.STRETCH", 35.0)
+    monkeypatch.setattr("solver.fit.stretches.ONE_STRETCH", 50.0)
+    monkeypatch.setattr("solver.fit.stretches.STRETCH", 35.0)
 
 
 def dense(chain: Chain, visit) -> tuple[torch.Tensor, np.ndarray]:

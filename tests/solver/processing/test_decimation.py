@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from solver.das import DASRecord
 from solver.processing import decimated
+from solver.survey.das import DASRecord
 
 
 def record(rate: float, wave: np.ndarray) -> DASRecord:

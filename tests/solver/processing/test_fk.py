@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from solver.das import DASRecord
 from solver.processing import fk_filter, fk_filtered, fk_mask
+from solver.survey.das import DASRecord
 from vision.contract import InputError
 
 DT, DX = 0.2, 1.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import median_filter
 
-from solver.das import DASRecord
 from solver.processing import median, median_filtered
+from solver.survey.das import DASRecord
 from vision.contract import InputError
 
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.anchors import Anchor
-from solver.effects.catalogue import built_in
+from solver.catalogue.catalogue import built_in
 from solver.fit.held_out import HeldOut
 from solver.fit.result import Parameter
 from solver.run.floor import Floor, noise_floor
 from solver.run.gates import trust_of
+from solver.survey.anchors import Anchor
 
 FLOOR = Floor(value=1.0, samples=50_000, spread=2.0)
 SEEN = HeldOut(chi2=50_100.0, freedom=50_000.0, blurred=0.0, blur=0.0)

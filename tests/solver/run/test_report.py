@@ -8,17 +8,18 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from solver.effects.catalogue import built_in
+from solver.catalogue.catalogue import built_in
 from solver.fit.result import Parameter
 from solver.run import Run
 from solver.run.facts import facts_of
 from solver.run.report import misfit as misfit_module
-from solver.run.report import page as page_module
-from solver.run.report import told, words
+from solver.run.report import report_page as page_module
+from solver.run.report import report_words as words
+from solver.run.report import told
 from solver.run.report.drawing import coarse, color_scale
 from solver.run.report.misfit import misfit_of
 from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure
-from solver.run.report.page import parameter_tables, render
+from solver.run.report.report_page import parameter_tables, render
 from solver.run.report.route_figure import along_x, route_figure, same_scale
 from vision.contract.figures import svg
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import roadfiber
+from roadfiber.command import app
+from solver.catalogue.plugins import catalogue
 from solver.criticism import comparison
-from solver.effects.plugins import catalogue
 from solver.run import Run, open_run, read_run
 from solver.run import folder as run_folder
 from solver.run.code import with_plugins
@@ -21,7 +21,7 @@ from vision.contract import InputError
 
 GRIP = """
 from dataclasses import replace
-from solver.effects import Parameter, effect
+from solver.effect import Parameter, effect
 
 @effect("grip", "cable", [Parameter("share", "1", 0.1)], physics="Mine.", source="Mine.")
 def mine(cable, p, survey):
@@ -44,7 +44,7 @@ def command(name: str, run: Path, *more: object) -> str:
     try:
         return (
             CliRunner()
-            .invoke(roadfiber.app, ["-q", *words, *map(str, more)], catch_exceptions=False, standalone_mode=False)
+            .invoke(app, ["-q", *words, *map(str, more)], catch_exceptions=False, standalone_mode=False)
             .output
         )
     except InputError as error:

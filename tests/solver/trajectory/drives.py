@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from solver.das import DASRecord
+from solver.survey.das import DASRecord
 
 START = np.datetime64("2025-08-11T06:00:00", "ns")
 

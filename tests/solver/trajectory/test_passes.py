@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 from drives import START, a_record, fixes
 
-from solver.trajectory.passes import Pass, likeliest, padded, smooth_passes
+from solver.trajectory.passes import likeliest, padded, smooth_passes
 from solver.trajectory.tracks import tracks_of
+from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
 
 FINE = np.arange(0.0, 60.0, 0.002)

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from drives import a_record, fixes
 
-from solver.load import LAYOUTS, POINT, layout_of
+from solver.load.wheel_layout import LAYOUTS, POINT, layout_of
 from solver.run.problem_arrays import pass_arrays, passes_from
-from solver.traffic import Vehicles
+from solver.signal_path.traffic import Vehicles
 from solver.trajectory.passes import smooth_passes
 
 TIME = 20.0 + np.arange(60) * 0.08

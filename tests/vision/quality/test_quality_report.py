@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from made_tables import stamped, tracks, write
 
-import roadfiber
+import roadfiber.command
 from tests.vision.videos import write_video
 from vision.exchange import write_mot
 from vision.quality import read_settings
@@ -40,7 +40,7 @@ def command(monkeypatch, capsys, tmp_path):
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["roadfiber", "-q", "quality", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
-            roadfiber.main()
+            roadfiber.command.main()
         return end.value.code or 0, *capsys.readouterr()
 
     return run

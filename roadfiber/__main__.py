@@ -1,0 +1,5 @@
+"""`python -m roadfiber`."""
+
+from roadfiber.command import main
+
+main()

@@ -1,0 +1,245 @@
+"""The `roadfiber` command: one sub-command group of each package, and the main job across them."""
+
+import json
+import logging
+import os
+import shlex
+import sys
+from contextlib import nullcontext, redirect_stdout
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import calib.cli
+import vision.cli
+from roadfiber import criticism_commands, survey_commands
+from vision.contract.errors import InputError, machine_words
+
+# Read when torch is first imported: threads that spin while they wait make a busy machine four times slower.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from solver.run import Run
+    from solver.simulator import Scenario
+    from solver.survey.site import Site
+
+#: Exit status of a command that Ctrl-C ended, as shells expect it.
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="roadfiber",
+    help="Locate a buried fiber from street video (or GPS) and Distributed Acoustic Sensing.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+)
+app.add_typer(calib.cli.app, name="calibrate")
+for group in (vision.cli.app, survey_commands.app, criticism_commands.app):
+    app.registered_commands += group.registered_commands
+
+
+def print_version(wanted: bool) -> None:
+    """Print the version and end."""
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"roadfiber {version('roadfiber')}")
+        raise typer.Exit
+
+
+@app.callback()
+def verbosity(
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say what is being done.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and end.")
+    ] = False,
+) -> None:
+    """Locate a buried fiber from street video (or GPS) and Distributed Acoustic Sensing."""
+    level = logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO
+    logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    logging.getLogger("roadfiber").setLevel(level)
+    # It says at length where it keeps its fonts, for a user who has no home.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+
+
+@app.command()
+def locate(
+    site: Annotated[Path, typer.Argument(help="The survey's site.toml, or its folder.")],
+    out: Annotated[Path, typer.Option("--out", help="Run folder to write.")] = Path("run"),
+    method: Annotated[str, typer.Option(help="spline (default), or network: the paper's.")] = "spline",
+    effects: Annotated[str, typer.Option(help="Effects in the model, by comma; none: as published.")] = (
+        "wheel_layout,curved_gauge"
+    ),
+    filters: Annotated[
+        list[str] | None,
+        typer.Option("--filter", help="fk or median, for the matched filter in much noise; may be given twice."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of words.")] = False,
+) -> None:
+    """Locate the fiber of a survey: DAS files and trajectories, or a video, to a route on a map.
+
+    Writes route.csv, route.geojson, fit.json and report.html. Where there are no trajectories the video is tracked
+    first, and the run folder gets trajectories.csv too.
+
+    Example: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`
+    """
+    from solver.run import check_target
+    from solver.run.locate import locate as locate_fiber
+    from solver.survey.site import read_site
+    from vision.contract import write_trajectories, writing
+
+    check_target(out)
+    survey = read_site(site / "site.toml" if site.is_dir() else site)
+    tracked = None if survey.trajectories else follow(survey)
+    chosen = [name.strip() for name in effects.split(",") if name.strip() not in ("", "none")]
+    located = locate_fiber(survey, tracked, method=method, effects=chosen, filters=filters or ())
+    with writing(out) as folder:
+        run = located.write(folder)
+        if tracked is not None:
+            write_trajectories(tracked, folder / "trajectories.csv")
+    print((out / "fit.json").read_text() if as_json else summary(run, out))
+
+
+def follow(survey: "Site") -> "pd.DataFrame":
+    """Track the survey's video."""
+    from vision.cache import cache_folder
+    from vision.pipeline import track
+
+    camera = survey.camera
+    assert camera is not None, "a survey without trajectories has a camera"
+    return track(
+        camera.video,
+        detector=camera.detector,
+        calibration=camera.calibration,
+        start=camera.start,
+        clock_offset=camera.clock_offset,
+        cache=cache_folder(),
+    )
+
+
+def summary(run: "Run", out: Path) -> str:
+    """Say in a few lines what was found and how far it may be relied on: what the report and fit.json say, too."""
+    result, facts = run.result, run.facts
+    known = result.constrained
+    sigma = result.sigma[known]
+    return "\n".join(
+        [
+            facts["headline"],
+            facts["trust"]["sentence"].replace("RUN", str(out)),
+            f"fiber located over {known.sum()} channels, {result.channel[known][0]} to {result.channel[known][-1]}",
+            f"1 sigma: {sigma[:, 1].max():.2f} m across at most, {sigma[:, 2].max():.2f} m in depth",
+            *facts["warnings"],
+            f"report: {out / 'report.html'}",
+        ]
+    )
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option("--out", help="Folder to write; an earlier demo there is replaced.")] = Path(
+        "roadfiber-demo"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another street.")] = 4,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the error as JSON; what the commands print goes to standard error.")
+    ] = False,
+) -> None:
+    """Film a street, record its fiber, and find the fiber again: the whole way, on a survey whose answer is known.
+
+    Renders a video of moving vehicles and simulates the DAS record they make (the simulator shares no code with the
+    solver), writes both as files, and runs the commands a user would run on them. Takes two or three minutes.
+
+    Example: `roadfiber demo --out runs/demo`
+    """
+    from solver.simulator import read_scenario, route_error
+
+    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+        run = run_demo(out, read_scenario("street-filmed", seed=seed))
+    error, report = route_error(run / "route.csv", out / "truth.json"), run / "report.html"
+    if as_json:
+        print(json.dumps({"error": {"unit": "m", **asdict(error)}, "run": str(run), "report": str(report)}, indent=1))
+        return
+    print(
+        f"\nerror against the known route, {error.channels} channels in view: {error.mean:.2f} m on average, "
+        f"{error.largest:.2f} m at most ({error.largest_lateral:.2f} on the map, {error.largest_depth:.2f} in depth)"
+    )
+    print(f"report: {report}")
+
+
+def run_demo(out: Path, scenario: "Scenario") -> Path:
+    """Write a demo and run the commands on it; the run folder."""
+    print(f"filming a street and recording its fiber: {out}", flush=True)
+    write_demo(out, scenario)
+    site, points, video = out / "site.toml", out / "control_points.csv", out / "street.mp4"
+    calibration, trajectories, run = out / "calibration.json", out / "trajectories.csv", out / "run"
+    start = f"{scenario.start}Z"
+    run_command("calibrate", "ground", points, "--video", video, "--frame", site, "--out", calibration)
+    known = ("--calibration", calibration, "--start", start)
+    run_command("track", video, "--detector", "street", *known, "--out", trajectories)
+    run_command("locate", site, "--out", run)
+    return run
+
+
+def write_demo(out: Path, scenario: "Scenario") -> None:
+    """Write what a user would bring: `street.mp4`, `control_points.csv`, `das/*.h5`, `anchors.csv`, `site.toml`."""
+    from solver.simulator import simulate
+    from solver.simulator.survey_files import CAMERA, require_free, site_text, write_recording
+    from vision.contract import writing
+    from vision.scene.film import Driver, film, street_scene
+
+    require_free(out)
+    survey = simulate(scenario)
+    drivers = [Driver(v.vehicle_class, v.length, v.width, v.position, v.velocity) for v in survey.vehicles]
+    with writing(out) as folder:
+        folder.mkdir()
+        write_recording(survey, folder)
+        film(street_scene(drivers, scenario.seed), folder, float(survey.time[-1]), scenario.seed)
+        (folder / "site.toml").write_text(site_text(scenario, CAMERA), encoding="utf-8")
+
+
+def run_command(*words: object) -> None:
+    """Show a command and run it."""
+    quiet = logging.getLogger("roadfiber").level > logging.INFO
+    arguments = [str(word) for word in words]
+    print(f"\n$ {shlex.join(['roadfiber', *arguments])}", flush=True)
+    app([*(["--quiet"] if quiet else []), *arguments], standalone_mode=False)
+
+
+def main() -> None:
+    """Run the command; what the user can mend, and what the machine refuses, is one line and exit status 2."""
+    try:
+        try:
+            app()
+        finally:
+            flush()
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            tell("interrupted; what was being made is not written")
+        raise
+    except BrokenPipeError:  # whoever reads has enough
+        sys.exit(1)
+    except Exception as error:
+        told = str(error) if isinstance(error, InputError) else machine_words(error)
+        if told is None:
+            raise
+        tell(told)
+        sys.exit(2)
+
+
+def flush() -> None:
+    """Write what was printed; where that fails it does so once, and not again as Python ends."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise type(error)(error.errno, error.strerror, "standard output") from error
+
+
+def tell(line: str) -> None:
+    """Print a line on standard error."""
+    print(f"roadfiber: {line}", file=sys.stderr)

@@ -1,0 +1,121 @@
+"""`roadfiber simulate`, `roadfiber compare` and `roadfiber effects`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer()
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="A TOML file, `street`, or `street-` with `gps`, `paper` (point loads), `filtered`, `blind`, `filmed`"
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder to write; an earlier simulated survey there is replaced.")],
+    seed: Annotated[int | None, typer.Option(help="Another seed is another street.  [default: 0]")] = None,
+    passes: Annotated[int | None, typer.Option(help="Vehicles that go by.  [default: 8]")] = None,
+    snr: Annotated[float | None, typer.Option(help="Signal to noise in the passes' maps, dB.  [default: 20]")] = None,
+    hide: Annotated[
+        list[str] | None, typer.Option(help="Hide an effect or set one of its settings, NAME=AMOUNT; may be repeated.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
+) -> None:
+    """Simulate a survey: DAS files, trajectories, anchors, site.toml, and truth.json with all that they hide.
+
+    The generator shares no code with the solver's signal path. The keys of a scenario file are the fields of
+    `solver.simulator.Scenario`, such as `speeds = [30, 50]` (km/h) or `[effects]` with `gauge_length = 0.15`.
+
+    Some sixty effects can be hidden in it, see `solver.simulator.EFFECTS`, such as `--hide viscoelastic_lag=0.3
+    --hide viscoelastic_lag_tau=0.4`; those whose name begins with `unknown_` are in no catalogue.
+
+    Example: `roadfiber simulate street --seed 3 --out survey` and then `roadfiber locate survey/site.toml --out run`
+    """
+    from solver.simulator import amounts, read_scenario, simulate, write_survey
+    from solver.simulator.survey_files import require_free
+
+    wanted = read_scenario(scenario, seed=seed, passes=passes, snr_db=snr, effects=amounts(hide) if hide else None)
+    require_free(out)
+    survey = simulate(wanted)
+    site = write_survey(survey, out)
+    facts = {
+        "site": str(site),
+        "passes": len(survey.vehicles),
+        "channels": len(survey.distance),
+        "seconds": round(float(survey.time[-1]), 1),
+        "active_channels": list(survey.active),
+    }
+    if as_json:
+        import json
+
+        print(json.dumps(facts))
+        return
+    print(
+        f"wrote {site}: {facts['passes']} passes, {facts['channels']} channels, {facts['seconds']:g} s; "
+        f"channels {survey.active[0]} to {survey.active[1]} are in view"
+    )
+
+
+@app.command()
+def compare(
+    run: Annotated[Path, typer.Argument(help="A run folder that `roadfiber locate` wrote.")],
+    out: Annotated[Path | None, typer.Option(help="Folder to write into.  [default: the run folder]")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print compare.json instead of words.")] = False,
+) -> None:
+    """Compare the model of a run with the measurement: where, when and how they differ.
+
+    Writes compare.html (measured, model and residual with one zoom; the residual in the vehicle's frame, by channel,
+    pass, speed, class, lane, frequency and wavenumber; the regions that fail), compare.json and pictures.
+
+    Example: `roadfiber compare runs/main-street`
+    """
+    from solver.criticism.comparison import compare as compare_run
+    from solver.criticism.comparison import write_comparison
+    from solver.criticism.comparison.comparison_words import headline, region_words, verdict
+    from solver.run.folder import read_run
+    from vision.contract import require_writable
+
+    located, folder = read_run(run), out or run
+    require_writable(folder / "compare.html")
+    comparison = compare_run(located)
+    write_comparison(folder, comparison, located)
+    if as_json:
+        print((folder / "compare.json").read_text(encoding="utf-8"))
+        return
+    print(headline(comparison))
+    print(verdict(comparison, located))
+    for region in comparison.regions:
+        print(f"  {region_words(region, located)}")
+    print(f"page: {folder / 'compare.html'}")
+
+
+@app.command()
+def effects(
+    name: Annotated[str | None, typer.Argument(help="One effect, in detail.")] = None,
+    plugin: Annotated[list[Path] | None, typer.Option(help="Python file with effects of yours; may repeat.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON: a list, or one effect's object.")] = False,
+) -> None:
+    """List the effects that a model can be given, stage by stage, or verify and show your own.
+
+    Each with its parameters (unit, plausible size, null, bounds, scope), physics, source, and what it is taken for.
+    A plugin's effects are verified: exactly absent at null, in one stage, with a derivative that is right and not zero.
+
+    Example: `roadfiber effects gauge_length` or `roadfiber effects --plugin mine.py`
+    """
+    from solver.catalogue.listing import listed, one_of, print_details, print_list
+    from solver.catalogue.plugins import catalogue
+
+    every = listed(catalogue(plugin or []))
+    chosen = None if name is None else one_of(every, name)
+    if as_json:
+        import json
+
+        print(json.dumps(every if chosen is None else chosen, indent=1))
+    elif chosen is None:
+        print_list(every)
+    else:
+        print_details(chosen, every)

@@ -1,0 +1,1 @@
+"""Cable stage: how the fiber lies and how it follows the ground."""

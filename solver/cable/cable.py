@@ -1,0 +1,72 @@
+"""Cable stage: where the channels are on the fiber and how it follows the ground."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from solver.transfers import FiberTransfer
+
+
+@dataclass(frozen=True)
+class Loose:
+    """A length of fiber that nothing holds but its two ends: there tension, and so strain, is the same all along.
+
+    Parameters
+    ----------
+    begin, end : scalars, along the route, m
+    share : scalar, of that evening out which takes place
+    """
+
+    begin: Tensor
+    end: Tensor
+    share: Tensor
+
+    def moved(self, ground: Tensor, at: Tensor, first: Tensor, last: Tensor) -> Tensor:
+        """Motion along the fiber where the ground's is `ground` and, at the two ends, `first` and `last`, all [...].
+
+        `at` [...] is where along the route, m. Between the ends the fiber's motion is linear.
+
+        >>> loose = Loose(torch.tensor(2.0), torch.tensor(6.0), torch.tensor(1.0))
+        >>> loose.moved(torch.zeros(3), torch.tensor([1.0, 3.0, 5.0]), torch.tensor(4.0), torch.tensor(8.0)).tolist()
+        [0.0, 5.0, 7.0]
+        """
+        way = (at - self.begin) / (self.end - self.begin)
+        even = ground + self.share * (first + way * (last - first) - ground)
+        return torch.where((way > 0) & (way < 1), even, ground)
+
+
+@dataclass(frozen=True)
+class Cable:
+    """Where the channels are on the fiber and how it follows the ground.
+
+    Parameters
+    ----------
+    distance : [channel], along the route, halfway between the ends of each gauge, m
+    slack : [channel] or scalar, share by which a gauge reaches farther along the route than its length says
+    middle : [channel] or scalar, how much farther along the route the middle of a gauge lies than halfway, m
+    gain : [channel] or scalar, strain of the fiber over that of the ground
+    vertical : share of the ground's vertical motion that the fiber follows
+    path_integral : share of the strain that bends within a gauge add to the motion of its two ends
+    loose : where the fiber slips; None where it does not
+    transfers : of filters along the fiber
+    mixing : [channel, channel] matrices applied along the fiber
+    """
+
+    distance: Tensor
+    slack: Tensor | float = 0.0
+    middle: Tensor | float = 0.0
+    gain: Tensor | float = 1.0
+    vertical: Tensor | float = 1.0
+    path_integral: Tensor | float = 0.0
+    loose: Loose | None = None
+    transfers: tuple[FiberTransfer, ...] = ()
+    mixing: tuple[Tensor, ...] = ()
+
+    def filtered(self, transfer: FiberTransfer) -> "Cable":
+        """Whose strain is filtered along the fiber."""
+        return replace(self, transfers=(*self.transfers, transfer))
+
+    def mixed(self, matrix: Tensor) -> "Cable":
+        """Whose channels are sums [channel, channel] of the base model's."""
+        return replace(self, mixing=(*self.mixing, matrix))

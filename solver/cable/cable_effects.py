@@ -1,0 +1,178 @@
+"""Cable stage: how the fiber lies in its duct and follows the ground."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import softplus
+
+from solver.cable.cable import Cable, Loose
+from solver.cable.fiber import between_channels
+from solver.cable.points import Points
+from solver.effect import Parameter, Surroundings, effect
+
+Values = Mapping[str, Tensor]
+
+#: Least share of its length over which a gauge reaches.
+SHORTEST = 0.02
+
+
+@effect(
+    "channel_coupling",
+    "cable",
+    [Parameter("log_gain", "1", 0.3, lower=-3, upper=3, scope="fiber")],
+    physics="The cable grips the ground better at some places than at others.",
+    source="Reinsch et al. 2017, Geophys. J. Int. 210, 1017.",
+    told_from="stiffness of the ground that changes along it",
+)
+def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Gain exp(log_gain) of the strain at points, smooth along the fiber."""
+    points = Points.of(survey)
+    gain = torch.expm1(between_channels(p["log_gain"], survey.distance, points.place))
+    return cable.mixed(torch.eye(len(survey.distance), dtype=gain.dtype) + points.read * gain @ points.told)
+
+
+@effect(
+    "shear_lag",
+    "cable",
+    [Parameter("length_squared", "m^2", 2.0, lower=0, upper=25)],
+    physics="The jacket passes strain on over a length L: 1 / (1 + k^2 L^2).",
+    source="Ansari and Libo 1998, J. Eng. Mech. 124, 385.",
+    told_from="pulse width",
+)
+def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Strain transfer of an elastic jacket."""
+    return cable.filtered(lambda k: 1 / (1 + k**2 * p["length_squared"]))
+
+
+@effect(
+    "conduit_slip",
+    "cable",
+    [
+        Parameter("share", "1", 1.0, lower=0, upper=1.5),
+        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 3.0).tolist())),
+        Parameter("length", "m", 2.0, lower=4, upper=60, grid=(8.0, 13.0, 20.0, 35.0)),
+    ],
+    physics="The fiber slips in its conduit and feels only the mean strain between the points that hold it.",
+    source="Equilibrium: where nothing grips it, the tension of a fiber, and so its strain, is the same all along.",
+)
+def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """The free length shows its mean strain; place is from the middle of the channels, along the fiber."""
+    s, half = survey.distance, p["length"] / 2
+    center = (s.min() + s.max()) / 2 + p["place"]
+    return replace(cable, loose=Loose(center - half, center + half, p["share"]))
+
+
+@effect(
+    "slack_spool",
+    "cable",
+    [
+        Parameter("length", "m", 5.0, lower=-1, upper=60),
+        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 5.0).tolist())),
+    ],
+    physics="Fiber lies coiled in a manhole: all channels beyond it are nearer than they count.",
+    source="ITU-T L.1430: slack storage at closures.",
+    told_from="smooth errors of the channels' positions",
+)
+def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Gauges end where the fiber leads, which stands still over the coil; what lies coiled feels nothing.
+
+    Half of the length counts on either side, which leaves the middle of the route where it was.
+    """
+    s, half, soft = survey.distance, survey.gauge_length / 2, survey.channel_spacing / 5
+    begins = (s.min() + s.max()) / 2 + p["place"] - p["length"] / 2
+
+    def led(place: Tensor) -> Tensor:
+        coiled = softplus((place - begins) / soft) - softplus((place - begins - p["length"]) / soft)
+        return place - soft * coiled + p["length"] / 2
+
+    ahead, behind = led(s + half), led(s - half)
+    # Never quite nothing: derivatives divide by it.
+    reach = ((ahead - behind) / survey.gauge_length).clamp_min(1e-9)
+    slack = (1 + cable.slack) * reach.clamp_min(SHORTEST) - 1
+    halfway = (ahead + behind) / 2
+    middle = cable.middle + led(s) - halfway
+    return replace(cable, distance=cable.distance + halfway - s, slack=slack, middle=middle, gain=cable.gain * reach)
+
+
+@effect(
+    "sloping_fiber",
+    "cable",
+    [Parameter("vertical_share", "1", 0.5, null=1.0, lower=0, upper=2)],
+    physics="Where the fiber slopes, vertical motion stretches it too; a loose cable follows that less.",
+    source="Displacement projected on the tangent, all three components: t . u.",
+)
+def sloping_fiber(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """The fiber follows this share of the ground's vertical motion."""
+    return replace(cable, vertical=p["vertical_share"])
+
+
+@effect(
+    "curved_gauge",
+    "cable",
+    [Parameter("share", "1", 1.0, lower=0, upper=1.5)],
+    physics="Within a gauge the fiber turns: strain is the integral along the path, not the motion of its two ends.",
+    source="Integration by parts of t . grad u . t along the fiber.",
+)
+def curved_gauge(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """1 is the full path integral."""
+    return replace(cable, path_integral=p["share"])
+
+
+@effect(
+    "channel_stretch",
+    "cable",
+    [
+        Parameter("stretch", "1", 0.01, lower=-0.1, upper=0.1),
+        Parameter("stretched", "1", 1.0, lower=0, upper=1, grid=(0.0, 1.0)),
+    ],
+    physics="Channels lie farther apart than the file says: refractive index, helix, overstuffed fiber.",
+    source="Lindsey et al. 2020, JGR Solid Earth 125.",
+    told_from="the route and the clock's rate; only anchors tell",
+)
+def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Distance along the fiber grows by the stretch, about the middle; where light counts wrong, so do gauges."""
+    middle = (survey.distance.min() + survey.distance.max()) / 2
+    slack = cable.slack + p["stretched"] * p["stretch"]
+    return replace(cable, distance=cable.distance + p["stretch"] * (survey.distance - middle), slack=slack)
+
+
+@effect(
+    "channel_wander",
+    "cable",
+    [
+        Parameter("shift", "m", 0.5, scope="fiber"),
+        Parameter("stretched", "1", 1.0, lower=0, upper=1, grid=(0.0, 1.0)),
+    ],
+    physics="Channels lie off their place along the fiber by a smooth amount: slack, snaking, index.",
+    source="Piana Agostinetti et al. 2022, Solid Earth 13, 449.",
+    told_from="the route",
+)
+def channel_wander(cable: Cable, p: Values, survey: Surroundings) -> Cable:
+    """Channel positions depart smoothly from their count; where that is slack fiber, gauges reach less far as well."""
+    slack = p["stretched"] * slope(p["shift"], survey.distance)
+    return replace(cable, distance=cable.distance + p["shift"], slack=slack)
+
+
+def slope(values: Tensor, distance: Tensor) -> Tensor:
+    """Derivative of values [channel] by distance [channel], from neighbors on either side; constant to the ends.
+
+    >>> slope(torch.tensor([0.0, 1.0, 4.0, 9.0]), torch.arange(4.0)).tolist()
+    [2.0, 2.0, 4.0, 4.0]
+    """
+    inner = (values[2:] - values[:-2]) / (distance[2:] - distance[:-2])
+    return torch.cat([inner[:1], inner, inner[-1:]])
+
+
+EFFECTS = (
+    channel_coupling,
+    shear_lag,
+    conduit_slip,
+    slack_spool,
+    sloping_fiber,
+    curved_gauge,
+    channel_stretch,
+    channel_wander,
+)

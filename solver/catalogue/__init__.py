@@ -1,0 +1,1 @@
+"""All effects that are known, discrepancy models and users' own among them."""

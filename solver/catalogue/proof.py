@@ -1,0 +1,110 @@
+"""A plugin is tried in a process of its own first: it may print, hang, or end the process that runs it."""
+
+import faulthandler
+import multiprocessing
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TypeVar
+
+import torch
+
+from solver.catalogue.catalogue import built_in
+from solver.catalogue.forks import can_fork
+from solver.catalogue.guard import untouched
+from solver.catalogue.verify import verify
+from solver.effect import Effect
+from vision.contract import InputError
+
+#: Time that importing a plugin, or verifying one effect, may take, s; the slowest of our own takes three.
+LIMIT = 60.0
+#: Files of the folder through which a trial answers.
+ANSWER, HUNG = "answer.txt", "hung.txt"
+
+S = TypeVar("S")
+
+
+def prove(load: Callable[[S], Sequence[Effect]], source: S, who: str) -> None:
+    """Load effects in a process of its own and verify each; nothing of that is left in this one.
+
+    Parameters
+    ----------
+    load : gives the effects of `source`; both can be pickled
+    who : the plugin, as messages begin
+
+    Raises
+    ------
+    InputError
+        If they cannot be loaded, one breaks a promise (see `verify.py`), takes too long, ends the process,
+        or changes what all of roadfiber shares.
+    """
+    warm()
+    begun = multiprocessing.get_context("fork") if can_fork() else multiprocessing.get_context("spawn")
+    with tempfile.TemporaryDirectory() as name:
+        trial = begun.Process(target=attempt, args=(load, source, Path(name), LIMIT), daemon=True)
+        trial.start()
+        trial.join()
+        told = verdict(Path(name), source, trial.exitcode or 0)
+    if told:
+        raise InputError(told if who in told or told.startswith("effect ") else f"{who}: {told}")
+
+
+@cache
+def warm() -> None:
+    """Let PyTorch load what its first derivatives need, which each process would do anew.
+
+    Some forward derivatives load its compiler, which puts functions of its own into torch: not the plugin's doing.
+    """
+    import_module("torch._dynamo")
+    verify(built_in()["channel_coupling"])
+
+
+def verdict(folder: Path, source: object, status: int) -> str:
+    """What is wrong, by what a trial left in its folder and its exit status; "" for nothing."""
+    if (folder / ANSWER).is_file():
+        return (folder / ANSWER).read_text(encoding="utf-8")
+    if stack := (folder / HUNG).read_text(encoding="utf-8") if (folder / HUNG).is_file() else "":
+        own = re.search(rf'File "[^"]*{re.escape(Path(str(source)).name)}", line (\d+)', stack)
+        place = f" (line {own[1]})" if own else ""
+        return f"not done after {LIMIT:g} s{place}; let every loop end, and compute nothing long"
+    how = f"signal {-status}" if status < 0 else f"exit status {status}"
+    return f"ends the process that runs it ({how}), as os._exit does; raise an exception instead"
+
+
+def attempt(load: Callable[[S], Sequence[Effect]], source: S, folder: Path, limit: float) -> None:
+    """Verify effects in this process, and leave in `folder` what is wrong with them."""
+    silence()
+    torch.set_num_threads(1)
+    told = ""
+    with (folder / HUNG).open("w") as stack:
+        try:
+            with limited(limit, stack.fileno()), untouched("its import"):
+                effects = load(source)
+            for one in effects:
+                with limited(limit, stack.fileno()), untouched(f"effect {one.name}: its function"):
+                    verify(one)
+        except InputError as error:
+            told = str(error)
+    (folder / ANSWER).write_text(told, encoding="utf-8")
+
+
+def silence() -> None:
+    """Print nothing in this process: the plugin prints the same again where it is used."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)
+    sys.stdout = sys.stderr = open(nowhere, "w", encoding="utf-8")  # noqa: SIM115, PTH123 as long as the process
+
+
+@contextmanager
+def limited(seconds: float, stack: int) -> Iterator[None]:
+    """End this process if it is still within after some time, and say in the file `stack` where it is."""
+    faulthandler.dump_traceback_later(seconds, exit=True, file=stack)
+    yield
+    faulthandler.cancel_dump_traceback_later()

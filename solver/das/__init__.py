@@ -1,5 +1,0 @@
-"""DAS files of any maker as one record of strain rate."""
-
-from solver.das.record import DASRecord, read_das
-
-__all__ = ["DASRecord", "read_das"]

@@ -1,0 +1,223 @@
+"""What an effect is: a differentiable change to one stage of the signal path, exactly absent at its null value."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+from typing import Any
+
+from torch import Tensor
+
+#: The stages of the signal path, in order.
+STAGES = ("trajectory", "load", "ground", "cable", "interrogator", "processing")
+
+#: What a parameter may be: one number, one per pass, or smooth along the fiber, the road, each pass, or in time.
+SCOPES = ("one", "pass", "fiber", "road", "track", "time")
+#: Those of which each row, a vehicle at a sample, has a value.
+BY_ROW = ("pass", "road", "track")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Parameters
+    ----------
+    name : as the effect's function looks it up
+    unit : "1" for a pure number
+    plausible : size that would surprise nobody; also the standard deviation of the prior once the effect is added. Many
+        numbers without bounds whose root mean square is over three times that are no such effect
+    null : value at which the effect is absent
+    lower, upper : bounds
+    scope : "one", "pass" (one per pass), or smooth along the "fiber", the "road" (x of the vehicle) or each "track", or
+        in "time", the same for all vehicles
+    rated : give the function the time derivative of what is smooth along the road or each track too, as `<name>_rate`
+    grid : for a parameter that means nothing at the null of the others (a relaxation time, a place): the values that
+        the search tries; () for all others
+    """
+
+    name: str
+    unit: str
+    plausible: float
+    null: float = 0.0
+    lower: float = -float("inf")
+    upper: float = float("inf")
+    scope: str = "one"
+    grid: tuple[float, ...] = ()
+    rated: bool = False
+
+    @property
+    def is_shape(self) -> bool:
+        """Whether it has no null of its own."""
+        return bool(self.grid)
+
+    @property
+    def rate_name(self) -> str:
+        """Under which a function finds the time derivative, where it is `rated`."""
+        return f"{self.name}_rate"
+
+    @property
+    def spacing(self) -> float:
+        """Largest step of the grid; its plausible size where there is one value."""
+        return max((b - a for a, b in pairwise(self.grid)), default=self.plausible)
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the null is a bound."""
+        return self.null in (self.lower, self.upper)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What an effect may ask about the survey, beside the stage that it changes.
+
+    Parameters
+    ----------
+    distance : [channel], along the fiber, m
+    recorded : channels of the whole record, those beyond the stretch that is fitted included
+    gauge_length, channel_spacing : m
+    sampling_rate : Hz
+    passes : number of passes
+    middle : [2], middle of the stretch of road that was observed, m
+    largest : largest strain rate of the record, single jumps left aside, 1/s
+    """
+
+    distance: Tensor
+    recorded: int
+    gauge_length: float
+    channel_spacing: float
+    sampling_rate: float
+    passes: int
+    middle: Tensor
+    largest: float
+
+
+Change = Callable[[Any, Mapping[str, Tensor], Surroundings], Any]
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What a fit leaves unexplained, and what it was recorded from.
+
+    Parameters
+    ----------
+    residual : [sample, channel], in units of the noise; 0 where not measured
+    load : `solver.load.load.Load` of the model that was fitted; its trajectory's time is in s
+    sample_index : [row], which sample
+    middle, slope : [channel, 3], places of the gauges, m, and the fiber's direction there
+    """
+
+    residual: Tensor
+    load: Any
+    sample_index: Tensor
+    middle: Tensor
+    slope: Tensor
+
+
+#: Shapes worth trying, and how many they were chosen from.
+Proposal = tuple[list[dict[str, float]], int]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect of the catalogue, or a user's own.
+
+    Parameters
+    ----------
+    name : the field's term, as commands take it
+    stage : one of `solver.effect.STAGES`, the one that it changes
+    parameters : all of them
+    change : (stage, values by name, surroundings) -> stage; values are [] for "one", [row, 1] for "pass", "road" and
+        "track", [channel] for "fiber", [sample, 1] for "time"
+    physics : one line
+    source : paper, book or standard
+    told_from : what it is confounded with, in words
+    generic : a stand-in for something unknown, no physical effect
+    seek : finds the shapes worth trying in what was heard, where a grid fine enough would be too large; else None
+    """
+
+    name: str
+    stage: str
+    parameters: tuple[Parameter, ...]
+    change: Change
+    physics: str
+    source: str
+    told_from: str = ""
+    generic: bool = False
+    seek: Callable[[Heard], Proposal] | None = None
+
+    def parameter(self, name: str) -> Parameter:
+        """Look a parameter up."""
+        return next(p for p in self.parameters if p.name == name)
+
+    @property
+    def shapes(self) -> tuple[Parameter, ...]:
+        """Parameters without a null of their own."""
+        return tuple(p for p in self.parameters if p.is_shape)
+
+    @property
+    def amplitudes(self) -> tuple[Parameter, ...]:
+        """Parameters with a null."""
+        return tuple(p for p in self.parameters if not p.is_shape)
+
+    def tried(self, hear: Callable[[], Heard]) -> Proposal:
+        """Shapes to try: those that it seeks in what `hear` gives, else all of the grids.
+
+        >>> from solver.catalogue.catalogue import built_in
+        >>> built_in()["lowpass"].tried(lambda: None)
+        ([{'corner': 0.7}, {'corner': 1.0}, {'corner': 1.4}, {'corner': 2.0}], 4)
+        """
+        if self.seek is not None:
+            return self.seek(hear())
+        names = [p.name for p in self.shapes]
+        shapes = [dict(zip(names, values, strict=True)) for values in product(*(p.grid for p in self.shapes))]
+        return shapes, len(shapes)
+
+
+def effect(
+    name: str,
+    stage: str,
+    parameters: Sequence[Parameter],
+    *,
+    physics: str,
+    source: str,
+    told_from: str = "",
+    generic: bool = False,
+    seek: Callable[[Heard], Proposal] | None = None,
+) -> Callable[[Change], Effect]:
+    """Make an effect of a function.
+
+    Parameters
+    ----------
+    name, stage, parameters, physics, source, told_from, generic, seek : see `Effect`
+
+    Raises
+    ------
+    ValueError
+        Where the declaration cannot hold: no such stage or scope, no parameter with a null, bounds that leave it out.
+
+    >>> @effect("axle_lift", "load", [Parameter("share", "1", 0.1)], physics="The rear axle carries less.", source="-")
+    ... def axle_lift(load, p, survey):
+    ...     return load.modulated(1 - p["share"], 0 * p["share"])
+    >>> axle_lift.name, axle_lift.stage
+    ('axle_lift', 'load')
+    """
+    if stage not in STAGES:
+        raise ValueError(f"effect {name}: stage {stage!r} is none of {', '.join(STAGES)}")
+    if not any(not p.is_shape for p in parameters):
+        raise ValueError(f"effect {name}: give at least one parameter with a null value (no grid)")
+    for p in parameters:
+        if p.scope not in SCOPES:
+            raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is none of {', '.join(SCOPES)}")
+        if p.scope in BY_ROW and stage not in ("trajectory", "load", "ground"):
+            raise ValueError(f"effect {name}, {p.name}: scope {p.scope!r} is for effects on trajectory, load or ground")
+        if p.scope == "time" and stage != "interrogator":
+            raise ValueError(f"effect {name}, {p.name}: scope 'time' is for effects on the interrogator")
+        if p.rated and p.scope not in ("road", "track"):
+            raise ValueError(f"effect {name}, {p.name}: only what is smooth along the road or a track has a rate")
+        if not p.is_shape and not p.lower <= p.null <= p.upper:
+            raise ValueError(f"effect {name}, {p.name}: the null {p.null:g} is outside {p.lower:g} to {p.upper:g}")
+
+    def make(change: Change) -> Effect:
+        return Effect(name, stage, tuple(parameters), change, physics, source, told_from, generic, seek)
+
+    return make

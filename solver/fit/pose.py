@@ -1,0 +1,180 @@
+"""From a survey that is read, smoothed and matched to the problem that a fit is given."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from solver.fit import FitResult, Prior, Problem
+from solver.fit.map_fit import SPLINE_VARIANCE
+from solver.fit.stretches import is_long, nearby
+from solver.noise.quiet_windows import noise_level, quiet, rounded_level
+from solver.noise.whitening import NoiseLaw, noise_law
+from solver.signal_path.extension import SLOW_ERROR
+from solver.signal_path.traffic import Traffic
+from solver.start.rough_route import TYPICAL
+from solver.survey.anchors import Anchor
+from solver.survey.das import DASRecord
+from solver.survey.das.rounding import Rounding
+from solver.survey.limits import FELT
+from solver.trajectory.trajectory_effects import EFFECTS as TRAJECTORY
+from solver.trajectory.vehicle_pass import Pass, track_sigma
+from vision.contract import InputError
+
+#: How long before and after each pass the record is looked at, s: what filters leave behind shows there.
+TAIL = 4.0
+
+#: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times
+#: that of the other channels, is a bend that the model does not hold for.
+TURN, EXCESS = 0.2, 1.2
+
+#: Channels without which there is no route to speak of: a cubic spline has four coefficients.
+FEWEST = 4
+
+#: Positions out of view go on from the last ones in view: they err alike over many samples, which weigh as one.
+UNSEEN = 3.0
+
+#: Where tracks in view are this uncertain, m, their slow errors are fitted too.
+UNCERTAIN = 0.05
+
+
+def guessed_less(one: Pass) -> Pass:
+    """The pass with its positions out of view weighing less."""
+    return replace(one, sigma=np.where(one.in_view[:, None], 1.0, UNSEEN) * one.sigma)
+
+
+def pose(
+    record: DASRecord,
+    passes: Sequence[Pass],
+    anchors: Sequence[Anchor],
+    route: np.ndarray,
+    channel: np.ndarray,
+    prior: Prior,
+    deaf: Sequence[int] | np.ndarray = (),
+) -> Problem:
+    """State the fitting problem over the active `channel` numbers but for `deaf` ones, from `route` [channel, 3] on."""
+    column = np.searchsorted(record.channel, channel)
+    whole = column[-1] - column[0] == len(column) - 1
+    # A view where it can be: on a long fiber a copy is a large part of the memory.
+    strain_rate = record.strain_rate[:, slice(column[0], column[-1] + 1) if whole else column]
+    still = quiet(len(strain_rate), route, passes)
+    rounding = record.rounding and record.rounding.at(column)
+    noise = rounded_level(noise_level(strain_rate, still), strain_rate, still, rounding)
+    alive = np.isfinite(noise) & (noise > 0) & ~np.isin(channel, deaf)
+    if alive.sum() < FEWEST:
+        raise InputError(
+            f"DAS record: vehicles are told from noise in {alive.sum()} channels only, too few for a route; give "
+            "more and heavier vehicles, or a record with more digits (roadfiber locate --filter fk finds fainter ones)"
+        )
+    kept = strain_rate if alive.all() else strain_rate[:, alive]
+    passes = [guessed_less(part) for one in passes if (part := nearby(one, route)) is not None]
+    if not passes:
+        raise InputError(
+            f"trajectories: no vehicle comes within {FELT:g} m of channels {channel[0]} to {channel[-1]}, "
+            "where the DAS feels vehicles; check the frame (origin, x_azimuth) and the clocks"
+        )
+    traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))
+    return Problem(
+        record=kept,
+        noise=torch.from_numpy(noise[alive]),
+        channel=channel[alive],
+        recorded=len(record.channel),
+        zero_distance=float(record.distance[0] - record.channel[0] * record.channel_spacing),
+        channel_spacing=record.channel_spacing,
+        gauge_length=record.gauge_length,
+        passes=passes,
+        traffic=traffic,
+        anchors=anchors,
+        start=route[alive],
+        prior=prior,
+        sampling_rate=record.sampling_rate,
+        law=law_of(record, kept, still[:, alive], noise[alive], rounding and rounding.at(alive)),
+    )
+
+
+def law_of(
+    record: DASRecord, strain_rate: np.ndarray, still: np.ndarray, noise: np.ndarray, rounding: Rounding | None
+) -> NoiseLaw:
+    """Law of the noise, learned in the middle of the fitted channels.
+
+    Parameters
+    ----------
+    strain_rate, still : [sample, channel], of the fitted channels, see `noise_law`
+    noise, rounding : of the same channels
+    """
+    count = len(noise)
+    middle = slice(max(0, (count - TYPICAL) // 2), (count + TYPICAL) // 2)
+    gauge = record.gauge_length / record.channel_spacing
+    error = None if rounding is None else float(np.median(rounding.deviation / noise)) ** 2 * rounding.law
+    return noise_law(strain_rate[:, middle] / noise[middle], still[:, middle], record.sampling_rate, gauge, error)
+
+
+def with_slow_errors(problem: Problem) -> Problem:
+    """The problem with each track's slow error among what is fitted, where the tracks are uncertain enough.
+
+    On a long fiber each track has a shift of its own every few seconds already.
+    """
+    sigma = track_sigma(problem.passes)
+    if is_long(problem) or sigma < UNCERTAIN or any(one.name == SLOW_ERROR for one in problem.effects):
+        return problem
+    effect = next(one for one in TRAJECTORY if one.name == SLOW_ERROR)
+    prior = replace(problem.prior, jitter=sigma / SPLINE_VARIANCE**0.5)
+    return replace(problem, effects=(*problem.effects, effect), prior=prior)
+
+
+def around(passes: Sequence[Pass], samples: int, margin: int) -> np.ndarray:
+    """Rows up to `margin` before and after each pass, within a record of so many samples.
+
+    >>> around([], 10, 2)
+    array([], dtype=int64)
+    """
+    rows = [np.arange(one.rows[0] - margin, one.rows[-1] + margin + 1) for one in passes]
+    every = np.unique(np.concatenate(rows)) if rows else np.empty(0, np.int64)
+    return every[(every >= 0) & (every < samples)]
+
+
+def mean_square(result: FitResult, block: np.ndarray) -> np.ndarray:
+    """Mean square of the residual of some fitted channels [channel], in noise units; NaN where nothing is fitted."""
+    weight = result.weight[:, block]
+    residual = (result.measured[:, block] - result.model[:, block]) / result.noise[block]
+    total = weight.sum(0)
+    return np.asarray(
+        np.divide(np.nansum(weight * residual**2, 0), total, np.full(len(block), np.nan), where=total > 0)
+    )
+
+
+def bent_ends(result: FitResult, gauge: int) -> slice:
+    """Fitted channels to keep: without the last gauge length where the fiber turns off and the model fails.
+
+    Parameters
+    ----------
+    gauge : gauge length, channels
+    """
+    whole = slice(0, len(result.fitted_channel))
+    if whole.stop <= 2 * gauge:
+        return whole
+    blocks = np.array_split(np.arange(whole.stop), max(1, whole.stop // TYPICAL))
+    square = np.concatenate([mean_square(result, block) for block in blocks])
+    route = result.route[np.isin(result.channel, result.fitted_channel)]
+    direction = np.gradient(route, axis=0)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+
+    def bent(inner: int, end: slice) -> bool:
+        turn = np.arccos(np.clip(direction[end] @ direction[inner], -1, 1)).max()
+        return bool(turn > TURN and np.nanmean(square[end]) > EXCESS * np.nanmedian(square))
+
+    first = gauge * bent(gauge, slice(None, gauge))
+    stop = len(square) - gauge * bent(-gauge - 1, slice(-gauge, None))
+    return slice(first, stop) if stop - first > 2 * gauge else whole
+
+
+def shortened(problem: Problem, keep: slice, result: FitResult) -> Problem:
+    """The problem with the channels `keep` only, beginning where a fit of all of them ended."""
+    return replace(
+        problem,
+        record=problem.record[:, keep],
+        noise=problem.noise[keep],
+        channel=problem.channel[keep],
+        start=result.route[np.isin(result.channel, problem.channel)][keep],
+    )

@@ -1,0 +1,127 @@
+"""A long survey as stretches of fiber, each with the vehicles near it at the time they are near it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise, zip_longest
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.fit.problem import MARGIN, Problem
+from solver.signal_path.traffic import Traffic
+from solver.survey.limits import FELT
+from solver.trajectory.vehicle_pass import Pass
+
+#: A fiber up to this length is one stretch, m: what a camera sees, where one shift and one weight do for a pass.
+ONE_STRETCH = 200.0
+#: Stretches of a longer fiber, m. A vehicle has numbers of its own in each: over some seconds of driving tracks err
+#: alike, farther on neither their errors nor the coupling of the ground are the same.
+STRETCH = 60.0
+#: Passes of each stretch that a long fiber is fitted to first: they lead near, and all then need few steps.
+FIRST = 12
+
+
+def nearby(one: Pass, route: NDArray[np.float64], reach: float = FELT) -> Pass | None:
+    """The part of a pass within `reach` of the route [channel, 3], m; None where it never comes that near."""
+    low, high = route[:, :2].min(0) - reach, route[:, :2].max(0) + reach
+    boxed = np.flatnonzero(((one.position >= low) & (one.position <= high)).all(1))
+    distance = np.hypot(*(one.position[boxed, None, :] - route[None, :, :2]).transpose(2, 0, 1)).min(1, initial=np.inf)
+    rows = boxed[distance <= reach]
+    if len(rows) < 2:
+        return None
+    keep = slice(rows[0], rows[-1] + 1)
+    return replace(
+        one, **{name: getattr(one, name)[keep] for name in ("rows", "position", "velocity", "sigma", "in_view")}
+    )
+
+
+def part(problem: Problem, chosen: NDArray[np.int64]) -> Problem:
+    """The same survey with the passes `chosen` only."""
+    passes = [problem.passes[i] for i in chosen]
+    return replace(problem, passes=passes, traffic=Traffic.of(passes))
+
+
+def is_long(problem: Problem) -> bool:
+    """Whether a survey is fitted stretch by stretch."""
+    return float(problem.distance[-1] - problem.distance[0]) > ONE_STRETCH
+
+
+def stretches(problem: Problem) -> list[slice]:
+    """Fitted channels of each stretch, about equally long.
+
+    >>> from types import SimpleNamespace
+    >>> [(s.start, s.stop) for s in stretches(SimpleNamespace(distance=np.arange(0.0, 300.0)))]
+    [(0, 60), (60, 120), (120, 180), (180, 240), (240, 300)]
+    """
+    length = float(problem.distance[-1] - problem.distance[0])
+    count = max(1, round(length / STRETCH)) if length > ONE_STRETCH else 1
+    cuts = np.searchsorted(problem.distance, problem.distance[0] + length * np.arange(1, count) / count)
+    edges = [0, *cuts.tolist(), len(problem.distance)]
+    return [slice(a, b) for a, b in pairwise(edges) if b > a]
+
+
+def reach_of(problem: Problem) -> float:
+    """How far along the fiber a stretch's model looks beyond its channels, m."""
+    return problem.gauge_length / 2 + problem.channel_spacing + (MARGIN if problem.effects else 0.0)
+
+
+def crowds(passes: Sequence[Pass]) -> list[list[Pass]]:
+    """Passes that share samples of the record, or go on where another ends.
+
+    >>> from types import SimpleNamespace
+    >>> made = [SimpleNamespace(rows=np.arange(*ends)) for ends in ((0, 5), (9, 12), (4, 7))]
+    >>> [[len(one.rows) for one in crowd] for crowd in crowds(made)]
+    [[5, 3], [3]]
+    """
+    found: list[list[Pass]] = []
+    last = -1
+    for one in sorted(passes, key=lambda one: int(one.rows[0])):
+        if found and one.rows[0] <= last + 1:
+            found[-1].append(one)
+        else:
+            found.append([one])
+        last = max(last, int(one.rows[-1]))
+    return found
+
+
+def some(group: Sequence[Problem], most: int) -> list[Problem]:
+    """Small problems of a stretch with about so many passes: those of single vehicles first, both ways by turns.
+
+    >>> from types import SimpleNamespace as Some
+    >>> made = [Some(passes=[Some(speed=v) for v in speeds]) for speeds in ([9, -8], [12], [14], [-11])]
+    >>> [[one.speed for one in part.passes] for part in some(made, 2)]
+    [[12], [-11]]
+    """
+    ways: tuple[list[Problem], list[Problem]] = [], []
+    for one in sorted(group, key=lambda part: len(part.passes)):
+        ways[one.passes[0].speed < 0].append(one)
+    chosen: list[Problem] = []
+    for one in (part for pair in zip_longest(*ways) for part in pair if part is not None):
+        if sum(len(part.passes) for part in chosen) < most:
+            chosen.append(one)
+    return chosen
+
+
+def parts(problem: Problem) -> list[list[Problem]]:
+    """The survey of each stretch, crowd by crowd: small problems that together are the whole.
+
+    Stretches without a vehicle are left out: nothing is measured there.
+    """
+    cuts = stretches(problem)
+    if len(cuts) == 1:
+        return [[problem]]
+    found = []
+    for cut in cuts:
+        start = problem.start[cut]
+        here = replace(
+            problem,
+            record=problem.record[:, cut],
+            noise=problem.noise[cut],
+            channel=problem.channel[cut],
+            start=start,
+            anchors=(),
+        )
+        near = [part for one in problem.passes if (part := nearby(one, start)) is not None]
+        groups = [list(near)] if near and problem.effects else crowds(near)
+        found.append([replace(here, passes=group, traffic=Traffic.of(group)) for group in groups])
+    return [stretch for stretch in found if stretch]

@@ -1,0 +1,1 @@
+"""Ground stage: how the ground answers a load."""

@@ -1,0 +1,222 @@
+"""Ground stage: soil that is not a homogeneous elastic half-space at rest."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from solver.effect import Parameter, Surroundings, effect
+from solver.ground.gibson import gibson_response
+from solver.ground.ground import Ground
+from solver.ground.layered import layered_response, pavement_response
+from solver.ground.moving import moving_displacement_rate
+from solver.ground.waves import loudest_waves, sent_from
+
+Values = Mapping[str, Tensor]
+
+
+@effect(
+    "poisson_ratio",
+    "ground",
+    [Parameter("change", "1", 0.1, lower=-0.35, upper=0.24)],
+    physics="Poisson's ratio is not what the survey assumed.",
+    source="Boussinesq 1885; Johnson 1985, eq. 3.18.",
+    told_from="depth, camber and anisotropy; a depth known from an anchor helps",
+)
+def poisson_ratio(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Another Poisson's ratio everywhere."""
+    return replace(ground, poisson_change=lambda point: p["change"] + 0 * point[..., 0])
+
+
+@effect(
+    "poisson_gradient",
+    "ground",
+    [
+        Parameter("change", "1", 0.1, lower=-0.35, upper=0.35),
+        Parameter("place", "m", 3.0, grid=(-20.0, -10.0, 0.0, 10.0, 20.0)),
+        Parameter("width", "m", 3.0, lower=2, upper=25, grid=(10.0,)),
+    ],
+    physics="Poisson's ratio changes along the road, as from dry to wet ground.",
+    source="Das 2010, Principles of Geotechnical Engineering, table 11.",
+    told_from="a change of stiffness along the road",
+)
+def poisson_gradient(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Falls by the change before a place and rises by it beyond, as a tanh of some width."""
+    middle = survey.middle[0] + p["place"]
+    return replace(ground, poisson_change=lambda point: p["change"] * torch.tanh((point[..., 0] - middle) / p["width"]))
+
+
+@effect(
+    "stiffness_contrast",
+    "ground",
+    [
+        Parameter("log_ratio", "1", 0.5, lower=-3, upper=3),
+        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 5.0).tolist())),
+    ],
+    physics="The ground is stiffer on one side of a place: strain is inverse to the shear modulus.",
+    source="Boussinesq 1885: displacement is F / (4 pi G) times geometry.",
+    told_from="coupling of the cable that changes along it, and the route",
+)
+def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """The shear modulus grows by exp(log_ratio) over a few meters, its geometric mean unchanged."""
+    place = survey.middle[0] + p["place"]
+
+    def compliance(point: Tensor) -> Tensor:
+        return torch.exp(-0.5 * p["log_ratio"] * torch.tanh((point[..., 0] - place) / 2.0))
+
+    return replace(ground, compliance=compliance)
+
+
+@effect(
+    "layered_ground",
+    "ground",
+    [
+        Parameter("log_ratio", "1", 1.0, lower=-2.5, upper=3.0),
+        Parameter("thickness", "m", 0.5, lower=0.4, upper=8.0, grid=(1.0, 2.0, 4.0)),
+    ],
+    physics="A layer of another stiffness lies on the half-space.",
+    source="Burmister 1945, J. Appl. Phys. 16, 89; Kausel and Roesset 1981, BSSA 71, 1743.",
+    told_from="whatever blurs; several speeds, lanes and distances separate them",
+)
+def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Shear modulus of the layer over that below is exp(log_ratio)."""
+    return replace(ground, response=layered_response(p["log_ratio"], p["thickness"]))
+
+
+@effect(
+    "pavement",
+    "ground",
+    [Parameter("stiffness", "m", 3.0, lower=0, upper=12)],
+    physics="A thin stiff pavement spreads the load.",
+    source="Burmister 1945; Huang 2004, Pavement Analysis and Design, section 2.2.",
+    told_from="depth and Poisson's ratio together",
+)
+def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Stiffness is (G_pavement / G_ground - 1) times thickness, of 0.2 m."""
+    return replace(ground, response=pavement_response(p["stiffness"]))
+
+
+@effect(
+    "gibson_soil",
+    "ground",
+    [Parameter("gradient", "1/m", 1.0, lower=0, upper=3)],
+    physics="The soil stiffens with depth: G = G0 (1 + gradient z).",
+    source="Gibson 1967, Geotechnique 17, 58.",
+    told_from="a layered ground",
+)
+def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Shear modulus that grows linearly with depth."""
+    return replace(ground, response=gibson_response(p["gradient"]))
+
+
+@effect(
+    "moving_load",
+    "ground",
+    [Parameter("shear_slowness_squared", "s^2/m^2", 1e-4, lower=0, upper=4e-4)],
+    physics="The ground has inertia: a load that moves fast against shear waves makes a narrower trough.",
+    source="Eason 1965, Int. J. Eng. Sci. 2, 581: gamma_i = sqrt(1 - v^2 cos^2 / c_i^2).",
+    told_from="other blurs, unless speeds are mixed",
+)
+def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Steady subsonic motion to second order in v / c_s; 1e-4 s^2/m^2 is a shear speed of 100 m/s."""
+    return replace(
+        ground,
+        response=lambda offset, velocity, nu: moving_displacement_rate(
+            offset, velocity, nu, p["shear_slowness_squared"]
+        ),
+    )
+
+
+@effect(
+    "viscoelastic_lag",
+    "ground",
+    [
+        Parameter("creep", "1", 0.2, lower=0, upper=3),
+        Parameter("time", "s", 0.3, lower=0.01, upper=60, grid=(0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8)),
+    ],
+    physics="Part of the strain comes later: a standard linear solid that creeps.",
+    source="Findley, Lai and Onaran 1976, Creep and Relaxation, section 5.",
+    told_from="grade and drag for long times, a clock offset for short ones",
+)
+def viscoelastic_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Compliance 1 + creep / (1 + s time) relative to the immediate one."""
+    return ground.filtered(lambda s: 1 + p["creep"] / (1 + s * p["time"]))
+
+
+@effect(
+    "kelvin_voigt_lag",
+    "ground",
+    [Parameter("time", "s", 0.1, lower=0, upper=5)],
+    physics="The ground follows its load with a lag: a Kelvin-Voigt solid.",
+    source="Findley, Lai and Onaran 1976, section 3.",
+    told_from="other lags: clock offset, the vehicle's reference point",
+)
+def kelvin_voigt_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Compliance 1 / (1 + s time)."""
+    return ground.filtered(lambda s: 1 / (1 + s * p["time"]))
+
+
+@effect(
+    "maxwell_flow",
+    "ground",
+    [Parameter("rate", "1/s", 0.05, lower=0, upper=5)],
+    physics="The ground yields as long as it is loaded: a Maxwell solid.",
+    source="Findley, Lai and Onaran 1976, section 3.",
+    told_from="grade and drag, an AC-coupled interrogator",
+)
+def maxwell_flow(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Compliance 1 + rate / s."""
+    return ground.filtered(lambda s: 1 + p["rate"] / s)
+
+
+#: m; the trough of a car some meters beside a gauge of 10 m strains it at about its speed over this length cubed.
+TROUGH = 7.5
+#: m; where the wave's strength is told, and within what distance it grows no more.
+FAR, NEAR = 10.0, 3.0
+
+
+@effect(
+    "rayleigh_wave",
+    "ground",
+    [
+        Parameter("sine", "1", 0.01, lower=-0.5, upper=0.5, scope="pass"),
+        Parameter("cosine", "1", 0.01, lower=-0.5, upper=0.5, scope="pass"),
+        Parameter("frequency", "Hz", 0.2, lower=1.5, upper=20, grid=(3.0, 6.0, 10.0)),
+        Parameter("speed", "m/s", 30.0, lower=60, upper=400, grid=(160.0,)),
+    ],
+    physics="Vehicles radiate surface waves, far, weak and fast: r^-1/2 cos(w (t - r / c)).",
+    source="Lamb 1904, Phil. Trans. A 203, 1; Richart, Hall and Woods 1970, Vibrations of Soils, section 3.",
+    seek=loudest_waves,
+)
+def rayleigh_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Radial motion of a phase of each vehicle's own; 1 strains the ground 10 m away as its trough does nearby."""
+    omega = 2 * torch.pi * p["frequency"]
+
+    def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
+        across = offset[..., :2]
+        r = (across.square().sum(-1) + NEAR**2).sqrt()
+        toward = (across * velocity).sum(-1) / r
+        phase = omega * (time - sent_from(r, toward, velocity.norm(dim=-1), p["speed"]) / p["speed"])
+        wave = p["sine"].reshape(time.shape) * torch.sin(phase) + p["cosine"].reshape(time.shape) * torch.cos(phase)
+        strength = velocity.norm(dim=-1) / TROUGH**3 * p["speed"] / omega * (FAR / r).sqrt()
+        moved = (strength * wave / r)[..., None] * across
+        return torch.cat([moved, torch.zeros_like(moved[..., :1])], -1)
+
+    return replace(ground, radiation=radiation)
+
+
+EFFECTS = (
+    poisson_ratio,
+    poisson_gradient,
+    stiffness_contrast,
+    layered_ground,
+    pavement,
+    gibson_soil,
+    moving_load,
+    viscoelastic_lag,
+    kelvin_voigt_lag,
+    maxwell_flow,
+    rayleigh_wave,
+)

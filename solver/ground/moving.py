@@ -1,0 +1,159 @@
+"""A vertical point load that moves steadily, slower than any wave, over a homogeneous half-space with inertia."""
+
+from functools import cache
+
+import torch
+from numpy.polynomial import Polynomial
+from torch import Tensor
+
+from solver.ground.blocks import double, in_blocks
+from solver.ground.boussinesq import Ratio, displacement_rate
+
+#: (kernel and its order, order of the Bessel function) -> coefficients of powers of z / R.
+Kernels = dict[tuple[str, int], list[Tensor]]
+
+
+def moving_displacement_rate(
+    offset: Tensor, velocity: Tensor, poisson_ratio: Ratio, shear_speed_inverse_squared: Ratio
+) -> Tensor:
+    """Displacement rate under a load in steady motion, to second order in (v / c_s)^2.
+
+    Parameters
+    ----------
+    offset : [..., 3], ground point minus load point (x, y, z down), m
+    velocity : [..., 2], horizontal velocity of the load, m/s
+    poisson_ratio : scalar or [...]
+    shear_speed_inverse_squared : scalar or [...], 1 / c_s^2, s^2/m^2; 0 is Boussinesq
+
+    Returns
+    -------
+    [..., 3], 1/(m s), per F / (4 pi G)
+
+    Notes
+    -----
+    Waves of direction k see the load at the speed v . k: exp(-k z) becomes exp(-k gamma z) with gamma_i^2 =
+    1 - (v . k)^2 / c_i^2. Powers of (v . k)^2 / c_s^2 have polynomials in k z as kernels, and these closed forms, with
+    R = |offset|, c = z / R, p = (x + i y) / (R + z):
+    int k^n e^(-k z) J_j(k r) dk e^(i j phi) = p^j R^-(n+1) Q_jn(c),
+    Q_j0 = 1, Q_j(n+1) = (j + (n + 1) c) Q_jn - (1 - c^2) Q_jn'.
+    Against the whole integral the peak is right to 0.03 % at v = 0.2 c_s and 0.3 % at 0.3 c_s.
+
+    References
+    ----------
+    Eason 1965, Int. J. Engng Sci. 2; Lansing 1966, NASA TR R-238.
+
+    >>> point = torch.tensor([3.0, 1.0, 0.9], dtype=torch.float64)
+    >>> velocity = torch.tensor([20.0, 0.0], dtype=torch.float64)
+    >>> moving_displacement_rate(point, velocity, 0.25, 1 / 100**2) / displacement_rate(point, velocity, 0.25)
+    tensor([0.9935, 0.8546, 1.0110], dtype=torch.float64)
+    """
+    nu = double(poisson_ratio)
+    shared = _kernels(nu) if nu.ndim == 0 else None
+
+    def total(offset: Tensor, velocity: Tensor, nu: Tensor, slowness: Tensor) -> Tensor:
+        kernels = shared or _kernels(nu)
+        return displacement_rate(offset, velocity, nu) + _inertia(offset, velocity, slowness, kernels)
+
+    return in_blocks(total, [offset, velocity], [nu, shear_speed_inverse_squared])
+
+
+def _inertia(offset: Tensor, velocity: Tensor, slowness: Tensor, kernels: Kernels) -> Tensor:
+    """What inertia adds, [point, 3]."""
+    (x, y, z), (vx, vy) = offset.unbind(-1), velocity.unbind(-1)
+    inverse = (x * x + y * y + z * z).rsqrt()
+    c, reach = z * inverse, 1 / (1 / inverse + z)
+    p = torch.complex(x * reach, y * reach)
+    # The direction of the point seen from the load's own.
+    q = torch.complex((x * vx + y * vy) * reach, (y * vx - x * vy) * reach)
+    q2, speed2 = q * q, vx * vx + vy * vy
+    q3 = q2 * q
+    beta = slowness * speed2
+
+    def kernel(name: str, order: int) -> Tensor:
+        total = kernels[name, order][-1]
+        for coefficient in reversed(kernels[name, order][:-1]):
+            total = torch.addcmul(coefficient, total, c)
+        return total
+
+    def both(name: str, order: int, first: float, second: float) -> Tensor:
+        return first * kernel(name + "1", order) + second * beta * kernel(name + "2", order)
+
+    vertical = (
+        speed2 * q.real * both("w", 1, 3 / 4, 10 / 16)
+        - q3.real * both("w", 3, 1 / 4, 5 / 16)
+        + slowness / 16 * (q3 * q2).real * kernel("w2", 5)
+    )
+    back = q2.conj()
+    with_load = (
+        speed2 * both("v", 0, 3 / 8, 10 / 32)
+        - back * both("v", 2, 1 / 8, 5 / 32)
+        + slowness / 32 * back * back * kernel("v2", 4)
+    )
+    outward = (
+        -speed2 * q * both("v", 2, 3 / 8, 10 / 32)
+        + q3 * both("v", 4, 1 / 8, 5 / 32)
+        - slowness / 32 * q3 * q2 * kernel("v2", 6)
+    )
+    horizontal = -(torch.complex(vx, vy) * with_load + p * outward)
+    scale = slowness * inverse * inverse
+    return scale[..., None] * torch.stack([horizontal.real, horizontal.imag, vertical], -1)
+
+
+def _first_order(nu: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+    """Coefficients of powers of k z in the kernels W and V that go with (v . k)^2 / c_s^2; e^(-k z) is left out."""
+    k, g = _ratios(nu)
+    top = (k + 1) / 4
+    return (
+        [(3 * k**2 - 4 * k + 3) * g**2 / 4, (k**2 - k + 2) * g / 2, top],
+        [-(k**2 + 1) * g**2 / 4, torch.full_like(k, 0.5), top],
+    )
+
+
+def _second_order(nu: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+    """The same for ((v . k)^2 / c_s^2)^2."""
+    k, g = _ratios(nu)
+    top = (k**2 + k + 1) / 24
+    return (
+        [
+            -(k**4 + 2 * k**3 - 18 * k**2 + 22 * k - 11) * g**3 / 16,
+            -(k**4 - 2 * k**3 - 6 * k**2 + 11 * k - 8) * g**2 / 8,
+            (k**3 + k**2 - k + 5) * g / 16,
+            top,
+        ],
+        [
+            (k**4 - 2 * k**3 - 4 * k**2 + 6 * k - 5) * g**3 / 16,
+            -(2 * k - 3) * g / 8,
+            -(k**3 - k**2 + k - 3) * g / 16,
+            top,
+        ],
+    )
+
+
+def _ratios(nu: Tensor) -> tuple[Tensor, Tensor]:
+    """(c_s / c_p)^2 and 1 / (1 - (c_s / c_p)^2)."""
+    return (1 - 2 * nu) / (2 * (1 - nu)), 2 * (1 - nu)
+
+
+def _kernels(nu: Tensor) -> Kernels:
+    """Kernels W and V of first and second order, transformed with Bessel functions of each order that enters."""
+    (w1, v1), (w2, v2) = _first_order(nu), _second_order(nu)
+    entering = {"w1": (w1, (1, 3)), "v1": (v1, (0, 2, 4)), "w2": (w2, (1, 3, 5)), "v2": (v2, (0, 2, 4, 6))}
+    return {(name, order): _angular(order, kernel) for name, (kernel, orders) in entering.items() for order in orders}
+
+
+def _angular(order: int, kernel: list[Tensor]) -> list[Tensor]:
+    """Coefficients of powers of c in the sum of kernel_l c^l Q_j(l+1)(c)."""
+    powers = [torch.zeros_like(kernel[0])] * (2 * len(kernel))
+    for i, share in enumerate(kernel):
+        for degree, factor in enumerate(_legendre(order, i + 1)):
+            powers[i + degree] = powers[i + degree] + factor * share
+    return powers
+
+
+@cache
+def _legendre(order: int, power: int) -> tuple[float, ...]:
+    """Coefficients of Q_jn."""
+    polynomial = Polynomial([1.0])
+    for n in range(power):
+        polynomial = Polynomial([order, n + 1]) * polynomial - Polynomial([1, 0, -1]) * polynomial.deriv()
+    return tuple(polynomial.coef)

@@ -1,0 +1,1 @@
+"""Interrogator stage: strain of the fiber becomes the strain rate of gauges."""

@@ -1,0 +1,1 @@
+"""Load stage: vehicles become forces on the road."""

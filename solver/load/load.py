@@ -1,0 +1,96 @@
+"""Load stage: forces on the road."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+import torch
+from torch import Tensor
+
+from solver.trajectory.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Load:
+    """Forces on the road.
+
+    Parameters
+    ----------
+    position : [row, 1 or channel, wheel, 2], m
+    share : [row, 1 or channel, wheel], vertical force over the vehicle's static weight
+    trajectory : that of the vehicles
+    class_index : [row], which vehicle class, see `solver.load.wheel_layout.CLASSES`
+    share_rate : like `share`, its time derivative, 1/s; None where constant
+    thrust : [row, 1 or channel, wheel, 2], horizontal force on the road over the static weight; None: no such force
+    thrust_rate : like `thrust`, its time derivative, 1/s; None where constant
+    """
+
+    position: Tensor
+    share: Tensor
+    trajectory: Trajectory
+    class_index: Tensor
+    share_rate: Tensor | None = None
+    thrust: Tensor | None = None
+    thrust_rate: Tensor | None = None
+
+    @property
+    def tensors(self) -> dict[str, Tensor]:
+        """All that is known of each row, [row, ...] each; of its trajectory by names with a dot."""
+        own = {f.name: getattr(self, f.name) for f in fields(self) if isinstance(getattr(self, f.name), Tensor)}
+        return own | {f"trajectory.{f.name}": getattr(self.trajectory, f.name) for f in fields(self.trajectory)}
+
+    def with_tensors(self, tensors: Mapping[str, Tensor]) -> "Load":
+        """The same of other rows: all of `tensors`, named as there."""
+        own = {name: x for name, x in tensors.items() if "." not in name}
+        driven = {f.name: tensors[f"trajectory.{f.name}"] for f in fields(self.trajectory)}
+        return replace(self, trajectory=replace(self.trajectory, **driven), **own)
+
+    def part(self, rows: slice) -> "Load":
+        """Some of its rows."""
+        return self.with_tensors({name: x[rows] for name, x in self.tensors.items()})
+
+    def modulated(self, factor: Tensor, rate: Tensor) -> "Load":
+        """Vertical force times `factor` [row, 1], which changes by `rate` [row, 1], 1/s."""
+        before = 0.0 if self.share_rate is None else self.share_rate * factor[..., None]
+        return replace(self, share=self.share * factor[..., None], share_rate=before + self.share * rate[..., None])
+
+    def pushing(
+        self, along: Tensor | float = 0.0, across: Tensor | float = 0.0, along_rate: Tensor | float = 0.0
+    ) -> "Load":
+        """With a horizontal force on the road, along travel and to the right, each [row, 1] over the vertical force.
+
+        `along_rate` [row, 1], 1/s, is how fast that along travel changes.
+        """
+        forward, right = self.trajectory.heading, self.trajectory.right
+        push = (torch.as_tensor(along)[..., None] * forward + torch.as_tensor(across)[..., None] * right)[..., None, :]
+        faster = (torch.as_tensor(along_rate)[..., None] * forward)[..., None, :]
+        rate = self.share[..., None] * faster
+        if self.share_rate is not None:
+            rate = rate + self.share_rate[..., None] * push
+        thrust, thrust_rate = added(self.thrust, self.share[..., None] * push), added(self.thrust_rate, rate)
+        steady = self.share_rate is None and not isinstance(along_rate, Tensor)
+        return replace(self, thrust=thrust, thrust_rate=self.thrust_rate if steady else thrust_rate)
+
+    def joined(self, position: Tensor, share: Tensor) -> "Load":
+        """With more wheels: position [row, 1 or channel, wheel, 2], share [row, 1 or channel, wheel]."""
+        lead = torch.broadcast_shapes(self.share.shape[:-1], share.shape[:-1])
+
+        def both(one: Tensor, other: Tensor, tail: int) -> Tensor:
+            cut = one.shape[len(one.shape) - tail :], other.shape[len(other.shape) - tail :]
+            return torch.cat([one.expand(*lead, *cut[0]), other.expand(*lead, *cut[1])], len(lead))
+
+        rate = None if self.share_rate is None else both(self.share_rate, torch.zeros_like(share), 1)
+        none = torch.zeros_like(position)
+        thrust, thrust_rate = (None if x is None else both(x, none, 2) for x in (self.thrust, self.thrust_rate))
+        return replace(
+            self,
+            position=both(self.position, position, 2),
+            share=both(self.share, share, 1),
+            share_rate=rate,
+            thrust=thrust,
+            thrust_rate=thrust_rate,
+        )
+
+
+def added(before: Tensor | None, more: Tensor) -> Tensor:
+    """A force with more of it."""
+    return more if before is None else before + more

@@ -1,0 +1,1 @@
+"""Noise: its level in quiet windows, and the law that whitens it."""

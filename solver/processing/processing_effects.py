@@ -1,0 +1,59 @@
+"""Processing stage: what was done to the data and not to the model."""
+
+from collections.abc import Mapping
+
+from torch import Tensor
+from torch.nn.functional import pad
+
+from solver.effect import Parameter, Surroundings, effect
+from solver.processing import fk_filter
+from solver.processing.processing import Processing
+
+Values = Mapping[str, Tensor]
+
+
+@effect(
+    "common_mode",
+    "processing",
+    [Parameter("share", "1", 0.5, lower=-0.5, upper=1.5)],
+    physics="The mean over all channels was taken off, and with it a part of the signal.",
+    source="Lindsey et al. 2020, JGR Solid Earth 125: removal of laser phase noise.",
+)
+def common_mode(processing: Processing, p: Values, survey: Surroundings) -> Processing:
+    """A share of the mean over the record's channels is removed; those not fitted are taken to feel nothing."""
+    channels = max(survey.recorded, len(survey.distance))
+    return processing.then(lambda rate: rate - p["share"] * rate.sum(-1, keepdim=True) / channels)
+
+
+@effect(
+    "fk_filter",
+    "processing",
+    [Parameter("share", "1", 1.0, lower=0, upper=1.2)],
+    physics="The data were filtered to the speeds of vehicles, the model was not.",
+    source="Yilmaz 2001, Seismic Data Analysis, section 6.",
+)
+def filtered_by_speed(processing: Processing, p: Values, survey: Surroundings) -> Processing:
+    """FK filter, 9 to 90 km/h and below 1 Hz; share 1 is the whole of it."""
+    dt, dx = 1 / survey.sampling_rate, survey.channel_spacing
+    return processing.then(lambda rate: rate + p["share"] * (fk_filter(rate, dt, dx) - rate))
+
+
+@effect(
+    "median_filter",
+    "processing",
+    [Parameter("share", "1", 1.0, lower=0, upper=1.2)],
+    physics="The data went through a running median, the model did not.",
+    source="Tukey 1977, Exploratory Data Analysis, section 7.",
+)
+def median_filter(processing: Processing, p: Values, survey: Surroundings) -> Processing:
+    """Median of 3 samples by 5 channels; share 1 is the whole of it."""
+
+    def median(rate: Tensor) -> Tensor:
+        flat = rate.reshape(-1, 1, *rate.shape[-2:])
+        windows = pad(flat, (2, 2, 1, 1), mode="replicate")[:, 0].unfold(1, 3, 1).unfold(2, 5, 1)
+        return windows.flatten(-2).median(-1).values.reshape(rate.shape)
+
+    return processing.then(lambda rate: rate + p["share"] * (median(rate) - rate))
+
+
+EFFECTS = (common_mode, filtered_by_speed, median_filter)

@@ -1,0 +1,1 @@
+"""What the paper publishes: its network, circles and regularizers."""

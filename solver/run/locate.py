@@ -1,0 +1,270 @@
+"""From a survey's files to a located fiber: read, smooth, match, fit."""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from solver.catalogue.catalogue import find
+from solver.catalogue.plugins import catalogue
+from solver.fit import FitResult, Prior, Problem, fit_spline
+from solver.fit.anchor_check import contradiction
+from solver.fit.chain import Chain
+from solver.fit.held_out import FOLDS, HeldOut, held_out
+from solver.fit.pose import bent_ends, pose, shortened, with_slow_errors
+from solver.fit.room import require_room_to_fit
+from solver.fit.sides import best_of, hopeless, reopened
+from solver.fit.stretches import is_long
+from solver.load.wheel_layout import not_known
+from solver.processing import decimated, filtered
+from solver.run.methods import METHODS
+from solver.start.first_routes import begin
+from solver.survey.anchors import Anchor, read_anchors
+from solver.survey.das import DASRecord, read_das
+from solver.survey.das.record import ranges
+from solver.survey.das.rounding import dithered, told
+from solver.survey.dead_channels import deaf_channels
+from solver.survey.site import Site
+from solver.trajectory.agreement import check_apart, check_gauge, in_record, slow_line, suspicions
+from solver.trajectory.passes import smooth_passes
+from solver.trajectory.vehicle_pass import Pass
+from vision.contract import InputError, progress, read_trajectories
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from solver.run import Run
+
+#: Effects that are in the model by default; `locate --effects none` is the paper's point loads and straight gauges.
+EFFECTS = ("wheel_layout", "curved_gauge")
+#: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it.
+EXPLAINED = 1.03
+#: Chi2 per degree of freedom from which a route is tried on more knots, and the share of what is beyond 1 that they
+#: must explain: a fiber that dips under a culvert is beyond the usual knots, while most of what other physics leaves is
+#: beyond any route.
+LEFT_OVER, BY_ROUTE = 1.01, 0.6
+#: Passes below which the user is told that they are few.
+FEW = 3
+
+
+@dataclass
+class Located:
+    """A located fiber and all it was made from."""
+
+    site: Site
+    record: DASRecord
+    passes: list[Pass]
+    anchors: list[Anchor]
+    problem: Problem
+    result: FitResult
+    held_out: HeldOut | None
+    effects: Sequence[str]
+    warnings: list[str] = field(default_factory=list)
+    disputed: list[str] = field(default_factory=list)
+    timings: dict[str, float] = field(default_factory=dict)
+
+    def write(self, folder: Path) -> "Run":
+        """Write the run folder, whole or not at all (see `solver.run.write_run`), and return what is in it."""
+        from solver.run import write_run
+
+        return write_run(
+            folder,
+            self.result,
+            site=self.site,
+            record=self.record,
+            passes=self.passes,
+            anchors=self.anchors,
+            problem=self.problem,
+            timings=self.timings,
+            held_out=self.held_out,
+            effects=self.effects,
+            warnings=self.warnings,
+            disputed=self.disputed,
+        )
+
+
+@contextmanager
+def timed(timings: dict[str, float], name: str) -> Iterator[None]:
+    """Note how long a step takes, s."""
+    begun = time.perf_counter()
+    yield
+    timings[name] = time.perf_counter() - begun
+
+
+def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Problem]:
+    """Fit every start; the best is returned, marked ambiguous where another side is still open."""
+    fit, steps = METHODS[method]
+    ends: list[tuple[FitResult, Problem]] = []
+    for problem in problems:
+        with progress("fitting the route", steps) as advance:
+            if ends and method == "spline":
+                found = fit_spline(problem, advance, hopeless=hopeless(ends[0][0]))
+            else:
+                found = fit(problem, advance)
+            ends.append((found, problem))
+    (best, problem), ambiguous = best_of(ends, steps)
+    return replace(best, ambiguous_side=ambiguous), problem
+
+
+def fit_straight(
+    result: FitResult, problem: Problem, method: str, recorded: tuple[int, int], warnings: list[str]
+) -> tuple[FitResult, Problem]:
+    """Fit again without the ends at which the fiber turns off the road, until none is left.
+
+    Beyond a coil that the model does not have the route turns too, though the fiber does not.
+    """
+    if problem.coil is not None:
+        return result, problem
+    gauge = round(problem.gauge_length / problem.channel_spacing)
+    while (keep := bent_ends(result, gauge)) != slice(0, len(problem.channel)):
+        whole, problem = problem, shortened(problem, keep, result)
+        for end in sorted({int(whole.channel[0]), int(whole.channel[-1])} - set(problem.channel[[0, -1]].tolist())):
+            warnings.append(left_out(end, recorded, gauge))
+        again, problem = fit_sides([problem], method)
+        result = replace(again, ambiguous_side=result.ambiguous_side)
+    return result, problem
+
+
+def left_out(end: int, recorded: tuple[int, int], gauge: int) -> str:
+    """What a user should read of an end that is not located; where the record ends there, no bend can be seen.
+
+    >>> left_out(60, (0, 240), 10)
+    'the fiber turns off the road near channel 60; it is not located there'
+    >>> left_out(60, (58, 108), 10)
+    'the model does not explain the end of the record near channel 60; the fiber is not located there'
+    """
+    if min(end - recorded[0], recorded[1] - end) >= gauge:
+        return f"the fiber turns off the road near channel {end}; it is not located there"
+    return f"the model does not explain the end of the record near channel {end}; the fiber is not located there"
+
+
+def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem]:
+    """Fit again on twice as many knots where much is left over; kept if the route alone explains most of that."""
+    if method != "spline" or is_long(problem) or not (result.converged and result.chi2_per_dof > LEFT_OVER):
+        return result, problem
+    fine = replace(shortened(problem, slice(None), result), knot_spacing=problem.knot_spacing / 2)
+    most = result.chi2 * (1 / result.chi2_per_dof + (1 - BY_ROUTE) * (1 - 1 / result.chi2_per_dof))
+    with progress("fitting the route on finer knots", METHODS[method][1]) as advance:
+        again = fit_spline(fine, advance, hopeless=most)
+    if not again.converged or again.chi2 > most:
+        return result, problem
+    return replace(again, ambiguous_side=result.ambiguous_side, seconds=result.seconds + again.seconds), fine
+
+
+def fit_agreeing(result: FitResult, problem: Problem, method: str, disputed: list[str]) -> tuple[FitResult, Problem]:
+    """Fit again without anchors that all others and the tracks contradict; where nothing tells which, say so.
+
+    What is said of them is added to `disputed`. Where the model does not explain the data, it and not an anchor may be
+    wrong: all anchors stay, and what they miss widens the sigmas.
+    """
+    while result.converged and result.chi2_per_dof < EXPLAINED and (found := contradiction(problem, result)):
+        disputed.append(found.sentence)
+        if len(found.suspects) > 1 or len(problem.anchors) < 2:
+            break
+        disputed[-1] += "; it is left out"
+        rest = [one for one in problem.anchors if one not in found.suspects]
+        again, problem = fit_sides([replace(shortened(problem, slice(None), result), anchors=rest)], method)
+        result = replace(again, ambiguous_side=reopened(result.ambiguous_side, again, problem))
+    return result, problem
+
+
+def locate(
+    site: Site,
+    table: "pd.DataFrame | None" = None,
+    *,
+    method: str = "spline",
+    effects: Sequence[str] = EFFECTS,
+    filters: Sequence[str] = (),
+) -> Located:
+    """Locate the fiber of a survey.
+
+    Parameters
+    ----------
+    site : the survey, see `solver.survey.site.read_site`
+    table : trajectory table; the site's trajectory files where None
+    method : "spline" (default) or "network" (the paper's)
+    effects : names out of the catalogue; empty = the paper's point loads and straight gauges
+    filters : "fk" or "median", one after the other, of what the matched filter looks at. Fits know the noise: to them a
+        filter is but a loss, and they take the record as it came
+
+    Raises
+    ------
+    InputError
+        If files cannot be used, clocks do not overlap, or no vehicle is seen in the DAS.
+    """
+    if method not in METHODS:
+        raise InputError(f"--method {method}: not known; choose one of {', '.join(METHODS)}")
+    more = [find(name, catalogue()) for name in effects if name not in EFFECTS]
+    timings: dict[str, float] = {}
+    warnings: list[str] = []
+    with timed(timings, "read"):
+        if table is None:
+            if site.trajectories is None:
+                raise InputError(f"{site.name}: has a camera only; track its video first and give the trajectories")
+            table = read_trajectories(site.trajectories.files, site.frame)
+        said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
+        record = decimated(read_das(site.das.files, **{name: getattr(site.das, name) for name in said}))
+        check_gauge(record)
+        warnings += record.cautions
+        anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
+        check_apart(anchors, record.channel_spacing)
+        anchors = in_record(anchors, record, warnings)
+        heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
+        shown = filtered(heard, filters)
+    with timed(timings, "smooth"):
+        passes = smooth_passes(table, record)
+        if "wheel_layout" in effects:
+            warnings += not_known([one.vehicle_class for one in passes])
+        else:
+            passes = [replace(one, vehicle_class="vehicle") for one in passes]
+    ground = site.ground
+    if slow := slow_line(record, passes):
+        warnings.append(slow)
+    with timed(timings, "match"):
+        believed = {"depth": ground.depth[0], "poisson_ratio": ground.poisson_ratio}
+        try:
+            found = begin(shown, passes, anchors, **believed, warnings=warnings)
+        except InputError as error:
+            raise InputError(f"{error}{suspicions(record, passes)}") from error
+    prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
+    deaf = deaf_channels(heard, found.channel)
+    if len(deaf):
+        warnings.append(
+            f"channels {ranges(deaf)} hear next to nothing of what those beside them hear; they are left out, and the "
+            "route there hangs on their neighbors"
+        )
+    begun = pose(record, passes, found.anchors, found.routes[0], found.channel, prior, deaf)
+    # From wherever a fit begins, noise and samples are the same: misfits compare.
+    alive = np.isin(found.channel, begun.channel)
+    posed = [replace(begun, start=start[alive]) for start in found.routes]
+    curved, recorded = "curved_gauge" in effects, (int(record.channel[0]), int(record.channel[-1]))
+    if method == "spline":
+        require_room_to_fit(posed[0])
+    problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved, coil=found.coil)) for one in posed]
+    if record.rounding:
+        warnings += told(record.rounding.at(posed[0].channel - record.channel[0]), posed[0].noise.numpy())
+    disputed = list(found.disputed)
+    with timed(timings, "fit"):
+        result, problem = fit_straight(*fit_sides(problems, method), method, recorded, warnings)
+        result, problem = fit_finely(result, problem, method)
+        result, problem = fit_agreeing(result, problem, method, disputed)
+    if len(problem.passes) < FEW:
+        count = "one pass" if len(problem.passes) == 1 else f"{len(problem.passes)} passes"
+        warnings.append(
+            f"{count} only: an error of a track goes into the route, and no vehicle is left to check it by; "
+            "survey at least four, both ways"
+        )
+    with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:
+        again = shortened(problem, slice(None), result)
+        chain = Chain.of(again)
+        ended = (chain, chain.state_of(torch.from_numpy(result.vector)))
+        unseen = held_out(again, advance, at=ended) if method == "spline" else None
+    if all(one.vehicle_class == "vehicle" for one in passes):
+        effects = [name for name in effects if name != "wheel_layout"]
+    kept = list(problem.anchors)
+    return Located(site, record, passes, kept, again, result, unseen, effects, warnings + disputed, disputed, timings)

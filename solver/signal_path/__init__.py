@@ -1,0 +1,1 @@
+"""The six stages in one chain, their parameters, and their derivatives."""

@@ -1,0 +1,1 @@
+"""Where a fit begins: the matched filter and the rough routes that follow from it."""

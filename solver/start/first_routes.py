@@ -1,0 +1,137 @@
+"""Where a fit begins: channels and rough routes, on a street or along kilometers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.cable.fiber import Coil
+from solver.start.initialization import Initialization, initialize
+from solver.start.rough_route import OFF_LINE, silent, start_route, straight_part, view_of
+from solver.start.sections import ONE_SECTION, Found, extent, initialize_sections, joined, sides_of
+from solver.survey.anchors import Anchor
+from solver.survey.das import DASRecord
+from solver.trajectory.agreement import check_reach, misplaced, misplaced_line, near
+from solver.trajectory.vehicle_pass import Pass
+
+Array = NDArray[np.float64]
+#: Evidence, in standard deviations per section, from which a side that the widths tell is not doubted.
+TOLD = 3.0
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """Where to begin.
+
+    Parameters
+    ----------
+    channel : [channel], numbers of the channels to fit
+    routes : rough routes [channel, 3], m, of which any may lead to the fiber
+    anchors : within reach of the channels
+    disputed : sentences on anchors that are left out because vehicles are felt elsewhere
+    coil : fiber that seems to lie coiled; None where none does
+    """
+
+    channel: NDArray[np.int64]
+    routes: list[Array]
+    anchors: list[Anchor]
+    disputed: list[str]
+    coil: Coil | None = None
+
+
+def begin(
+    record: DASRecord,
+    passes: Sequence[Pass],
+    anchors: Sequence[Anchor],
+    *,
+    depth: float,
+    poisson_ratio: float,
+    warnings: list[str],
+) -> Beginning:
+    """Find channels and rough routes by the matched filter; a long road is looked at in sections.
+
+    Parameters
+    ----------
+    depth, poisson_ratio : believed
+    warnings : lines for the user are added: anchors out of reach, channels that record nothing
+
+    Raises
+    ------
+    InputError
+        If no vehicle is seen in the DAS where the trajectories say, or anchors cannot be where they are said to be.
+    """
+    if extent(passes) > ONE_SECTION:
+        found = initialize_sections(record, passes, depth=depth, poisson_ratio=poisson_ratio)
+        return along_road(record, passes, found, anchors, warnings)
+    rough = initialize(record, passes, depth=depth, poisson_ratio=poisson_ratio)
+    used = near(anchors, rough.active, record.channel_spacing, warnings)
+    check_reach(used, passes, rough.active, record.channel_spacing)
+    # Beyond a coil the line is off, and not the anchors.
+    wrong = misplaced(used, rough.channel, rough.route[:, 0]) if rough.coil is None else []
+    used = [one for one in used if one not in wrong]
+    if nothing := silent(record, view_of(rough, passes)):
+        warnings.append(nothing)
+    recorded = int(record.channel[0]), int(record.channel[-1])
+    keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing), recorded)
+    for end in sorted({int(rough.channel[0]), int(rough.channel[-1])} - set(rough.channel[keep][[0, -1]].tolist())):
+        warnings.append(
+            f"vehicles are not felt beyond channel {end}, though the view and the record go on: the fiber leaves the "
+            "road there, or hears nothing; it is not located beyond"
+        )
+    sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
+    routes = [start_route(rough, y, used)[keep] for y in sides]
+    coil = coiled(rough, routes[0], record, warnings)
+    # Ground of an unusual Poisson's ratio makes waves of another form, which fit best a crest away.
+    if coil is None and abs(ahead := anchors_ahead(rough, used)) > OFF_LINE:
+        routes.append(routes[0] + np.array([ahead, 0.0, 0.0]))
+    disputed = [misplaced_line(one, rough.channel, rough.route[:, 0]) for one in wrong]
+    return Beginning(rough.channel[keep], routes, used, disputed, coil)
+
+
+def anchors_ahead(rough: Initialization, anchors: Sequence[Anchor]) -> float:
+    """How much farther along x anchors lie than the line of the matched filter, m; 0 where they do not agree on it."""
+    x0, slope = rough.x_of_channel
+    miss = np.array([one.x - (x0 + slope * one.channel) for one in anchors])
+    return float(miss.mean()) if len(miss) > 1 and np.ptp(miss) < OFF_LINE else 0.0
+
+
+def coiled(rough: Initialization, route: Array, record: DASRecord, warnings: list[str]) -> Coil | None:
+    """The coil that the matched filter sees, beside a rough route; a warning for the user is added."""
+    if rough.coil is None:
+        return None
+    channel, length = rough.coil
+    warnings.append(
+        f"about {length:.0f} m of fiber seem to lie coiled near channel {channel}: beyond it vehicles are felt that "
+        "much later; no model has that by itself, so do not rely on this route: roadfiber add RUN slack_spool"
+    )
+    zero = float(record.distance[0] - record.channel[0] * record.channel_spacing)
+    x0, slope = rough.x_of_channel[0], rough.x_of_channel[1] / record.channel_spacing
+    y, z = np.median(route[:, 1:], axis=0).tolist()
+    return Coil(zero + channel * record.channel_spacing, length, x0 - slope * zero, slope, y, z)
+
+
+def along_road(
+    record: DASRecord,
+    passes: Sequence[Pass],
+    found: Sequence[Found],
+    anchors: Sequence[Anchor],
+    warnings: list[str],
+) -> Beginning:
+    """Join the sections of a long road; the other side is tried only where the widths leave it open."""
+    chosen, other, evidence = sides_of(found)
+    channel, route = joined(found, chosen)
+    active = int(channel[0]), int(channel[-1])
+    used = near(anchors, active, record.channel_spacing, warnings)
+    check_reach(used, passes, active, record.channel_spacing)
+    wrong = misplaced(used, channel, route[:, 0])
+    used = [one for one in used if one not in wrong]
+    if nothing := silent(record, channel[[0, -1]]):
+        warnings.append(nothing)
+    gaps = np.flatnonzero(np.diff(channel) > 1)
+    for gap in gaps:
+        warnings.append(
+            f"no vehicle is felt between channels {channel[gap]} and {channel[gap + 1]}; the rest alone tells the route"
+        )
+    routes = [route] if used or evidence > TOLD * len(found) else [route, joined(found, other)[1]]
+    return Beginning(channel, routes, used, [misplaced_line(one, channel, route[:, 0]) for one in wrong])

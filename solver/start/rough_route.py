@@ -1,0 +1,77 @@
+"""A rough route of what the matched filter saw."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from solver.start.initialization import Initialization
+from solver.survey.anchors import Anchor
+from solver.survey.das import DASRecord
+from solver.trajectory.vehicle_pass import Pass
+
+#: Channels that the noise's law is learned from, in the middle of a long fiber.
+TYPICAL = 400
+
+#: An anchor farther along the road from the matched filter's line, m, is around a bend, or wrong.
+OFF_LINE = 5.0
+
+
+def view_of(rough: Initialization, passes: Sequence[Pass]) -> np.ndarray:
+    """First and last channel [2] in view, by the matched filter's line."""
+    x = np.concatenate([one.position[one.in_view, 0] for one in passes])
+    x0, slope = rough.x_of_channel
+    return np.asarray(np.sort((np.array([x.min(), x.max()]) - x0) / slope))
+
+
+def silent(record: DASRecord, ends: np.ndarray) -> str | None:
+    """Say which channels between `ends` [2] record nothing; None where all do.
+
+    What a channel repeats for more than half of the time is nothing; of gaps nothing is said.
+    """
+    inside = (record.channel >= ends[0]) & (record.channel <= ends[1])
+    columns = np.flatnonzero(inside)
+    # Block by block: of a long fiber every copy is a large part of the memory.
+    blocks = np.array_split(columns, max(1, len(columns) // TYPICAL))
+    told = record.measured[1:] & record.measured[:-1]
+    changing = [(np.abs(np.diff(record.strain_rate[:, block], axis=0)[told]) > 0).mean(0) for block in blocks]
+    dead = record.channel[columns][~(np.concatenate(changing) > 0.5)]
+    if not len(dead):
+        return None
+    runs = np.split(dead, np.flatnonzero(np.diff(dead) != 1) + 1)
+    names = ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
+    return f"channels {names} record nothing; the route there hangs on their neighbors"
+
+
+def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int, recorded: tuple[int, int]) -> slice:
+    """Active channels to fit: without the last gauge length where the fiber leaves the road before the view ends.
+
+    A gauge across a sharp bend feels both legs; the end-point difference of the base model does not hold there. Where
+    the record ends within a gauge length of the active channels, nothing shows that the fiber leaves.
+
+    Parameters
+    ----------
+    gauge : gauge length, channels
+    recorded : first and last channel of the record
+    """
+    ends = view_of(rough, passes)
+    first, last = max(ends[0], recorded[0] + gauge / 2), min(ends[1], recorded[1] - gauge / 2)
+    leaves = (rough.active[0] - first > gauge / 2, last - rough.active[1] > gauge / 2)
+    start, stop = gauge * leaves[0], len(rough.channel) - gauge * leaves[1]
+    return slice(start, stop) if stop - start > 2 * gauge else slice(None)
+
+
+def start_route(rough: Initialization, lateral: np.ndarray, anchors: Sequence[Anchor]) -> np.ndarray:
+    """Rough route [channel, 3] through the matched filter's line, moved onto the anchors where there are any."""
+    route = np.column_stack([rough.route[:, 0], lateral, rough.route[:, 2]])
+    if not anchors:
+        return route
+    at = np.array([a.channel for a in anchors])
+    # Lateral position and depth of the anchors are better than any start; x keeps the slope of the line.
+    for axis, name in enumerate("yz", 1):
+        route[:, axis] = np.interp(rough.channel, at, [getattr(a, name) for a in anchors])
+    x0, slope = rough.x_of_channel
+    miss = np.array([a.x for a in anchors]) - (x0 + slope * at)
+    on_line = np.abs(miss) < OFF_LINE
+    if on_line.any():
+        route[:, 0] += miss[on_line].mean()
+    return route

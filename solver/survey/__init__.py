@@ -1,0 +1,1 @@
+"""What is measured: site.toml, DAS files, anchors, dead channels."""

@@ -1,0 +1,86 @@
+"""Anchors: fiber points known from a manhole or a tap test."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from solver.survey.limits import FELT
+from vision.contract import InputError, LocalFrame
+from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame
+from vision.contract.csv_table import read_csv
+
+COLUMNS = ("name", "channel", "x", "y", "z", "sigma_xy", "sigma_z")
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A point of the fiber whose channel and place are known.
+
+    Parameters
+    ----------
+    name : of the manhole or tap
+    channel : its channel, as the DAS file counts (a fraction is a place between two channels)
+    x, y, z : m, local frame
+    sigma_xy, sigma_z : standard deviation of each horizontal coordinate and of the depth, m
+    """
+
+    name: str
+    channel: float
+    x: float
+    y: float
+    z: float
+    sigma_xy: float
+    sigma_z: float
+
+
+def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
+    r"""Read anchors from csv.
+
+    Parameters
+    ----------
+    path : columns `name, channel, x, y, z, sigma_xy, sigma_z`, or `latitude, longitude` in place of x, y
+    frame : local frame that latitude and longitude are projected into
+
+    Returns
+    -------
+    anchors sorted by channel
+
+    Raises
+    ------
+    InputError
+        If the file is missing, empty or lacks a column, a value is no number, a sigma is not positive, a name or a
+        channel is there twice, a depth is none, or latitude and longitude are out of range or swapped.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "anchors.csv"
+    >>> _ = path.write_text("name,channel,x,y,z,sigma_xy,sigma_z\nwest,84,12.48,4.75,0.96,0.05,0.05\n")
+    >>> read_anchors(path, LocalFrame((32.1, 34.8), 78.0))[0].channel
+    84.0
+    """
+    table = read_csv(path, ["name"])
+    geographic = "latitude" in table and "x" not in table
+    names = tuple({"x": "latitude", "y": "longitude"}.get(name, name) if geographic else name for name in COLUMNS)
+    if missing := [name for name in names if name not in table]:
+        raise InputError(f"{path}: no column {', '.join(missing)}; an anchors table has {', '.join(COLUMNS)}")
+    if table.empty:
+        raise InputError(f"{path}: no anchors; write one row per anchor or leave [anchors] out of site.toml")
+    table = finite(table, names[1:], path)
+    check_positive(table, ("sigma_xy", "sigma_z"), path)
+    if (wrong := (table["z"] <= 0) | (table["z"] > FELT)).any():
+        row = first_row(wrong)
+        raise InputError(
+            f"{path}: row {row}: z is {table['z'].iloc[row - 1]:g}; z points down: give the depth below the road, m, "
+            f"above 0 and at most {FELT:g}"
+        )
+    for name in ("name", "channel"):
+        if table[name].duplicated().any():
+            row = first_row(table[name].duplicated())
+            raise InputError(f"{path}: row {row}: {name} {table[name].iloc[row - 1]} is there twice; keep one")
+    if geographic:
+        x, y = to_frame(table["latitude"].to_numpy(), table["longitude"].to_numpy(), frame, path)
+        table = table.assign(x=x, y=y)
+    elif len(table) > 1:  # a single one may lie there by chance
+        check_meters(table, frame, path)
+    ordered = table.sort_values("channel")
+    return [Anchor(str(row[0]), *map(float, row[1:])) for row in ordered[list(COLUMNS)].itertuples(index=False)]

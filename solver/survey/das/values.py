@@ -1,0 +1,70 @@
+"""Numbers of a DAS record that no fiber gives: too loud, too faint, cut off at the end of a range."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.survey.limits import FAINTEST, LOUDEST
+from vision.contract import InputError
+
+Array = NDArray[np.float64]
+
+#: Samples at the end of the range that make a clipped record, and how many times rarer the next lower number must be:
+#: tails of what is not clipped thin out, also of numbers that were rounded.
+CLIPPED, THINNER = 20, 3
+#: Channels that they must lie in: one alone may be stuck.
+CLIPPED_CHANNELS = 2
+
+
+def check_size(swing: Array, where: Path) -> None:
+    """Raise InputError where numbers cannot be strain rates.
+
+    Parameters
+    ----------
+    swing : largest minus smallest value [channel], 1/s, of channels that change
+
+    >>> try: check_size(np.array([800.0, 900.0]), Path("a.h5"))
+    ... except InputError as error: print(str(error).partition(";")[0])
+    a.h5: strain rates of 4e+02 1/s, but the ground never strains faster than 0.1 1/s
+    """
+    size = float(np.median(swing)) / 2
+    if size > LOUDEST:
+        fault = f"strain rates of {size:.1g} 1/s, but the ground never strains faster than {LOUDEST:g} 1/s"
+    elif size < FAINTEST:
+        fault = f"strain rates of {size:.1g} 1/s at most, but no interrogator hears less than {FAINTEST:g} 1/s"
+    else:
+        return
+    raise InputError(f"{where}: {fault}; check the file's unit, and quantity and scale in [das] of site.toml")
+
+
+def clipped(values: Array) -> str | None:
+    """Say which share of stored values [time, channel], NaN in gaps, is cut off at the ends of a range; None: nothing.
+
+    >>> rng = np.random.default_rng(0)
+    >>> noise = rng.normal(0, 1, (500, 6))
+    >>> clipped(noise), clipped(np.rint(noise))
+    (None, None)
+    >>> clipped(np.clip(noise, -9, 1.5))
+    '190 samples of 6 channels stand at the same largest number, 1.5: the record is clipped, and vehicles seem \
+farther away than they are; record with a larger range'
+    """
+    for which, extreme, inward, none in (
+        ("largest", np.nanmax, np.max, -np.inf),
+        ("smallest", np.nanmin, np.min, np.inf),
+    ):
+        end = float(extreme(values))
+        at_end = values == end
+        # A channel that never changes is dead, not clipped.
+        at_end[:, at_end.sum(0) == np.isfinite(values).sum(0)] = False
+        count, channels = int(at_end.sum()), int(at_end.any(0).sum())
+        if count < CLIPPED or channels < CLIPPED_CHANNELS:
+            continue
+        within = values < end if which == "largest" else values > end
+        beside = inward(values, where=within, initial=none)
+        if count > THINNER * np.count_nonzero(values == beside):
+            return (
+                f"{count} samples of {channels} channels stand at the same {which} number, {end:g}: the record is "
+                "clipped, and vehicles seem farther away than they are; record with a larger range"
+            )
+    return None

@@ -1,0 +1,240 @@
+"""`site.toml`: the one file that describes a survey."""
+
+from difflib import get_close_matches
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from solver.survey.das.units import Quantity
+from solver.survey.limits import FELT
+from solver.survey.patterns import files_matching
+from vision.contract import InputError, LocalFrame, read_toml
+
+DETECTORS = ("nanodet", "street")  # that come along, the default first
+
+
+def folder_of(info: ValidationInfo) -> Path:
+    """Return the site file's folder, which `read_site` passes along."""
+    context: dict[str, Path] = info.context or {}
+    return context["folder"]
+
+
+def existing(path: Path, info: ValidationInfo) -> Path:
+    """Return `path` taken from the site file's folder; ValueError if there is no such file."""
+    full = folder_of(info) / path
+    if not full.is_file():
+        raise ValueError(f"no such file {str(path)!r} beside the site file")
+    return full
+
+
+def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
+    """Return the files that name patterns match in the site file's folder, sorted, each once."""
+    patterns = [patterns] if isinstance(patterns, str) else patterns
+    if not patterns or not isinstance(patterns, list) or not all(isinstance(item, str) for item in patterns):
+        raise ValueError("give a list of file names or patterns, as ['das/*.h5']")
+    folder = folder_of(info)
+    found: set[Path] = set()
+    for pattern in patterns:
+        hits = files_matching(pattern, folder)
+        if not hits:
+            raise ValueError(f"no file matches {pattern!r} beside the site file")
+        found.update(hits)
+    return sorted(found)
+
+
+def detector_of(detector: Any, info: ValidationInfo) -> Any:
+    """Read a detector: the name of one that comes along, or a file."""
+    if not isinstance(detector, str):
+        raise ValueError(f"give {', '.join(DETECTORS)} or an .onnx file")
+    return detector if detector in DETECTORS else existing(Path(detector), info)
+
+
+File = Annotated[Path, AfterValidator(existing)]
+Files = Annotated[list[Path], BeforeValidator(matching)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class Section(BaseModel):
+    """A table of site.toml; keys it does not have are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class FrameSection(Section):
+    """`[frame]`: where x = y = 0 is, and where +x points."""
+
+    origin: tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]]
+    x_azimuth: Annotated[float, Field(ge=-360, le=360)]
+
+
+class DASSection(Section):
+    """`[das]`: the files, and what they do not say themselves."""
+
+    files: Files
+    gauge_length: Positive | None = None
+    channel_spacing: Positive | None = None
+    quantity: Quantity | None = None
+    scale: Annotated[float, Field(allow_inf_nan=False)] | None = None
+    channels: tuple[int, int] | None = None
+    exclude: tuple[int, ...] = ()
+
+    @model_validator(mode="after")
+    def ordered(self) -> "DASSection":
+        """Refuse a channel range that ends before it begins."""
+        if self.channels and self.channels[0] >= self.channels[1]:
+            raise ValueError(f"channels is {list(self.channels)}; give [first, last], first below last")
+        return self
+
+
+class CameraSection(Section):
+    """`[camera]`: the video and how its pixels and its clock become meters and UTC."""
+
+    video: File
+    calibration: File
+    start: AwareDatetime
+    clock_offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    detector: Annotated[Path | str, BeforeValidator(detector_of)] = DETECTORS[0]
+
+
+class TrajectoriesSection(Section):
+    """`[trajectories]`: trajectory tables or GPS tracks."""
+
+    files: Files
+
+
+class AnchorsSection(Section):
+    """`[anchors]`: fiber points known from manholes or tap tests."""
+
+    file: File
+
+
+class GroundSection(Section):
+    """`[ground]`: what is known of the ground and of the depth (mean, standard deviation; m) beforehand."""
+
+    poisson_ratio: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
+    depth: tuple[Positive, Positive] = (0.9, 0.3)
+
+    @field_validator("depth")
+    @classmethod
+    def within_reach(cls, depth: tuple[float, float]) -> tuple[float, float]:
+        """Refuse a depth at which no vehicle is felt."""
+        if max(depth) > FELT:
+            raise ValueError(
+                f"mean {depth[0]:g} m, sd {depth[1]:g} m; no vehicle is felt deeper than {FELT:g} m: give both in m, "
+                "as [0.9, 0.3]"
+            )
+        return depth
+
+
+class Site(Section):
+    """One survey.
+
+    Attributes
+    ----------
+    name : of the survey; the folder's where site.toml gives none
+    frame : the local frame
+    das, camera, trajectories, anchors, ground : the sections; at least one of `camera` and `trajectories` is there
+    """
+
+    name: str = ""
+    frame_section: FrameSection = Field(alias="frame")
+    das: DASSection
+    camera: CameraSection | None = None
+    trajectories: TrajectoriesSection | None = None
+    anchors: AnchorsSection | None = None
+    ground: GroundSection = GroundSection()
+
+    @cached_property
+    def frame(self) -> LocalFrame:
+        """The local frame."""
+        return LocalFrame(self.frame_section.origin, self.frame_section.x_azimuth)
+
+    @model_validator(mode="after")
+    def moving(self) -> "Site":
+        """Refuse a survey without any source of trajectories."""
+        if self.camera is None and self.trajectories is None:
+            raise ValueError("neither [camera] nor [trajectories]; give one of them")
+        return self
+
+
+SECTIONS: dict[str, type[Section]] = {
+    "frame": FrameSection,
+    "das": DASSection,
+    "camera": CameraSection,
+    "trajectories": TrajectoriesSection,
+    "anchors": AnchorsSection,
+    "ground": GroundSection,
+}
+
+
+def unknown_key(location: tuple[Any, ...]) -> str:
+    """Say which key of which section is unknown, and the closest known one."""
+    *section, key = (str(part) for part in location)
+    known = list(SECTIONS[section[0]].model_fields) if section else ["name", *SECTIONS]
+    close = get_close_matches(key, known, n=1)
+    place = f"in [{section[0]}]" if section else "at the top"
+    hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(known)}"
+    return f"unknown key {key} {place}; {hint}"
+
+
+def first_problem(error: ValidationError) -> str:
+    """Return one line on the problem to mend first: a misspelt key also shows as a missing one."""
+    problems = error.errors()
+    unknown = [problem for problem in problems if problem["type"] == "extra_forbidden"]
+    if unknown:
+        return unknown_key(unknown[0]["loc"])
+    problem = problems[0]
+    place = ".".join(map(str, problem["loc"]))
+    message = problem["msg"].removeprefix("Value error, ")
+    if problem["type"] == "missing":
+        return f"no {place}; add it"
+    message = message[0].lower() + message[1:]
+    return f"{place}: {message}" if place else message
+
+
+def read_site(path: Path) -> Site:
+    r"""Read and check `site.toml`.
+
+    Parameters
+    ----------
+    path : the file; the paths in it are relative to its folder and may be patterns for `files`
+
+    Returns
+    -------
+    site : with every path resolved and every file there
+
+    Raises
+    ------
+    InputError
+        If the file is missing or no TOML, a key is unknown or missing, a value is out of range or a file is not there.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "site.toml"
+    >>> _ = path.write_text("[frame]\norigin = [32.1, 34.8]\nx_azimut = 78.0\n")
+    >>> try: read_site(path)
+    ... except InputError as error: print(str(error).partition("site.toml: ")[2])
+    unknown key x_azimut in [frame]; did you mean x_azimuth?
+    """
+    path = Path(path)
+    content = read_toml(path, "the path of a survey's site.toml")
+    folder = path.resolve().parent
+    try:
+        site = Site.model_validate(content, context={"folder": folder})
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_problem(error)}") from error
+    return site if site.name else site.model_copy(update={"name": folder.name})

@@ -1,0 +1,139 @@
+"""Trajectory stage: clocks, and what is wrong with where the vehicles were said to be."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from solver.effect import Parameter, Surroundings, effect
+from solver.trajectory.trajectory import Trajectory
+
+Values = Mapping[str, Tensor]
+
+
+@effect(
+    "clock_offset",
+    "trajectory",
+    [Parameter("offset", "s", 0.2, lower=-5, upper=5)],
+    physics="The interrogator's clock is ahead of the trajectories' by the same time in all passes.",
+    source="Video and DAS are stamped by clocks of their own; two speeds tell it from a shift of the fiber.",
+    told_from="other lags: the vehicle's reference point, an averaging interval, a viscous ground",
+)
+def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """At the interrogator's time t the vehicle is where the trajectories have it at t - offset."""
+    return driven.shifted(along=-p["offset"] * driven.speed)
+
+
+@effect(
+    "clock_drift",
+    "trajectory",
+    [Parameter("rate", "1", 2e-3, lower=-0.05, upper=0.05)],
+    physics="One clock runs faster than the other.",
+    source="Mills 1991, IEEE Trans. Commun. 39, 1482.",
+    told_from="a stretched fiber, if all passes are equally fast",
+)
+def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """Offset that grows with time, none in the middle of the survey."""
+    middle = (driven.time.min() + driven.time.max()) / 2
+    return driven.shifted(along=-p["rate"] * (driven.time - middle) * driven.speed)
+
+
+@effect(
+    "track_bias",
+    "trajectory",
+    [Parameter("ahead", "m", 1.0, lower=-5, upper=5)],
+    physics="The point that was tracked is not the middle of the load, but a fixed way before or behind it.",
+    source="Box centers against contact points: Rezaei et al. 2021, arXiv:2109.06783, section III.",
+    told_from="other lags; opposite directions and speeds separate them",
+)
+def track_bias(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """All vehicles are farther ahead, as they drive."""
+    return driven.shifted(along=p["ahead"])
+
+
+@effect(
+    "track_offset",
+    "trajectory",
+    [Parameter("x", "m", 0.5, lower=-10, upper=10), Parameter("y", "m", 0.5, lower=-10, upper=10)],
+    physics="The camera's meters are shifted as a whole.",
+    source="Rigid motion; the route moves along with the tracks, so that anchors alone can tell.",
+    told_from="the route itself; only anchors tell",
+)
+def track_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """All vehicles are displaced by (x, y)."""
+    return replace(driven, position=driven.position + torch.stack([p["x"], p["y"]]))
+
+
+@effect(
+    "track_rotation",
+    "trajectory",
+    [Parameter("angle", "degree", 1.0, lower=-20, upper=20)],
+    physics="The camera's meters are turned about the middle of the view.",
+    source="Rigid motion; the route turns along with the tracks, so that anchors alone can tell.",
+    told_from="the route itself; only anchors tell",
+)
+def track_rotation(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """All vehicles turned clockwise seen from above (from x toward y)."""
+    angle = torch.deg2rad(p["angle"])
+    cosine, sine = torch.cos(angle), torch.sin(angle)
+
+    def turned(v: Tensor) -> Tensor:
+        x, y = v.unbind(-1)
+        return torch.stack([cosine * x - sine * y, sine * x + cosine * y], -1)
+
+    position = survey.middle + turned(driven.position - survey.middle)
+    return replace(driven, position=position, velocity=turned(driven.velocity), heading=turned(driven.heading))
+
+
+@effect(
+    "track_scale",
+    "trajectory",
+    [Parameter("scale", "1", 0.02, lower=-0.3, upper=0.3)],
+    physics="The camera's meters are too short or too long.",
+    source="Similarity; a known length in the scene, or anchors, decide.",
+    told_from="the route itself and the channel spacing; only anchors tell",
+)
+def track_scale(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """Distances from the middle of the view are longer by the scale."""
+    position = survey.middle + (1 + p["scale"]) * (driven.position - survey.middle)
+    return replace(driven, position=position, velocity=(1 + p["scale"]) * driven.velocity)
+
+
+@effect(
+    "track_bend",
+    "trajectory",
+    [Parameter("y", "m", 0.4, scope="road", rated=True)],
+    physics="The ground is not flat or the lens not straight: the lateral error depends on the place alone.",
+    source="Hartley and Zisserman 2004, section 7.4: distortion left in a homography.",
+    told_from="the route and the channels' positions",
+)
+def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """The lateral position changes smoothly with x, alike for all vehicles, and with it the way they drive."""
+    moved, faster = (torch.stack([torch.zeros_like(y), y], -1) for y in (p["y"], p["y_rate"]))
+    return replace(driven, position=driven.position + moved, velocity=driven.velocity + faster)
+
+
+@effect(
+    "track_jitter",
+    "trajectory",
+    [Parameter("along", "m", 0.3, scope="track"), Parameter("across", "m", 0.3, scope="track")],
+    physics="Each track is wrong in a way of its own that lasts for seconds.",
+    source="Correlated errors of detections: Bar-Shalom, Li and Kirubarajan 2001, section 8.",
+    told_from="the route, if there is one pass only",
+)
+def track_jitter(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
+    """Each vehicle's position departs smoothly from its track."""
+    return driven.shifted(along=p["along"], across=p["across"])
+
+
+EFFECTS = (
+    clock_offset,
+    clock_drift,
+    track_bias,
+    track_offset,
+    track_rotation,
+    track_scale,
+    track_bend,
+    track_jitter,
+)

@@ -1,0 +1,135 @@
+"""Which channels are fitted, and which ends are left out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.fit import Problem
+from solver.fit.map_fit import MapFit
+from solver.fit.pose import bent_ends, pose, with_slow_errors
+from solver.fit.result import FitResult
+from solver.signal_path.traffic import Traffic
+from solver.start.rough_route import silent
+from solver.survey.das import DASRecord
+from solver.survey.dead_channels import deaf_channels
+from solver.trajectory.vehicle_pass import track_sigma
+from vision.contract import InputError
+
+GAUGE, COUNT = 10, 60
+
+
+@pytest.fixture
+def straight(survey) -> FitResult:
+    """A straight route of 60 channels that explains its data down to the noise."""
+    channel = np.arange(COUNT)
+    noise = np.random.default_rng(0).normal(size=(200, COUNT))
+    return replace(
+        survey.result,
+        channel=channel,
+        fitted_channel=channel,
+        route=np.column_stack([channel * 1.0, np.full(COUNT, 4.0), np.full(COUNT, 0.9)]),
+        measured=noise,
+        model=np.zeros_like(noise),
+        noise=np.ones(COUNT),
+        weight=np.ones_like(noise),
+    )
+
+
+def turned(result: FitResult) -> FitResult:
+    """The last seven channels turn off by 45 degrees."""
+    route = result.route.copy()
+    route[-7:, 1] += np.arange(1, 8)
+    return replace(result, route=route)
+
+
+def failing(result: FitResult) -> FitResult:
+    """The model misses the last ten channels."""
+    measured = result.measured.copy()
+    measured[:, -10:] *= 2
+    return replace(result, measured=measured)
+
+
+def test_a_straight_route_keeps_all_channels(straight: FitResult) -> None:
+    assert bent_ends(straight, GAUGE) == slice(0, COUNT)
+
+
+def test_an_end_that_turns_and_fails_is_left_out(straight: FitResult) -> None:
+    assert bent_ends(failing(turned(straight)), GAUGE) == slice(0, COUNT - GAUGE)
+
+
+def test_neither_a_turn_nor_a_misfit_alone_is_a_bend(straight: FitResult) -> None:
+    assert bent_ends(turned(straight), GAUGE) == slice(0, COUNT)
+    assert bent_ends(failing(straight), GAUGE) == slice(0, COUNT)
+
+
+def test_a_fiber_of_two_gauge_lengths_is_not_shortened(straight: FitResult) -> None:
+    assert bent_ends(failing(turned(straight)), COUNT // 2) == slice(0, COUNT)
+
+
+def uncertain(problem, sigma: float):
+    """The problem with tracks of that sigma, m."""
+    passes = [replace(one, sigma=np.full_like(one.sigma, sigma)) for one in problem.passes]
+    return replace(problem, passes=passes, traffic=Traffic.of(passes, problem.traffic.samples))
+
+
+def test_slow_errors_of_tracks_are_fitted_where_these_are_uncertain(case) -> None:
+    sure, unsure = uncertain(case.problem, 0.02), uncertain(case.problem, 0.2)
+    assert track_sigma(unsure.passes) == pytest.approx(0.2)
+    assert with_slow_errors(sure) is sure
+    more = with_slow_errors(unsure)
+    assert [one.name for one in more.effects] == ["track_jitter"]
+    assert with_slow_errors(more) is more
+    fit = MapFit(more)
+    slow = fit.sd[len(fit.sd) - fit.extension.size :]
+    # The spline that the coefficients make has the tracks' own sigma, and none of it is counted as noise again.
+    spread = fit.extension.scopes.rows["track"] ** 2 @ slow[: fit.extension.size // 2] ** 2
+    assert float(spread.median()) == pytest.approx(0.04, rel=0.1)
+    state = fit.start()
+    local = fit.path.sensitivities(
+        fit.fiber(state, fit.values(state)), state.vehicles, state.poisson_ratio, fit.values(state)
+    )
+    assert float(fit.track_variance(local).max()) < 1e-9
+    assert float(MapFit(unsure).track_variance(local).max()) > 1
+
+
+def record_of(problem: Problem) -> DASRecord:
+    """The record of a problem."""
+    return DASRecord(
+        strain_rate=problem.record,
+        time=np.arange(len(problem.record)) / problem.sampling_rate,
+        start=np.datetime64(0, "ns"),
+        distance=problem.distance,
+        channel=problem.channel,
+        gauge_length=problem.gauge_length,
+        channel_spacing=problem.channel_spacing,
+        sampling_rate=problem.sampling_rate,
+        gaps=(),
+        provenance={},
+    )
+
+
+def test_a_few_channels_are_no_route(case) -> None:
+    """The spline of the start was singular: a traceback."""
+    problem, few = case.problem, slice(40, 43)
+    with pytest.raises(InputError, match="in 3 channels only, too few for a route"):
+        pose(record_of(problem), problem.passes, [], problem.start[few], problem.channel[few], problem.prior)
+
+
+def test_no_vehicle_near_the_channels_is_said(case) -> None:
+    problem = case.problem
+    away = [replace(one, position=one.position + 400.0) for one in problem.passes]
+    record = record_of(problem)
+    with pytest.raises(InputError, match=r"no vehicle comes within 25 m of channels .* check the frame"):
+        pose(record, away, [], problem.start, problem.channel, problem.prior)
+
+
+def test_a_gap_is_not_channels_that_hear_nothing(survey) -> None:
+    """In a gap of 10 min amid 3 of record, every channel "recorded nothing", and half of them were left out."""
+    strain_rate = np.full((2000, survey.record.strain_rate.shape[1]), np.nan)
+    strain_rate[:300], strain_rate[-100:] = survey.record.strain_rate[:300], survey.record.strain_rate[300:]
+    record = replace(survey.record, strain_rate=strain_rate, time=np.arange(2000) / 5)
+    fitted = survey.result.fitted_channel
+    assert silent(record, fitted[[0, -1]]) == silent(survey.record, fitted[[0, -1]])
+    assert "channels 70 record nothing" in str(silent(record, fitted[[0, -1]]))
+    assert not len(deaf_channels(record, fitted))

@@ -1,0 +1,70 @@
+import pytest
+
+from solver.survey.anchors import Anchor, read_anchors
+from vision.contract import InputError, LocalFrame
+
+FRAME = LocalFrame((32.113, 34.804), 78.0)
+HEADER = "name,channel,x,y,z,sigma_xy,sigma_z"
+EAST = "east,158,87.974,4.6,1.0,0.05,0.1"
+WEST = "west,84.5,12.5,4.75,0.96,0.05,0.05"
+
+
+def written(folder, *lines):
+    path = folder / "anchors.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_anchors_come_sorted_by_channel(tmp_path):
+    anchors = read_anchors(written(tmp_path, HEADER, EAST, WEST), FRAME)
+    assert anchors == [
+        Anchor("west", 84.5, 12.5, 4.75, 0.96, 0.05, 0.05),
+        Anchor("east", 158.0, 87.974, 4.6, 1.0, 0.05, 0.1),
+    ]
+
+
+def test_latitude_and_longitude_are_projected(tmp_path):
+    latitude, longitude = FRAME.to_geographic([12.5], [4.75])
+    row = f"west,84,{latitude[0]:.9f},{longitude[0]:.9f},0.96,0.05,0.05"
+    (anchor,) = read_anchors(written(tmp_path, HEADER.replace("x,y", "latitude,longitude"), row), FRAME)
+    assert (anchor.x, anchor.y, anchor.z) == pytest.approx((12.5, 4.75, 0.96), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        ([""], "empty file"),
+        ([HEADER], "no anchors"),
+        ([HEADER.replace(",z", ",depth"), WEST], "no column z"),
+        ([HEADER, WEST, WEST.replace("84.5", "90")], "row 2: name west is there twice"),
+        ([HEADER, WEST, WEST.replace("west", "east")], "row 2: channel 84.5 is there twice"),
+        ([HEADER, WEST.replace("84.5", "manhole")], "row 1: channel is 'manhole'"),
+        ([HEADER, EAST, WEST.replace("0.05,0.05", "0,0.05")], "row 2: sigma_xy is 0"),
+        ([HEADER, EAST.replace("0.1", "-1")], "row 1: sigma_z is -1"),
+        (
+            [HEADER, EAST, WEST.replace("0.96", "-0.96")],
+            "row 2: z is -0.96; z points down: give the depth below the road",
+        ),
+        ([HEADER, WEST.replace("0.96", "0")], "row 1: z is 0; z points down"),
+        (
+            [HEADER, WEST.replace("0.96", "96")],
+            "row 1: z is 96; z points down: give the depth below the road, m, above 0",
+        ),
+        (
+            [HEADER, "w,84,32.1131,34.8041,1,.1,.1", "e,99,32.1132,34.8042,1,.1,.1"],
+            "x and y hold latitude and longitude",
+        ),
+        ([HEADER.replace("x,y", "latitude,longitude"), "w,84,34.804,32.113,1,.1,.1"], "look swapped"),
+        ([HEADER, WEST, WEST + ",1,2"], "cannot be read (Error tokenizing"),
+    ],
+)
+def test_bad_anchors_are_one_clear_line(tmp_path, lines, says):
+    with pytest.raises(InputError) as caught:
+        read_anchors(written(tmp_path, *lines), FRAME)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file_is_one_clear_line(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        read_anchors(tmp_path / "none.csv", FRAME)

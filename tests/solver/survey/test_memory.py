@@ -1,0 +1,117 @@
+"""Work that does not fit into memory is refused before it begins, with what would fit."""
+
+import re
+import zipfile
+
+import h5py
+import numpy as np
+import pytest
+
+from solver.catalogue.trial_survey import trial_survey
+from solver.fit.room import fit_memory, require_room_to_fit
+from solver.survey import memory
+from solver.survey.das import read_das
+from solver.survey.das.size import numbers_in
+from vision.contract import InputError
+
+
+@pytest.fixture
+def room(monkeypatch):
+    """Let the machine have so many bytes."""
+
+    def has(size: float) -> None:
+        for user in ("solver.survey.memory", "solver.fit.room"):
+            monkeypatch.setattr(f"{user}.available", lambda: size)
+
+    return has
+
+
+def arrays(folder, rows=100, columns=20):
+    x = (1e-8 * np.random.default_rng(0).standard_normal((rows, columns))).astype(np.float32)
+    np.save(folder / "a.npy", x)
+    side = (
+        "start = 2025-08-11T06:00:00Z\nsampling_rate = 10.0\nunit = '1/s'\nchannel_spacing = 1.0\ngauge_length = 10.0\n"
+    )
+    (folder / "a.toml").write_text(side)
+    return folder / "a.npy"
+
+
+def test_a_file_tells_its_size_by_its_header(tmp_path):
+    path = arrays(tmp_path)
+    assert numbers_in(path) == (2000, 8000)
+    np.savez_compressed(tmp_path / "a.npz", x=np.zeros((100, 20), np.int16))
+    assert numbers_in(tmp_path / "a.npz") == (2000, 4000)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"] = np.zeros(100)
+        file.create_dataset("raw/data", data=np.zeros((100, 20), np.int16), compression="gzip")
+    assert numbers_in(tmp_path / "a.h5") == (2000, 4000)
+    (tmp_path / "a.tdms").write_bytes(bytes(1000))
+    assert numbers_in(tmp_path / "a.tdms") == (500, 1000)
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.h5"])
+def test_a_damaged_file_is_left_to_its_reader(tmp_path, name):
+    (tmp_path / name).write_bytes(b"\x93NUMPY\x01\x00 torn" * 20)
+    assert numbers_in(tmp_path / name) == (65, 260)
+
+
+def test_a_record_that_does_not_fit_is_refused_before_it_is_read(tmp_path, room, monkeypatch):
+    path = arrays(tmp_path)
+    room(20e3)
+    monkeypatch.setattr("solver.survey.das.record.read_blocks", lambda path: pytest.fail("was read"))
+    words = r"reading a\.npy needs about 4e-05 GB of memory, and 2e-05 GB are free, enough for 50% of it; name fewer "
+    with pytest.raises(InputError, match=words + r"channels, channels = \[first, last\], in \[das\]"):
+        read_das([path])
+
+
+def test_fewer_channels_fit(tmp_path, room):
+    path = arrays(tmp_path)
+    room(20e3)
+    assert read_das([path], channels=(3, 9)).strain_rate.shape == (100, 7)
+    with pytest.raises(
+        InputError, match=r"a\.npy: a record of 100 samples of 17 channels needs about .* fewer channel"
+    ):
+        read_das([path], channels=(3, 19))
+
+
+def test_a_fit_that_does_not_fit_says_what_would(room):
+    problem = trial_survey()[0].problem
+    rows, channels, passes = len(problem.traffic.pass_index), len(problem.channel), len(problem.passes)
+    needed = fit_memory(rows, channels, passes)
+    room(needed)
+    require_room_to_fit(problem)
+    room(0.95 * needed)
+    with pytest.raises(InputError) as caught:
+        require_room_to_fit(problem)
+    told = re.fullmatch(
+        rf"fitting {channels} channels and {passes} passes needs about .* of memory, and .* are free, enough for 95% "
+        r"of it; name (\d+) channels at most, channels = \[first, last\], in \[das\] of site\.toml, or give the tracks "
+        r"of (\d+) passes",
+        str(caught.value),
+    )
+    assert fit_memory(rows, int(told[1]), passes) <= 0.95 * needed < fit_memory(rows, int(told[1]) + 1, passes)
+    kept = int(told[2])
+    assert 0 < kept < passes and fit_memory(rows * kept // passes, channels, kept) <= 0.95 * needed
+
+
+def test_a_container_s_limit_counts(tmp_path, monkeypatch):
+    files = [tmp_path / "limit", tmp_path / "use"]
+    monkeypatch.setattr(memory, "CGROUPS", [tuple(map(str, files))])
+    for limit, free in (("5000000", 2e6), ("max", None)):
+        files[0].write_text(limit)
+        files[1].write_text("3000000")
+        assert memory.available() == free if free else memory.available() > 5e6
+
+
+def test_a_system_that_says_nothing_refuses_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, "CGROUPS", [])
+    monkeypatch.setattr(memory, "MEMINFO", tmp_path / "absent")
+    monkeypatch.delattr(memory.os, "sysconf")
+    assert memory.available() == float("inf")
+    memory.require_memory(1e30, "anything", "nothing")
+
+
+def test_npz_without_arrays_is_left_to_its_reader(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.npz", "w"):
+        pass
+    assert numbers_in(tmp_path / "a.npz") == (5, 22)

@@ -1,0 +1,127 @@
+"""Whether anchors, tracks, record and clocks can be of one place and one time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.survey.anchors import Anchor
+from solver.trajectory.agreement import (
+    check_clocks,
+    check_gauge,
+    check_reach,
+    in_record,
+    misplaced,
+    misplaced_line,
+    near,
+    slow_line,
+    suspicions,
+)
+from solver.trajectory.tracks import Track
+from vision.contract import InputError
+
+CHANNEL = np.arange(50, 111)
+X = CHANNEL - 50.0
+
+
+def anchor(name: str, channel: float, x: float, y: float = 4.0) -> Anchor:
+    return Anchor(name, channel, x, y, 0.9, 0.05, 0.05)
+
+
+def test_an_anchor_on_a_channel_that_is_not_in_the_record_is_said_to_be(survey) -> None:
+    """It was called "too far from the located channels to matter"."""
+    said: list[str] = []
+    anchors = [anchor("a", 900, 40.0), anchor("b", 80, 30.0), anchor("c", 160, 110.0), anchor("d", -60, 0.0)]
+    assert [one.name for one in in_record(anchors, survey.record, said)] == ["b", "c"]
+    assert [line.partition(",")[0] for line in said] == ["anchor a is on channel 900", "anchor d is on channel -60"]
+    assert "which is not in the record (0 to 149)" in said[0]
+
+
+def test_anchors_far_along_the_fiber_are_named_with_their_channels() -> None:
+    said: list[str] = []
+    assert near([anchor("a", 10, 0.0)], (100, 200), 1.0, said) == []
+    assert "over 50 m of fiber to the channels that feel vehicles (100 to 200) say nothing of these: a (ch" in said[0]
+
+
+@pytest.mark.parametrize(
+    ("one", "says"),
+    [
+        (
+            anchor("a", 80, 12600.0),
+            r"anchor a is 12\d{3}\.\d m from every track, but vehicles are felt on its channel 80;",
+        ),
+        (anchor("a", 80, 30.0, 40.0), r"anchor a is 40\.0 m from every track, but"),
+        (anchor("a", 130, 160.0, 0.0), r"but vehicles are felt 20 m of fiber from its channel 130;"),
+    ],
+    ids=["12.6 km along", "across", "beyond the view"],
+)
+def test_an_anchor_that_no_fiber_reaches_is_refused(survey, one: Anchor, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        check_reach([one], survey.passes, (50, 110), 1.0)
+
+
+def test_anchors_within_reach_of_the_tracks_are_used(survey) -> None:
+    check_reach([anchor("a", 80, 30.0, 24.0), anchor("b", 140, 105.0)], survey.passes, (50, 110), 1.0)
+
+
+def test_exchanged_anchors_are_said_to_be() -> None:
+    with pytest.raises(
+        InputError, match=r"anchors a and b seem to be exchanged: .* \(60, 100\); exchange their channels"
+    ):
+        misplaced([anchor("a", 60, 50.0), anchor("b", 100, 11.0)], CHANNEL, X)
+
+
+def test_an_anchor_elsewhere_along_the_road_is_left_out() -> None:
+    """20 m off, it turned a fiber off the road and left 8 of 97 channels."""
+    right, wrong = anchor("a", 60, 12.0), anchor("b", 100, 70.0)
+    assert misplaced([right, wrong], CHANNEL, X) == [wrong]
+    assert misplaced_line(wrong, CHANNEL, X).startswith(
+        "anchor b is 20 m along the road from where vehicles are felt on"
+    )
+    # Beyond the channels that feel vehicles, nothing tells.
+    assert misplaced([right, anchor("c", 140, 60.0)], CHANNEL, X) == []
+
+
+def test_anchors_that_agree_are_not_wrong() -> None:
+    assert misplaced([anchor("a", 60, 22.0), anchor("b", 100, 63.0)], CHANNEL, X) == []
+
+
+def test_a_gauge_longer_than_the_fiber_is_refused(survey) -> None:
+    check_gauge(survey.record)
+    with pytest.raises(InputError, match="gauge length 300 m, but 150 channels at 1 m are only 150 m"):
+        check_gauge(replace(survey.record, gauge_length=300.0))
+
+
+def test_a_record_too_slow_for_its_vehicles_is_told(survey) -> None:
+    """Median speed of 7.5 m/s; a gauge of 10 m feels a vehicle over 20 m."""
+    assert slow_line(replace(survey.record, sampling_rate=0.5), survey.passes) is None
+    said = str(slow_line(replace(survey.record, sampling_rate=0.25), survey.passes))
+    assert said.startswith(
+        "0.25 samples/s are too few: vehicles go 30 m from one to the next, and a channel feels them"
+    )
+    assert said.endswith("over 20 m; record at least 0.4 samples/s")
+
+
+def test_what_may_be_wrong_where_no_vehicle_is_seen(survey) -> None:
+    assert suspicions(survey.record, survey.passes) == ""
+    swift = [replace(one, velocity=8 * one.velocity) for one in survey.passes]
+    assert suspicions(survey.record, swift) == "; vehicles at 60 m/s are fast: are x and y in m?"
+    array = replace(survey.record, strain_rate=np.zeros((100, 400)), provenance={"format": "numpy"})
+    cut = [replace(one, rows=np.arange(100 - len(one.rows), 100), in_view=one.rows > 0) for one in survey.passes]
+    assert suspicions(array, cut) == "; the array has 100 samples of 400 channels: are its axes exchanged?"
+
+
+@pytest.mark.parametrize(
+    ("late", "says"),
+    [
+        (7200.0, "they are 2 h apart: one of the clocks seems to be local time; write both in UTC"),
+        (-3600.0, "they are 1 h apart"),
+        (1800.0, "check both clocks"),
+        (86400.0, "check both clocks"),
+    ],
+)
+def test_clocks_a_time_zone_apart(survey, late: float, says: str) -> None:
+    time = late + np.arange(10.0, 70.0)
+    track = Track("1", "car", time, np.zeros((60, 2)), np.ones((60, 2)))
+    with pytest.raises(InputError, match=f"do not overlap in time; {says}"):
+        check_clocks([track], survey.record)
