@@ -131,7 +131,7 @@ class Effect:
     physics : one line
     source : paper, book or standard
     told_from : what it is confounded with, in words
-    generic : a stand-in for something unknown, no physical effect
+    generic : a discrepancy model for something unknown, no physical effect
     seek : finds the shapes worth trying in what was heard, where a grid fine enough would be too large; else None
     """
 

@@ -44,14 +44,14 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "curve": ("track_bend", "track_scale"),
 }
 
-#: Stand-ins that mix channels, whether in the instrument or after it.
+#: Discrepancy models that mix channels, whether in the instrument or after it.
 MIXING = ("generic_echo", "generic_neighbors")
-#: Stand-ins that change how strongly all channels are read, whether in the instrument or after it.
+#: Discrepancy models that change how strongly all channels are read, whether in the instrument or after it.
 GAINS = ("generic_gain", "generic_nonlinearity")
-#: Stand-ins that are put in at one stage for what acts at another.
+#: Discrepancy models that are put in at one stage for what acts at another.
 MEANT_FOR = {"generic_twin": "cable"}
-#: Families of which a stand-in for the unknown takes up what the catalogue's laws leave.
-STAND_INS = {
+#: Families of which a discrepancy model for the unknown takes up what the catalogue's laws leave.
+DISCREPANCY_FAMILIES = {
     "generic_track": ("place",),
     "generic_road": ("gain",),
     "generic_train": ("blur",),

@@ -1,4 +1,4 @@
-"""Stand-ins for the unknown: flexible changes of every stage that compete with the physical effects.
+"""Discrepancy models for the unknown: flexible changes of every stage that compete with the physical effects.
 
 Where one of them explains the residual better than any effect of the catalogue, something acts there that the
 catalogue lacks.

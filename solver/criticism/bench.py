@@ -15,7 +15,7 @@ from solver.fit.state import State
 
 Advance = Callable[[int], None]
 
-#: How many enter the race of full fits, and how many stand-ins among them.
+#: How many enter the race of full fits, and how many discrepancy models among them.
 RACERS, STANDING_IN = 8, 3
 
 

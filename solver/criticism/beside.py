@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from solver.catalogue.catalogue import STAND_INS, families_of
+from solver.catalogue.catalogue import DISCREPANCY_FAMILIES, families_of
 from solver.criticism.bench import Asked, Bench, racers, scorable
 from solver.criticism.candidate import Candidate
 from solver.criticism.refit import Refit, race
@@ -16,15 +16,15 @@ from solver.fit.least_squares import solve
 BESIDE = 6
 #: What another must explain more, as ln of the Bayes factor, to be told apart.
 CLOSE = 6.0
-#: Share of a stand-in's evidence at which a known effect, whose law is stricter, is preferred to it; and where the
-#: stand-in has as few numbers.
+#: Share of a discrepancy model's evidence at which a known effect, whose law is stricter, is preferred to it; and the
+#: same where that model has as few numbers.
 STRICTER, AS_STRICT = 0.95, 0.98
-#: Numbers of an effect whose law is strict, and above which it is as flexible as a stand-in.
+#: Numbers of an effect whose law is strict, and above which it is as flexible as a discrepancy model.
 FEW, MANY = 3, 20
-#: Share of the winner's fall of chi2 that may be left to a stand-in of its own kind, as its law may be off by a little
-#: (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
+#: Share of the winner's fall of chi2 that may be left to a discrepancy model of its own kind, as its law may be a little
+#: off (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
 LEFT, FINER, ASTRAY = 0.05, 0.1, 0.025
-#: Share of a stand-in's evidence from which on a known effect may, with a second one beside it, explain more.
+#: Share of a discrepancy model's evidence from which on a known effect may, with a second one beside it, explain more.
 HALF = 0.5
 
 
@@ -72,13 +72,13 @@ class Beside:
         return max((r.evidence for r in self.tried.values() if not r.effect.generic), default=0.0)
 
     @property
-    def stand_in(self) -> Refit | None:
-        """The best stand-in for the unknown."""
+    def discrepancy(self) -> Refit | None:
+        """The best discrepancy model for the unknown."""
         return max((r for r in self.tried.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
 
     def doubt(self, first: Candidate) -> Refit | None:
-        """The stand-in for the unknown to which the first candidate leaves more than its own law may be off by."""
-        best = self.stand_in
+        """The discrepancy model to which the first candidate leaves more than its own law may be off by."""
+        best = self.discrepancy
         if best is None or not outdone(self.known, best.evidence, best.score.freedom):
             return None
         alike = [s.fall for s in self.others if s.effect.generic and akin(first, s.effect)]
@@ -88,37 +88,37 @@ class Beside:
 
 
 def both_known(
-    bench: Bench, first: Candidate, stand_in: Candidate, tried: Mapping[str, Refit], asked: Asked
+    bench: Bench, first: Candidate, discrepancy: Candidate, tried: Mapping[str, Refit], asked: Asked
 ) -> Beside | None:
-    """What shows beside a known effect where it, with a second one, explains more than a stand-in does; else None.
+    """What shows beside a known effect if it and a second one explain more than a discrepancy model; else None.
 
-    Laws that are about as flexible as the stand-in explain a part of anything: they do not count.
+    Laws that are about as flexible as the discrepancy model explain a part of anything: they do not count.
     """
-    winner, most = tried.get(first.effect), max(MANY, stand_in.numbers / 2)
-    if winner is None or winner.pushed or first.numbers > most or first.evidence < HALF * stand_in.evidence:
+    winner, most = tried.get(first.effect), max(MANY, discrepancy.numbers / 2)
+    if winner is None or winner.pushed or first.numbers > most or first.evidence < HALF * discrepancy.evidence:
         return None
     beside = Beside.of(bench, first, winner, asked)
     strict = [r.evidence for r in beside.tried.values() if not r.effect.generic and r.score.freedom <= most]
-    more = first.evidence + max(strict, default=0.0) >= stand_in.evidence + CLOSE
+    more = first.evidence + max(strict, default=0.0) >= discrepancy.evidence + CLOSE
     return beside if more and beside.doubt(first) is None else None
 
 
-def outdone(known: float, stand_in: float, numbers: int) -> bool:
-    """Whether a stand-in of so many numbers explains more, by its evidence, than the best known effect can."""
-    return known + CLOSE < (STRICTER if numbers > FEW else AS_STRICT) * stand_in
+def outdone(known: float, discrepancy: float, numbers: int) -> bool:
+    """Whether a discrepancy model of so many numbers explains more, by its evidence, than the best known effect can."""
+    return known + CLOSE < (STRICTER if numbers > FEW else AS_STRICT) * discrepancy
 
 
-def akin(first: Candidate, stand_in: Effect) -> bool:
-    """Whether a stand-in takes up what the law of the first candidate, at its stage or of its family, leaves."""
-    return stand_in.stage == first.stage or of_family(first, stand_in)
+def akin(first: Candidate, discrepancy: Effect) -> bool:
+    """Whether a discrepancy model takes up what the first candidate's law leaves, by its stage or its family."""
+    return discrepancy.stage == first.stage or of_family(first, discrepancy)
 
 
-def of_family(first: Candidate, stand_in: Effect) -> bool:
-    """Whether a stand-in takes up what the laws of the first candidate's family leave."""
-    return not set(STAND_INS.get(stand_in.name, ())).isdisjoint(families_of(first.effect))
+def of_family(first: Candidate, discrepancy: Effect) -> bool:
+    """Whether a discrepancy model takes up what the laws of the first candidate's family leave."""
+    return not set(DISCREPANCY_FAMILIES.get(discrepancy.name, ())).isdisjoint(families_of(first.effect))
 
 
 def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:
-    """Effects that may be missing beside the winner: those that showed, and the stand-ins for the unknown."""
+    """Effects that may be missing beside the winner: those that showed, and the discrepancy models for the unknown."""
     shown = {s.effect.name for s in table if s.evidence > FOUND}
     return [one for one in effects if one.name in shown or one.generic]

@@ -24,7 +24,7 @@ class Candidate:
     Parameters
     ----------
     effect, stage : as in the catalogue
-    generic : a stand-in for the unknown
+    generic : a discrepancy model for the unknown
     verdict : present, excluded, negligible or inconclusive
     delta_chi2 : fall of the misfit with it: of the full fit where there was one, else as predicted
     predicted : fall that the score test predicted

@@ -48,11 +48,11 @@ from solver.noise.quiet_windows import quiet
 ALIKE = 0.95
 #: Share of the winner's evidence at which one of its own family is not ruled out.
 RIVAL = 0.65
-#: Evidence from which on an effect is named although the noise is weaker where vehicles are loud, or a stand-in of
-#: another kind explains as much.
+#: Evidence from which on an effect is named although the noise is weaker where vehicles are loud, or a discrepancy
+#: model of another kind explains as much.
 PLAIN = 10 * FOUND
-#: Share of the evidence of a stand-in of another kind, with as few numbers, that a plain effect must reach to be named:
-#: its law may be off by that much.
+#: Share of the evidence of a discrepancy model of another kind, with as few numbers, that a plain effect must reach to
+#: be named: its law may be off by that much.
 REACHED = 0.99
 #: Families of which the route hides each.
 NEVER_ALONE = ("depth", "rigid")
@@ -158,7 +158,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
 
 
 def overlooked(bench: Bench, tried: Mapping[str, Refit]) -> list[Score]:
-    """Known effects that may be what a stand-in that won stands in for, but showed too little to be fitted in full.
+    """Known effects that the winning discrepancy model may stand for, which showed too little to be fitted in full.
 
     The score test tells little of what is strong and was absorbed by everything else, as axles over 14 m are.
     """
@@ -226,11 +226,11 @@ def impossible(bench: Bench, first: Candidate, listed: Sequence[Candidate], trie
 
 
 def unknown_as_well(first: Candidate, generic: Sequence[Candidate], bench: Bench) -> Candidate | None:
-    """A stand-in beside which a first candidate does not rule the unknown out.
+    """A discrepancy model beside which a first candidate does not rule the unknown out.
 
     Beside a weak one that is one of its stage and family, looser than its law, that explains more; or one of another
-    kind that explains as much. What a strong one leaves to a stand-in is its own law's error, unless one of another
-    kind, as strict, explains more than that.
+    kind that explains as much. What a strong one leaves to a discrepancy model is its own law's error, unless one of
+    another kind, as strict, explains more than that.
     """
     weak = first.evidence <= PLAIN
 
@@ -265,12 +265,12 @@ def confirmed(
     beside = beside or Beside.of(bench, first, winner, asked)
     again, left = beside.bench, beside.left
     if (best := beside.doubt(first)) is not None:
-        stand_in = placed(score_candidate(best.score, best), again)
+        discrepancy = placed(score_candidate(best.score, best), again)
         words = (
             f"{first.effect} explains the most of all known effects, but leaves too much: something unknown "
-            f"acts at the {stand_in.stage} stage, as if {like(best.effect.physics)} ({best.effect.name})"
+            f"acts at the {discrepancy.stage} stage, as if {like(best.effect.physics)} ({best.effect.name})"
         )
-        return concluded(bench, "unknown-effect", words, leading(listed, stand_in), left=left)
+        return concluded(bench, "unknown-effect", words, leading(listed, discrepancy), left=left)
     first = replace(first, confounded_with=confounded(bench, first, listed, tried))
     gain = held_out_gain(bench.scorer, winner) if asked.held_out else None
     first = replace(first, held_out_gain=gain)
@@ -290,9 +290,9 @@ def plainest(physical: Sequence[Candidate]) -> Candidate:
     return few[0] if best.numbers > MANY and few and not outdone(few[0].evidence, best.evidence, best.numbers) else best
 
 
-def placed(stand_in: Candidate, bench: Bench) -> Candidate:
-    """A stand-in at the stage where it acts."""
-    return replace(stand_in, stage=stage_of(bench.effect(stand_in), bench.scorer, bench.audit))
+def placed(discrepancy: Candidate, bench: Bench) -> Candidate:
+    """A discrepancy model at the stage where it acts."""
+    return replace(discrepancy, stage=stage_of(bench.effect(discrepancy), bench.scorer, bench.audit))
 
 
 def beside_fault(bench: Bench, first: Candidate, asked: Asked) -> Diagnosis:

@@ -247,7 +247,7 @@ def doubts(before: Run, after: Run, change: float) -> list[str]:
     """
     known = {one.name for one in before.problem.effects}
     lines = [
-        f"{one.name} is a stand-in: it names no cause, and the route is no better founded with it"
+        f"{one.name} is a discrepancy model: it names no cause, and the route is no better founded with it"
         for one in after.problem.effects
         if one.generic and one.name not in known
     ]

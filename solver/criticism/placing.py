@@ -1,4 +1,4 @@
-"""At which stage something unknown acts, by more than which stand-in explains it best."""
+"""At which stage something unknown acts, by more than which discrepancy model explains it best."""
 
 import torch
 
@@ -10,39 +10,39 @@ from solver.effect import Effect
 
 #: Correlation of the noise of neighboring channels above which it was mixed after it was read.
 SHARED = 0.1
-#: Stand-ins for what is ahead of a vehicle (one half of their numbers) and behind it (the other), pass by pass.
+#: Discrepancy models of what is ahead of a vehicle (half of their numbers) and behind it (the others), pass by pass.
 AHEAD_AND_BEHIND = ("generic_train",)
 #: How much more of chi2 must fall with the same profile along the fiber than with the same along travel.
 FIXED = 1.2
 
 
-def stage_of(stand_in: Effect, scorer: Scorer, check: NoiseAudit) -> str:
-    """Stage at which what a stand-in explains acts.
+def stage_of(discrepancy: Effect, scorer: Scorer, check: NoiseAudit) -> str:
+    """Stage at which what a discrepancy model explains acts.
 
     What mixes or levels the channels' noise too comes after the reading; what is the same along the fiber, whichever
     way vehicles drive, is no matter of the vehicles.
 
     Parameters
     ----------
-    stand_in : an effect of the catalogue
+    discrepancy : an effect of the catalogue
     scorer : at the fit without it
     check : of the noise
     """
     across = scorer.fit.problem.law.across
-    mixed = stand_in.name in MIXING and len(across) > 1 and abs(across[1]) > SHARED
-    if mixed or (stand_in.name in GAINS and check.leveled):
+    mixed = discrepancy.name in MIXING and len(across) > 1 and abs(across[1]) > SHARED
+    if mixed or (discrepancy.name in GAINS and check.leveled):
         return "processing"
-    if stand_in.name in AHEAD_AND_BEHIND and fixed_to_fiber(stand_in, scorer):
+    if discrepancy.name in AHEAD_AND_BEHIND and fixed_to_fiber(discrepancy, scorer):
         return "interrogator"
-    return MEANT_FOR.get(stand_in.name, stand_in.stage)
+    return MEANT_FOR.get(discrepancy.name, discrepancy.stage)
 
 
-def fixed_to_fiber(stand_in: Effect, scorer: Scorer) -> bool:
+def fixed_to_fiber(discrepancy: Effect, scorer: Scorer) -> bool:
     """Whether what is ahead for those who drive one way is behind for the others, rather than the same for all."""
     velocity = torch.tensor([one.velocity.mean(0).tolist() for one in scorer.fit.problem.passes])
     back = velocity @ velocity[0] < 0
-    extension = scorer.fit.problem.extension([*scorer.fit.extension.effects, stand_in])
-    columns, counts = scorer.columns(stand_in, {}, extension)
+    extension = scorer.fit.problem.extension([*scorer.fit.extension.effects, discrepancy])
+    columns, counts = scorer.columns(discrepancy, {}, extension)
     projected = scorer.project([columns])[0]
     along_travel = torch.block_diag(*(torch.ones(count, 1, dtype=torch.float64) for count in counts))
     number = torch.arange(sum(counts)).reshape(len(counts), -1)

@@ -1,4 +1,4 @@
-"""Faults of a survey that are no change to a stage: a vehicle the trajectories lack, jumped samples, deaf channels.
+"""Faults of a survey that are no change to a stage: a vehicle the trajectories lack, jumped samples, dead channels.
 
 Each is searched for in the residual, and mended in the survey itself: a pass more, samples or channels taken out.
 """
@@ -21,7 +21,7 @@ from solver.fit.robust import HUBER
 from solver.fit.state import State
 from solver.noise.whitening import Whitener
 from solver.signal_path.traffic import Traffic, Vehicles
-from solver.survey.dead_channels import DEAF, SURE
+from solver.survey.dead_channels import DEAD, SURE
 from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
@@ -31,8 +31,8 @@ SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
 REACH = 90.0
 #: Sigmas by which a sample that jumped differs from its neighbors.
 JUMP = 8.0
-#: Over how many channels the neighbors of a deaf one are, what share it has at most of the power of the quietest
-#: percentage of them, and how many deaf ones are named.
+#: Over how many channels the neighbors of a dead one are, what share it has at most of the power of the quietest
+#: percentage of them, and how many dead ones are named.
 AROUND, QUIET, QUIETEST, NAMED = 15, 0.5, 20, 8
 #: m; uncertainty of the track of an unseen vehicle, which drives straight on, and by how much all of it may be off.
 GUESSED, OFFSET = 0.3, 1.5
@@ -218,7 +218,7 @@ def with_pass(problem: Problem, one: Pass) -> Problem:
 def find_cycle_skips(fit: MapFit, state: State) -> Fault | None:
     """Samples far out of the noise whose neighbors are not: jumps of the unwrapped phase, spikes."""
     measured = fit.measured.numpy()
-    bad = measured & (fit.weighted(fit.felt(state))[0].good.numpy() == 0)
+    bad = measured & (fit.weighted(fit.evaluate(state))[0].good.numpy() == 0)
     near = np.zeros_like(bad)
     for axis in (0, 1):
         for step in (1, -1):
@@ -258,23 +258,23 @@ def find_faded_channels(fit: MapFit, state: State) -> Fault | None:
     # vehicles are sampled rarely.
     power = (data**2).sum(0) / np.maximum(use.sum(0), 1) - fit.problem.noise.numpy() ** 2
     silent = power < QUIET * percentile_filter(power, QUIETEST, AROUND, mode="nearest")
-    deaf = (np.abs(gain) < DEAF * around) & (heard * (around - gain) ** 2 > SURE**2) & silent
-    count = int(deaf.sum())
+    dead = (np.abs(gain) < DEAD * around) & (heard * (around - gain) ** 2 > SURE**2) & silent
+    count = int(dead.sum())
     if count == 0:
         return None
-    fall = float((heard * (around - gain) ** 2)[deaf].sum())
-    numbers = fit.problem.channel[deaf]
+    fall = float((heard * (around - gain) ** 2)[dead].sum())
+    numbers = fit.problem.channel[dead]
 
     def mend(survey: Problem) -> Problem:
         record = survey.record.copy()
         record[:, np.isin(survey.channel, numbers)] = np.nan
         return replace(survey, record=record)
 
-    share, least = count / len(deaf), 1 / len(deaf)
+    share, least = count / len(dead), 1 / len(dead)
     named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if count > NAMED else "")
     words = f"channels that hear next to nothing of what their neighbors do ({named}) are left out of the fit"
     sigma = share / count**0.5
-    return Fault("faded_channels", "interrogator", fall, count, len(deaf), share, sigma, "1", least, words, mend)
+    return Fault("faded_channels", "interrogator", fall, count, len(dead), share, sigma, "1", least, words, mend)
 
 
 #: How to look for each fault, by its name in the catalogue.

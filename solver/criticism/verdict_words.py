@@ -79,7 +79,7 @@ def advice(first: Candidate) -> str:
 
 
 def unknown_words(first: Candidate, physics: str, physical: Sequence[Candidate]) -> str:
-    """Verdict on something unknown, by what its stand-in does."""
+    """Verdict on something unknown, by what its discrepancy model does."""
     words = (
         f"an unknown effect acts at the {first.stage} stage, as if {like(physics)} ({first.effect}); nothing in the "
         "catalogue explains as much"
@@ -109,7 +109,7 @@ def as_well_words(first: Candidate, rival: Candidate, physics: str) -> str:
 
 
 def like(physics: str) -> str:
-    """What a stand-in does, within a sentence.
+    """What a discrepancy model does, within a sentence.
 
     >>> like("Each channel holds shares of the channels before and after it.")
     'each channel holds shares of the channels before and after it'

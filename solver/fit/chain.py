@@ -16,10 +16,10 @@ import torch
 from torch import Tensor
 
 from solver.cable.fiber import SplineBasis
-from solver.fit.belief import Belief, RouteRows
 from solver.fit.links import Link, linked
 from solver.fit.map_fit import MapFit, is_buried
 from solver.fit.normal import Block, Normal, Part
+from solver.fit.parameter_prior import ParameterPrior, RouteRows
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER, SPIKE
 from solver.fit.state import PER_PASS, State, Weights
@@ -104,7 +104,7 @@ class Chain:
     problem : the whole survey
     """
 
-    def __init__(self, problem: Problem, prior: Belief, links: Sequence[Link]):
+    def __init__(self, problem: Problem, prior: ParameterPrior, links: Sequence[Link]):
         self.problem, self.prior, self.links = problem, prior, list(links)
         self.basis, self.passes = prior.basis, prior.passes
         self.mean, self.sd, self.free = prior.mean, prior.sd, prior.free
@@ -275,11 +275,11 @@ class Chain:
         """One link near the chain's `state` [parameter]; with its amplitudes settled by the weights `before`."""
         link = self.links[number]
         fit, here = link.fit, self.part_of(state, link)
-        felt = fit.felt(here)
+        evaluation = fit.evaluate(here)
         if before is not None:
-            here, felt = fit.resettled(here, felt, before)
-        at = fit.linearized(here, felt)
-        cost = at.misfit if before is None else float((fit.whitened_of(felt.model, before) ** 2).sum())
+            here, evaluation = fit.resettled(here, evaluation, before)
+        at = fit.linearized(here, evaluation)
+        cost = at.misfit if before is None else float((fit.whitened_of(evaluation.model, before) ** 2).sum())
         own, shared, _ = self._places[number]
         jacobian = at.jacobian.index_select(1, torch.cat([own, shared]))
         matrix, right = (jacobian.T @ jacobian).numpy(), (jacobian.T @ at.residual).numpy()
@@ -293,7 +293,7 @@ class Chain:
             link.stretch,
         )
         weights = Weights(at.weights.good.bool(), at.weights.soft.float()) if self.long else at.weights
-        model = felt.model.float() if self.long else felt.model
+        model = evaluation.model.float() if self.long else evaluation.model
         amplitude = here.vehicles.amplitude
         return Looked(amplitude, cost, at.misfit, weights, model, part, matrix[count:, count:], right[count:])
 

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from solver.cable.fiber import GaugeEnds, SplineBasis
-from solver.fit.belief import Belief, number_sd
 from solver.fit.map_fit import MapFit
+from solver.fit.parameter_prior import ParameterPrior, number_sd
 from solver.fit.problem import Problem
 from solver.fit.state import PER_PASS
 from solver.fit.stretches import reach_of
@@ -85,12 +85,14 @@ def layout(
 
 def linked(
     problem: Problem, groups: Sequence[Sequence[Problem]], basis: SplineBasis, held: bool
-) -> tuple[Belief, list[Link]]:
+) -> tuple[ParameterPrior, list[Link]]:
     """Prior of a whole survey and its links, from the small problems of each stretch; `held`: route and ground are."""
     fits = [fit for number, group in enumerate(groups) for fit in along(basis, group, number)]
     passes = [one for _, _, fit in fits for one in fit.problem.passes]
     where, numbers, sd, own = layout(basis, fits, passes, problem)
-    prior = Belief(basis, problem.prior, passes, problem.anchors, problem.anchor_distance, numbers, sd, own, held)
+    prior = ParameterPrior(
+        basis, problem.prior, passes, problem.anchors, problem.anchor_distance, numbers, sd, own, held
+    )
     first_number = len(prior.mean) - len(numbers)
     links = []
     for (stretch, first, fit), at in zip(fits, where, strict=True):

@@ -12,10 +12,10 @@ import torch
 from torch import Tensor
 
 from solver.cable.fiber import Fiber, GaugeEnds, SplineBasis
-from solver.fit.belief import Belief, spreads
+from solver.fit.parameter_prior import ParameterPrior, spreads
 from solver.fit.problem import Problem
 from solver.fit.robust import huber, near_noise
-from solver.fit.state import PER_PASS, Felt, Linearized, State, Weights
+from solver.fit.state import PER_PASS, Evaluation, Linearized, State, Weights
 from solver.signal_path.derivatives import derivative, observed_tangents
 from solver.signal_path.extension import SLOW_ERROR, Values
 from solver.signal_path.local import Local, Seen
@@ -63,7 +63,7 @@ class MapFit:
         own = torch.zeros(self.extension.size, dtype=torch.bool)
         for slot in self.extension.slots:
             own[slot.where] = slot.parameter.scope in ("pass", "track")
-        self.prior = Belief(
+        self.prior = ParameterPrior(
             self.basis,
             problem.prior,
             problem.passes,
@@ -128,11 +128,11 @@ class MapFit:
         values = self.values(state)
         return self.path.strain_rate(self.fiber(state, values), state.vehicles, state.poisson_ratio, values)
 
-    def felt(self, state: State) -> Felt:
+    def evaluate(self, state: State) -> Evaluation:
         """What the vehicles of a state do, with the local derivatives."""
         values = self.values(state)
         local = self.path.sensitivities(self.fiber(state, values), state.vehicles, state.poisson_ratio, values)
-        return Felt(values, local, self.path.observed(self.path.traffic.superpose(local.rate), values))
+        return Evaluation(values, local, self.path.observed(self.path.traffic.superpose(local.rate), values))
 
     def settled(self, state: State, weights: Weights) -> State:
         """The same state with the amplitudes that fit best: they enter linearly, so no step need search for them."""
@@ -145,21 +145,21 @@ class MapFit:
         rows = self.path.rows(fiber, unit.rows(self.path.traffic), state.poisson_ratio, values)
         return replace(state, vehicles=replace(unit, amplitude=self.amplitudes(rows, values, weights)))
 
-    def resettled(self, state: State, felt: Felt, weights: Weights) -> tuple[State, Felt]:
-        """`settled`, and what is felt then, from what the vehicles do with other amplitudes."""
-        if self.path.described(felt.values).nonlinear:
-            return state, felt
-        alone = felt.local.by["amplitude"]
-        amplitude = self.amplitudes(alone, felt.values, weights)
+    def resettled(self, state: State, evaluation: Evaluation, weights: Weights) -> tuple[State, Evaluation]:
+        """`settled`, and the evaluation there, from what the vehicles do with other amplitudes."""
+        if self.path.described(evaluation.values).nonlinear:
+            return state, evaluation
+        alone = evaluation.local.by["amplitude"]
+        amplitude = self.amplitudes(alone, evaluation.values, weights)
         share = (amplitude / state.vehicles.amplitude)[self.path.traffic.pass_index]
         by = {
             name: part if name == "amplitude" else part * share.reshape(-1, *[1] * (part.ndim - 1))
-            for name, part in felt.local.by.items()
+            for name, part in evaluation.local.by.items()
         }
-        rate = felt.local.rate * share[:, None]
-        model = self.path.observed(self.path.traffic.superpose(rate), felt.values)
+        rate = evaluation.local.rate * share[:, None]
+        model = self.path.observed(self.path.traffic.superpose(rate), evaluation.values)
         new = replace(state, vehicles=replace(state.vehicles, amplitude=amplitude))
-        return new, Felt(felt.values, Sensitivities(rate, by), model)
+        return new, Evaluation(evaluation.values, Sensitivities(rate, by), model)
 
     def amplitudes(self, rows: Tensor, values: Values, weights: Weights) -> Tensor:
         """Amplitudes [pass] that fit best, by what each vehicle of unit amplitude does alone, [row, channel]."""
@@ -271,23 +271,25 @@ class MapFit:
         shift = (self.mean - state.vector())[free]
         return matrix[free][:, free] + torch.diag(precision), right[free] + precision * shift, at.weights
 
-    def weighted(self, felt: Felt) -> tuple[Weights, Tensor]:
+    def weighted(self, evaluation: Evaluation) -> tuple[Weights, Tensor]:
         """Weights of the samples, and the whitened residual [sample, channel] of those that are no spikes."""
-        difference = torch.where(self.measured, self.data - felt.model, 0.0)
-        variance = 1 + self.added_variance(felt.local, felt.model)
+        difference = torch.where(self.measured, self.data - evaluation.model, 0.0)
+        variance = 1 + self.added_variance(evaluation.local, evaluation.model)
         good = self.measured * near_noise(difference / self.problem.noise / variance.sqrt(), self.measured)
         residual = self.whiten(difference * good)
         soft = self.measured / variance
         return Weights(good, soft * huber(residual * soft.sqrt(), self.measured)), residual
 
-    def linearized(self, state: State, felt: Felt | None = None) -> Linearized:
-        """The problem near a state: whitened, weighted residual and derivatives; `felt` there, where it is known."""
-        felt = felt or self.felt(state)
-        weights, residual = self.weighted(felt)
+    def linearized(self, state: State, evaluation: Evaluation | None = None) -> Linearized:
+        """The problem near a state: whitened, weighted residual and derivatives; `evaluation` there if known."""
+        evaluation = evaluation or self.evaluate(state)
+        weights, residual = self.weighted(evaluation)
         scale = weights.soft.sqrt()
-        jacobian = self.jacobian(state, felt.local, felt.values) * weights.good[..., None]
+        jacobian = self.jacobian(state, evaluation.local, evaluation.values) * weights.good[..., None]
         jacobian = self.whiten(jacobian) * scale[..., None]
-        return Linearized(jacobian.flatten(0, 1), (residual * scale).flatten(), weights, felt.model, felt.local)
+        return Linearized(
+            jacobian.flatten(0, 1), (residual * scale).flatten(), weights, evaluation.model, evaluation.local
+        )
 
 
 def vehicles_of(vehicles: Vehicles, chosen: Tensor) -> Vehicles:

@@ -17,7 +17,7 @@ from solver.start.rough_route import TYPICAL
 from solver.survey.anchors import Anchor
 from solver.survey.das import DASRecord
 from solver.survey.das.rounding import Rounding
-from solver.survey.limits import FELT
+from solver.survey.limits import VEHICLE_REACH
 from solver.trajectory.trajectory_effects import EFFECTS as TRAJECTORY
 from solver.trajectory.vehicle_pass import Pass, track_sigma
 from vision.contract import InputError
@@ -51,9 +51,9 @@ def pose(
     route: np.ndarray,
     channel: np.ndarray,
     prior: Prior,
-    deaf: Sequence[int] | np.ndarray = (),
+    dead: Sequence[int] | np.ndarray = (),
 ) -> Problem:
-    """State the fitting problem over the active `channel` numbers but for `deaf` ones, from `route` [channel, 3] on."""
+    """State the fitting problem over the active `channel` numbers but for `dead` ones, from `route` [channel, 3] on."""
     column = np.searchsorted(record.channel, channel)
     whole = column[-1] - column[0] == len(column) - 1
     # A view where it can be: on a long fiber a copy is a large part of the memory.
@@ -61,7 +61,7 @@ def pose(
     still = quiet(len(strain_rate), route, passes)
     rounding = record.rounding and record.rounding.at(column)
     noise = rounded_level(noise_level(strain_rate, still), strain_rate, still, rounding)
-    alive = np.isfinite(noise) & (noise > 0) & ~np.isin(channel, deaf)
+    alive = np.isfinite(noise) & (noise > 0) & ~np.isin(channel, dead)
     if alive.sum() < FEWEST:
         raise InputError(
             f"DAS record: vehicles are told from noise in {alive.sum()} channels only, too few for a route; give "
@@ -71,7 +71,7 @@ def pose(
     passes = [guessed_less(part) for one in passes if (part := nearby(one, route)) is not None]
     if not passes:
         raise InputError(
-            f"trajectories: no vehicle comes within {FELT:g} m of channels {channel[0]} to {channel[-1]}, "
+            f"trajectories: no vehicle comes within {VEHICLE_REACH:g} m of channels {channel[0]} to {channel[-1]}, "
             "where the DAS feels vehicles; check the frame (origin, x_azimuth) and the clocks"
         )
     traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))

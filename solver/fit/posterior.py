@@ -11,10 +11,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.fit.belief import RouteRows
 from solver.fit.chain import Chain, Visit
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Block, Reduced
+from solver.fit.parameter_prior import RouteRows
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.fit.state import PER_PASS, State

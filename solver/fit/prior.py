@@ -13,7 +13,7 @@ from solver.survey.anchors import Anchor
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed before the data speak; a standard deviation of 0 fixes a value.
+    """What is known before the data speak; a standard deviation of 0 fixes a value.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class Prior:
     poisson_ratio : mean and sd
     along, across : size of a whole track's errors along travel and sideways, m; the passes themselves correct it, see
         `track_precision`
-    belief : passes' worth of belief in `along` and `across`
+    track_freedom : degrees of freedom of the priors on `along` and `across`
     jitter : sd of the coefficients of each track's slow error, where that is in the model (`track_jitter`), m
     """
 
@@ -36,7 +36,7 @@ class Prior:
     poisson_ratio: tuple[float, float] = (0.25, 0.03)
     along: float = 0.5
     across: float = 0.05
-    belief: float = 2.0
+    track_freedom: float = 2.0
     jitter: float = 0.3
 
 
@@ -46,10 +46,10 @@ PATCH = 10.0
 SHALLOW, SHALLOW_SD = 0.2, 0.02
 
 
-def track_precision(errors: Tensor, size: float, belief: float) -> Tensor:
+def track_precision(errors: Tensor, size: float, freedom: float) -> Tensor:
     """Precision [], 1/m^2, of the prior on every pass's error, given the errors [pass], m, of all.
 
-    The size of the errors is not known, only expected: scaled-inverse-chi-square with `belief` degrees of freedom.
+    The size of the errors is not known, only expected: scaled-inverse-chi-square with `freedom` degrees of freedom.
     Integrated over it the passes' errors are jointly Student-t (O'Hagan 1979, J. R. Stat. Soc. B 41, 358), which pulls
     on each as a Gaussian of this precision does: tracks that are all off loosen each other.
 
@@ -57,12 +57,12 @@ def track_precision(errors: Tensor, size: float, belief: float) -> Tensor:
     >>> [round(float(track_precision(errors, 0.05, 2.0)) ** -0.5, 3) for errors in (none, far)]
     [0.025, 0.866]
     """
-    return (belief + len(errors)) / (belief * size**2 + (errors**2).sum())
+    return (freedom + len(errors)) / (freedom * size**2 + (errors**2).sum())
 
 
-def track_cost(errors: Tensor, size: float, belief: float) -> float:
+def track_cost(errors: Tensor, size: float, freedom: float) -> float:
     """-2 ln of that Student-t density of errors [pass], m, but for a constant."""
-    return float((belief + len(errors)) * torch.log1p((errors**2).sum() / (belief * size**2)))
+    return float((freedom + len(errors)) * torch.log1p((errors**2).sum() / (freedom * size**2)))
 
 
 @dataclass(frozen=True)

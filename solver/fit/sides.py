@@ -28,7 +28,7 @@ def apart(one: FitResult, other: FitResult) -> bool:
     return bool(np.median(shift) > max(ASIDE, 3 * float(np.nanmedian(other.sigma[:, 1]))))
 
 
-def begun_apart(one: Problem, other: Problem) -> bool:
+def started_apart(one: Problem, other: Problem) -> bool:
     """Whether two fits began on different sides."""
     at, there = (np.isin(a.channel, b.channel) for a, b in ((one, other), (other, one)))
     return bool(np.median(np.abs(one.start[at, 1] - other.start[there, 1])) > ASIDE)
@@ -50,7 +50,7 @@ def is_open(best: End, other: End, steps: int) -> bool:
     if first.converged and (second.converged or given_up):
         # Where the model leaves more than noise, so much more must a rival be worse to be ruled out.
         return second.cost - first.cost < DECISIVE * max(1.0, first.chi2_per_dof) and apart(second, first)
-    return begun_apart(begun, elsewhere)
+    return started_apart(begun, elsewhere)
 
 
 def best_of(ends: Sequence[End], steps: int) -> tuple[End, bool]:

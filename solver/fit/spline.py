@@ -23,7 +23,7 @@ BESIDE = np.arange(0.0, 12.5, 1.0)
 ASIDE, RATIOS = 3.0, (0.05, 0.15, 0.25, 0.35, 0.4, 0.45)
 
 
-def beginning(problem: Problem, chain: Chain, advance: Callable[[int], None]) -> State:
+def initial_state(problem: Problem, chain: Chain, advance: Callable[[int], None]) -> State:
     """Where to begin: the rough route, or on a long fiber with many passes where a fit of some of them ends."""
     if not chain.long or len(problem.passes) < 2 * FIRST:
         return chain.start()
@@ -104,7 +104,7 @@ def fit_spline(
     """
     begun = time.perf_counter()
     chain = Chain.of(problem)
-    end = solve(chain, beginning(problem, chain, advance), advance=advance, hopeless=hopeless)
+    end = solve(chain, initial_state(problem, chain, advance), advance=advance, hopeless=hopeless)
     for elsewhere in (shifted_in_time, of_other_ratio, laid_elsewhere):
         if (again := elsewhere(chain, end.state)) is not None:
             other = solve(chain, again, advance=advance, hopeless=hopeless)

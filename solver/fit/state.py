@@ -60,7 +60,7 @@ class Weights:
 
 
 @dataclass(frozen=True)
-class Felt:
+class Evaluation:
     """What the vehicles of a state do.
 
     Parameters

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from solver.fit.problem import MARGIN, Problem
 from solver.signal_path.traffic import Traffic
-from solver.survey.limits import FELT
+from solver.survey.limits import VEHICLE_REACH
 from solver.trajectory.vehicle_pass import Pass
 
 #: A fiber up to this length is one stretch, m: what a camera sees, where one shift and one weight do for a pass.
@@ -21,7 +21,7 @@ STRETCH = 60.0
 FIRST = 12
 
 
-def nearby(one: Pass, route: NDArray[np.float64], reach: float = FELT) -> Pass | None:
+def nearby(one: Pass, route: NDArray[np.float64], reach: float = VEHICLE_REACH) -> Pass | None:
     """The part of a pass within `reach` of the route [channel, 3], m; None where it never comes that near."""
     low, high = route[:, :2].min(0) - reach, route[:, :2].max(0) + reach
     boxed = np.flatnonzero(((one.position >= low) & (one.position <= high)).all(1))

@@ -24,7 +24,7 @@ def strict_tracks(problem: Problem, along: float = ALONG) -> Problem:
 
     A size of the tracks' errors that is fitted takes up whatever shifts all passes.
     """
-    return replace(problem, prior=replace(problem.prior, along=along, across=ACROSS, belief=1e3))
+    return replace(problem, prior=replace(problem.prior, along=along, across=ACROSS, track_freedom=1e3))
 
 
 def track_spread(passes: Sequence[Pass], along: Array) -> float:

@@ -23,12 +23,12 @@ from solver.fit.stretches import is_long
 from solver.load.wheel_layout import not_known
 from solver.processing import decimated, filtered
 from solver.run.methods import METHODS
-from solver.start.first_routes import begin
+from solver.start.first_routes import find_first_routes
 from solver.survey.anchors import Anchor, read_anchors
 from solver.survey.das import DASRecord, read_das
 from solver.survey.das.record import ranges
 from solver.survey.das.rounding import dithered, told
-from solver.survey.dead_channels import deaf_channels
+from solver.survey.dead_channels import dead_channels
 from solver.survey.site import Site
 from solver.trajectory.agreement import check_apart, check_gauge, in_record, slow_line, suspicions
 from solver.trajectory.passes import smooth_passes
@@ -228,17 +228,17 @@ def locate(
     with timed(timings, "match"):
         believed = {"depth": ground.depth[0], "poisson_ratio": ground.poisson_ratio}
         try:
-            found = begin(shown, passes, anchors, **believed, warnings=warnings)
+            found = find_first_routes(shown, passes, anchors, **believed, warnings=warnings)
         except InputError as error:
             raise InputError(f"{error}{suspicions(record, passes)}") from error
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
-    deaf = deaf_channels(heard, found.channel)
-    if len(deaf):
+    dead = dead_channels(heard, found.channel)
+    if len(dead):
         warnings.append(
-            f"channels {ranges(deaf)} hear next to nothing of what those beside them hear; they are left out, and the "
+            f"channels {ranges(dead)} hear next to nothing of what those beside them hear; they are left out, and the "
             "route there hangs on their neighbors"
         )
-    begun = pose(record, passes, found.anchors, found.routes[0], found.channel, prior, deaf)
+    begun = pose(record, passes, found.anchors, found.routes[0], found.channel, prior, dead)
     # From wherever a fit begins, noise and samples are the same: misfits compare.
     alive = np.isin(found.channel, begun.channel)
     posed = [replace(begun, start=start[alive]) for start in found.routes]

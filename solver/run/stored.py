@@ -94,7 +94,7 @@ class PriorFile(Stored):
     poisson_ratio: tuple[Spread, Spread]
     along: Spread
     across: Spread
-    belief: Spread
+    track_freedom: Spread
     jitter: Spread
 
 

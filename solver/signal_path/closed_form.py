@@ -46,7 +46,7 @@ class Motion:
     front_share: Tensor
 
 
-def felt(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> Motion:
+def motion_of(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> Motion:
     """Motion under wheels and the derivatives of its part along `direction`.
 
     Parameters
@@ -67,7 +67,7 @@ def felt(point: Tensor, direction: Tensor, load: Load, poisson_ratio: float) -> 
     >>> at = torch.tensor([[3.0, 1.0, 0.9]], dtype=torch.float64)
     >>> from solver.ground.boussinesq import displacement_rate
     >>> load = Load(wheel, one, driven, torch.zeros(1, dtype=torch.long))
-    >>> bool(torch.allclose(felt(at, at, load, 0.25).motion[:, 0, 0], displacement_rate(at, v[0, 0], 0.25)[0]))
+    >>> bool(torch.allclose(motion_of(at, at, load, 0.25).motion[:, 0, 0], displacement_rate(at, v[0, 0], 0.25)[0]))
     True
     """
 
@@ -233,7 +233,7 @@ def strain_rate_derivatives(
     if way.turning is not None:
         # Station by station, each with all channels.
         places, ways = [*places, *fiber["inner"].unbind(1)], [*ways, *way.turning.unbind(1)]
-    here, count = felt(torch.cat(places), torch.cat(ways), load, poisson_ratio), len(fiber["ahead"])
+    here, count = motion_of(torch.cat(places), torch.cat(ways), load, poisson_ratio), len(fiber["ahead"])
 
     def gauges(values: Tensor) -> Tensor:
         """Sum over all points of each gauge, [row, channel]."""

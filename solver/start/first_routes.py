@@ -21,8 +21,8 @@ TOLD = 3.0
 
 
 @dataclass(frozen=True)
-class Beginning:
-    """Where to begin.
+class FirstRoutes:
+    """Rough routes that a fit may start from.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Beginning:
     coil: Coil | None = None
 
 
-def begin(
+def find_first_routes(
     record: DASRecord,
     passes: Sequence[Pass],
     anchors: Sequence[Anchor],
@@ -48,7 +48,7 @@ def begin(
     depth: float,
     poisson_ratio: float,
     warnings: list[str],
-) -> Beginning:
+) -> FirstRoutes:
     """Find channels and rough routes by the matched filter; a long road is looked at in sections.
 
     Parameters
@@ -86,7 +86,7 @@ def begin(
     if coil is None and abs(ahead := anchors_ahead(rough, used)) > OFF_LINE:
         routes.append(routes[0] + np.array([ahead, 0.0, 0.0]))
     disputed = [misplaced_line(one, rough.channel, rough.route[:, 0]) for one in wrong]
-    return Beginning(rough.channel[keep], routes, used, disputed, coil)
+    return FirstRoutes(rough.channel[keep], routes, used, disputed, coil)
 
 
 def anchors_ahead(rough: Initialization, anchors: Sequence[Anchor]) -> float:
@@ -117,7 +117,7 @@ def along_road(
     found: Sequence[Found],
     anchors: Sequence[Anchor],
     warnings: list[str],
-) -> Beginning:
+) -> FirstRoutes:
     """Join the sections of a long road; the other side is tried only where the widths leave it open."""
     chosen, other, evidence = sides_of(found)
     channel, route = joined(found, chosen)
@@ -134,4 +134,4 @@ def along_road(
             f"no vehicle is felt between channels {channel[gap]} and {channel[gap + 1]}; the rest alone tells the route"
         )
     routes = [route] if used or evidence > TOLD * len(found) else [route, joined(found, other)[1]]
-    return Beginning(channel, routes, used, [misplaced_line(one, channel, route[:, 0]) for one in wrong])
+    return FirstRoutes(channel, routes, used, [misplaced_line(one, channel, route[:, 0]) for one in wrong])

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from solver.survey.limits import FELT
+from solver.survey.limits import VEHICLE_REACH
 from vision.contract import InputError, LocalFrame
 from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame
 from vision.contract.csv_table import read_csv
@@ -67,11 +67,11 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
         raise InputError(f"{path}: no anchors; write one row per anchor or leave [anchors] out of site.toml")
     table = finite(table, names[1:], path)
     check_positive(table, ("sigma_xy", "sigma_z"), path)
-    if (wrong := (table["z"] <= 0) | (table["z"] > FELT)).any():
+    if (wrong := (table["z"] <= 0) | (table["z"] > VEHICLE_REACH)).any():
         row = first_row(wrong)
         raise InputError(
             f"{path}: row {row}: z is {table['z'].iloc[row - 1]:g}; z points down: give the depth below the road, m, "
-            f"above 0 and at most {FELT:g}"
+            f"above 0 and at most {VEHICLE_REACH:g}"
         )
     for name in ("name", "channel"):
         if table[name].duplicated().any():

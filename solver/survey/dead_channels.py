@@ -11,16 +11,16 @@ from solver.survey.das import DASRecord
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-#: Share of what its neighbors hear below which a channel is deaf, and sigmas by which it must be below all.
-DEAF, SURE = 0.3, 8.0
+#: Share of what its neighbors hear below which a channel is dead, and sigmas by which it must be below all.
+DEAD, SURE = 0.3, 8.0
 #: Neighbors on either side at most, times the noise at which they hear something, and samples of that.
 MOST, HEARD, ENOUGH = 5, 5.0, 10
 #: Channels that are looked at together, and the loudest samples of each lot that are.
 TOGETHER, LOUDEST = 400, 1500
 
 
-def deaf_channels(record: DASRecord, channel: Integers) -> Integers:
-    """Numbers of those of some channels that are deaf.
+def dead_channels(record: DASRecord, channel: Integers) -> Integers:
+    """Numbers of those of some channels that are dead.
 
     Neighbors within half a gauge length hear what a channel does. Where there are none, nothing is told; nor where one
     side is silent too, as along a coil.
@@ -35,17 +35,17 @@ def deaf_channels(record: DASRecord, channel: Integers) -> Integers:
         for first in range(0, len(run), TOGETHER):
             lot = run[max(0, first - reach) : first + TOGETHER + reach]
             values = record.strain_rate[:, np.searchsorted(record.channel, lot)][record.measured]
-            found.append(lot[deaf(values, reach) & np.isin(lot, run[first : first + TOGETHER])])
+            found.append(lot[dead(values, reach) & np.isin(lot, run[first : first + TOGETHER])])
     return np.concatenate(found)
 
 
-def deaf(values: Array, reach: int) -> NDArray[np.bool_]:
+def dead(values: Array, reach: int) -> NDArray[np.bool_]:
     """Which channels of [sample, channel] hear next to nothing of what up to `reach` channels on either side hear.
 
     >>> rng = np.random.default_rng(0)
     >>> passing = np.exp(-((np.arange(200)[:, None] - 4 * np.arange(30)) ** 2) / 200)
     >>> passing[:, 20] *= 0.1
-    >>> np.flatnonzero(deaf(passing + 0.01 * rng.normal(size=(200, 30)), 4)).tolist()
+    >>> np.flatnonzero(dead(passing + 0.01 * rng.normal(size=(200, 30)), 4)).tolist()
     [20]
     """
     # Traffic is rare enough for the median to bear it.
@@ -54,7 +54,7 @@ def deaf(values: Array, reach: int) -> NDArray[np.bool_]:
     loudest = np.argsort(-np.minimum(scaled, 1e3).mean(1))[:LOUDEST]
     here = values[loudest]
     gains = [heard(here, level, way * np.arange(1, reach + 1)) for way in (-1, 1)]
-    return np.asarray(np.all([(np.abs(gain) < DEAF) & (gain + SURE * sigma < 1) for gain, sigma in gains], 0))
+    return np.asarray(np.all([(np.abs(gain) < DEAD) & (gain + SURE * sigma < 1) for gain, sigma in gains], 0))
 
 
 def heard(values: Array, level: Array, steps: Integers) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """Limits of nature: a number beyond one of them is in the wrong unit, or a mistake."""
 
 #: A vehicle farther than this from a channel is not felt, m: under 1 % of its response when nearest.
-FELT = 25.0
+VEHICLE_REACH = 25.0
 #: m/s; no vehicle on a road is faster (324 km/h).
 FASTEST = 90.0
 #: 1/s; what an earthquake that shakes soft ground (waves of 100 m/s) as hard as the earth pulls makes of it.

@@ -19,7 +19,7 @@ from pydantic import (
 )
 
 from solver.survey.das.units import Quantity
-from solver.survey.limits import FELT
+from solver.survey.limits import VEHICLE_REACH
 from solver.survey.patterns import files_matching
 from vision.contract import InputError, LocalFrame, read_toml
 
@@ -131,10 +131,10 @@ class GroundSection(Section):
     @classmethod
     def within_reach(cls, depth: tuple[float, float]) -> tuple[float, float]:
         """Refuse a depth at which no vehicle is felt."""
-        if max(depth) > FELT:
+        if max(depth) > VEHICLE_REACH:
             raise ValueError(
-                f"mean {depth[0]:g} m, sd {depth[1]:g} m; no vehicle is felt deeper than {FELT:g} m: give both in m, "
-                "as [0.9, 0.3]"
+                f"mean {depth[0]:g} m, sd {depth[1]:g} m; no vehicle is felt deeper than {VEHICLE_REACH:g} m: "
+                "give both in m, as [0.9, 0.3]"
             )
         return depth
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from solver.survey.anchors import Anchor
 from solver.survey.das import DASRecord
-from solver.survey.limits import FELT
+from solver.survey.limits import VEHICLE_REACH
 from vision.contract import InputError
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def check_reach(anchors: Sequence[Anchor], passes: "Sequence[Pass]", active: tup
     for one in anchors:
         fiber = max(active[0] - one.channel, one.channel - active[1], 0.0) * spacing
         distance = from_tracks(one, passes)
-        if distance > FELT + (1 + SPACING_OFF) * fiber + SURE * one.sigma_xy:
+        if distance > VEHICLE_REACH + (1 + SPACING_OFF) * fiber + SURE * one.sigma_xy:
             felt = f"felt {fiber:.0f} m of fiber from" if fiber else "felt on"
             raise InputError(
                 f"anchor {one.name} is {distance:.1f} m from every track, but vehicles are {felt} its channel "

@@ -21,7 +21,7 @@ FAR, ENOUGH = 35.0, 400
 #: Cells whose energies are summed to measure how much the noise's power scatters.
 CLUMP = 16
 #: Samples that the common noise level counts for beside each channel's own.
-BELIEF = 100
+PRIOR_COUNTS = 100
 #: Two lanes are at least so far apart, m.
 LANE_WIDTH = 1.5
 #: Slowest vehicle whose delay is told in meters, m/s.
@@ -223,9 +223,9 @@ def noise_of(
     # Quartiles of chi2 with 16 degrees of freedom: 11.912, 15.338, 19.369.
     level = max(float(middle) / 15.338, 0.5)
     spread = max(1.0, float((high - low) / level / (19.369 - 11.912)) ** 2)
-    # Each channel's own level is drawn to that of all as if it had been seen BELIEF times more often.
+    # Each channel's own level is drawn to that of all as if it had been seen PRIOR_COUNTS times more often.
     clipped = np.minimum(residual**2, 16 * level) * quiet
-    own = (clipped.sum(0) + BELIEF * level) / (quiet.sum(0) + BELIEF)
+    own = (clipped.sum(0) + PRIOR_COUNTS * level) / (quiet.sum(0) + PRIOR_COUNTS)
     # The level is an estimate too, which widens what it is compared with.
     near = max(int((there & ~far).sum()), 1)
     return own, spread * (1 + near / (near + len(square)))

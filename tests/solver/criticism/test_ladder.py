@@ -55,7 +55,7 @@ def generic() -> str:
 
 
 def test_a_rung_that_leaves_too_much_and_moves_the_route_says_so_first(run) -> None:
-    """A stand-in was kept beside hidden braking: held out 1.60 to 1.49, while the route went from .18 to .80 m off."""
+    """One was kept beside hidden braking: held out 1.60 to 1.49, while the route went from .18 to .80 m off."""
     before = run()
     (line,) = said(before, run("gauge_length", aside=0.62, failed=True))
     assert "1.490 on passes" in line and "moved by 0.62 m, 12.4 of its sigmas" in line and "no better founded" in line
@@ -66,7 +66,7 @@ def test_a_rung_that_leaves_too_much_and_moves_the_route_says_so_first(run) -> N
 def test_a_stand_in_never_founds_a_route_better(run) -> None:
     before, name = run(), generic()
     (line,) = said(before, run(name))
-    assert line.startswith(f"{name} is a stand-in: it names no cause")
+    assert line.startswith(f"{name} is a discrepancy model: it names no cause")
     # It is said of the rung that brought it.
     assert said(run(name), run(name, "gauge_length")) == ()
 

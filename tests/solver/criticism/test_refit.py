@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from solver.cable.cable import Cable
-from solver.catalogue.catalogue import FAMILIES, STAND_INS, built_in, families_of
+from solver.catalogue.catalogue import DISCREPANCY_FAMILIES, FAMILIES, built_in, families_of
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism import refit
 from solver.criticism.candidate import score_candidate
@@ -92,7 +92,7 @@ def test_a_size_that_cannot_be(name: str, numbers: list[float], impossible: bool
 
 def test_every_family_is_told_how_to_separate_it_and_every_stand_in_is_known() -> None:
     assert set(ADVICE) == set(FAMILIES)
-    assert all(built_in()[name].generic and set(kinds) <= set(FAMILIES) for name, kinds in STAND_INS.items())
+    assert all(built_in()[name].generic and set(kinds) <= set(FAMILIES) for name, kinds in DISCREPANCY_FAMILIES.items())
     assert families_of("channel_wander") == ("place",)
 
 

@@ -49,18 +49,18 @@ def test_a_sound_survey_has_no_fault(survey: Problem) -> None:
 
 
 def test_channels_that_hear_nothing_are_found_named_and_left_out(survey: Problem) -> None:
-    deaf = survey.channel[[7, 20]]
+    dead = survey.channel[[7, 20]]
     record = survey.record.copy()
     noise = np.random.default_rng(4).normal(size=(len(record), 2)) * float(survey.noise[0])
-    record[:, np.isin(survey.channel, deaf)] = noise
+    record[:, np.isin(survey.channel, dead)] = noise
     fit, state = fitted(replace(survey, record=record))
     fault = find_faded_channels(fit, state)
     assert fault is not None
-    assert f"({deaf[0]}, {deaf[1]})" in fault.words
+    assert f"({dead[0]}, {dead[1]})" in fault.words
     assert fault.estimate == pytest.approx(2 / len(survey.channel))
     new, end = mended(fit, state, fault)
     assert find_faded_channels(new, end.state) is None
-    assert np.isnan(new.problem.record[:, np.isin(survey.channel, deaf)]).all()
+    assert np.isnan(new.problem.record[:, np.isin(survey.channel, dead)]).all()
     # What the two did not hear is no misfit of the others any more: it comes down to the noise.
     assert misfit(fit, state) > 1.5
     assert misfit(new, end.state) == pytest.approx(1, abs=0.1)

@@ -88,7 +88,7 @@ def test_two_strict_laws_that_explain_more_than_a_stand_in(
     named: bool,
     many_first: bool,
 ) -> None:
-    """Together they must explain more; neither as flexible as the stand-in, and nothing left over to one."""
+    """Together they must explain more; neither as flexible as the discrepancy model, and nothing left over to one."""
     of_first, numbers = (numbers, 1) if many_first else (1, numbers)
     after = {"pulse_width": refit("pulse_width", second, numbers=numbers)}
     if rest:
@@ -97,9 +97,9 @@ def test_two_strict_laws_that_explain_more_than_a_stand_in(
     left = Beside(SimpleNamespace(), others, after)  # type: ignore[arg-type]
     monkeypatch.setattr(Beside, "of", lambda *given: left)
     first = candidate("gibson_soil", 700.0, numbers=of_first)
-    stand_in = candidate("generic_time_filter", 1000.0, generic=True, numbers=looser)
+    discrepancy = candidate("generic_time_filter", 1000.0, generic=True, numbers=looser)
     bench: Any = SimpleNamespace()
-    found = both_known(bench, first, stand_in, {"gibson_soil": refit("gibson_soil", 700.0)}, ASKED)
+    found = both_known(bench, first, discrepancy, {"gibson_soil": refit("gibson_soil", 700.0)}, ASKED)
     assert (found is left) == named
 
 
@@ -108,11 +108,11 @@ def test_what_did_not_show_before_is_asked_where_the_winner_leaves_much(
     monkeypatch: pytest.MonkeyPatch, left: float, asked_again: bool
 ) -> None:
     """Clipping did not show beside vehicles that bounce much more strongly, and then seemed to be something unknown."""
-    stand_in, late = refit("generic_nonlinearity", left, generic=True, numbers=6), refit("saturation", 1.1 * left)
+    discrepancy, late = refit("generic_nonlinearity", left, generic=True, numbers=6), refit("saturation", 1.1 * left)
     bounce, clips = (SimpleNamespace(name=name, generic=False) for name in ("dynamic_load", "saturation"))
     problem = SimpleNamespace(effects=[bounce], curved=False, passes=[])
     at = SimpleNamespace(
-        scorer=SimpleNamespace(fit=SimpleNamespace(problem=problem)), table=[shown(stand_in)], audit=None
+        scorer=SimpleNamespace(fit=SimpleNamespace(problem=problem)), table=[shown(discrepancy)], audit=None
     )
     scored: list[str] = []
 
@@ -172,7 +172,7 @@ def test_noise_that_is_weaker_where_vehicles_are_loud_hides_no_strong_effect(
 
 
 @pytest.mark.parametrize(
-    ("first", "strength", "stand_in", "rival", "named"),
+    ("first", "strength", "discrepancy", "rival", "named"),
     [
         ("layered_ground", 22.0, "generic_twin", 17.0, False),
         ("layered_ground", 22.0, "generic_twin", 13.0, True),
@@ -191,7 +191,7 @@ def test_noise_that_is_weaker_where_vehicles_are_loud_hides_no_strong_effect(
     ],
 )
 def test_an_effect_that_something_unknown_explains_as_well(
-    monkeypatch: pytest.MonkeyPatch, first: str, strength: float, stand_in: str, rival: float, named: bool
+    monkeypatch: pytest.MonkeyPatch, first: str, strength: float, discrepancy: str, rival: float, named: bool
 ) -> None:
     """Trucks seen beside their wheels, or light by two ways, had been named layered ground; or an offset of all tracks.
 
@@ -202,7 +202,7 @@ def test_an_effect_that_something_unknown_explains_as_well(
     known = built_in()
     listed = [
         candidate(first, strength, stage=known[first].stage),
-        candidate(stand_in, rival, generic=True, stage=known[stand_in].stage),
+        candidate(discrepancy, rival, generic=True, stage=known[discrepancy].stage),
     ]
     bench: Any = Judged()
     found = judge(bench, listed, {first: refit(first, strength)}, ASKED)
@@ -210,7 +210,7 @@ def test_an_effect_that_something_unknown_explains_as_well(
     if not named:
         assert found.verdict == "inconclusive"
         assert first in found.words
-        assert stand_in in found.words
+        assert discrepancy in found.words
         assert found.separate
         assert [one.verdict for one in found.candidates] == ["inconclusive", "inconclusive"]
         assert ("poisson_ratio" in found.words) == (first == "camber")

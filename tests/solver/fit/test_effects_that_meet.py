@@ -24,8 +24,8 @@ def test_a_fiber_that_slips_and_something_else(other: str, curved: bool) -> None
             count = slot.where.stop - slot.where.start
             numbers[slot.where] += 0.3 * slot.parameter.plausible * torch.from_numpy(rng.uniform(0.3, 1, count))
     state = replace(state, numbers=numbers)
-    felt = fit.felt(state)
-    jacobian, vector = fit.jacobian(state, felt.local, felt.values), state.vector()
+    evaluation = fit.evaluate(state)
+    jacobian, vector = fit.jacobian(state, evaluation.local, evaluation.values), state.vector()
     size, first = 3 * fit.basis.size, len(vector) - len(numbers)
     for column in [*rng.choice(size, 5, replace=False), *range(size, first, 5), *range(first, len(vector), 2)]:
         step = 1e-5 * max(abs(float(vector[column])), 0.1)
@@ -34,5 +34,5 @@ def test_a_fiber_that_slips_and_something_else(other: str, curved: bool) -> None
         behind[column] -= step
         numeric = (fit.model(state.moved(ahead)) - fit.model(state.moved(behind))) / (2 * step)
         expected = jacobian[..., column]
-        rounding = 1e-14 * float(felt.model.abs().max()) / step
+        rounding = 1e-14 * float(evaluation.model.abs().max()) / step
         torch.testing.assert_close(numeric, expected, rtol=1e-3, atol=2e-4 * float(expected.abs().max()) + rounding)

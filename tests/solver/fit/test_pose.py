@@ -12,7 +12,7 @@ from solver.fit.result import FitResult
 from solver.signal_path.traffic import Traffic
 from solver.start.rough_route import silent
 from solver.survey.das import DASRecord
-from solver.survey.dead_channels import deaf_channels
+from solver.survey.dead_channels import dead_channels
 from solver.trajectory.vehicle_pass import track_sigma
 from vision.contract import InputError
 
@@ -132,4 +132,4 @@ def test_a_gap_is_not_channels_that_hear_nothing(survey) -> None:
     fitted = survey.result.fitted_channel
     assert silent(record, fitted[[0, -1]]) == silent(survey.record, fitted[[0, -1]])
     assert "channels 70 record nothing" in str(silent(record, fitted[[0, -1]]))
-    assert not len(deaf_channels(record, fitted))
+    assert not len(dead_channels(record, fitted))

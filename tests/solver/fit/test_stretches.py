@@ -12,7 +12,7 @@ from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Banded, Block, Factor, Normal, Part
 from solver.fit.posterior import Posterior
-from solver.fit.spline import beginning, fit_spline
+from solver.fit.spline import fit_spline, initial_state
 from solver.fit.stretches import crowds, nearby, parts, some, stretches
 
 RNG = np.random.default_rng(4)
@@ -171,7 +171,7 @@ def test_a_long_fiber_begins_with_whole_crowds(case, cut_short: None, monkeypatc
     """Every vehicle that is near is in the model: else what it leaves would pull the route away."""
     monkeypatch.setattr("solver.fit.spline.FIRST", 2)
     chain = Chain.of(case.problem)
-    begun = beginning(case.problem, chain, lambda n: None)
+    begun = initial_state(case.problem, chain, lambda n: None)
     seen = route_of(begun, case)
     assert np.abs(seen - route_of(solve(chain, begun).state, case))[5:-5].max() < 0.3
     whole = {tuple(one.track_id for one in link.fit.problem.passes) for link in chain.links}

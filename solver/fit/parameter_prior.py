@@ -1,4 +1,4 @@
-"""What is believed of all that is fitted: means, standard deviations, and the cost of departing from them."""
+"""The prior of all that is fitted: means, standard deviations, and the cost of departing from them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -59,7 +59,7 @@ class RouteRows:
 
 
 @dataclass(frozen=True)
-class Belief:
+class ParameterPrior:
     """Priors on a state.
 
     Parameters
@@ -130,7 +130,7 @@ class Belief:
             if bool(self.free[where := self.block(name)].all()) and self.passes:
                 share, size = self.trusted(name), getattr(self.prior, name)
                 errors = share * getattr(state.vehicles, name)
-                precision[where] = share**2 * track_precision(errors, size, self.prior.belief)
+                precision[where] = share**2 * track_precision(errors, size, self.prior.track_freedom)
         return precision
 
     def cost(self, state: State) -> float:
@@ -140,7 +140,7 @@ class Belief:
             if bool(self.free[where := self.block(name)].all()) and self.passes:
                 sd[where] = torch.inf
                 errors = self.trusted(name) * getattr(state.vehicles, name)
-                tracks += track_cost(errors, getattr(self.prior, name), self.prior.belief)
+                tracks += track_cost(errors, getattr(self.prior, name), self.prior.track_freedom)
         shift = (state.vector() - self.mean)[self.free] / sd[self.free]
         return float((shift**2).sum()) + tracks
 
