@@ -21,8 +21,8 @@ CLOSE = 6.0
 STRICTER, AS_STRICT = 0.95, 0.98
 #: Numbers of an effect whose law is strict, and above which it is as flexible as a discrepancy model.
 FEW, MANY = 3, 20
-#: Share of the winner's fall of chi2 that may be left to a discrepancy model of its own kind, as its law may be a little
-#: off (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
+#: Share of the winner's fall of chi2 left to a discrepancy model of its own kind, whose law may be a bit off
+#: (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
 LEFT, FINER, ASTRAY = 0.05, 0.1, 0.025
 #: Share of a discrepancy model's evidence from which on a known effect may, with a second one beside it, explain more.
 HALF = 0.5
