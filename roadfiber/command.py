@@ -72,9 +72,10 @@ def locate(
     site: Annotated[Path, typer.Argument(help="The survey's site.toml, or its folder.")],
     out: Annotated[Path, typer.Option("--out", help="Run folder to write.")] = Path("run"),
     method: Annotated[str, typer.Option(help="spline (default), or network: the paper's.")] = "spline",
-    effects: Annotated[str, typer.Option(help="Effects in the model, by comma; none: as published.")] = (
-        "wheel_layout,curved_gauge"
-    ),
+    effects: Annotated[
+        str | None,
+        typer.Option(help="Effects in the model, by comma; none: as published.", show_default="the base model's"),
+    ] = None,
     filters: Annotated[
         list[str] | None,
         typer.Option("--filter", help="fk or median, for the matched filter in much noise; may be given twice."),
@@ -89,6 +90,7 @@ def locate(
     Example: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`
     """
     from solver.run import check_target
+    from solver.run.locate import EFFECTS
     from solver.run.locate import locate as locate_fiber
     from solver.survey.site import read_site
     from vision.contract import write_trajectories, writing
@@ -96,7 +98,8 @@ def locate(
     check_target(out)
     survey = read_site(site / "site.toml" if site.is_dir() else site)
     tracked = None if survey.trajectories else follow(survey)
-    chosen = [name.strip() for name in effects.split(",") if name.strip() not in ("", "none")]
+    asked = EFFECTS if effects is None else [name.strip() for name in effects.split(",")]
+    chosen = [name for name in asked if name not in ("", "none")]
     located = locate_fiber(survey, tracked, method=method, effects=chosen, filters=filters or ())
     with writing(out) as folder:
         run = located.write(folder)

@@ -180,15 +180,15 @@ def clock(run: RunFolder, plugin: Plugins = None, changed: Changed = False, as_j
     """
     import json
 
-    from solver.catalogue.catalogue import built_in
     from solver.criticism.diagnosis import converged
     from solver.criticism.growth import fitted_with
     from solver.fit.track_trust import strict_tracks
     from solver.run import open_run
+    from solver.trajectory.trajectory_effects import CLOCK
 
     located, _ = open_run(run, plugin or [], changed)
     fit, state = converged(strict_tracks(located.problem), state_of(located))
-    found = fitted_with(fit, state, built_in()["clock_offset"], lambda n: None)
+    found = fitted_with(fit, state, CLOCK, lambda n: None)
     at = found.solution.state
     covariance = found.fit.normal(at)[0].inverse()
     offset, sigma = float(at.numbers[-1]), float(covariance[-1, -1].sqrt())

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from itertools import pairwise, product
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from torch import Tensor
 
 #: The stages of the signal path, in order.
@@ -14,6 +16,12 @@ STAGES = ("trajectory", "load", "ground", "cable", "interrogator", "processing")
 SCOPES = ("one", "pass", "fiber", "road", "track", "time")
 #: Those of which each row, a vehicle at a sample, has a value.
 BY_ROW = ("pass", "road", "track")
+
+#: Families of effects that surveys often cannot tell apart: one is not named without the others unless the survey
+#: separates them.
+FAMILIES = ("blur", "lag", "even", "gain", "place", "depth", "rigid", "curve")
+#: Parts of the base model that do what an effect does: wheels of known vehicle classes, bends of the fiber in a gauge.
+BASE_PARTS = ("wheels", "bends")
 
 
 @dataclass(frozen=True)
@@ -118,6 +126,78 @@ Proposal = tuple[list[dict[str, float]], int]
 
 
 @dataclass(frozen=True)
+class Fitted:
+    """What is known of a survey where a fit without an effect ended.
+
+    Parameters
+    ----------
+    distance : [channel], of the fitted channels along the fiber, m
+    vehicle_class : [pass]
+    weight : [pass], how heavy each vehicle came out, in the same unit for all
+    coil : `solver.cable.fiber.Coil` that the matched filter saw; None where it saw none
+    """
+
+    distance: NDArray[np.float64]
+    vehicle_class: tuple[str, ...]
+    weight: NDArray[np.float64]
+    coil: Any
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a fit with an effect may start besides where the fit without it ended; Poisson's ratio is as expected.
+
+    Parameters
+    ----------
+    numbers : of each amplitude, [number] each
+    shape : values of the shape parameters
+    route : distance along the fiber [place], m -> [place, 3], m; vehicles are as heavy as fits it. None: route and
+        vehicles are as they were fitted
+    """
+
+    numbers: tuple[NDArray[np.float64], ...]
+    shape: Mapping[str, float]
+    route: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A record, for effects that leave a trace in its noise or in its very values.
+
+    Parameters
+    ----------
+    values : [sample, channel], in units of the noise; NaN where not measured
+    still : [sample, channel], no vehicle near
+    sampling_rate : Hz
+    channel_spacing : m
+    """
+
+    values: NDArray[np.float64]
+    still: NDArray[np.bool_]
+    sampling_rate: float
+    channel_spacing: float
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """What a discrepancy model is, an effect that stands for something unknown.
+
+    Parameters
+    ----------
+    stage : at which that acts, where the model is put in at another; "": at its own
+    mixes : it mixes channels, and noise that is mixed too comes after the reading
+    levels : it changes how strongly all channels are read, and noise that is leveled too comes after the reading
+    before_and_behind : the first half of its amplitudes is of what is before a vehicle, the other half of what is
+        behind
+    """
+
+    stage: str = ""
+    mixes: bool = False
+    levels: bool = False
+    before_and_behind: bool = False
+
+
+@dataclass(frozen=True)
 class Effect:
     """An effect of the catalogue, or a user's own.
 
@@ -131,8 +211,13 @@ class Effect:
     physics : one line
     source : paper, book or standard
     told_from : what it is confounded with, in words
-    generic : a discrepancy model for something unknown, no physical effect
+    families : of `FAMILIES`, those it belongs to; those whose laws leave what it takes up, if it is a discrepancy model
+    discrepancy : what it is as a discrepancy model; None for a physical effect
+    base_part : of `BASE_PARTS`, the one that does what it does, so that a base model with it lacks nothing; "" if none
+    slow_error : it is each track's slow error, which is fitted wherever tracks are uncertain, as far as they say
     seek : finds the shapes worth trying in what was heard, where a grid fine enough would be too large; else None
+    start : finds where else a fit with it may start, None where nothing tells; else None
+    trace : says how a record shows that it is in there, None where it does not; else None
     """
 
     name: str
@@ -142,8 +227,18 @@ class Effect:
     physics: str
     source: str
     told_from: str = ""
-    generic: bool = False
+    families: tuple[str, ...] = ()
+    discrepancy: Discrepancy | None = None
+    base_part: str = ""
+    slow_error: bool = False
     seek: Callable[[Heard], Proposal] | None = None
+    start: Callable[[Fitted], Start | None] | None = None
+    trace: Callable[[Recorded], str | None] | None = None
+
+    @property
+    def generic(self) -> bool:
+        """Whether it is a discrepancy model, and no physical effect."""
+        return self.discrepancy is not None
 
     def parameter(self, name: str) -> Parameter:
         """Look a parameter up."""
@@ -181,19 +276,25 @@ def effect(
     physics: str,
     source: str,
     told_from: str = "",
-    generic: bool = False,
+    families: Sequence[str] = (),
+    discrepancy: Discrepancy | None = None,
+    base_part: str = "",
+    slow_error: bool = False,
     seek: Callable[[Heard], Proposal] | None = None,
+    start: Callable[[Fitted], Start | None] | None = None,
+    trace: Callable[[Recorded], str | None] | None = None,
 ) -> Callable[[Change], Effect]:
     """Make an effect of a function.
 
     Parameters
     ----------
-    name, stage, parameters, physics, source, told_from, generic, seek : see `Effect`
+    name, stage, parameters, physics, source : see `Effect`, as all others
 
     Raises
     ------
     ValueError
-        Where the declaration cannot hold: no such stage or scope, no parameter with a null, bounds that leave it out.
+        Where the declaration cannot hold: no such stage, scope, family or part of the base model, no parameter with a
+        null, bounds that leave it out.
 
     >>> @effect("axle_lift", "load", [Parameter("share", "1", 0.1)], physics="The rear axle carries less.", source="-")
     ... def axle_lift(load, p, survey):
@@ -203,6 +304,10 @@ def effect(
     """
     if stage not in STAGES:
         raise ValueError(f"effect {name}: stage {stage!r} is none of {', '.join(STAGES)}")
+    if unknown := [family for family in families if family not in FAMILIES]:
+        raise ValueError(f"effect {name}: family {unknown[0]!r} is none of {', '.join(FAMILIES)}")
+    if base_part not in ("", *BASE_PARTS):
+        raise ValueError(f"effect {name}: base_part {base_part!r} is none of {', '.join(BASE_PARTS)}")
     if not any(not p.is_shape for p in parameters):
         raise ValueError(f"effect {name}: give at least one parameter with a null value (no grid)")
     for p in parameters:
@@ -218,6 +323,21 @@ def effect(
             raise ValueError(f"effect {name}, {p.name}: the null {p.null:g} is outside {p.lower:g} to {p.upper:g}")
 
     def make(change: Change) -> Effect:
-        return Effect(name, stage, tuple(parameters), change, physics, source, told_from, generic, seek)
+        return Effect(
+            name,
+            stage,
+            tuple(parameters),
+            change,
+            physics,
+            source,
+            told_from=told_from,
+            families=tuple(families),
+            discrepancy=discrepancy,
+            base_part=base_part,
+            slow_error=slow_error,
+            seek=seek,
+            start=start,
+            trace=trace,
+        )
 
     return make

@@ -11,7 +11,7 @@ from torch.nn.functional import softplus
 from solver.cable.cable import Cable, Loose
 from solver.cable.fiber import between_channels
 from solver.cable.points import Points
-from solver.effect import Parameter, Surroundings, effect
+from solver.effect import Fitted, Parameter, Start, Surroundings, effect
 
 Values = Mapping[str, Tensor]
 
@@ -26,6 +26,7 @@ SHORTEST = 0.02
     physics="The cable grips the ground better at some places than at others.",
     source="Reinsch et al. 2017, Geophys. J. Int. 210, 1017.",
     told_from="stiffness of the ground that changes along it",
+    families=("gain",),
 )
 def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Gain exp(log_gain) of the strain at points, smooth along the fiber."""
@@ -41,6 +42,7 @@ def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     physics="The jacket passes strain on over a length L: 1 / (1 + k^2 L^2).",
     source="Ansari and Libo 1998, J. Eng. Mech. 124, 385.",
     told_from="pulse width",
+    families=("blur",),
 )
 def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Strain transfer of an elastic jacket."""
@@ -65,6 +67,14 @@ def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     return replace(cable, loose=Loose(center - half, center + half, p["share"]))
 
 
+def coiled(fitted: Fitted) -> Start | None:
+    """A coil as the matched filter saw it, beside a straight route: a fit without one ends too far off to find it."""
+    if fitted.coil is None:
+        return None
+    middle = (fitted.distance[0] + fitted.distance[-1]) / 2
+    return Start((np.array([fitted.coil.length]),), {"place": fitted.coil.place - middle}, fitted.coil.route)
+
+
 @effect(
     "slack_spool",
     "cable",
@@ -75,6 +85,8 @@ def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     physics="Fiber lies coiled in a manhole: all channels beyond it are nearer than they count.",
     source="ITU-T L.1430: slack storage at closures.",
     told_from="smooth errors of the channels' positions",
+    families=("place",),
+    start=coiled,
 )
 def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Gauges end where the fiber leads, which stands still over the coil; what lies coiled feels nothing.
@@ -115,6 +127,7 @@ def sloping_fiber(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     [Parameter("share", "1", 1.0, lower=0, upper=1.5)],
     physics="Within a gauge the fiber turns: strain is the integral along the path, not the motion of its two ends.",
     source="Integration by parts of t . grad u . t along the fiber.",
+    base_part="bends",
 )
 def curved_gauge(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """1 is the full path integral."""
@@ -131,6 +144,7 @@ def curved_gauge(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     physics="Channels lie farther apart than the file says: refractive index, helix, overstuffed fiber.",
     source="Lindsey et al. 2020, JGR Solid Earth 125.",
     told_from="the route and the clock's rate; only anchors tell",
+    families=("rigid",),
 )
 def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Distance along the fiber grows by the stretch, about the middle; where light counts wrong, so do gauges."""
@@ -149,6 +163,7 @@ def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     physics="Channels lie off their place along the fiber by a smooth amount: slack, snaking, index.",
     source="Piana Agostinetti et al. 2022, Solid Earth 13, 449.",
     told_from="the route",
+    families=("place",),
 )
 def channel_wander(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Channel positions depart smoothly from their count; where that is slack fiber, gauges reach less far as well."""

@@ -1,6 +1,6 @@
 """All effects that are known, the users' own among them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -19,48 +19,6 @@ from vision.contract import InputError
 Known = TypeVar("Known")
 
 STAGE_MODULES = (trajectory, load, ground, cable, interrogator, processing, generic)
-
-#: Effects that surveys often cannot tell apart: one is not named without the others unless the survey separates them.
-FAMILIES: dict[str, tuple[str, ...]] = {
-    "blur": (
-        "wheel_layout",
-        "pulse_width",
-        "shear_lag",
-        "time_averaging",
-        "layered_ground",
-        "gibson_soil",
-        "pavement",
-        "lowpass",
-        "lowpass_zero_phase",
-        "moving_load",
-    ),
-    "lag": ("clock_offset", "track_bias", "time_averaging", "kelvin_voigt_lag", "front_share", "lowpass"),
-    "even": ("grade_drag", "maxwell_flow", "highpass", "viscoelastic_lag"),
-    "gain": ("stiffness_contrast", "poisson_gradient", "channel_coupling"),
-    "place": ("slack_spool", "channel_wander", "track_bend"),
-    "depth": ("poisson_ratio", "camber"),
-    "rigid": ("track_offset", "track_rotation", "track_scale", "channel_stretch"),
-    # Tracks bent evenly, and the route along with them, are longer on one side of the road than on the other.
-    "curve": ("track_bend", "track_scale"),
-}
-
-#: Discrepancy models that mix channels, whether in the instrument or after it.
-MIXING = ("generic_echo", "generic_neighbors")
-#: Discrepancy models that change how strongly all channels are read, whether in the instrument or after it.
-GAINS = ("generic_gain", "generic_nonlinearity")
-#: Discrepancy models that are put in at one stage for what acts at another.
-MEANT_FOR = {"generic_twin": "cable"}
-#: Families of which a discrepancy model for the unknown takes up what the catalogue's laws leave.
-DISCREPANCY_FAMILIES = {
-    "generic_track": ("place",),
-    "generic_road": ("gain",),
-    "generic_train": ("blur",),
-    "generic_kernel": ("blur",),
-    "generic_neighbors": ("blur",),
-    "generic_time_filter": ("blur", "lag", "even"),
-    "generic_delay": ("lag",),
-    "generic_shift": ("lag", "rigid"),
-}
 
 
 @dataclass(frozen=True)
@@ -119,13 +77,13 @@ def built_in() -> dict[str, Effect]:
     return {one.name: one for module in STAGE_MODULES for one in module.EFFECTS}
 
 
-def families_of(name: str) -> tuple[str, ...]:
-    """Names of the families an effect belongs to.
+def family(kind: str, effects: Iterable[Effect]) -> tuple[str, ...]:
+    """Names of the physical effects of a family.
 
-    >>> families_of("camber")
-    ('depth',)
+    >>> family("depth", built_in().values())
+    ('camber', 'poisson_ratio')
     """
-    return tuple(family for family, members in FAMILIES.items() if name in members)
+    return tuple(one.name for one in effects if kind in one.families and not one.generic)
 
 
 def find(name: str, catalogue: Mapping[str, Known]) -> Known:

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.effect import Parameter, Surroundings, effect
+from solver.effect import Discrepancy, Parameter, Surroundings, effect
 from solver.ground.ground import Ground
 from solver.ground.ground_effects import TROUGH
 from solver.interrogator.interrogator import Interrogator
@@ -36,7 +36,8 @@ ASIDE = 10.0
     [Parameter("x", "m", 0.3, scope="road"), Parameter("y", "m", 0.3, scope="road")],
     physics="All vehicles are somewhere else than told, by a shift that changes smoothly with the place.",
     source=SOURCE,
-    generic=True,
+    families=("place",),
+    discrepancy=Discrepancy(),
 )
 def generic_track(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """Positions plus a smooth function of x."""
@@ -49,7 +50,8 @@ def generic_track(driven: Trajectory, p: Values, survey: Surroundings) -> Trajec
     [Parameter("along", "m", 0.5, scope="pass"), Parameter("across", "m", 0.5, scope="pass")],
     physics="Each vehicle is a fixed way from where it was told to be.",
     source=SOURCE,
-    generic=True,
+    families=("lag", "rigid"),
+    discrepancy=Discrepancy(),
 )
 def generic_shift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """One shift along and one across travel for each pass."""
@@ -62,7 +64,7 @@ def generic_shift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajec
     [Parameter("change", "1", 0.2, scope="track", rated=True)],
     physics="The weight of each vehicle changes smoothly on its way.",
     source=SOURCE,
-    generic=True,
+    discrepancy=Discrepancy(),
 )
 def generic_load(load: Load, p: Values, survey: Surroundings) -> Load:
     """Weight times 1 + change."""
@@ -75,7 +77,8 @@ def generic_load(load: Load, p: Values, survey: Surroundings) -> Load:
     [Parameter("change", "1", 0.2, scope="road", rated=True)],
     physics="The weight of all vehicles changes alike with the place on the road.",
     source=SOURCE,
-    generic=True,
+    families=("gain",),
+    discrepancy=Discrepancy(),
 )
 def generic_road(load: Load, p: Values, survey: Surroundings) -> Load:
     """Weight times 1 + change."""
@@ -88,7 +91,8 @@ def generic_road(load: Load, p: Values, survey: Surroundings) -> Load:
     [Parameter(f"{way}_{reach}", "1", 0.2, scope="pass") for way in ("before", "behind") for reach in TRAIN],
     physics="Each vehicle presses, or pulls, some meters before and behind it too.",
     source=SOURCE,
-    generic=True,
+    families=("blur",),
+    discrepancy=Discrepancy(before_and_behind=True),
 )
 def generic_train(load: Load, p: Values, survey: Surroundings) -> Load:
     """More loads along travel, each a share of the vehicle's weight."""
@@ -108,7 +112,7 @@ def generic_train(load: Load, p: Values, survey: Surroundings) -> Load:
     ],
     physics="Something else is heard besides, as by a second fiber some meters to one side.",
     source=SOURCE,
-    generic=True,
+    discrepancy=Discrepancy(stage="cable"),
 )
 def generic_twin(load: Load, p: Values, survey: Surroundings) -> Load:
     """A share of every wheel's load once more, aside: a fiber beside this one sees the road that far away."""
@@ -126,7 +130,8 @@ def generic_twin(load: Load, p: Values, survey: Surroundings) -> Load:
     ],
     physics="The ground answers differently by the distance from the wheel, before and behind it, and beside it.",
     source=SOURCE,
-    generic=True,
+    families=("blur",),
+    discrepancy=Discrepancy(),
 )
 def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Response times one plus Gaussians of the distance from the wheel, even, odd along travel, and even across."""
@@ -153,7 +158,7 @@ def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     [Parameter("softer", "1", 1.0), Parameter("uneven", "1", 1.0)],
     physics="The ground gives more, or less, where it is strained more.",
     source=SOURCE,
-    generic=True,
+    discrepancy=Discrepancy(),
 )
 def generic_softening(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Compliance that changes with the strain, either sign alike and not; in what the largest rate adds in 1 s."""
@@ -205,7 +210,7 @@ class Engaged(torch.autograd.Function):
     [Parameter(f"slack_{slack}", "1", 0.2) for slack in SLACKS],
     physics="Strain stays behind where it turns, by friction: the ground remembers, however slowly it is strained.",
     source="Prandtl-Ishlinskii model of hysteresis: Krasnosel'skii and Pokrovskii 1989, Systems with Hysteresis.",
-    generic=True,
+    discrepancy=Discrepancy(),
 )
 def generic_friction(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Strain plus shares of what it pulls along beyond some slacks (of what the largest rate adds in 1 s)."""
@@ -228,7 +233,7 @@ def generic_friction(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     ],
     physics="A packet of waves follows each vehicle, as far behind it wherever it is.",
     source="Gabor 1946, J. Inst. Electr. Eng. 93, 429: the packet; steady in the vehicle's frame.",
-    generic=True,
+    discrepancy=Discrepancy(),
 )
 def generic_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Motion along travel, half a wavelength wide (sd); 1 strains the ground as the trough does nearby."""
@@ -254,7 +259,8 @@ def generic_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     [Parameter(f"{way}_{lag}", "1", 0.2) for way in ("late", "early") for lag in TAPS],
     physics="Each sample holds shares of the samples before and after it.",
     source=SOURCE,
-    generic=True,
+    families=("blur", "lag", "even"),
+    discrepancy=Discrepancy(),
 )
 def generic_time_filter(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Finite impulse response of a few taps."""
@@ -273,7 +279,8 @@ def generic_time_filter(interrogator: Interrogator, p: Values, survey: Surroundi
     [Parameter("delay", "s", 0.1, scope="fiber")],
     physics="Each channel is read at a time of its own, which changes smoothly along the fiber.",
     source=SOURCE,
-    generic=True,
+    families=("lag",),
+    discrepancy=Discrepancy(),
 )
 def generic_delay(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Phase that grows with frequency, channel by channel."""
@@ -289,7 +296,7 @@ def generic_delay(interrogator: Interrogator, p: Values, survey: Surroundings) -
     ],
     physics="Channels hear a share of what others, a fixed way along the fiber, feel.",
     source=SOURCE,
-    generic=True,
+    discrepancy=Discrepancy(mixes=True),
 )
 def generic_echo(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Share of the strain at distance + shift, linear between channels."""
@@ -304,7 +311,8 @@ def generic_echo(interrogator: Interrogator, p: Values, survey: Surroundings) ->
     [Parameter(f"{way}_{lag}", "1", 0.2) for way in ("before", "after") for lag in TAPS],
     physics="Each channel holds shares of the channels before and after it.",
     source=SOURCE,
-    generic=True,
+    families=("blur",),
+    discrepancy=Discrepancy(mixes=True),
 )
 def generic_neighbors(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Finite impulse response of a few taps along the fiber."""
@@ -322,7 +330,7 @@ def generic_neighbors(interrogator: Interrogator, p: Values, survey: Surrounding
     [Parameter("change", "1", 0.2, scope="time")],
     physics="All channels are read with a gain that changes smoothly in time.",
     source=SOURCE,
-    generic=True,
+    discrepancy=Discrepancy(levels=True),
 )
 def generic_gain(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Output times 1 + change."""
@@ -335,7 +343,7 @@ def generic_gain(interrogator: Interrogator, p: Values, survey: Surroundings) ->
     [Parameter("quadratic", "1", 0.2), Parameter("odd", "1", 0.2), Parameter("cubic", "1", 0.2)],
     physics="The output is no straight line of the strain rate.",
     source=SOURCE,
-    generic=True,
+    discrepancy=Discrepancy(levels=True),
 )
 def generic_nonlinearity(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Polynomial of the strain rate over the largest of the record."""
@@ -356,7 +364,7 @@ def generic_nonlinearity(interrogator: Interrogator, p: Values, survey: Surround
     ],
     physics="Each vehicle is followed by something like itself.",
     source=SOURCE,
-    generic=True,
+    discrepancy=Discrepancy(),
 )
 def generic_wake(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Response plus a share of it, later."""

@@ -2,14 +2,14 @@
 
 import math
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from solver.catalogue.catalogue import FAMILIES, FAULTS, FaultKind, families_of, find
+from solver.catalogue.catalogue import FAULTS, FaultKind, family, find
 from solver.effect import STAGES, Effect, Parameter
 
 WIDEST = 100
@@ -44,9 +44,9 @@ def parameter_row(p: Parameter) -> Row:
     }
 
 
-def effect_row(one: Effect) -> Row:
-    """One effect for machines."""
-    families = families_of(one.name)
+def effect_row(one: Effect, effects: Collection[Effect]) -> Row:
+    """One of some effects for machines."""
+    families = () if one.generic else one.families
     return {
         "name": one.name,
         "stage": one.stage,
@@ -56,7 +56,7 @@ def effect_row(one: Effect) -> Row:
         "law": (one.change.__doc__ or "").strip().split("\n")[0],
         "source": one.source,
         "told_from": one.told_from,
-        "families": {family: [other for other in FAMILIES[family] if other != one.name] for family in families},
+        "families": {kind: [other for other in family(kind, effects) if other != one.name] for kind in families},
     }
 
 
@@ -83,7 +83,8 @@ def listed(catalogue: Mapping[str, Effect]) -> list[Row]:
     >>> rows[0]["name"], rows[0]["parameters"][0]["unit"], rows[-1]["stage"]
     ('clock_offset', 's', 'processing')
     """
-    rows = [effect_row(one) for one in catalogue.values()] + [fault_row(fault) for fault in FAULTS.values()]
+    effects = catalogue.values()
+    rows = [effect_row(one, effects) for one in effects] + [fault_row(fault) for fault in FAULTS.values()]
     kinds = ("physical", "generic", "fault")
     return sorted(rows, key=lambda row: (list(STAGES).index(row["stage"]), kinds.index(row["kind"])))
 
@@ -192,7 +193,7 @@ def print_details(row: Row, rows: Sequence[Row]) -> None:
     if row["told_from"]:
         out.print(Text(f"Confounded with: {row['told_from']}", "yellow"))
     physics = {other["name"]: other["physics"] for other in rows}
-    for family, members in row["families"].items():
-        out.print(Text(f"Family {family}: not named without these unless the survey separates them", "yellow"))
+    for kind, members in row["families"].items():
+        out.print(Text(f"Family {kind}: not named without these unless the survey separates them", "yellow"))
         for other in members:
             out.print(Text(f"  {other}: {physics[other]}"))

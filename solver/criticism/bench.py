@@ -66,8 +66,9 @@ class Bench:
         return cls(audit, scorer, table, idle, faults)
 
     def effect(self, candidate: Candidate) -> Effect:
-        """The effect that a candidate of the table is."""
-        return next(score.effect for score in self.table if score.effect.name == candidate.effect)
+        """The effect that a candidate is."""
+        every = (*(score.effect for score in self.table), *self.idle)
+        return next(one for one in every if one.name == candidate.effect)
 
     def is_fault(self, candidate: Candidate) -> bool:
         """Whether a candidate is a fault of the survey, and no effect."""
@@ -77,11 +78,7 @@ class Bench:
 def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
     """Effects that are not in the model already."""
     inside = {one.name for one in problem.effects}
-    if problem.curved:
-        inside.add("curved_gauge")
-    if all(one.vehicle_class != "vehicle" for one in problem.passes):
-        inside.add("wheel_layout")
-    return [one for one in effects if one.name not in inside]
+    return [one for one in effects if one.name not in inside and one.base_part not in problem.base_parts]
 
 
 def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from solver.catalogue.catalogue import DISCREPANCY_FAMILIES, families_of
 from solver.criticism.bench import Asked, Bench, racers, scorable
 from solver.criticism.candidate import Candidate
 from solver.criticism.refit import Refit, race
@@ -115,7 +114,7 @@ def akin(first: Candidate, discrepancy: Effect) -> bool:
 
 def of_family(first: Candidate, discrepancy: Effect) -> bool:
     """Whether a discrepancy model takes up what the laws of the first candidate's family leave."""
-    return not set(DISCREPANCY_FAMILIES.get(discrepancy.name, ())).isdisjoint(families_of(first.effect))
+    return not set(discrepancy.families).isdisjoint(first.families)
 
 
 def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:

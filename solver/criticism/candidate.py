@@ -39,6 +39,7 @@ class Candidate:
     confounded_with : names it cannot be told apart from here
     held_out_gain : fall of the held-out chi2 per degree of freedom; None where it was not tried
     refitted : whether it was fitted in full
+    families : of effects that surveys often cannot tell apart, those it belongs to
     """
 
     effect: str
@@ -59,6 +60,7 @@ class Candidate:
     confounded_with: tuple[str, ...] = ()
     held_out_gain: float | None = None
     refitted: bool = False
+    families: tuple[str, ...] = ()
 
 
 def fault_candidate(fault: Fault) -> Candidate:
@@ -104,6 +106,7 @@ def idle_candidate(effect: Effect) -> Candidate:
         shape={},
         retained_share=0.0,
         detectable_size=float("inf"),
+        families=effect.families,
     )
 
 
@@ -154,4 +157,5 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
         retained_share=score.retained,
         detectable_size=detectable,
         refitted=tried is not None,
+        families=score.effect.families,
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from solver.catalogue.catalogue import FAMILIES, GAINS, families_of
+from solver.catalogue.catalogue import family
 from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.bench import RACERS, STANDING_IN, Advance, Asked, Bench, racers, scorable
 from solver.criticism.beside import BESIDE, CLOSE, FEW, MANY, Beside, akin, both_known, of_family, outdone
@@ -21,7 +21,6 @@ from solver.criticism.repairs import mended
 from solver.criticism.score import FOUND, Score
 from solver.criticism.scorer import Scorer, similarity
 from solver.criticism.side_by_side import side_by_side
-from solver.criticism.spectrum import filtered_by
 from solver.criticism.verdict_words import (
     MORE,
     advice,
@@ -35,7 +34,7 @@ from solver.criticism.verdict_words import (
     unknown_words,
     untrusted_words,
 )
-from solver.effect import Effect
+from solver.effect import Effect, Recorded
 from solver.fit.held_out import held_out as held_out_misfit
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
@@ -176,12 +175,16 @@ def unranked(bench: Bench) -> Diagnosis:
     listed += map(idle_candidate, bench.idle)
     survey = bench.scorer.fit.problem
     still = quiet(len(survey.record), survey.start, survey.passes)
-    found = filtered_by(survey.record / survey.noise.numpy(), still, survey.sampling_rate, survey.channel_spacing)
-    filtered = next((c for c in listed if found and c.effect == found[0]), None)
-    if found is None or filtered is None:
-        return concluded(bench, "inconclusive", words, listed)
-    words = f"{found[0]} is missing at the processing stage: {found[1]}; better diagnose the record as it was before it"
-    return concluded(bench, "missing-effect", words, order(listed, replace(filtered, verdict="present")))
+    recorded = Recorded(survey.record / survey.noise.numpy(), still, survey.sampling_rate, survey.channel_spacing)
+    for candidate in listed:
+        trace = bench.effect(candidate).trace
+        if trace is not None and (shown := trace(recorded)) is not None:
+            words = (
+                f"{candidate.effect} is missing at the {candidate.stage} stage: {shown}; better diagnose the record as "
+                "it was before it"
+            )
+            return concluded(bench, "missing-effect", words, order(listed, replace(candidate, verdict="present")))
+    return concluded(bench, "inconclusive", words, listed)
 
 
 def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit], asked: Asked) -> Diagnosis:
@@ -190,7 +193,7 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     physical = [c for c in present if not c.generic]
     generic = [c for c in present if c.generic]
     if bench.audit.leveled and all(c.evidence < PLAIN for c in present):
-        level = next(c for c in listed if c.effect in GAINS)
+        level = next(c for c in listed if c.generic and levels(bench.effect(c)))
         words = leveled_words(bench.audit.loud)
         return concluded(bench, "unknown-effect", words, leading(listed, placed(level, bench)))
     if not present:
@@ -208,9 +211,10 @@ def judge(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit],
     if tried[first.effect].pushed:
         return impossible(bench, first, listed, tried)
     if (rival := unknown_as_well(first, generic, bench)) is not None:
-        first = replace(first, verdict="inconclusive", confounded_with=tuple(hidden_with(first)))
+        first = replace(first, verdict="inconclusive", confounded_with=tuple(hidden_with(first, asked.effects)))
         words = as_well_words(first, rival, bench.effect(rival).physics)
-        return concluded(bench, "inconclusive", words, leading(listed, first), separate=advice(first) or MORE)
+        separate = advice(first, asked.effects) or MORE
+        return concluded(bench, "inconclusive", words, leading(listed, first), separate=separate)
     return confirmed(bench, first, listed, tried, asked)
 
 
@@ -246,10 +250,10 @@ def unknown_as_well(first: Candidate, generic: Sequence[Candidate], bench: Bench
     return next(filter(as_good, generic), None)
 
 
-def hidden_with(first: Candidate) -> list[str]:
-    """What the route hides together with a candidate, which is therefore never named alone."""
-    kinds = [kind for kind in NEVER_ALONE if first.effect in FAMILIES[kind]]
-    return [name for kind in kinds for name in FAMILIES[kind] if name != first.effect]
+def hidden_with(first: Candidate, effects: Sequence[Effect]) -> list[str]:
+    """What the route hides, of some effects, together with a candidate, which is therefore never named alone."""
+    kinds = [kind for kind in NEVER_ALONE if kind in first.families]
+    return [name for kind in kinds for name in family(kind, effects) if name != first.effect]
 
 
 def confirmed(
@@ -271,16 +275,16 @@ def confirmed(
             f"acts at the {discrepancy.stage} stage, as if {like(best.effect.physics)} ({best.effect.name})"
         )
         return concluded(bench, "unknown-effect", words, leading(listed, discrepancy), left=left)
-    first = replace(first, confounded_with=confounded(bench, first, listed, tried))
+    first = replace(first, confounded_with=confounded(bench, first, listed, tried, asked.effects))
     gain = held_out_gain(bench.scorer, winner) if asked.held_out else None
-    first = replace(first, held_out_gain=gain)
+    first, separate = replace(first, held_out_gain=gain), advice(first, asked.effects)
     if gain is not None and gain <= 0:
         named = leading(listed, replace(first, verdict="inconclusive"))
-        return concluded(bench, "inconclusive", untrusted_words(first), named, separate=advice(first), left=left)
+        return concluded(bench, "inconclusive", untrusted_words(first), named, separate=separate, left=left)
     faults = {fault.name: fault_candidate(fault) for fault in again.faults}
     whole = [faults.get(c.effect, c) for c in leading(listed, first)]
     words = missing_words(first, left)
-    return concluded(bench, "missing-effect", words, whole, separate=advice(first), left=left)
+    return concluded(bench, "missing-effect", words, whole, separate=separate, left=left)
 
 
 def plainest(physical: Sequence[Candidate]) -> Candidate:
@@ -288,6 +292,11 @@ def plainest(physical: Sequence[Candidate]) -> Candidate:
     best = physical[0]
     few = [c for c in physical if c.numbers <= FEW and c.refitted]
     return few[0] if best.numbers > MANY and few and not outdone(few[0].evidence, best.evidence, best.numbers) else best
+
+
+def levels(discrepancy: Effect) -> bool:
+    """Whether a discrepancy model changes how strongly all channels are read."""
+    return discrepancy.discrepancy is not None and discrepancy.discrepancy.levels
 
 
 def placed(discrepancy: Candidate, bench: Bench) -> Candidate:
@@ -322,24 +331,28 @@ def leading(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, .
 
 
 def confounded(
-    bench: Bench, first: Candidate, listed: Sequence[Candidate], tried: Mapping[str, Refit]
+    bench: Bench,
+    first: Candidate,
+    listed: Sequence[Candidate],
+    tried: Mapping[str, Refit],
+    effects: Sequence[Effect],
 ) -> tuple[str, ...]:
-    """Names that cannot be told apart from the first candidate in this survey."""
+    """Names that cannot be told apart from the first candidate, one of some effects, in this survey."""
     close = [
         c.effect
         for c in listed
         if not c.generic and c.refitted and c.effect != first.effect and c.evidence > first.evidence - CLOSE
     ]
     scores = {s.effect.name: s for s in bench.table}
-    family = {name for kind in families_of(first.effect) for name in FAMILIES[kind]} - {first.effect}
+    kin = {name for kind in first.families for name in family(kind, effects)} - {first.effect}
     mine = scores[first.effect]
-    for name in sorted(family & set(scores)):
+    for name in sorted(kin & set(scores)):
         # Laws of one family differ by little more than what any of them idealizes.
         rival = tried[name].evidence if name in tried else -np.inf
         alike = name not in tried and similarity(bench.scorer, mine, scores[name]) > ALIKE
         if alike or rival > RIVAL * first.evidence:
             close.append(name)
-    return tuple(dict.fromkeys(close + hidden_with(first)))
+    return tuple(dict.fromkeys(close + hidden_with(first, effects)))
 
 
 def held_out_gain(scorer: Scorer, winner: Refit) -> float | None:

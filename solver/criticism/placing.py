@@ -2,16 +2,13 @@
 
 import torch
 
-from solver.catalogue.catalogue import GAINS, MEANT_FOR, MIXING
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.score import outcome
 from solver.criticism.scorer import Scorer
-from solver.effect import Effect
+from solver.effect import Discrepancy, Effect
 
 #: Correlation of the noise of neighboring channels above which it was mixed after it was read.
 SHARED = 0.1
-#: Discrepancy models of what is ahead of a vehicle (half of their numbers) and behind it (the others), pass by pass.
-AHEAD_AND_BEHIND = ("generic_train",)
 #: How much more of chi2 must fall with the same profile along the fiber than with the same along travel.
 FIXED = 1.2
 
@@ -24,17 +21,17 @@ def stage_of(discrepancy: Effect, scorer: Scorer, check: NoiseAudit) -> str:
 
     Parameters
     ----------
-    discrepancy : an effect of the catalogue
+    discrepancy : a discrepancy model
     scorer : at the fit without it
     check : of the noise
     """
-    across = scorer.fit.problem.law.across
-    mixed = discrepancy.name in MIXING and len(across) > 1 and abs(across[1]) > SHARED
-    if mixed or (discrepancy.name in GAINS and check.leveled):
+    model, across = discrepancy.discrepancy or Discrepancy(), scorer.fit.problem.law.across
+    mixed = model.mixes and len(across) > 1 and abs(across[1]) > SHARED
+    if mixed or (model.levels and check.leveled):
         return "processing"
-    if discrepancy.name in AHEAD_AND_BEHIND and fixed_to_fiber(discrepancy, scorer):
+    if model.before_and_behind and fixed_to_fiber(discrepancy, scorer):
         return "interrogator"
-    return MEANT_FOR.get(discrepancy.name, discrepancy.stage)
+    return model.stage or discrepancy.stage
 
 
 def fixed_to_fiber(discrepancy: Effect, scorer: Scorer) -> bool:

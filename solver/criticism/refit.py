@@ -12,7 +12,7 @@ from torch import Tensor
 from solver.criticism.score import FOUND, Score, evidence
 from solver.criticism.scorer import Scorer, score_all
 from solver.criticism.side_by_side import side_by_side
-from solver.effect import Effect, Parameter
+from solver.effect import Effect, Fitted, Parameter
 from solver.fit.chain import Chain
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
@@ -20,7 +20,6 @@ from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
-from solver.load.wheel_layout import LAYOUTS, POINTS
 from solver.signal_path.extension import Slot
 from solver.signal_path.traffic import Vehicles
 
@@ -42,8 +41,6 @@ LATE = 0.25
 UNSOLVED = (ValueError, np.linalg.LinAlgError, torch.linalg.LinAlgError)
 #: Root mean square of numbers, in standard deviations of their prior, that is none of its draws any more.
 EXTREME = 3.0
-#: Classes from light to heavy, and weights relative to the lighter half's mean that divide them.
-HEAVIER, TIMES = ("car", "truck", "bus"), (1.8, 5.0)
 
 
 def counted(fit: MapFit, at: Linearized) -> Tensor:
@@ -246,48 +243,31 @@ def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
 
 
 def elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """Candidates that start elsewhere than the fit: with the coil that was seen, usual wheels, or unshifted tracks."""
-    return with_coil(scorer, effects) + with_wheels(scorer, effects) + unshifted(scorer, effects)
+    """Candidates that start elsewhere than the fit: where they say themselves, or with unshifted tracks."""
+    told = (started_elsewhere(scorer, one) for one in effects)
+    return [one for one in told if one is not None] + unshifted(scorer, effects)
 
 
-def with_coil(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """A coil as the matched filter saw it, beside a straight route: a fit without one ends too far off to find it."""
-    fit, coil = scorer.fit, scorer.fit.problem.coil
-    effect = next((one for one in effects if one.name == "slack_spool"), None)
-    if coil is None or effect is None:
-        return []
-    distance = fit.problem.distance_of(fit.problem.route_channel)
-    route = torch.from_numpy(fit.basis.interpolate(distance, coil.route(distance)))
-    there = Scorer(fit, fit.start_at(route, torch.tensor(fit.problem.prior.poisson_ratio[0]).double()), alone=True)
-    middle = (fit.problem.distance[0] + fit.problem.distance[-1]) / 2
-    return [(there, as_told(fit, effect, [np.array([coil.length])], {"place": coil.place - middle}))]
-
-
-def with_wheels(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """Vehicles of unknown class on the wheels of the classes that their weights suggest.
-
-    Point loads have driven the ground's Poisson ratio and the depth elsewhere, from where steps lead nowhere.
-    """
+def started_elsewhere(scorer: Scorer, effect: Effect) -> tuple[Scorer, Score] | None:
+    """A candidate where it says that a fit with it may start; None where it says nothing."""
     fit, state = scorer.fit, scorer.state
-    effect = next((one for one in effects if one.name == "wheel_layout"), None)
-    unknown = np.array([one.vehicle_class in POINTS for one in fit.problem.passes])
-    if effect is None or not unknown.any():
-        return []
-    weight = np.abs(state.vehicles.amplitude.numpy())
-    light = np.sort(weight)[: (len(weight) + 1) // 2].mean()
-    kinds = [LAYOUTS[HEAVIER[np.searchsorted(TIMES, one / light)]] for one in weight]
-    along = np.array([kind.wheelbase**2 for kind in kinds]) * unknown
-    across = np.array([kind.track**2 for kind in kinds]) * unknown
-    fresh = fit.start_at(state.coefficients, torch.tensor(fit.problem.prior.poisson_ratio[0]).double(), state.numbers)
-    there = Scorer(fit, replace(fresh, vehicles=state.vehicles), alone=True)
-    return [(there, as_told(fit, effect, [along, across, 0 * along], {}))]
-
-
-def as_told(fit: MapFit, effect: Effect, told: Sequence[NDArray[np.float64]], shape: dict[str, float]) -> Score:
-    """A score in form only: numbers of each amplitude to start from, of which nothing is predicted."""
-    counts, numbers = tuple(len(one) for one in told), np.concatenate(told)
-    signal = torch.zeros(fit.measured.numel(), dtype=torch.float64)
-    return Score(effect, shape, False, 0.0, len(numbers), 1, counts, numbers, np.ones(len(numbers)), 1.0, signal)
+    problem = fit.problem
+    classes = tuple(one.vehicle_class for one in problem.passes)
+    known = Fitted(problem.distance, classes, np.abs(state.vehicles.amplitude.numpy()), problem.coil)
+    start = None if effect.start is None else effect.start(known)
+    if start is None:
+        return None
+    nu = torch.tensor(problem.prior.poisson_ratio[0]).double()
+    if start.route is None:
+        begun = replace(fit.start_at(state.coefficients, nu, state.numbers), vehicles=state.vehicles)
+    else:
+        distance = problem.distance_of(problem.route_channel)
+        begun = fit.start_at(torch.from_numpy(fit.basis.interpolate(distance, start.route(distance))), nu)
+    counts, numbers = tuple(len(one) for one in start.numbers), np.concatenate(start.numbers)
+    # A score in form only: nothing is predicted.
+    signal, sigma = torch.zeros(fit.measured.numel(), dtype=torch.float64), np.ones(len(numbers))
+    score = Score(effect, dict(start.shape), False, 0.0, len(numbers), 1, counts, numbers, sigma, 1.0, signal)
+    return Scorer(fit, begun, alone=True), score
 
 
 def race(

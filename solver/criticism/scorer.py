@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from solver.catalogue.catalogue import built_in
 from solver.criticism.score import FOUND, Projected, Score, mixes, one_sided, outcome
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.windowed import Windowed
@@ -20,8 +19,9 @@ from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
 from solver.signal_path.derivatives import acts_on_rows, derivative
-from solver.signal_path.extension import SLOW_ERROR, Extension
+from solver.signal_path.extension import Extension
 from solver.signal_path.local import Local, Seen
+from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import track_sigma
 
 #: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
@@ -84,7 +84,7 @@ class Scorer:
         fitted = Windowed.of(self.at.jacobian[:, fit.free], fit.data.shape[1])
         #: What was fitted, and then the tracks' slow errors [sample * channel + anchor, column].
         self.jacobian = fitted.above(self._below(self._anchors.jacobian[:, fit.free]))
-        if not alone and all(one.name != SLOW_ERROR for one in fit.extension.effects):
+        if not alone and not any(one.slow_error for one in fit.extension.effects):
             self._slow = self.slow_errors()
             self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
             matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
@@ -93,8 +93,8 @@ class Scorer:
 
     def slow_errors(self) -> tuple[Windowed, list[int]]:
         """Directions of the tracks' slow errors, as `columns` gives them."""
-        effect = built_in()[SLOW_ERROR]
-        return self.columns(effect, {}, self.fit.problem.extension([*self.fit.extension.effects, effect]))
+        extension = self.fit.problem.extension([*self.fit.extension.effects, SLOW_ERROR])
+        return self.columns(SLOW_ERROR, {}, extension)
 
     def _with_slow_errors(self, matrix: Tensor, right: Tensor, columns: Windowed) -> tuple[Tensor, Tensor]:
         """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
@@ -156,7 +156,7 @@ class Scorer:
 
     def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Windowed, list[int]]:
         """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, how many each has."""
-        if effect.name == SLOW_ERROR and self._slow is not None:
+        if effect == SLOW_ERROR and self._slow is not None:
             return self._slow
         seen, numbers = self.seen(extension), self.numbers(extension, shape)
         slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]

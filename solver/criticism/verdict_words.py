@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable, Sequence
 
-from solver.catalogue.catalogue import FAMILIES, families_of
+from solver.catalogue.catalogue import family
 from solver.criticism.candidate import Candidate
 from solver.criticism.repairs import Fault
 from solver.criticism.score import FOUND
+from solver.effect import Effect
 
 ADVICE = {
     "blur": "passes from 30 to 70 km/h, a second lane farther away, and two classes of vehicle",
@@ -70,11 +71,11 @@ def left_open(firsts: Iterable[Candidate]) -> str:
     return f"Still open: this survey cannot tell {said}. Each of these may be there in place of the other."
 
 
-def advice(first: Candidate) -> str:
-    """What survey would tell an effect from its twins; "" where it has none."""
+def advice(first: Candidate, effects: Sequence[Effect]) -> str:
+    """What survey would tell one of some effects from its twins; "" where it has none."""
     if not first.confounded_with:
         return ""
-    kinds = [kind for kind in families_of(first.effect) if set(FAMILIES[kind]) & set(first.confounded_with)]
+    kinds = [kind for kind in first.families if set(family(kind, effects)) & set(first.confounded_with)]
     return "; ".join(ADVICE[kind] for kind in kinds) or "another lane, other speeds, or an anchor"
 
 

@@ -17,7 +17,7 @@ from solver.fit.problem import Problem
 from solver.fit.robust import huber, near_noise
 from solver.fit.state import PER_PASS, Evaluation, Linearized, State, Weights
 from solver.signal_path.derivatives import derivative, observed_tangents
-from solver.signal_path.extension import SLOW_ERROR, Values
+from solver.signal_path.extension import Values
 from solver.signal_path.local import Local, Seen
 from solver.signal_path.observation import BASE
 from solver.signal_path.signal_path import Sensitivities, SignalPath
@@ -232,7 +232,7 @@ class MapFit:
         Where the tracks' slow errors are fitted, only what is beyond these counts.
         """
         traffic = self.path.traffic
-        fitted = any(one.name == SLOW_ERROR for one in self.extension.effects)
+        fitted = any(one.slow_error for one in self.extension.effects)
         slow = SPLINE_VARIANCE * self.problem.prior.jitter**2 if fitted else 0.0
         # The sigmas are of x and y; the shifts are along and across the heading.
         cosine, sine = (traffic.heading**2).unbind(-1)

@@ -13,7 +13,7 @@ from solver.cable.fiber import DEGREE, SplineBasis
 from solver.fit.prior import Prior, Rows, anchor_rows, shape_rows, track_cost, track_precision
 from solver.fit.state import PER_PASS, State
 from solver.load.wheel_layout import layout_of
-from solver.signal_path.extension import NONE, SLOW_ERROR, Extension, Slot
+from solver.signal_path.extension import NONE, Extension, Slot
 from solver.signal_path.traffic import Vehicles
 from solver.survey.anchors import Anchor
 from solver.trajectory.vehicle_pass import Pass
@@ -28,7 +28,7 @@ def number_sd(slot: Slot, prior: Prior) -> float:
     """Standard deviation of an effect's numbers before the data speak."""
     grid = slot.parameter.grid
     plausible = max(grid) - min(grid) if len(grid) > 1 else slot.parameter.plausible
-    return prior.jitter if slot.effect.name == SLOW_ERROR else plausible
+    return prior.jitter if slot.effect.slow_error else plausible
 
 
 def spreads(extension: Extension, prior: Prior) -> Tensor:

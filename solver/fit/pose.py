@@ -11,14 +11,13 @@ from solver.fit.map_fit import SPLINE_VARIANCE
 from solver.fit.stretches import is_long, nearby
 from solver.noise.quiet_windows import noise_level, quiet, rounded_level
 from solver.noise.whitening import NoiseLaw, noise_law
-from solver.signal_path.extension import SLOW_ERROR
 from solver.signal_path.traffic import Traffic
 from solver.start.rough_route import TYPICAL
 from solver.survey.anchors import Anchor
 from solver.survey.das import DASRecord
 from solver.survey.das.rounding import Rounding
 from solver.survey.limits import VEHICLE_REACH
-from solver.trajectory.trajectory_effects import EFFECTS as TRAJECTORY
+from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import Pass, track_sigma
 from vision.contract import InputError
 
@@ -116,11 +115,10 @@ def with_slow_errors(problem: Problem) -> Problem:
     On a long fiber each track has a shift of its own every few seconds already.
     """
     sigma = track_sigma(problem.passes)
-    if is_long(problem) or sigma < UNCERTAIN or any(one.name == SLOW_ERROR for one in problem.effects):
+    if is_long(problem) or sigma < UNCERTAIN or any(one.slow_error for one in problem.effects):
         return problem
-    effect = next(one for one in TRAJECTORY if one.name == SLOW_ERROR)
     prior = replace(problem.prior, jitter=sigma / SPLINE_VARIANCE**0.5)
-    return replace(problem, effects=(*problem.effects, effect), prior=prior)
+    return replace(problem, effects=(*problem.effects, SLOW_ERROR), prior=prior)
 
 
 def around(passes: Sequence[Pass], samples: int, margin: int) -> np.ndarray:

@@ -112,6 +112,12 @@ class Problem:
         return np.arange(int(np.ceil(first)), int(np.floor(last)) + 1)
 
     @property
+    def base_parts(self) -> set[str]:
+        """Of `solver.effect.BASE_PARTS`, those that the model has."""
+        wheels = all(one.vehicle_class != "vehicle" for one in self.passes)
+        return {part for part, there in (("wheels", wheels), ("bends", self.curved)) if there}
+
+    @property
     def path(self) -> SignalPath:
         """The signal path of this survey's traffic, with its effects."""
         bare = SignalPath(self.traffic, self.gauge_length, curved=self.curved)

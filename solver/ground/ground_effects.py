@@ -24,6 +24,7 @@ Values = Mapping[str, Tensor]
     physics="Poisson's ratio is not what the survey assumed.",
     source="Boussinesq 1885; Johnson 1985, eq. 3.18.",
     told_from="depth, camber and anisotropy; a depth known from an anchor helps",
+    families=("depth",),
 )
 def poisson_ratio(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Another Poisson's ratio everywhere."""
@@ -41,6 +42,7 @@ def poisson_ratio(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="Poisson's ratio changes along the road, as from dry to wet ground.",
     source="Das 2010, Principles of Geotechnical Engineering, table 11.",
     told_from="a change of stiffness along the road",
+    families=("gain",),
 )
 def poisson_gradient(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Falls by the change before a place and rises by it beyond, as a tanh of some width."""
@@ -58,6 +60,7 @@ def poisson_gradient(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="The ground is stiffer on one side of a place: strain is inverse to the shear modulus.",
     source="Boussinesq 1885: displacement is F / (4 pi G) times geometry.",
     told_from="coupling of the cable that changes along it, and the route",
+    families=("gain",),
 )
 def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """The shear modulus grows by exp(log_ratio) over a few meters, its geometric mean unchanged."""
@@ -79,6 +82,7 @@ def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Groun
     physics="A layer of another stiffness lies on the half-space.",
     source="Burmister 1945, J. Appl. Phys. 16, 89; Kausel and Roesset 1981, BSSA 71, 1743.",
     told_from="whatever blurs; several speeds, lanes and distances separate them",
+    families=("blur",),
 )
 def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Shear modulus of the layer over that below is exp(log_ratio)."""
@@ -92,6 +96,7 @@ def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="A thin stiff pavement spreads the load.",
     source="Burmister 1945; Huang 2004, Pavement Analysis and Design, section 2.2.",
     told_from="depth and Poisson's ratio together",
+    families=("blur",),
 )
 def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Stiffness is (G_pavement / G_ground - 1) times thickness, of 0.2 m."""
@@ -105,6 +110,7 @@ def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="The soil stiffens with depth: G = G0 (1 + gradient z).",
     source="Gibson 1967, Geotechnique 17, 58.",
     told_from="a layered ground",
+    families=("blur",),
 )
 def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Shear modulus that grows linearly with depth."""
@@ -118,6 +124,7 @@ def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="The ground has inertia: a load that moves fast against shear waves makes a narrower trough.",
     source="Eason 1965, Int. J. Eng. Sci. 2, 581: gamma_i = sqrt(1 - v^2 cos^2 / c_i^2).",
     told_from="other blurs, unless speeds are mixed",
+    families=("blur",),
 )
 def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Steady subsonic motion to second order in v / c_s; 1e-4 s^2/m^2 is a shear speed of 100 m/s."""
@@ -139,6 +146,7 @@ def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="Part of the strain comes later: a standard linear solid that creeps.",
     source="Findley, Lai and Onaran 1976, Creep and Relaxation, section 5.",
     told_from="grade and drag for long times, a clock offset for short ones",
+    families=("even",),
 )
 def viscoelastic_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Compliance 1 + creep / (1 + s time) relative to the immediate one."""
@@ -152,6 +160,7 @@ def viscoelastic_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="The ground follows its load with a lag: a Kelvin-Voigt solid.",
     source="Findley, Lai and Onaran 1976, section 3.",
     told_from="other lags: clock offset, the vehicle's reference point",
+    families=("lag",),
 )
 def kelvin_voigt_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Compliance 1 / (1 + s time)."""
@@ -165,6 +174,7 @@ def kelvin_voigt_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="The ground yields as long as it is loaded: a Maxwell solid.",
     source="Findley, Lai and Onaran 1976, section 3.",
     told_from="grade and drag, an AC-coupled interrogator",
+    families=("even",),
 )
 def maxwell_flow(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Compliance 1 + rate / s."""

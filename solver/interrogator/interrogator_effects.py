@@ -50,6 +50,7 @@ def gauge_length(interrogator: Interrogator, p: Values, survey: Surroundings) ->
     physics="The light pulse blurs strain along the fiber, beside the gauge.",
     source="Dean, Cuny and Hartog 2017.",
     told_from="shear lag and wheels",
+    families=("blur",),
 )
 def pulse_width(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Box average over the width."""
@@ -63,6 +64,7 @@ def pulse_width(interrogator: Interrogator, p: Values, survey: Surroundings) -> 
     physics="Each sample is the mean over the interval before it.",
     source="Oppenheim and Schafer 2010, section 4: decimation by block means.",
     told_from="a clock offset of half the interval",
+    families=("blur", "lag"),
 )
 def time_averaging(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Box average over the interval before the stamp."""
@@ -76,6 +78,7 @@ def time_averaging(interrogator: Interrogator, p: Values, survey: Surroundings) 
     physics="The interrogator is AC-coupled: what lasts is lost.",
     source="First-order RC filter.",
     told_from="a Maxwell ground",
+    families=("even",),
 )
 def highpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """First-order high pass."""
@@ -92,6 +95,7 @@ def highpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Int
     physics="An anti-alias filter took the fast part and delayed the rest.",
     source="Butterworth 1930, of fourth order.",
     told_from="a layered ground; the delay from a clock offset",
+    families=("blur", "lag"),
 )
 def lowpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Causal Butterworth filter; share 1 is the whole of it."""
@@ -113,6 +117,7 @@ def lowpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Inte
     physics="A zero-phase anti-alias filter took the fast part.",
     source="Butterworth 1930, of fourth order, forward and backward (Gustafsson 1996).",
     told_from="a layered ground and other blurs",
+    families=("blur",),
 )
 def lowpass_zero_phase(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Squared modulus of the Butterworth filter."""

@@ -7,14 +7,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.effect import Parameter, Surroundings, effect
+from solver.effect import Fitted, Parameter, Start, Surroundings, effect
 from solver.load.load import Load, added
-from solver.load.wheel_layout import CLASSES
+from solver.load.wheel_layout import CLASSES, LAYOUTS, POINTS
 
 Values = Mapping[str, Tensor]
 
 #: m; the second moment of a layout is exact for any reach of its stencil, the fourth is nearly so for this one.
 SOFTENING = 0.3
+#: Classes from light to heavy, and weights relative to the lighter half's mean that divide them.
+HEAVIER, TIMES = ("car", "truck", "bus"), (1.8, 5.0)
 
 
 def spread(second: Tensor) -> tuple[Tensor, Tensor]:
@@ -35,6 +37,21 @@ def share_in_front(wheelbase: Tensor) -> Tensor:
     return torch.clamp(0.71 - 0.058 * wheelbase, 0.36, 0.56)
 
 
+def on_usual_wheels(fitted: Fitted) -> Start | None:
+    """Vehicles of unknown class on the wheels of the classes that their weights suggest.
+
+    Point loads have driven the ground's Poisson ratio and the depth elsewhere, from where steps lead nowhere.
+    """
+    unknown = np.array([name in POINTS for name in fitted.vehicle_class])
+    if not unknown.any():
+        return None
+    light = np.sort(fitted.weight)[: (len(fitted.weight) + 1) // 2].mean()
+    kinds = [LAYOUTS[HEAVIER[np.searchsorted(TIMES, one / light)]] for one in fitted.weight]
+    along = np.array([kind.wheelbase**2 for kind in kinds]) * unknown
+    across = np.array([kind.track**2 for kind in kinds]) * unknown
+    return Start((along, across, 0 * along), {})
+
+
 @effect(
     "wheel_layout",
     "load",
@@ -46,6 +63,9 @@ def share_in_front(wheelbase: Tensor) -> Tensor:
     physics="Vehicles stand on axles and wheels, not on a point: the load is spread along and across the lane.",
     source="Superposition of Boussinesq loads; class means are makers' data sheets, see solver.load.wheel_layout.",
     told_from="pulse width, if there is one type of vehicle only",
+    families=("blur",),
+    base_part="wheels",
+    start=on_usual_wheels,
 )
 def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
     """Point loads of vehicles without a class become three by three loads of the same second moments.
@@ -79,6 +99,7 @@ def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
     physics="More of the weight is on the front axle, in all vehicles, than their class says.",
     source="Gillespie 1992, Fundamentals of Vehicle Dynamics, section 1.",
     told_from="other lags",
+    families=("lag",),
 )
 def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
     """The middle of the load moves forward by its share of the distance between the axles."""
@@ -191,6 +212,7 @@ def braking(load: Load, p: Values, survey: Surroundings) -> Load:
     physics="Driven wheels push the road backward against grade and drag.",
     source="Cerruti 1882; Johnson 1985, section 3.6.",
     told_from="a viscous ground, an AC-coupled interrogator",
+    families=("even",),
 )
 def grade_drag(load: Load, p: Values, survey: Surroundings) -> Load:
     """A constant share of the weight pushes backward."""
@@ -204,6 +226,7 @@ def grade_drag(load: Load, p: Values, survey: Surroundings) -> Load:
     physics="The road slopes to its side: a share of the weight pushes toward the driver's right.",
     source="Johnson 1985, section 3.6.",
     told_from="Poisson's ratio and depth, exactly",
+    families=("depth",),
 )
 def camber(load: Load, p: Values, survey: Surroundings) -> Load:
     """A constant share of the weight pushes to the right."""

@@ -2,14 +2,19 @@
 
 from collections.abc import Mapping
 
+import numpy as np
 from torch import Tensor
 from torch.nn.functional import pad
 
-from solver.effect import Parameter, Surroundings, effect
+from solver.effect import Parameter, Recorded, Surroundings, effect
 from solver.processing import fk_filter
 from solver.processing.processing import Processing
+from solver.processing.spectrum import fan_contrast, repeated_share
 
 Values = Mapping[str, Tensor]
+
+#: Contrast of the noise's spectrum that an FK filter leaves, and share of repeated samples that a median filter does.
+FILTERED, REPEATED = 5.0, 0.05
 
 
 @effect(
@@ -25,12 +30,33 @@ def common_mode(processing: Processing, p: Values, survey: Surroundings) -> Proc
     return processing.then(lambda rate: rate - p["share"] * rate.sum(-1, keepdim=True) / channels)
 
 
+def repeats(record: Recorded) -> str | None:
+    """What a median filter leaves: samples that are exactly their neighbors'."""
+    repeated = repeated_share(record.values)
+    if repeated <= REPEATED:
+        return None
+    return f"{100 * repeated:.0f} % of the samples are exactly the same as their neighbors"
+
+
+def fan(record: Recorded) -> str | None:
+    """What an FK filter leaves: noise at the speeds that it kept. Medians smooth, and leave less beside these too."""
+    if repeats(record) is not None:
+        return None
+    noise = np.where(record.still, record.values, np.nan)
+    contrast = fan_contrast(noise, record.sampling_rate, record.channel_spacing)
+    # Where the sampling cannot tell there is no contrast.
+    if not contrast > FILTERED:
+        return None
+    return f"noise at speeds and frequencies of vehicles is {contrast:.0f} times that beside them"
+
+
 @effect(
     "fk_filter",
     "processing",
     [Parameter("share", "1", 1.0, lower=0, upper=1.2)],
     physics="The data were filtered to the speeds of vehicles, the model was not.",
     source="Yilmaz 2001, Seismic Data Analysis, section 6.",
+    trace=fan,
 )
 def filtered_by_speed(processing: Processing, p: Values, survey: Surroundings) -> Processing:
     """FK filter, 9 to 90 km/h and below 1 Hz; share 1 is the whole of it."""
@@ -44,6 +70,7 @@ def filtered_by_speed(processing: Processing, p: Values, survey: Surroundings) -
     [Parameter("share", "1", 1.0, lower=0, upper=1.2)],
     physics="The data went through a running median, the model did not.",
     source="Tukey 1977, Exploratory Data Analysis, section 7.",
+    trace=repeats,
 )
 def median_filter(processing: Processing, p: Values, survey: Surroundings) -> Processing:
     """Median of 3 samples by 5 channels; share 1 is the whole of it."""

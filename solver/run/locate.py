@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from solver.catalogue.catalogue import find
+from solver.catalogue.catalogue import built_in, find
 from solver.catalogue.plugins import catalogue
 from solver.fit import FitResult, Prior, Problem, fit_spline
 from solver.fit.anchor_check import contradiction
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from solver.run import Run
 
 #: Effects that are in the model by default; `locate --effects none` is the paper's point loads and straight gauges.
-EFFECTS = ("wheel_layout", "curved_gauge")
+EFFECTS = tuple(one.name for one in built_in().values() if one.base_part)
 #: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it.
 EXPLAINED = 1.03
 #: Chi2 per degree of freedom from which a route is tried on more knots, and the share of what is beyond 1 that they
@@ -199,7 +199,9 @@ def locate(
     """
     if method not in METHODS:
         raise InputError(f"--method {method}: not known; choose one of {', '.join(METHODS)}")
-    more = [find(name, catalogue()) for name in effects if name not in EFFECTS]
+    known = catalogue()
+    asked = [find(name, known) for name in effects]
+    parts = {one.base_part for one in asked}
     timings: dict[str, float] = {}
     warnings: list[str] = []
     with timed(timings, "read"):
@@ -218,7 +220,7 @@ def locate(
         shown = filtered(heard, filters)
     with timed(timings, "smooth"):
         passes = smooth_passes(table, record)
-        if "wheel_layout" in effects:
+        if "wheels" in parts:
             warnings += not_known([one.vehicle_class for one in passes])
         else:
             passes = [replace(one, vehicle_class="vehicle") for one in passes]
@@ -242,10 +244,11 @@ def locate(
     # From wherever a fit begins, noise and samples are the same: misfits compare.
     alive = np.isin(found.channel, begun.channel)
     posed = [replace(begun, start=start[alive]) for start in found.routes]
-    curved, recorded = "curved_gauge" in effects, (int(record.channel[0]), int(record.channel[-1]))
+    more, curved = tuple(one for one in asked if not one.base_part), "bends" in parts
+    recorded = (int(record.channel[0]), int(record.channel[-1]))
     if method == "spline":
         require_room_to_fit(posed[0])
-    problems = [with_slow_errors(replace(one, effects=tuple(more), curved=curved, coil=found.coil)) for one in posed]
+    problems = [with_slow_errors(replace(one, effects=more, curved=curved, coil=found.coil)) for one in posed]
     if record.rounding:
         warnings += told(record.rounding.at(posed[0].channel - record.channel[0]), posed[0].noise.numpy())
     disputed = list(found.disputed)
@@ -265,6 +268,6 @@ def locate(
         ended = (chain, chain.state_of(torch.from_numpy(result.vector)))
         unseen = held_out(again, advance, at=ended) if method == "spline" else None
     if all(one.vehicle_class == "vehicle" for one in passes):
-        effects = [name for name in effects if name != "wheel_layout"]
+        effects = [one.name for one in asked if one.base_part != "wheels"]
     kept = list(problem.anchors)
     return Located(site, record, passes, kept, again, result, unseen, effects, warnings + disputed, disputed, timings)

@@ -34,9 +34,6 @@ STAGE_VALUES: dict[str, type] = {
     "processing": Processing,
 }
 
-#: Effect that fits the slow error of each track.
-SLOW_ERROR = "track_jitter"
-
 
 @dataclass(frozen=True)
 class Scopes:

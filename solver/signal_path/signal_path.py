@@ -14,7 +14,7 @@ from solver.effect import BY_ROW
 from solver.load.load import Load
 from solver.load.wheel_layout import wheel_loads
 from solver.signal_path.closed_form import strain_rate_derivatives
-from solver.signal_path.extension import NONE, SLOW_ERROR, Extension, Values
+from solver.signal_path.extension import NONE, Extension, Values
 from solver.signal_path.gauge_strain import GaugeStrain
 from solver.signal_path.observation import Description
 from solver.signal_path.traffic import Traffic, Vehicles
@@ -179,9 +179,7 @@ class SignalPath:
 
     def plain(self, fiber: Fiber, values: Values) -> bool:
         """Whether single vehicles do to single channels what the base model says, but for shifts along their way."""
-        shifted = all(
-            one.stage not in ("trajectory", "load") or one.name == SLOW_ERROR for one in self.extension.effects
-        )
+        shifted = all(one.stage not in ("trajectory", "load") or one.slow_error for one in self.extension.effects)
         return shifted and fiber.ahead.ndim == 2 and not self.described(values).in_rows
 
     def plain_sensitivities(

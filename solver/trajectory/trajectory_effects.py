@@ -19,6 +19,7 @@ Values = Mapping[str, Tensor]
     physics="The interrogator's clock is ahead of the trajectories' by the same time in all passes.",
     source="Video and DAS are stamped by clocks of their own; two speeds tell it from a shift of the fiber.",
     told_from="other lags: the vehicle's reference point, an averaging interval, a viscous ground",
+    families=("lag",),
 )
 def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """At the interrogator's time t the vehicle is where the trajectories have it at t - offset."""
@@ -46,6 +47,7 @@ def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
     physics="The point that was tracked is not the middle of the load, but a fixed way before or behind it.",
     source="Box centers against contact points: Rezaei et al. 2021, arXiv:2109.06783, section III.",
     told_from="other lags; opposite directions and speeds separate them",
+    families=("lag",),
 )
 def track_bias(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """All vehicles are farther ahead, as they drive."""
@@ -59,6 +61,7 @@ def track_bias(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     physics="The camera's meters are shifted as a whole.",
     source="Rigid motion; the route moves along with the tracks, so that anchors alone can tell.",
     told_from="the route itself; only anchors tell",
+    families=("rigid",),
 )
 def track_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """All vehicles are displaced by (x, y)."""
@@ -72,6 +75,7 @@ def track_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
     physics="The camera's meters are turned about the middle of the view.",
     source="Rigid motion; the route turns along with the tracks, so that anchors alone can tell.",
     told_from="the route itself; only anchors tell",
+    families=("rigid",),
 )
 def track_rotation(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """All vehicles turned clockwise seen from above (from x toward y)."""
@@ -93,6 +97,7 @@ def track_rotation(driven: Trajectory, p: Values, survey: Surroundings) -> Traje
     physics="The camera's meters are too short or too long.",
     source="Similarity; a known length in the scene, or anchors, decide.",
     told_from="the route itself and the channel spacing; only anchors tell",
+    families=("rigid", "curve"),
 )
 def track_scale(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """Distances from the middle of the view are longer by the scale."""
@@ -107,6 +112,7 @@ def track_scale(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
     physics="The ground is not flat or the lens not straight: the lateral error depends on the place alone.",
     source="Hartley and Zisserman 2004, section 7.4: distortion left in a homography.",
     told_from="the route and the channels' positions",
+    families=("place", "curve"),
 )
 def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """The lateral position changes smoothly with x, alike for all vehicles, and with it the way they drive."""
@@ -121,11 +127,17 @@ def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     physics="Each track is wrong in a way of its own that lasts for seconds.",
     source="Correlated errors of detections: Bar-Shalom, Li and Kirubarajan 2001, section 8.",
     told_from="the route, if there is one pass only",
+    slow_error=True,
 )
 def track_jitter(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """Each vehicle's position departs smoothly from its track."""
     return driven.shifted(along=p["along"], across=p["across"])
 
+
+#: What the base model fits of tracks that are uncertain.
+SLOW_ERROR = track_jitter
+#: What `roadfiber clock` estimates.
+CLOCK = clock_offset
 
 EFFECTS = (
     clock_offset,

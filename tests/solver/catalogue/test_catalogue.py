@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from solver.catalogue.catalogue import FAMILIES, built_in, families_of, find
+from solver.catalogue.catalogue import built_in, family, find
 from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.catalogue.verify import plausible, verify
-from solver.effect import Effect, Parameter, effect
+from solver.effect import FAMILIES, Effect, Parameter, effect
 from solver.fit.map_fit import MapFit
 from solver.signal_path.derivatives import derivative
 from solver.signal_path.observation import BASE
@@ -180,10 +180,12 @@ def test_every_row_can_be_hidden_by_the_independent_simulator():
     assert rows - set(KNOWN) <= {"track_offset", "track_rotation", "track_scale"}
 
 
-def test_families_name_known_effects():
-    for members in FAMILIES.values():
-        assert set(members) <= set(built_in()) and len(members) > 1
-    assert families_of("time_averaging") == ("blur", "lag")
+def test_families_have_members_that_are_told_apart():
+    every = built_in()
+    for kind in FAMILIES:
+        members = family(kind, every.values())
+        assert len(members) > 1 and not any(every[name].generic for name in members)
+    assert every["time_averaging"].families == ("blur", "lag")
 
 
 def test_an_unknown_name_is_told_near_ones():

@@ -36,11 +36,12 @@ def candidate(
         retained_share=1.0,
         detectable_size=0.1,
         refitted=True,
+        families=built_in()[name].families,
     )
 
 
 def refit(name: str, strength: float, *, generic: bool = False, numbers: int = 1) -> Any:
-    effect = SimpleNamespace(name=name, generic=generic, stage="ground")
+    effect = SimpleNamespace(name=name, generic=generic, stage="ground", families=built_in()[name].families)
     score = SimpleNamespace(freedom=numbers, fall=2 * strength, effect=effect)
     return SimpleNamespace(effect=effect, evidence=strength, fall=2 * strength, score=score, pushed=False)
 
@@ -63,7 +64,7 @@ class Judged:
         return built_in()[one.effect]
 
 
-ASKED = Asked([], held_out=False, advance=lambda n: None)
+ASKED = Asked(list(built_in().values()), held_out=False, advance=lambda n: None)
 
 
 @pytest.mark.parametrize(
@@ -109,8 +110,8 @@ def test_what_did_not_show_before_is_asked_where_the_winner_leaves_much(
 ) -> None:
     """Clipping did not show beside vehicles that bounce much more strongly, and then seemed to be something unknown."""
     discrepancy, late = refit("generic_nonlinearity", left, generic=True, numbers=6), refit("saturation", 1.1 * left)
-    bounce, clips = (SimpleNamespace(name=name, generic=False) for name in ("dynamic_load", "saturation"))
-    problem = SimpleNamespace(effects=[bounce], curved=False, passes=[])
+    bounce, clips = (built_in()[name] for name in ("dynamic_load", "saturation"))
+    problem = SimpleNamespace(effects=[bounce], base_parts=set())
     at = SimpleNamespace(
         scorer=SimpleNamespace(fit=SimpleNamespace(problem=problem)), table=[shown(discrepancy)], audit=None
     )
@@ -125,7 +126,7 @@ def test_what_did_not_show_before_is_asked_where_the_winner_leaves_much(
     monkeypatch.setattr(beside, "score_all", score_all)
     monkeypatch.setattr(beside, "race", lambda scorer, scores, advance: {s.effect.name: s.refit for s in scores})
     winner: Any = SimpleNamespace(fit=None, solution=None)
-    asked = Asked([bounce, clips], held_out=False, advance=lambda n: None)  # type: ignore[list-item]
+    asked = Asked([bounce, clips], held_out=False, advance=lambda n: None)
     before: Any = SimpleNamespace(table=[], audit=None)
     found = Beside.of(before, candidate("dynamic_load", 1000.0), winner, asked)
     assert scored == (["saturation"] if asked_again else [])
@@ -214,7 +215,7 @@ def test_an_effect_that_something_unknown_explains_as_well(
         assert found.separate
         assert [one.verdict for one in found.candidates] == ["inconclusive", "inconclusive"]
         assert ("poisson_ratio" in found.words) == (first == "camber")
-        assert found.candidates[0].confounded_with == tuple(diagnosis.hidden_with(found.candidates[0]))
+        assert found.candidates[0].confounded_with == tuple(diagnosis.hidden_with(found.candidates[0], ASKED.effects))
 
 
 @pytest.mark.parametrize(
@@ -255,7 +256,7 @@ def test_what_the_route_hides_is_said_to_be_inseparable_even_where_passes_held_o
     won = refit("track_scale", 29.0)
     bench: Any = Judged()
     bench.table = [shown(won)]
-    asked = Asked([], held_out=True, advance=lambda n: None)
+    asked = replace(ASKED, held_out=True)
     found = judge(bench, [candidate("track_scale", 29.0, stage="trajectory")], {"track_scale": won}, asked)
     assert found.verdict == "inconclusive"
     assert found.candidates[0].confounded_with == ("track_offset", "track_rotation", "channel_stretch")

@@ -13,8 +13,6 @@ BLOCK = 25.0
 HIGHEST, SLOWEST = (0.5, 0.7, 1.0, 1.4, 2.0), (1.5, 2.5, 4.0, 6.0)
 #: Least wavenumber that is looked at, 1/m, and how many cells of the spectrum on each side.
 LONGEST, CELLS = 0.03, 20
-#: Contrast of the noise's spectrum that an FK filter leaves, and share of repeated samples that a median filter does.
-FILTERED, REPEATED = 5.0, 0.05
 
 
 def power(record: Array, sampling_rate: float, spacing: float) -> tuple[Array, Array, Array]:
@@ -88,22 +86,3 @@ def repeated_share(record: Array) -> float:
     near = max(np.mean(np.diff(record, axis=axis) == 0) for axis in (0, 1))
     far = np.mean(record[: len(record) // 2] == record[len(record) - len(record) // 2 :])
     return float(near - far)
-
-
-def filtered_by(
-    record: Array, still: NDArray[np.bool_], sampling_rate: float, spacing: float
-) -> tuple[str, str] | None:
-    """Name of the filter that a record [sample, channel] went through, as in the catalogue, and how it shows.
-
-    Parameters
-    ----------
-    still : [sample, channel], no vehicle near
-    """
-    # First what nothing else does: medians smooth, and so leave less beside the fan too.
-    repeated = repeated_share(record)
-    if repeated > REPEATED:
-        return "median_filter", f"{100 * repeated:.0f} % of the samples are exactly the same as their neighbors"
-    contrast = fan_contrast(np.where(still, record, np.nan), sampling_rate, spacing)
-    if contrast > FILTERED:
-        return "fk_filter", f"noise at speeds and frequencies of vehicles is {contrast:.0f} times that beside them"
-    return None
