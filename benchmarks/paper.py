@@ -177,7 +177,7 @@ def expected_errors(problem: Problem, true: np.ndarray, channel: np.ndarray) -> 
     reach = problem.route_channel[(problem.route_channel >= 0) & (problem.route_channel < len(true))]
     route = fit.basis.interpolate(problem.distance_of(reach), true[reach])
     matrix = fit.normal(fit.start_at(torch.from_numpy(route), torch.tensor(problem.prior.poisson_ratio[0])))[0]
-    size = 3 * fit.basis.size
+    size = fit.layout["route"].stop
     covariance = torch.linalg.inv(matrix)[:size, :size].numpy()
     drawn = np.random.default_rng(0).multivariate_normal(np.zeros(size), covariance, DRAWS, method="eigh")
     error = fit.basis.at(problem.distance_of(channel)) @ drawn.reshape(DRAWS, -1, 3)

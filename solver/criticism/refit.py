@@ -123,7 +123,7 @@ class Refit:
         """Standard deviations [number] of those, as a run with the candidate in its model will have them."""
         chain = Chain.single(MapFit(as_located(self.fit.problem)))
         sigma = Posterior(chain, chain.visit(self.solution.state)).sigmas()
-        numbers = sigma[len(sigma) - len(self.solution.state.numbers) :]
+        numbers = sigma[chain.layout["numbers"]]
         every = [numbers[slot.where] for slot in self.slots if not slot.parameter.is_shape]
         return np.asarray(torch.cat(every))
 

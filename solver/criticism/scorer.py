@@ -110,8 +110,8 @@ class Scorer:
         fit, state = self.fit, self.state
         place, by_number, other = fit.prior.led(state, fit.prior.anchor_distance)
         rows = anchor_rows(fit.basis, fit.prior.anchors, place, by_number, state.coefficients)
-        jacobian = torch.zeros(len(rows.residual), len(fit.mean), dtype=torch.float64)
-        route = 3 * fit.basis.size
+        jacobian = torch.zeros(len(rows.residual), fit.layout.size, dtype=torch.float64)
+        route = fit.layout["route"].stop
         jacobian[:, :route], jacobian[:, other] = rows.jacobian[:, :route], rows.jacobian[:, route:]
         return Rows(rows.residual, jacobian)
 
@@ -129,7 +129,7 @@ class Scorer:
         nothing = [torch.zeros(len(place), s.where.stop - s.where.start, dtype=torch.float64) for s in slots]
         by_amplitude = torch.cat([found.get(s.parameter.name, none) for s, none in zip(slots, nothing, strict=True)], 1)
         rows = anchor_rows(self.fit.basis, self.fit.prior.anchors, place, by_amplitude, self.state.coefficients)
-        return self._below(rows.jacobian[:, 3 * self.fit.basis.size :])
+        return self._below(rows.jacobian[:, self.fit.layout["route"].stop :])
 
     def seen(self, extension: Extension) -> Seen:
         """The model with a candidate at its null; what candidates share is computed once."""

@@ -17,12 +17,14 @@ from torch import Tensor
 
 from solver.cable.fiber import SplineBasis
 from solver.fit.links import Link, linked
-from solver.fit.map_fit import MapFit, is_buried
+from solver.fit.map_fit import MapFit
 from solver.fit.normal import Block, Normal, Part
+from solver.fit.parameter_layout import of_route
 from solver.fit.parameter_prior import ParameterPrior, RouteRows
+from solver.fit.parameter_space import ParameterSpace
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER, SPIKE
-from solver.fit.state import PER_PASS, State, Weights
+from solver.fit.state import State, Weights
 from solver.fit.stretches import parts
 
 T = TypeVar("T")
@@ -94,7 +96,7 @@ def one_thread_each(many: bool) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-class Chain:
+class Chain(ParameterSpace):
     """Small problems along one route, fitted together.
 
     Parameters
@@ -105,19 +107,13 @@ class Chain:
     """
 
     def __init__(self, problem: Problem, prior: ParameterPrior, links: Sequence[Link]):
-        self.problem, self.prior, self.links = problem, prior, list(links)
-        self.basis, self.passes = prior.basis, prior.passes
-        self.mean, self.sd, self.free = prior.mean, prior.sd, prior.free
+        super().__init__(problem, prior)
+        self.links = list(links)
 
     @classmethod
     def single(cls, fit: MapFit) -> "Chain":
         """A chain of one."""
-        own = torch.ones(len(fit.mean), dtype=torch.bool)
-        own[: 3 * fit.basis.size] = False
-        after = 3 * fit.basis.size + len(PER_PASS) * len(fit.problem.passes)
-        own[after] = False
-        own[after + 1 :] = fit.prior.own
-        return cls(fit.problem, fit.prior, [Link(fit, 0, 0, torch.arange(len(fit.mean)), own)])
+        return cls(fit.problem, fit.prior, [Link(fit, 0, 0, torch.arange(fit.layout.size))])
 
     @classmethod
     def of(
@@ -152,21 +148,12 @@ class Chain:
         """The state of one link."""
         return link.fit.state_of(state.vector()[link.where])
 
-    def start(self) -> State:
-        """Begin at the rough route and the expected Poisson ratio, without any effect."""
-        route = torch.from_numpy(self.basis.interpolate(self.problem.distance, self.problem.start))
-        return self.start_at(route, torch.tensor(self.problem.prior.poisson_ratio[0], dtype=torch.float64))
+    def begun(self, state: State) -> State:
+        """The same vehicles with the amplitudes that fit best; along a long fiber the first visit finds them.
 
-    def start_at(self, route: Tensor, nu: Tensor, numbers: Tensor | None = None) -> State:
-        """Vehicles of their class, with the amplitudes that fit a route [coefficient, 3] best."""
-        state = self.state_of(self.mean)
-        state = replace(
-            state, coefficients=route, poisson_ratio=nu, numbers=self.prior.numbers if numbers is None else numbers
-        )
-        if self.long:
-            # The first visit settles them: to look twice at all stretches would be slow.
-            return replace(state, vehicles=replace(state.vehicles, amplitude=torch.ones_like(state.vehicles.amplitude)))
-        return self.links[0].fit.start_at(route, nu, state.numbers)
+        To look twice at all stretches would be slow.
+        """
+        return state if self.long else self.links[0].fit.begun(state)
 
     def unsettled(self, state: State) -> list[Weights] | None:
         """Weights to settle the amplitudes of a start by; None where they are settled."""
@@ -177,10 +164,6 @@ class Chain:
     def with_amplitudes(self, state: State, amplitudes: Sequence[Tensor]) -> State:
         """The same state with the amplitudes [pass] of each link."""
         return replace(state, vehicles=replace(state.vehicles, amplitude=torch.cat(list(amplitudes))))
-
-    def state_of(self, vector: Tensor) -> State:
-        """The state of a vector [parameter], as `State.vector` gives it."""
-        return State.of(vector, self.basis.size, self.passes)
 
     def cost(self, visit: "Visit") -> float:
         """-2 ln of the posterior density at a visit, but for a constant that all fits of one problem have in common.
@@ -195,43 +178,22 @@ class Chain:
             trusted += float(weight[used].log().sum()) - HUBER * SPIKE * int((~used).sum())
         return visit.misfit - trusted + self.prior.total(visit.state)
 
-    @cached_property
-    def bounds(self) -> tuple[Tensor, Tensor]:
-        """Lowest and highest values [number] of the effects' numbers."""
-        lower, upper = (torch.full_like(self.prior.numbers, sign * torch.inf) for sign in (-1.0, 1.0))
-        first = len(self.mean) - len(self.prior.numbers)
-        for link in self.links:
-            extension = link.fit.extension
-            at = link.where[len(link.where) - extension.size :] - first
-            for slot in extension.slots:
-                lower[at[slot.where]], upper[at[slot.where]] = slot.parameter.lower, slot.parameter.upper
-        return lower, upper
-
-    def bounded(self, state: State) -> State:
-        """The same state with the effects' numbers within their bounds."""
-        return replace(state, numbers=state.numbers.clamp(*self.bounds))
-
     def stopped(self, state: State, where: Tensor, push: np.ndarray) -> np.ndarray:
         """Which of some parameters [where] of a state are at a bound that they are pushed [where] against."""
-        first = len(self.mean) - len(self.prior.numbers)
-        lower, upper = (torch.cat([torch.full((first,), torch.nan), one])[where].numpy() for one in self.bounds)
+        lower, upper = (one[where].numpy() for one in self.prior.bounds)
         at = state.vector()[where].numpy()
         return np.asarray(((at <= lower) & (push < 0)) | ((at >= upper) & (push > 0)))
-
-    def buried(self, state: State) -> bool:
-        """Whether the whole route is under the ground."""
-        return is_buried(self.problem, self.basis, state)
 
     @property
     def size(self) -> int:
         """How many of the route's parameters are fitted."""
-        return 0 if self.prior.held else 3 * self.basis.size
+        return 0 if self.prior.held else self.layout["route"].stop
 
     @cached_property
     def border(self) -> Tensor:
         """What all stretches share beside the route, among the chain's parameters."""
-        shared = torch.ones(len(self.mean), dtype=torch.bool)
-        shared[: 3 * self.basis.size] = False
+        shared = torch.ones(self.layout.size, dtype=torch.bool)
+        shared[self.layout["route"]] = False
         for link in self.links:
             shared[link.where[link.own]] = False
         return torch.nonzero(shared & self.free).flatten()
@@ -239,7 +201,7 @@ class Chain:
     @cached_property
     def _places(self) -> list[tuple[Tensor, Tensor, np.ndarray]]:
         """Of each link: its own free parameters, those it shares in the order of its block, and which of the border."""
-        rank = torch.full((len(self.mean),), -1)
+        rank = torch.full((self.layout.size,), -1)
         rank[self.border] = torch.arange(len(self.border))
         places = []
         for link in self.links:
@@ -258,18 +220,15 @@ class Chain:
     @cached_property
     def slots(self) -> list[Tensor]:
         """Where the chain's numbers hold each parameter of the effects."""
-        first, places = len(self.mean) - len(self.prior.numbers), []
+        first, places = self.layout["numbers"].start, []
         for which, _ in enumerate(self.links[0].fit.extension.slots):
-            every = [
-                link.where[len(link.where) - link.fit.extension.size :][link.fit.extension.slots[which].where]
-                for link in self.links
-            ]
+            every = [link.numbers[link.fit.extension.slots[which].where] for link in self.links]
             places.append(torch.unique(torch.cat(every)) - first)
         return places
 
     def _block(self, number: int, matrix: np.ndarray) -> Block:
         link, border = self.links[number], self._places[number][2]
-        return Block(3 * link.first if self.size else 0, len(matrix) - len(border), border, matrix)
+        return Block(of_route(link.first, 0).start if self.size else 0, len(matrix) - len(border), border, matrix)
 
     def look(self, number: int, state: State, before: Weights | None, precision: Tensor, shift: Tensor) -> Looked:
         """One link near the chain's `state` [parameter]; with its amplitudes settled by the weights `before`."""
@@ -338,7 +297,7 @@ class Chain:
         """Normal matrices of the priors on what is shared."""
         for one in self.rows(state):
             matrix = (one.rows.jacobian.T @ one.rows.jacobian).numpy()
-            yield Block(3 * one.first, one.count, self.rank(one.other), matrix)
+            yield Block(one.route.start, one.count, self.rank(one.other), matrix)
         yield Block(0, 0, np.arange(len(self.border)), np.diag(precision[self.border].numpy()))
 
     def pull(self, state: State, precision: Tensor) -> np.ndarray:
@@ -346,8 +305,7 @@ class Chain:
         right = np.zeros(self.size + len(self.border))
         right[self.size :] = (precision * (self.mean - state.vector()))[self.border].numpy()
         for one in self.rows(state):
-            route = np.arange(3 * one.first, 3 * one.first + one.count)
-            where = np.concatenate([route, self.size + self.rank(one.other)])
+            where = np.concatenate([np.arange(one.route.start, one.route.stop), self.size + self.rank(one.other)])
             right[where] -= (one.rows.jacobian.T @ one.rows.residual).numpy()
         return right
 

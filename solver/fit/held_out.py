@@ -9,6 +9,7 @@ import torch
 from solver.fit.chain import Chain, Link
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit, vehicles_of
+from solver.fit.numbers import SINGLE
 from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
 from solver.fit.state import State
@@ -18,8 +19,6 @@ from solver.signal_path.extension import Slot
 from solver.trajectory.vehicle_pass import Pass
 
 FOLDS = 2
-#: Scopes of numbers that single passes have of their own.
-SINGLE = ("pass", "track")
 #: Standard deviations of chi2 from its mean at which an effect shows in the passes that are seen.
 SHOWN = 2.0
 
@@ -71,7 +70,7 @@ def slots_of(chain: Chain) -> Sequence[Slot]:
 
 def shared_numbers(chain: Chain, state: State, new: Chain) -> torch.Tensor:
     """Numbers of the effects that all passes share, for a fit of other passes; those of single passes at their null."""
-    numbers = new.prior.numbers.clone()
+    numbers = new.prior.numbers.mean.clone()
     for slot, old, here in in_both(chain, new):
         if slot.parameter.scope not in SINGLE and len(old) == len(here):
             numbers[here] = state.numbers[old]
@@ -84,9 +83,9 @@ def unshown(fit: MapFit, state: State) -> list[str]:
     if not common:
         return []
     covariance = torch.linalg.inv(fit.normal(state)[0])
-    place = torch.full((len(fit.mean),), -1)
+    place = torch.full((fit.layout.size,), -1)
     place[fit.free] = torch.arange(int(fit.free.sum()))
-    place = place[len(place) - len(state.numbers) :]
+    place = place[fit.layout["numbers"]]
     found = []
     for effect in common:
         sizes = [s for s in fit.extension.slots if s.effect is effect and not s.parameter.is_shape]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -9,11 +10,11 @@ from torch import Tensor
 
 from solver.cable.fiber import GaugeEnds, SplineBasis
 from solver.fit.map_fit import MapFit
-from solver.fit.parameter_prior import ParameterPrior, number_sd
+from solver.fit.numbers import Numbers
+from solver.fit.parameter_layout import PER_PASS, of_route
+from solver.fit.parameter_prior import ParameterPrior
 from solver.fit.problem import Problem
-from solver.fit.state import PER_PASS
 from solver.fit.stretches import reach_of
-from solver.trajectory.vehicle_pass import Pass
 
 
 @dataclass(frozen=True)
@@ -26,14 +27,26 @@ class Link:
     stretch : which stretch of fiber it is on
     first : number of its first coefficient in the whole route
     where : [parameter], its parameters among those of the chain
-    own : [parameter] bool, which of them no other link has
     """
 
     fit: MapFit
     stretch: int
     first: int
     where: Tensor
-    own: Tensor
+
+    @cached_property
+    def own(self) -> Tensor:
+        """Which of its parameters [parameter] no other link has: those of its vehicles."""
+        layout = self.fit.layout
+        own = torch.zeros(layout.size, dtype=torch.bool)
+        own[layout.vehicles] = True
+        own[layout["numbers"]] = self.fit.prior.numbers.single
+        return own
+
+    @cached_property
+    def numbers(self) -> Tensor:
+        """Where the chain's vector holds the numbers [number] of its effects."""
+        return self.where[self.fit.layout["numbers"]]
 
 
 def along(basis: SplineBasis, group: Sequence[Problem], stretch: int) -> Iterator[tuple[int, int, MapFit]]:
@@ -47,40 +60,24 @@ def along(basis: SplineBasis, group: Sequence[Problem], stretch: int) -> Iterato
         yield stretch, first, MapFit(one, basis=part, ends=ends)
 
 
-def layout(
-    basis: SplineBasis, fits: Sequence[tuple[int, int, MapFit]], passes: Sequence[Pass], problem: Problem
-) -> tuple[list[Tensor], Tensor, Tensor, Tensor]:
-    """Where each link's parameters are among all; means, standard deviations of the numbers, and which are of passes.
+def numbered(fits: Sequence[tuple[int, int, MapFit]], problem: Problem) -> tuple[list[Tensor], Numbers]:
+    """Which of the chain's numbers each link's are, and all of them.
 
-    All links share Poisson's ratio and the numbers of scope "one"; those along fiber and road belong to a stretch.
+    All links share the numbers of scope "one"; those along fiber and road belong to a stretch, others to a link.
     """
-    route, legs = 3 * basis.size, len(passes)
-    after = route + len(PER_PASS) * legs
-    slots = fits[0][2].extension.slots
-    numbers: list[list[Tensor]] = [[] for _ in fits]
-    mean, sd, own, taken = [], [], [], dict[tuple[int, int], Tensor]()
+    mine: list[list[Tensor]] = [[] for _ in fits]
+    every, taken = list[Numbers](), dict[tuple[int, int], Tensor]()
     count = 0
-    for which, slot in enumerate(slots):
-        scope = slot.parameter.scope
+    for which, slot in enumerate(fits[0][2].extension.slots):
         for link, (stretch, _, fit) in enumerate(fits):
-            key = which, {"one": 0, "fiber": stretch, "road": stretch}.get(scope, link)
+            key = which, {"one": 0, "fiber": stretch, "road": stretch}.get(slot.parameter.scope, link)
             if key not in taken:
                 values = fit.extension.numbers()[fit.extension.slots[which].where]
                 taken[key] = torch.arange(count, count + len(values))
                 count += len(values)
-                mean.append(values)
-                sd.append(torch.full_like(values, number_sd(slot, problem.prior)))
-                own.append(torch.full((len(values),), scope in ("pass", "track")))
-            numbers[link].append(after + 1 + taken[key])
-    where, leg = [], 0
-    for (_, first, fit), mine in zip(fits, numbers, strict=True):
-        vehicles = torch.arange(leg, leg + len(fit.problem.passes))
-        leg += len(vehicles)
-        quantities = [route + number * legs + vehicles for number in range(len(PER_PASS))]
-        spline = torch.arange(3 * first, 3 * (first + fit.basis.size))
-        where.append(torch.cat([spline, *quantities, torch.tensor([after]), *mine]))
-    none = [torch.zeros(0, dtype=torch.float64)]
-    return where, torch.cat(mean or none), torch.cat(sd or none), torch.cat(own or [torch.zeros(0, dtype=torch.bool)])
+                every.append(Numbers.of_slot(slot, values, problem.prior))
+            mine[link].append(taken[key])
+    return [torch.cat([torch.zeros(0, dtype=torch.int64), *one]) for one in mine], Numbers.joined(every)
 
 
 def linked(
@@ -89,16 +86,18 @@ def linked(
     """Prior of a whole survey and its links, from the small problems of each stretch; `held`: route and ground are."""
     fits = [fit for number, group in enumerate(groups) for fit in along(basis, group, number)]
     passes = [one for _, _, fit in fits for one in fit.problem.passes]
-    where, numbers, sd, own = layout(basis, fits, passes, problem)
-    prior = ParameterPrior(
-        basis, problem.prior, passes, problem.anchors, problem.anchor_distance, numbers, sd, own, held
-    )
-    first_number = len(prior.mean) - len(numbers)
-    links = []
-    for (stretch, first, fit), at in zip(fits, where, strict=True):
-        mine = torch.zeros(len(at), dtype=torch.bool)
-        route, after = 3 * fit.basis.size, 3 * fit.basis.size + len(PER_PASS) * len(fit.problem.passes)
-        mine[route:after] = True
-        mine[after + 1 :] = own[at[after + 1 :] - first_number]
-        links.append(Link(fit, stretch, first, at, mine))
+    which, numbers = numbered(fits, problem)
+    prior = ParameterPrior(basis, problem.prior, passes, problem.anchors, problem.anchor_distance, numbers, held)
+    every = torch.arange(prior.layout.size)
+    links, leg = [], 0
+    for (stretch, first, fit), mine in zip(fits, which, strict=True):
+        legs = slice(leg, leg + len(fit.passes))
+        leg = legs.stop
+        where = [
+            every[of_route(first, fit.basis.size)],
+            *(every[prior.layout[name]][legs] for name in PER_PASS),
+            every[prior.layout["poisson_ratio"]],
+            every[prior.layout["numbers"]][mine],
+        ]
+        links.append(Link(fit, stretch, first, torch.cat(where)))
     return prior, links

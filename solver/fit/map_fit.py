@@ -12,10 +12,13 @@ import torch
 from torch import Tensor
 
 from solver.cable.fiber import Fiber, GaugeEnds, SplineBasis
-from solver.fit.parameter_prior import ParameterPrior, spreads
+from solver.fit.numbers import Numbers
+from solver.fit.parameter_layout import PER_PASS
+from solver.fit.parameter_prior import ParameterPrior
+from solver.fit.parameter_space import ParameterSpace
 from solver.fit.problem import Problem
 from solver.fit.robust import huber, near_noise
-from solver.fit.state import PER_PASS, Evaluation, Linearized, State, Weights
+from solver.fit.state import Evaluation, Linearized, State, Weights
 from solver.signal_path.derivatives import derivative, observed_tangents
 from solver.signal_path.extension import Values
 from solver.signal_path.local import Local, Seen
@@ -23,18 +26,11 @@ from solver.signal_path.observation import BASE
 from solver.signal_path.signal_path import Sensitivities, SignalPath
 from solver.signal_path.traffic import Vehicles
 
-SHALLOWEST = 0.02
 #: Variance of a cubic spline of unit coefficients.
 SPLINE_VARIANCE = 0.48
 
 
-def is_buried(problem: Problem, basis: SplineBasis, state: State) -> bool:
-    """Whether the whole route is under the ground, where the half-space is."""
-    everywhere = problem.distance_of(problem.route_channel)
-    return bool(basis.along(state.coefficients[:, 2].numpy(), everywhere).min() > SHALLOWEST)
-
-
-class MapFit:
+class MapFit(ParameterSpace):
     """One maximum a posteriori problem.
 
     Parameters
@@ -52,50 +48,28 @@ class MapFit:
         basis: SplineBasis | None = None,
         ends: GaugeEnds | None = None,
     ):
-        self.problem = problem
-        self.basis = basis or problem.basis
         self.path = problem.path
         self.extension = self.path.extension
-        self.measured = problem.measured
-        self.data = torch.where(self.measured, problem.strain_rate, 0.0)
-        self.whiten = problem.whitener
-        self.ends = ends or GaugeEnds.of(self.basis, problem.distance, problem.gauge_length, problem.curved)
-        own = torch.zeros(self.extension.size, dtype=torch.bool)
-        for slot in self.extension.slots:
-            own[slot.where] = slot.parameter.scope in ("pass", "track")
-        self.prior = ParameterPrior(
-            self.basis,
+        prior = ParameterPrior(
+            basis or problem.basis,
             problem.prior,
             problem.passes,
             problem.anchors,
             problem.anchor_distance,
-            self.extension.numbers(),
-            spreads(self.extension, problem.prior),
-            own,
+            Numbers.of(self.extension, problem.prior),
             known_ground,
             self.extension,
         )
-        self.mean, self.sd, self.free = self.prior.mean, self.prior.sd, self.prior.free
+        super().__init__(problem, prior)
+        self.measured = problem.measured
+        self.data = torch.where(self.measured, problem.strain_rate, 0.0)
+        self.whiten = problem.whitener
+        self.ends = ends or GaugeEnds.of(self.basis, problem.distance, problem.gauge_length, problem.curved)
 
-    def start(self) -> State:
-        """Begin at the rough route and the expected Poisson ratio, without any effect."""
-        route = torch.from_numpy(self.basis.interpolate(self.problem.distance, self.problem.start))
-        return self.start_at(route, torch.tensor(self.problem.prior.poisson_ratio[0], dtype=torch.float64))
-
-    def start_at(self, route: Tensor, nu: Tensor, numbers: Tensor | None = None) -> State:
-        """Vehicles of their class, with the amplitudes that fit a route [coefficient, 3] best."""
-        numbers = self.extension.numbers() if numbers is None else numbers
-        state = State(route, Vehicles.of(self.problem.passes), nu, numbers)
+    def begun(self, state: State) -> State:
+        """The same vehicles with the amplitudes that fit best."""
         every = self.measured.double()
         return self.settled(state, Weights(every, every))
-
-    def state_of(self, vector: Tensor) -> State:
-        """The state of a vector [parameter], as `State.vector` gives it."""
-        return State.of(vector, self.basis.size, self.problem.passes)
-
-    def bounded(self, state: State) -> State:
-        """The same state with the effects' numbers within their bounds."""
-        return replace(state, numbers=self.extension.bounded(state.numbers))
 
     def values(self, state: State) -> Values:
         """Values of the effects' parameters at each row and channel."""
@@ -202,17 +176,13 @@ class MapFit:
     def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
         """Derivative of the model by every parameter, [sample, channel, parameter], 1/s per unit."""
         traffic = self.path.traffic
-        size, passes = self.basis.size, traffic.passes
         rows, channels = local.rate.shape
-        first = 3 * size + len(PER_PASS) * passes
-        out = torch.zeros(len(traffic.samples), channels, first + 1, dtype=torch.float64)
-        out[..., : 3 * size].index_add_(
-            0, traffic.sample_index, self.route_columns(local, values).reshape(rows, channels, -1)
-        )
-        for number, name in enumerate(PER_PASS):
-            column = 3 * size + number * passes + traffic.pass_index
-            out[traffic.sample_index, :, column] += local.by[name]
-        out[..., first] = traffic.superpose(local.by["poisson_ratio"])
+        out = torch.zeros(len(traffic.samples), channels, self.layout["numbers"].start, dtype=torch.float64)
+        by_route = self.route_columns(local, values).reshape(rows, channels, -1)
+        out[..., self.layout["route"]].index_add_(0, traffic.sample_index, by_route)
+        for name in PER_PASS:
+            out[traffic.sample_index, :, self.layout[name].start + traffic.pass_index] += local.by[name]
+        out[..., self.layout["poisson_ratio"].start] = traffic.superpose(local.by["poisson_ratio"])
         if not self.extension.effects:
             return out
         alone = traffic.superpose(local.rate)
@@ -250,10 +220,6 @@ class MapFit:
     def cost(self, state: State, weights: Weights) -> float:
         """Weighted misfit plus priors."""
         return float((self.whitened(state, weights) ** 2).sum()) + self.prior.total(state)
-
-    def buried(self, state: State) -> bool:
-        """Whether the whole route is under the ground."""
-        return is_buried(self.problem, self.basis, state)
 
     def normal(self, state: State) -> tuple[Tensor, Tensor, Weights]:
         """Normal matrix [free, free], right-hand side [free] and weights of the samples."""

@@ -10,10 +10,12 @@ import torch
 from torch import Tensor
 
 from solver.cable.fiber import DEGREE, SplineBasis
+from solver.fit.numbers import Numbers
+from solver.fit.parameter_layout import AXES, Layout, of_route
 from solver.fit.prior import Prior, Rows, anchor_rows, shape_rows, track_cost, track_precision
-from solver.fit.state import PER_PASS, State
+from solver.fit.state import State
 from solver.load.wheel_layout import layout_of
-from solver.signal_path.extension import NONE, Extension, Slot
+from solver.signal_path.extension import NONE, Extension
 from solver.signal_path.traffic import Vehicles
 from solver.survey.anchors import Anchor
 from solver.trajectory.vehicle_pass import Pass
@@ -22,21 +24,6 @@ from solver.trajectory.vehicle_pass import Pass
 TRACK_ERRORS = ("along", "across")
 #: A longer route has a mean depth of its own every so many meters.
 OWN_DEPTH = 200.0
-
-
-def number_sd(slot: Slot, prior: Prior) -> float:
-    """Standard deviation of an effect's numbers before the data speak."""
-    grid = slot.parameter.grid
-    plausible = max(grid) - min(grid) if len(grid) > 1 else slot.parameter.plausible
-    return prior.jitter if slot.effect.slow_error else plausible
-
-
-def spreads(extension: Extension, prior: Prior) -> Tensor:
-    """Standard deviations [number] of the numbers of effects."""
-    spread = torch.zeros(extension.size, dtype=torch.float64)
-    for slot in extension.slots:
-        spread[slot.where] = number_sd(slot, prior)
-    return spread
 
 
 @dataclass(frozen=True)
@@ -53,9 +40,14 @@ class RouteRows:
         return self.rows.jacobian.shape[1] - len(self.other)
 
     @property
+    def route(self) -> slice:
+        """Which of the route's parameters they are of."""
+        return of_route(self.first, self.count // AXES)
+
+    @property
     def where(self) -> Tensor:
         """Which parameters they are of."""
-        return torch.cat([torch.arange(3 * self.first, 3 * self.first + self.count), self.other])
+        return torch.cat([torch.arange(self.route.start, self.route.stop), self.other])
 
 
 @dataclass(frozen=True)
@@ -69,9 +61,8 @@ class ParameterPrior:
     passes : whose vehicles are fitted
     anchors : known points of the fiber
     anchor_distance : [anchor], m along the fiber
-    numbers, number_sd : [number], of the effects
+    numbers : of the effects
     held : whether all but the vehicles is left as it is
-    own : [number] bool, numbers that are of single passes
     extension : whose effects may lead the fiber at the anchors elsewhere; None: they do not
     """
 
@@ -80,33 +71,40 @@ class ParameterPrior:
     passes: Sequence[Pass]
     anchors: Sequence[Anchor]
     anchor_distance: np.ndarray
-    numbers: Tensor
-    number_sd: Tensor
-    own: Tensor
+    numbers: Numbers
     held: bool = False
     extension: Extension | None = None
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Where the vector of all parameters holds what."""
+        return Layout(self.basis.size, len(self.passes), len(self.numbers))
 
     @cached_property
     def mean(self) -> Tensor:
         """[parameter]."""
         route = torch.zeros(self.basis.size, 3, dtype=torch.float64)
         nu = torch.tensor(self.prior.poisson_ratio[0], dtype=torch.float64)
-        return State(route, Vehicles.of(self.passes), nu, self.numbers).vector()
+        return State(route, Vehicles.of(self.passes), nu, self.numbers.mean).vector()
 
     @cached_property
     def sd(self) -> Tensor:
         """[parameter]; inf for the route, whose prior is on its shape, 0 where a value is fixed."""
         layouts = [layout_of(one.vehicle_class, one.wheelbase) for one in self.passes]
-        per_pass = {
-            "amplitude": [np.inf] * len(layouts),
-            **{name: (getattr(self.prior, name) / self.trusted(name)).tolist() for name in TRACK_ERRORS},
-            "wheelbase": [layout.wheelbase_sd for layout in layouts],
-            "front_share": [layout.front_share_sd for layout in layouts],
+        numbers = self.numbers
+        known = {
+            "route": 0.0 if self.held else torch.inf,
+            "amplitude": torch.inf,
+            **{name: getattr(self.prior, name) / self.trusted(name) for name in TRACK_ERRORS},
+            "wheelbase": torch.tensor([layout.wheelbase_sd for layout in layouts], dtype=torch.float64),
+            "front_share": torch.tensor([layout.front_share_sd for layout in layouts], dtype=torch.float64),
+            "poisson_ratio": 0.0 if self.held else self.prior.poisson_ratio[1],
+            "numbers": torch.where(numbers.single, numbers.sd, 0.0) if self.held else numbers.sd,
         }
-        route = np.full(3 * self.basis.size, 0.0 if self.held else np.inf)
-        nu = 0.0 if self.held else self.prior.poisson_ratio[1]
-        numbers = torch.where(self.own, self.number_sd, 0.0) if self.held else self.number_sd
-        return torch.from_numpy(np.concatenate([route, *(per_pass[name] for name in PER_PASS), [nu], numbers]))
+        sd = torch.zeros(self.layout.size, dtype=torch.float64)
+        for name, value in known.items():
+            sd[self.layout[name]] = value
+        return sd
 
     def trusted(self, name: str) -> Tensor:
         """Share [pass] of a track's error `along` or `across` that counts: less where all of it may be off besides."""
@@ -118,16 +116,19 @@ class ParameterPrior:
         """[parameter] bool, what is fitted."""
         return self.sd > 0
 
-    def block(self, name: str) -> slice:
-        """Where the vector of all parameters holds one quantity of the passes."""
-        first = 3 * self.basis.size + PER_PASS.index(name) * len(self.passes)
-        return slice(first, first + len(self.passes))
+    @cached_property
+    def bounds(self) -> tuple[Tensor, Tensor]:
+        """Lowest and highest values [parameter]; infinite where there is none."""
+        lower = torch.full((self.layout.size,), -torch.inf, dtype=torch.float64)
+        upper = -lower
+        lower[self.layout["numbers"]], upper[self.layout["numbers"]] = self.numbers.lower, self.numbers.upper
+        return lower, upper
 
     def precision(self, state: State) -> Tensor:
         """Precision [parameter] of the priors; those on the tracks' errors depend on how large they all are."""
         precision = self.sd**-2
         for name in TRACK_ERRORS:
-            if bool(self.free[where := self.block(name)].all()) and self.passes:
+            if bool(self.free[where := self.layout[name]].all()) and self.passes:
                 share, size = self.trusted(name), getattr(self.prior, name)
                 errors = share * getattr(state.vehicles, name)
                 precision[where] = share**2 * track_precision(errors, size, self.prior.track_freedom)
@@ -137,7 +138,7 @@ class ParameterPrior:
         """-2 ln of the prior density of all but the route, but for a constant."""
         sd, tracks = self.sd.clone(), 0.0
         for name in TRACK_ERRORS:
-            if bool(self.free[where := self.block(name)].all()) and self.passes:
+            if bool(self.free[where := self.layout[name]].all()) and self.passes:
                 sd[where] = torch.inf
                 errors = self.trusted(name) * getattr(state.vehicles, name)
                 tracks += track_cost(errors, getattr(self.prior, name), self.prior.track_freedom)
@@ -165,8 +166,8 @@ class ParameterPrior:
         With the derivatives [place, other] by those parameters [other] that may change it.
         """
         extension = self.extension or NONE
-        first_number = len(self.mean) - len(self.numbers)
-        every = [torch.arange(slot.where.start, slot.where.stop) + first_number for slot in extension.moving]
+        numbers = self.layout.where("numbers")
+        every = [numbers[slot.where] for slot in extension.moving]
         other = torch.cat([torch.zeros(0, dtype=torch.int64), *every])
         return *extension.moves(state.numbers, torch.from_numpy(distance)), other
 

@@ -14,10 +14,11 @@ from torch import Tensor
 from solver.fit.chain import Chain, Visit
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Block, Reduced
+from solver.fit.parameter_layout import PER_PASS, of_route
 from solver.fit.parameter_prior import RouteRows
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
-from solver.fit.state import PER_PASS, State
+from solver.fit.state import State
 from solver.trajectory.vehicle_pass import Pass
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ class Posterior:
     def shape(self) -> "csr_array":
         """Normal matrix [shared, shared] of the prior on the route's shape alone."""
         return self._sparse(
-            Block(3 * one.first, one.rows.jacobian.shape[1], np.zeros(0, int), gram(one))
+            Block(one.route.start, one.rows.jacobian.shape[1], np.zeros(0, int), gram(one))
             for one in self.chain.prior.shape(self.visit.state.coefficients)
             if not self.chain.prior.held
         )
@@ -162,7 +163,8 @@ class Posterior:
         for first in range(0, basis.intervals, INTERVALS):
             here = (interval >= first) & (interval < first + INTERVALS)
             part = basis.part(first, min(first + INTERVALS, basis.intervals))
-            where = np.concatenate([np.arange(3 * first, 3 * (first + part.size)), border])
+            spline = of_route(first, part.size)
+            where = np.concatenate([np.arange(spline.start, spline.stop), border])
             if not here.any():
                 continue
             moves = tangent[here][:, :, None] * by_number.numpy()[here][:, None, :]
@@ -225,7 +227,7 @@ def parameters(posterior: Posterior) -> dict[str, Parameter]:
     """Every fitted number but the route's, by name."""
     chain = posterior.chain
     names, sigma, values = names_of(chain), posterior.sigmas(), posterior.visit.state.vector()
-    first = len(values) - len(names)
+    first = chain.layout["route"].stop
     return {
         name: Parameter(float(values[first + i]), float(sigma[first + i]), unit, bool(chain.free[first + i]))
         for i, (name, unit) in enumerate(names)

@@ -1,17 +1,14 @@
 """What is fitted, and where a fit is linearized."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
+from solver.fit.parameter_layout import AXES, PER_PASS, Layout
 from solver.signal_path.extension import Values
 from solver.signal_path.signal_path import Sensitivities
 from solver.signal_path.traffic import Vehicles
-from solver.trajectory.vehicle_pass import Pass
-
-PER_PASS = ("amplitude", "along", "across", "wheelbase", "front_share")
 
 
 @dataclass(frozen=True)
@@ -23,26 +20,29 @@ class State:
     poisson_ratio: Tensor
     numbers: Tensor
 
+    @property
+    def layout(self) -> Layout:
+        """Where `vector` holds what."""
+        return Layout(len(self.coefficients), len(self.vehicles.amplitude), len(self.numbers))
+
     def vector(self) -> Tensor:
-        """One vector: route, each per-pass quantity, the Poisson ratio, the effects' numbers."""
+        """All in one vector [parameter], laid out as `layout` says."""
         per_pass = [getattr(self.vehicles, name) for name in PER_PASS]
         return torch.cat([self.coefficients.reshape(-1), *per_pass, self.poisson_ratio.reshape(1), self.numbers])
 
     def moved(self, vector: Tensor) -> "State":
-        """The state that `vector` describes."""
-        shape, passes = self.coefficients.shape, len(self.vehicles.amplitude)
-        sizes = [self.coefficients.numel(), len(PER_PASS) * passes, 1, len(self.numbers)]
-        route, rest, nu, numbers = vector.split(sizes)
-        columns = dict(zip(PER_PASS, rest.reshape(len(PER_PASS), passes), strict=True))
-        vehicles = replace(self.vehicles, **columns)
-        return State(route.reshape(shape), vehicles, nu[0].clamp(0.0, 0.495), numbers)
+        """The state that `vector` [parameter] describes, of the same vehicles."""
+        return State.of(vector, self.layout, self.vehicles)
 
     @classmethod
-    def of(cls, vector: Tensor, coefficients: int, passes: Sequence[Pass]) -> "State":
-        """The state of a vector [parameter] with so many route coefficients (per axis) and such vehicles."""
-        route = torch.zeros(coefficients, 3, dtype=torch.float64)
-        numbers = torch.zeros(len(vector) - 3 * coefficients - len(PER_PASS) * len(passes) - 1, dtype=torch.float64)
-        return cls(route, Vehicles.of(passes), torch.zeros((), dtype=torch.float64), numbers).moved(vector)
+    def of(cls, vector: Tensor, layout: Layout, vehicles: Vehicles) -> "State":
+        """The state of a vector [parameter]; `vehicles` have what is not fitted of them."""
+        return cls(
+            vector[layout["route"]].reshape(-1, AXES),
+            replace(vehicles, **{name: vector[layout[name]] for name in PER_PASS}),
+            vector[layout["poisson_ratio"]][0].clamp(0.0, 0.495),
+            vector[layout["numbers"]],
+        )
 
 
 @dataclass(frozen=True)

@@ -152,13 +152,6 @@ class Extension:
             out[slot.where] = (value or {}).get(slot.effect.name, {}).get(p.name, null)
         return out
 
-    def bounded(self, numbers: Tensor) -> Tensor:
-        """The nearest numbers within their bounds; what is smooth is bounded number by number."""
-        out = numbers.clone()
-        for slot in self.slots:
-            out[slot.where] = numbers[slot.where].clamp(slot.parameter.lower, slot.parameter.upper)
-        return out
-
     def local(self, numbers: Tensor) -> dict[str, dict[str, Tensor]]:
         """Values by effect and parameter, local to rows and channels."""
         values: dict[str, dict[str, Tensor]] = {one.name: {} for one in self.effects}

@@ -14,6 +14,8 @@ from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.catalogue.verify import plausible, verify
 from solver.effect import FAMILIES, Effect, Parameter, effect
 from solver.fit.map_fit import MapFit
+from solver.fit.numbers import Numbers
+from solver.fit.prior import Prior
 from solver.signal_path.derivatives import derivative
 from solver.signal_path.observation import BASE
 from vision.contract import InputError
@@ -84,7 +86,7 @@ def away(one: Trial) -> torch.Tensor:
         middle = p.grid[len(p.grid) // 2] if p.is_shape else p.null
         reach = p.plausible if p.is_shape else plausible(p) - p.null
         numbers[slot.where] = middle + reach * torch.from_numpy(rng.uniform(0.2, 0.9, count))
-    return one.extension.bounded(numbers)
+    return Numbers.of(one.extension, Prior()).bounded(numbers)
 
 
 @EVERY

@@ -26,7 +26,7 @@ def test_a_fiber_that_slips_and_something_else(other: str, curved: bool) -> None
     state = replace(state, numbers=numbers)
     evaluation = fit.evaluate(state)
     jacobian, vector = fit.jacobian(state, evaluation.local, evaluation.values), state.vector()
-    size, first = 3 * fit.basis.size, len(vector) - len(numbers)
+    size, first = fit.layout["route"].stop, fit.layout["numbers"].start
     for column in [*rng.choice(size, 5, replace=False), *range(size, first, 5), *range(first, len(vector), 2)]:
         step = 1e-5 * max(abs(float(vector[column])), 0.1)
         ahead, behind = vector.clone(), vector.clone()

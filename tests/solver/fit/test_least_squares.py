@@ -108,7 +108,7 @@ def test_a_track_that_was_guessed_may_be_off_as_a_whole(case) -> None:
     """Its error counts by its own size; the gradient of the cost is that of the precision."""
     first, *others = case.problem.passes
     fit = MapFit(replace(case.problem, passes=[replace(first, offset=1.5), *others]))
-    assert float(fit.prior.sd[fit.prior.block("along")][0]) == pytest.approx(np.hypot(1.5, fit.problem.prior.along))
+    assert float(fit.prior.sd[fit.layout["along"]][0]) == pytest.approx(np.hypot(1.5, fit.problem.prior.along))
     state = fit.start()
     moved = replace(state.vehicles, along=torch.tensor([0.9, 0.02, -0.03, 0.01], dtype=torch.float64))
     state = replace(state, vehicles=moved)
@@ -117,7 +117,7 @@ def test_a_track_that_was_guessed_may_be_off_as_a_whole(case) -> None:
         step = torch.zeros(4, dtype=torch.float64)
         step[number] = 1e-6
         there = replace(state, vehicles=replace(moved, along=moved.along + step))
-        slope = 2 * fit.prior.precision(state)[fit.prior.block("along")][number] * moved.along[number]
+        slope = 2 * fit.prior.precision(state)[fit.layout["along"]][number] * moved.along[number]
         assert (fit.prior.cost(there) - cost) / 1e-6 == pytest.approx(float(slope), rel=1e-4)
     assert cost < MapFit(case.problem).prior.cost(state) / 3
 

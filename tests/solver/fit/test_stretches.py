@@ -83,13 +83,6 @@ def test_a_banded_factor_solves(equations: tuple) -> None:
     np.testing.assert_allclose(Factor(matrix).solved(right), np.linalg.solve(dense, right), rtol=1e-8)
 
 
-@pytest.fixture
-def cut_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A street that counts as a long fiber, in stretches of some 35 m."""
-    monkeypatch.setattr("solver.fit.stretches.ONE_STRETCH", 50.0)
-    monkeypatch.setattr("solver.fit.stretches.STRETCH", 35.0)
-
-
 def dense(chain: Chain, visit) -> tuple[torch.Tensor, np.ndarray]:
     """Normal matrix [free, free] of all links without any elimination, and the free parameters' numbers."""
     matrix = torch.zeros(len(chain.mean), len(chain.mean), dtype=torch.float64)

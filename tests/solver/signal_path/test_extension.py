@@ -7,6 +7,8 @@ import torch
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.effect import Parameter, effect
+from solver.fit.numbers import Numbers
+from solver.fit.prior import Prior
 from solver.signal_path.extension import NONE, SMOOTH, SMOOTH_TIME
 
 
@@ -103,13 +105,6 @@ def test_the_vector_begins_at_null_and_holds_what_it_is_given():
     assert [slot.parameter.name for slot in one.slots] == ["vertical_share", "creep", "time", "offset"]
 
 
-def test_numbers_are_kept_within_their_bounds():
-    one = extension("viscoelastic_lag", "wheel_layout")
-    far = torch.full((one.size,), -9.0, dtype=torch.float64)
-    assert one.bounded(far)[:2].tolist() == [0.0, 0.01] and one.bounded(far)[2:].max() == 0
-    assert one.bounded(-far * 100)[0] == 3.0
-
-
 def test_effects_of_a_stage_act_in_turn():
     def doubled(name):
         return effect(name, "load", [Parameter("a", "1", 1.0)], physics="-", source="-")
@@ -166,7 +161,7 @@ def test_declarations_that_cannot_hold_are_refused(changes, words):
 def test_rows_differentiated_in_blocks_are_as_those_differentiated_at_once(name, monkeypatch):
     one = Trial(built_in()[name], *trial_survey())
     moved = torch.from_numpy(np.random.default_rng(0).uniform(0, 0.1, one.extension.size))
-    numbers = one.extension.bounded(one.numbers() + moved)
+    numbers = Numbers.of(one.extension, Prior()).bounded(one.numbers() + moved)
     whole = one.seen(numbers).local.by
     assert len(one.path.traffic.pass_index) * whole.rate.shape[1] > 3 * 500
     monkeypatch.setattr("solver.signal_path.signal_path.BLOCK", 500)
