@@ -23,10 +23,11 @@ import numpy as np
 import pandas as pd
 import torch
 
-from solver.run.locate import Located, locate
+from solver.run.locate import locate
+from solver.run.run import Run
 from solver.simulator import EFFECTS, Scenario, Survey, read_scenario, simulate, write_survey
 from solver.simulator.effects import hidden
-from solver.survey.site import read_site
+from solver.survey.survey import Survey as Read
 
 KINDS = {"null": 0.25, "one": 0.4, "two": 0.1, "unknown": 0.15, "geometry": 0.1}
 #: Effects that a survey of eight to ten passes can show at a plausible size.
@@ -117,7 +118,7 @@ def judge_all(folder: Path) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def scored(survey: Survey, located: Located, seconds: float) -> dict[str, object]:
+def scored(survey: Survey, located: Run, seconds: float) -> dict[str, object]:
     """What a trial's fit came to, before any diagnosis."""
     result = located.result
     view = np.arange(survey.active[0], survey.active[1] + 1)
@@ -138,13 +139,13 @@ def scored(survey: Survey, located: Located, seconds: float) -> dict[str, object
     }
 
 
-def surveyed(scenario: Scenario) -> tuple[Survey, Located, float]:
+def surveyed(scenario: Scenario) -> tuple[Survey, Run, float]:
     """Simulate, write, read and locate a survey; with the seconds that locating took."""
     survey = simulate(scenario)
     with tempfile.TemporaryDirectory() as folder:
-        site = read_site(write_survey(survey, Path(folder) / "survey"))
+        site = write_survey(survey, Path(folder) / "survey")
         begun = time.perf_counter()
-        located = locate(site)
+        located = locate(Read.read(site))
     return survey, located, time.perf_counter() - begun
 
 
@@ -166,7 +167,7 @@ def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
     with tempfile.TemporaryDirectory() as folder:
         site = write_survey(survey, Path(folder) / "survey")
         truth = json.loads((site.parent / "truth.json").read_text(encoding="utf-8"))
-        located = locate(read_site(site))
+        located = locate(Read.read(site))
         begun = time.process_time()
         state = MapFit(located.problem).state_of(torch.from_numpy(located.result.vector))
         found = diagnose(located.problem, state, effects=list(built_in().values()))

@@ -18,7 +18,7 @@ from solver.run.locate import locate
 from solver.run.methods import METHODS
 from solver.simulator import Survey, simulate, write_survey
 from solver.simulator.scenario import read_scenario
-from solver.survey.site import read_site
+from solver.survey.survey import Survey as Read
 
 
 def scored(survey: Survey, result: FitResult, seconds: float) -> dict[str, float]:
@@ -54,7 +54,7 @@ def main() -> None:
     for seed in range(options.surveys):
         survey = simulate(read_scenario(options.scenario, seed=seed, passes=options.passes, snr_db=options.snr))
         with tempfile.TemporaryDirectory() as folder:
-            site = read_site(write_survey(survey, Path(folder) / "survey"))
+            site = Read.read(write_survey(survey, Path(folder) / "survey"))
             for method in options.methods:
                 begun = time.perf_counter()
                 located = locate(site, method=method)

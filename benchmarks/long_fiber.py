@@ -27,7 +27,7 @@ from solver.simulator.elastic import extension, gauge_nodes, gauge_weights
 from solver.simulator.vehicle import GRAVITY, Vehicle, draw_vehicle
 from solver.survey.anchors import Anchor
 from solver.survey.das import DASRecord
-from solver.survey.site import read_site
+from solver.survey.survey import Survey
 from vision.contract import progress
 
 Array = NDArray[Any]
@@ -182,14 +182,18 @@ def written(survey: LongSurvey, folder: Path) -> Path:
 def measured(site: Path, out: Path) -> None:
     """Locate in this process and print what it took as one line of JSON."""
     begun = time.perf_counter()
-    located = locate(read_site(site))
+    located = locate(Survey.read(site))
     seconds, peak = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     cpu = time.process_time()
     result = located.result
     np.savez(out, channel=result.channel, route=result.route, sigma=result.sigma)
     facts: dict[str, Any] = {"seconds": seconds, "cpu seconds": cpu, "GB": peak / 1e6, "chi2/dof": result.chi2_per_dof}
-    facts |= {"converged": result.converged, "held out": located.held_out, "warnings": located.warnings}
-    print(json.dumps(facts | {f"{name} s": value for name, value in located.timings.items()}))
+    facts |= {
+        "converged": result.converged,
+        "held out": located.facts["held_out_chi2_per_dof"],
+        "warnings": located.warnings,
+    }
+    print(json.dumps(facts | {f"{name} s": value for name, value in located.facts["timings"].items()}))
 
 
 def row_of(kilometers: float, options: argparse.Namespace) -> dict[str, object]:

@@ -28,11 +28,12 @@ from solver.fit import Prior, Problem
 from solver.fit.map_fit import MapFit
 from solver.fit.pose import pose
 from solver.published.geometric_route import geometric_route
-from solver.run.locate import Located, locate
+from solver.run.locate import locate
+from solver.run.run import Run
 from solver.simulator import Scenario, Survey, simulate, write_survey
 from solver.start.initialization import initialize
 from solver.survey.anchors import Anchor
-from solver.survey.site import read_site
+from solver.survey.survey import Survey as Read
 from vision.contract import InputError, progress, writing
 
 METHODS = ("spline", "network", "geometric")
@@ -152,23 +153,23 @@ def shifted(table: pd.DataFrame, sd: float, rng: np.random.Generator) -> pd.Data
     return table.assign(x=table["x"] + moved[:, 0], y=table["y"] + moved[:, 1])
 
 
-def located(setting: Setting, survey: Survey) -> Located:
-    """Locate the fiber as a user would, from the survey's files."""
+def located(setting: Setting, survey: Survey) -> tuple[Read, Run]:
+    """Locate the fiber as a user would, from the survey's files; also what was read."""
     with tempfile.TemporaryDirectory() as folder:
-        site = read_site(write_survey(survey, Path(folder) / "survey"))
+        whole = Read.read(write_survey(survey, Path(folder) / "survey"))
         if not setting.anchors:
-            site = site.model_copy(update={"anchors": None})
+            whole = Read.of(**vars(whole) | {"anchors": []})
         method = "spline" if setting.method == "geometric" else setting.method
-        return locate(site, method=method, effects=() if setting.loads == "point" else ("wheel_layout",))
+        return whole, locate(whole, method=method, effects=() if setting.loads == "point" else ("wheel_layout",))
 
 
-def problem_at(found: Located, true: np.ndarray) -> Problem:
+def problem_at(survey: Read, found: Run, true: np.ndarray) -> Problem:
     """The problem that was fitted, beginning at the true route of all channels [channel, 3], m."""
     channel = found.result.fitted_channel
-    ground = found.site.ground
+    ground = survey.ground
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
     anchors: Sequence[Anchor] = found.anchors
-    return pose(found.record, found.passes, anchors, true[channel], channel, prior)
+    return pose(survey.record, found.passes, anchors, true[channel], channel, prior)
 
 
 def expected_errors(problem: Problem, true: np.ndarray, channel: np.ndarray) -> tuple[float, float]:
@@ -190,7 +191,7 @@ def run(setting: Setting) -> dict[str, float | str]:
     survey = survey_of(setting)
     begun = time.perf_counter()
     try:
-        found = located(setting, survey)
+        read, found = located(setting, survey)
     except InputError as error:
         return {"failed": str(error)}
     seconds = time.perf_counter() - begun
@@ -199,14 +200,14 @@ def run(setting: Setting) -> dict[str, float | str]:
     here = np.isin(result.channel, view)
     channel, route = result.channel[here], result.route[here]
     if setting.method == "geometric":
-        rough = initialize(found.record, found.passes)
+        rough = initialize(read.record, found.passes)
         here = np.isin(rough.channel, view)
         channel, route = (
             rough.channel[here],
-            geometric_route(found.record, found.passes, rough, anchors=found.anchors)[here],
+            geometric_route(read.record, found.passes, rough, anchors=found.anchors)[here],
         )
     error = np.linalg.norm(route - true[channel], axis=1)
-    mean, largest = expected_errors(problem_at(found, true), true, channel)
+    mean, largest = expected_errors(problem_at(read, found, true), true, channel)
     row: dict[str, float | str] = {
         "mean": float(error.mean()),
         "largest": float(error.max()),

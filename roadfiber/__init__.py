@@ -1,1 +1,98 @@
-"""Video and Distributed Acoustic Sensing (DAS) to a fiber route with honest uncertainty."""
+"""Video and Distributed Acoustic Sensing (DAS) to a fiber route with honest uncertainty.
+
+    import roadfiber as rf
+
+    survey = rf.read("site.toml")              # or rf.Survey(das=patch, tracks=table, anchors=table, frame=...)
+    run = rf.locate(survey)
+    run.route                                  # DataFrame: channel, x, y, z, sigmas, latitude, longitude ...
+    run.save("run")
+    print(rf.diagnose(run).verdict)            # which physical effect the model lacks
+    better = rf.add(run, "gauge_length")       # or an effect of your own, an object
+    rf.ladder(run, better).plot()
+
+What can be mended raises `InputError`. What is heavy (PyTorch, pandas, SciPy, matplotlib) is loaded when a name is
+first used.
+"""
+
+import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+# Read when torch is first imported: threads that spin while they wait make a busy machine four times slower.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+
+if TYPE_CHECKING:
+    from roadfiber.cameras import Calibrated as Calibrated
+    from roadfiber.cameras import Quality as Quality
+    from roadfiber.cameras import calibrate as calibrate
+    from roadfiber.cameras import quality as quality
+    from roadfiber.cameras import track as track
+    from roadfiber.comparing import Comparison as Comparison
+    from roadfiber.comparing import compare as compare
+    from roadfiber.diagnosing import Diagnosis as Diagnosis
+    from roadfiber.diagnosing import diagnose as diagnose
+    from roadfiber.growing import Ladder as Ladder
+    from roadfiber.growing import Story as Story
+    from roadfiber.growing import add as add
+    from roadfiber.growing import clock_offset as clock_offset
+    from roadfiber.growing import explain as explain
+    from roadfiber.growing import ladder as ladder
+    from roadfiber.locating import locate as locate
+    from roadfiber.locating import open as open
+    from roadfiber.locating import read as read
+    from roadfiber.simulating import Simulated as Simulated
+    from roadfiber.simulating import simulate as simulate
+    from solver.effect import Effect as Effect
+    from solver.effect import Parameter as Parameter
+    from solver.effect import effect as effect
+    from solver.run.run import Run as Run
+    from solver.survey.survey import Survey as Survey
+    from vision.contract.errors import InputError as InputError
+    from vision.contract.frame import LocalFrame as LocalFrame
+
+#: Name -> module that it is loaded from at its first use.
+_HOMES = {
+    "Calibrated": "roadfiber.cameras",
+    "Comparison": "roadfiber.comparing",
+    "Diagnosis": "roadfiber.diagnosing",
+    "Effect": "solver.effect",
+    "InputError": "vision.contract.errors",
+    "Ladder": "roadfiber.growing",
+    "LocalFrame": "vision.contract.frame",
+    "Parameter": "solver.effect",
+    "Quality": "roadfiber.cameras",
+    "Run": "solver.run.run",
+    "Simulated": "roadfiber.simulating",
+    "Story": "roadfiber.growing",
+    "Survey": "solver.survey.survey",
+    "add": "roadfiber.growing",
+    "calibrate": "roadfiber.cameras",
+    "clock_offset": "roadfiber.growing",
+    "compare": "roadfiber.comparing",
+    "diagnose": "roadfiber.diagnosing",
+    "effect": "solver.effect",
+    "explain": "roadfiber.growing",
+    "ladder": "roadfiber.growing",
+    "locate": "roadfiber.locating",
+    "open": "roadfiber.locating",
+    "quality": "roadfiber.cameras",
+    "read": "roadfiber.locating",
+    "simulate": "roadfiber.simulating",
+    "track": "roadfiber.cameras",
+}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first used."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'roadfiber' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Names that the package offers."""
+    return sorted({*globals(), *_HOMES})

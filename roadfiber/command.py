@@ -17,15 +17,9 @@ import vision.cli
 from roadfiber import criticism_commands, survey_commands
 from vision.contract.errors import InputError, machine_words
 
-# Read when torch is first imported: threads that spin while they wait make a busy machine four times slower.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-
 if TYPE_CHECKING:
-    import pandas as pd
-
     from solver.run import Run
     from solver.simulator import Scenario
-    from solver.survey.site import Site
 
 #: Exit status of a command that Ctrl-C ended, as shells expect it.
 INTERRUPTED = 130
@@ -89,54 +83,29 @@ def locate(
 
     Example: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`
     """
+    import roadfiber as rf
     from solver.run import check_target
     from solver.run.locate import EFFECTS
-    from solver.run.locate import locate as locate_fiber
-    from solver.survey.site import read_site
-    from vision.contract import write_trajectories, writing
 
     check_target(out)
-    survey = read_site(site / "site.toml" if site.is_dir() else site)
-    tracked = None if survey.trajectories else follow(survey)
     asked = EFFECTS if effects is None else [name.strip() for name in effects.split(",")]
     chosen = [name for name in asked if name not in ("", "none")]
-    located = locate_fiber(survey, tracked, method=method, effects=chosen, filters=filters or ())
-    with writing(out) as folder:
-        run = located.write(folder)
-        if tracked is not None:
-            write_trajectories(tracked, folder / "trajectories.csv")
-    print((out / "fit.json").read_text() if as_json else summary(run, out))
-
-
-def follow(survey: "Site") -> "pd.DataFrame":
-    """Track the survey's video."""
-    from vision.cache import cache_folder
-    from vision.pipeline import track
-
-    camera = survey.camera
-    assert camera is not None, "a survey without trajectories has a camera"
-    return track(
-        camera.video,
-        detector=camera.detector,
-        calibration=camera.calibration,
-        start=camera.start,
-        clock_offset=camera.clock_offset,
-        cache=cache_folder(),
-    )
+    run = rf.locate(site, method=method, effects=chosen, filters=filters or ())
+    run.save(out)
+    print((out / "fit.json").read_text(encoding="utf-8") if as_json else summary(run, out))
 
 
 def summary(run: "Run", out: Path) -> str:
     """Say in a few lines what was found and how far it may be relied on: what the report and fit.json say, too."""
-    result, facts = run.result, run.facts
-    known = result.constrained
-    sigma = result.sigma[known]
+    known = run.route[run.route["constrained"]]
+    first, last = known["channel"].iloc[[0, -1]]
     return "\n".join(
         [
-            facts["headline"],
-            facts["trust"]["sentence"].replace("RUN", str(out)),
-            f"fiber located over {known.sum()} channels, {result.channel[known][0]} to {result.channel[known][-1]}",
-            f"1 sigma: {sigma[:, 1].max():.2f} m across at most, {sigma[:, 2].max():.2f} m in depth",
-            *facts["warnings"],
+            run.headline,
+            run.trust.replace("RUN", str(out)),
+            f"fiber located over {len(known)} channels, {first} to {last}",
+            f"1 sigma: {known['sigma_y'].max():.2f} m across at most, {known['sigma_z'].max():.2f} m in depth",
+            *run.warnings,
             f"report: {out / 'report.html'}",
         ]
     )

@@ -1,16 +1,10 @@
-"""`roadfiber diagnose`, `add`, `clock`, `ladder` and `explain`."""
+"""`roadfiber compare`, `diagnose`, `add`, `clock`, `ladder` and `explain`."""
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from solver.catalogue.plugins import Catalogue
-    from solver.criticism.diagnosis import Diagnosis
-    from solver.criticism.growth import Grown
-    from solver.fit.state import State
-    from solver.run.run import Run
 
 app = typer.Typer()
 
@@ -22,58 +16,31 @@ Changed = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")]
 
 
-def state_of(run: "Run") -> "State":
-    """Where the fit of a run ended.
+@app.command()
+def compare(
+    run: Annotated[Path, typer.Argument(help="A run folder that `roadfiber locate` wrote.")],
+    out: Annotated[Path | None, typer.Option(help="Folder to write into.  [default: the run folder]")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print compare.json instead of words.")] = False,
+) -> None:
+    """Compare the model of a run with the measurement: where, when and how they differ.
 
-    Raises
-    ------
-    InputError
-        If the run is of a long fiber, where effects would have to be the same along all of it; if it holds other
-        numbers than its model has; or if code of its model was not given.
+    Writes compare.html (measured, model and residual with one zoom; the residual in the vehicle's frame, by channel,
+    pass, speed, class, lane, frequency and wavenumber; the regions that fail), compare.json and pictures.
+
+    Example: `roadfiber compare runs/main-street`
     """
-    import torch
+    import roadfiber as rf
+    from vision.contract import require_writable
 
-    from solver.fit.map_fit import MapFit
-    from solver.fit.stretches import ONE_STRETCH, is_long
-    from vision.contract import InputError
-
-    if is_long(run.problem):
-        length = run.problem.distance[-1] - run.problem.distance[0]
-        raise InputError(
-            f"run of {length:.0f} m of fiber: a model is criticized over {ONE_STRETCH:.0f} m at most; "
-            "name a stretch as channels in site.toml and locate that"
-        )
-    fit = MapFit(run.problem)
-    if len(run.result.vector) != len(fit.mean):
-        raise InputError(
-            f"run: holds {len(run.result.vector)} fitted numbers, and its model has {len(fit.mean)}; "
-            "give the plugin it was made with, or run `roadfiber locate` again"
-        )
-    return fit.state_of(torch.from_numpy(run.result.vector))
-
-
-def diagnosed(run: "Run", known: "Catalogue") -> "Diagnosis":
-    """Diagnose a run, with a progress bar."""
-    from solver.criticism.diagnosis import diagnose as diagnose_problem
-    from solver.criticism.diagnosis import steps
-    from vision.contract import progress
-
-    effects, state = list(known.values()), state_of(run)
-    with progress("testing effects", steps(effects)) as advance:
-        return diagnose_problem(run.problem, state, effects=effects, advance=advance)
-
-
-def in_words(diagnosis: "Diagnosis", folder: Path) -> str:
-    """What `diagnose` prints."""
-    lines = [f"{diagnosis.verdict}: {diagnosis.words}"]
-    if diagnosis.separate:
-        lines.append(f"what would tell them apart: {diagnosis.separate}")
-    for c in diagnosis.candidates[:6]:
-        full = "" if c.refitted else " (predicted)"
-        size = f"{c.estimate:.3g} +- {c.sigma:.2g} {c.unit}"
-        lines.append(f"  {c.effect:22s} {c.verdict:12s} chi2 falls by {c.delta_chi2:8.0f}{full}; size {size}")
-    lines.append(f"page: {folder / 'diagnosis.html'}")
-    return "\n".join(lines)
+    opened, folder = rf.open(run), out or run
+    require_writable(folder / "compare.html")
+    comparison = rf.compare(opened)
+    comparison.save(folder)
+    if as_json:
+        print(json.dumps(comparison.facts, allow_nan=False, indent=1))
+        return
+    print("\n".join([comparison.headline, comparison.verdict, *(f"  {line}" for line in comparison.lines())]))
+    print(f"page: {folder / 'compare.html'}")
 
 
 @app.command()
@@ -86,43 +53,17 @@ def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, a
 
     Example: `roadfiber diagnose runs/main-street --plugin my_effects.py`
     """
-    from solver.criticism.diagnosis_files import write_diagnosis
-    from solver.run import open_run
+    import roadfiber as rf
     from vision.contract import require_writable
 
-    located, known = open_run(run, plugin or [], changed)
+    opened = rf.open(run, plugins=plugin or (), changed=changed)
     require_writable(run / "diagnosis.json")
-    diagnosis = diagnosed(located, known)
-    write_diagnosis(run, diagnosis, located.facts["name"])
-    print((run / "diagnosis.json").read_text(encoding="utf-8") if as_json else in_words(diagnosis, run))
-
-
-def grown(run: "Run", names: list[str], known: "Catalogue", force: bool) -> "tuple[Run, list[Grown]]":
-    """Add effects one after another; refuse one that passes held out do not want."""
-    import time
-
-    from solver.criticism.growth import check_names, grow, with_growth
-    from solver.fit.held_out import FOLDS
-    from solver.fit.map_fit import MapFit
-    from solver.run.code import with_plugins
-    from vision.contract import InputError, progress
-
-    begun = time.perf_counter()
-    check_names(names, run.problem, known)
-    state, fit = state_of(run), MapFit(run.problem)
-    effects, steps = list(run.facts["effects"]), []
-    with progress("fitting with more effects", (2 * FOLDS + 2) * len(names)) as advance:
-        for name in names:
-            step = grow(fit, state, name, known, advance)
-            if not step.better and not force:
-                raise InputError(
-                    f"{name}: chi2 per degree of freedom of held-out passes goes from {step.held_out_words}; "
-                    "not kept (--force keeps it all the same)"
-                )
-            fit, state = step.fit, step.solution.state
-            effects.append(name)
-            steps.append(step)
-    return with_plugins(with_growth(run, steps[-1], effects, time.perf_counter() - begun), known), steps
+    found = rf.diagnose(opened)
+    found.save(run)
+    if as_json:
+        print(json.dumps(found.facts, allow_nan=False, indent=1))
+        return
+    print("\n".join([*found.lines(), f"page: {run / 'diagnosis.html'}"]))
 
 
 @app.command()
@@ -141,31 +82,27 @@ def add(
 
     Example: `roadfiber add runs/main-street gauge_length --out runs/main-street-2`
     """
-    from solver.criticism.diagnosis_files import check_out, ladder_from, write_ladder
-    from solver.criticism.growth import climbed
-    from solver.run import open_run
-    from solver.run.folder import write_files
-    from vision.contract import writing
+    import roadfiber as rf
+    from solver.criticism.diagnosis_files import check_out
 
-    check_out(out, run)
-    before, known = open_run(run, plugin or [], changed)
-    below = ladder_from(run, before, out)
-    after, steps = grown(before, effects, known, force)
-    rungs = climbed(below, before, after)
-    with writing(out) as folder:
-        write_files(folder, after)
-        write_ladder(folder, rungs, after.facts["name"])
+    opened = rf.open(run, plugins=plugin or (), changed=changed)
+    check_out(out, opened)
+    said = list[str]()
+    after = rf.add(opened, *effects, force=force, tell=said.append)
+    after.save(out)
     if as_json:
-        print((out / "ladder.json").read_text(encoding="utf-8"))
+        print(json.dumps(rf.ladder(rf.open(out)).facts, allow_nan=False, indent=1))
         return
-    for line in rungs[-1].words:
-        print(line)
-    print(after.facts["trust"]["sentence"].replace("RUN", str(out)))
-    for name, step in zip(effects, steps, strict=True):
-        print(f"{name}: held-out chi2 per degree of freedom from {step.held_out_words}")
-    print(f"chi2 per degree of freedom {rungs[-2].chi2_per_dof:.3f} -> {rungs[-1].chi2_per_dof:.3f}")
-    print(f"the route moved by up to {rungs[-1].route_change:.2f} m")
-    print(f"page: {out / 'ladder.html'}")
+    before, last = after.rungs[-2:]
+    lines = [
+        *last.words,
+        after.trust.replace("RUN", str(out)),
+        *said,
+        f"chi2 per degree of freedom {before.chi2_per_dof:.3f} -> {last.chi2_per_dof:.3f}",
+        f"the route moved by up to {last.route_change:.2f} m",
+        f"page: {out / 'ladder.html'}",
+    ]
+    print("\n".join(lines))
 
 
 @app.command()
@@ -178,20 +115,9 @@ def clock(run: RunFolder, plugin: Plugins = None, changed: Changed = False, as_j
 
     Example: `roadfiber clock runs/main-street`
     """
-    import json
+    import roadfiber as rf
 
-    from solver.criticism.diagnosis import converged
-    from solver.criticism.growth import fitted_with
-    from solver.fit.track_trust import strict_tracks
-    from solver.run import open_run
-    from solver.trajectory.trajectory_effects import CLOCK
-
-    located, _ = open_run(run, plugin or [], changed)
-    fit, state = converged(strict_tracks(located.problem), state_of(located))
-    found = fitted_with(fit, state, CLOCK, lambda n: None)
-    at = found.solution.state
-    covariance = found.fit.normal(at)[0].inverse()
-    offset, sigma = float(at.numbers[-1]), float(covariance[-1, -1].sqrt())
+    offset, sigma = rf.clock_offset(rf.open(run, plugins=plugin or (), changed=changed))
     if as_json:
         print(json.dumps({"clock_offset": offset, "sigma": sigma, "unit": "s"}))
         return
@@ -208,27 +134,15 @@ def ladder(runs: Annotated[list[Path], typer.Argument(help="Run folders.")], as_
 
     Example: `roadfiber ladder runs/main-street-2`
     """
-    import json
-
-    from solver.criticism.diagnosis_files import ladder_facts, read_ladder, write_ladder
-    from solver.criticism.growth import first_rung
-    from solver.run import read_run
+    import roadfiber as rf
 
     written = []
     for folder in runs:
-        run = read_run(folder)
-        rungs = read_ladder(folder) or [first_rung(run)]
-        write_ladder(folder, rungs, run.facts["name"])
-        written.append(ladder_facts(rungs))
-        if as_json:
-            continue
-        for rung in rungs:
-            held = "-" if rung.held_out_chi2_per_dof is None else f"{rung.held_out_chi2_per_dof:.3f}"
-            for line in rung.words:
-                print(line)
-            names = ", ".join(rung.effects) or "as published"
-            print(f"chi2/dof {rung.chi2_per_dof:.3f}  held out {held}  moved {rung.route_change:.2f} m  {names}")
-        print(f"page: {folder / 'ladder.html'}")
+        climbed = rf.ladder(rf.open(folder))
+        climbed.save(folder)
+        written.append(climbed.facts)
+        if not as_json:
+            print("\n".join([*climbed.lines(), f"page: {folder / 'ladder.html'}"]))
     if as_json:
         print(json.dumps(written if len(written) > 1 else written[0], indent=1))
 
@@ -249,64 +163,20 @@ def explain(
 
     Example: `roadfiber explain runs/main-street --out runs/main-street-explained`
     """
-    import json
-    import time
-
-    from solver.criticism.diagnosis_files import (
-        check_out,
-        ladder_from,
-        story_facts,
-        write_diagnosis,
-        write_ladder,
-        write_story,
-    )
-    from solver.criticism.growth import climbed, with_growth
-    from solver.criticism.growth import grow as grow_by
-    from solver.criticism.pages import Chapter
-    from solver.criticism.verdict_words import left_open
-    from solver.fit.map_fit import MapFit
-    from solver.run import open_run
-    from solver.run.code import with_plugins
-    from solver.run.folder import write_files
-    from vision.contract import writing
+    import roadfiber as rf
+    from solver.criticism.diagnosis_files import check_out
 
     def tell(line: str) -> None:
         if not as_json:
             print(line, flush=True)
 
-    check_out(out, run)
-    current, known = open_run(run, plugin or [], changed)
-    climb = ladder_from(run, current, out)
-    chapters: list[Chapter] = []
-    for _ in range(rungs + 1):
-        diagnosis = diagnosed(current, known)
-        tell(f"{diagnosis.verdict}: {diagnosis.words}")
-        name = diagnosis.candidates[0].effect if diagnosis.candidates else ""
-        if diagnosis.verdict != "missing-effect" or len(chapters) == rungs:
-            chapters.append(Chapter(diagnosis, "Nothing more was added."))
-            break
-        begun = time.perf_counter()
-        step = grow_by(MapFit(current.problem), state_of(current), name, known)
-        if not step.better:
-            chapters.append(Chapter(diagnosis, f"{name} was tried, and passes held out fit no better."))
-            break
-        effects = [*current.facts["effects"], name]
-        after = with_growth(current, step, effects, time.perf_counter() - begun)
-        climb = climbed(climb, current, after)
-        chapters.append(Chapter(diagnosis, f"{name} was added; the route moved {climb[-1].route_change:.2f} m."))
-        for line in climb[-1].words:
-            tell(line)
-        tell(f"added {name}: chi2 per degree of freedom {climb[-2].chi2_per_dof:.3f} -> {climb[-1].chi2_per_dof:.3f}")
-        current = after
-    with writing(out) as folder:
-        write_files(folder, with_plugins(current, known))
-        write_diagnosis(folder, chapters[-1].diagnosis, current.facts["name"])
-        write_ladder(folder, climb, current.facts["name"])
-        write_story(folder, chapters, climb, current.facts["name"])
-    sentence = current.facts["trust"]["sentence"].replace("RUN", str(out))
-    words = left_open(one.diagnosis.candidates[0] for one in chapters if one.diagnosis.candidates)
+    opened = rf.open(run, plugins=plugin or (), changed=changed)
+    check_out(out, opened)
+    story = rf.explain(opened, most=rungs, tell=tell)
+    story.save(out)
+    sentence = story.run.trust.replace("RUN", str(out))
     if as_json:
-        print(json.dumps(story_facts(chapters, climb) | {"trust": sentence, "still_open": words}, indent=1))
-    for line in (sentence, words, f"story: {out / 'explain.html'}"):
+        print(json.dumps(story.facts(out) | {"trust": sentence}, indent=1))
+    for line in (sentence, story.still_open, f"story: {out / 'explain.html'}"):
         if line:
             tell(line)

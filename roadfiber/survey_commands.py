@@ -1,4 +1,4 @@
-"""`roadfiber simulate`, `roadfiber compare` and `roadfiber effects`."""
+"""`roadfiber simulate` and `roadfiber effects`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -35,62 +35,21 @@ def simulate(
 
     Example: `roadfiber simulate street --seed 3 --out survey` and then `roadfiber locate survey/site.toml --out run`
     """
-    from solver.simulator import amounts, read_scenario, simulate, write_survey
-    from solver.simulator.survey_files import require_free
+    import json
 
-    wanted = read_scenario(scenario, seed=seed, passes=passes, snr_db=snr, effects=amounts(hide) if hide else None)
-    require_free(out)
-    survey = simulate(wanted)
-    site = write_survey(survey, out)
-    facts = {
-        "site": str(site),
-        "passes": len(survey.vehicles),
-        "channels": len(survey.distance),
-        "seconds": round(float(survey.time[-1]), 1),
-        "active_channels": list(survey.active),
-    }
+    import roadfiber as rf
+    from solver.simulator import amounts
+
+    hidden = amounts(hide) if hide else None
+    made = rf.simulate(out, scenario, seed=seed, passes=passes, snr_db=snr, effects=hidden)
     if as_json:
-        import json
-
-        print(json.dumps(facts))
+        print(json.dumps(made.to_dict()))
         return
+    first, last = made.active_channels
     print(
-        f"wrote {site}: {facts['passes']} passes, {facts['channels']} channels, {facts['seconds']:g} s; "
-        f"channels {survey.active[0]} to {survey.active[1]} are in view"
+        f"wrote {made.site}: {made.passes} passes, {made.channels} channels, {made.seconds:g} s; "
+        f"channels {first} to {last} are in view"
     )
-
-
-@app.command()
-def compare(
-    run: Annotated[Path, typer.Argument(help="A run folder that `roadfiber locate` wrote.")],
-    out: Annotated[Path | None, typer.Option(help="Folder to write into.  [default: the run folder]")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print compare.json instead of words.")] = False,
-) -> None:
-    """Compare the model of a run with the measurement: where, when and how they differ.
-
-    Writes compare.html (measured, model and residual with one zoom; the residual in the vehicle's frame, by channel,
-    pass, speed, class, lane, frequency and wavenumber; the regions that fail), compare.json and pictures.
-
-    Example: `roadfiber compare runs/main-street`
-    """
-    from solver.criticism.comparison import compare as compare_run
-    from solver.criticism.comparison import write_comparison
-    from solver.criticism.comparison.comparison_words import headline, region_words, verdict
-    from solver.run.folder import read_run
-    from vision.contract import require_writable
-
-    located, folder = read_run(run), out or run
-    require_writable(folder / "compare.html")
-    comparison = compare_run(located)
-    write_comparison(folder, comparison, located)
-    if as_json:
-        print((folder / "compare.json").read_text(encoding="utf-8"))
-        return
-    print(headline(comparison))
-    print(verdict(comparison, located))
-    for region in comparison.regions:
-        print(f"  {region_words(region, located)}")
-    print(f"page: {folder / 'compare.html'}")
 
 
 @app.command()

@@ -7,9 +7,10 @@ import pytest
 
 from benchmarks.long_fiber import LongSurvey, made, written
 from solver.run.folder import read_run
-from solver.run.locate import Located, locate
+from solver.run.locate import locate
+from solver.run.run import Run
 from solver.start.sections import extent, heard, initialize_sections, joined, sections_of, sides_of, sought
-from solver.survey.site import read_site
+from solver.survey.survey import Survey
 from solver.trajectory.passes import smooth_passes
 from solver.trajectory.vehicle_pass import Pass
 
@@ -25,8 +26,8 @@ def passes(survey: LongSurvey) -> list[Pass]:
 
 
 @pytest.fixture(scope="module")
-def located(survey: LongSurvey, tmp_path_factory: pytest.TempPathFactory) -> Located:
-    return locate(read_site(written(survey, tmp_path_factory.mktemp("long") / "survey")))
+def located(survey: LongSurvey, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return locate(Survey.read(written(survey, tmp_path_factory.mktemp("long") / "survey")))
 
 
 def test_sections_unroll_the_road(passes: list[Pass]) -> None:
@@ -64,7 +65,7 @@ def test_rough_route_lies_beside_the_fiber_on_its_side(survey: LongSurvey, passe
     assert len(channel) > 0.95 * len(survey.truth)
 
 
-def test_one_global_fit_finds_it(survey: LongSurvey, located: Located) -> None:
+def test_one_global_fit_finds_it(survey: LongSurvey, located: Run) -> None:
     result = located.result
     here = np.isin(result.channel, np.arange(len(survey.truth)))
     error = result.route[here] - survey.truth[result.channel[here]]
@@ -74,12 +75,12 @@ def test_one_global_fit_finds_it(survey: LongSurvey, located: Located) -> None:
     assert np.linalg.norm(error, axis=1).max() < 0.3
     assert (np.abs(error) < 1.96 * result.sigma[here]).mean() > 0.8
     assert 0.95 < result.chi2_per_dof < 1.05
-    assert located.held_out is not None and 0.9 < located.held_out.chi2_per_dof < 1.15
+    assert 0.9 < located.facts["held_out_chi2_per_dof"] < 1.15
     assert sum(name.startswith("amplitude[") for name in result.parameters) > 6 * 8
 
 
-def test_a_long_run_is_written_and_read(located: Located, tmp_path: Path) -> None:
-    located.write(tmp_path / "run")
+def test_a_long_run_is_written_and_read(located: Run, tmp_path: Path) -> None:
+    located.save(tmp_path / "run")
     run = read_run(tmp_path / "run")
     np.testing.assert_allclose(run.result.route, located.result.route)
     np.testing.assert_allclose(run.result.measured, located.result.measured, rtol=1e-5, atol=1e-12)

@@ -4,7 +4,7 @@ No other file's code is run, least of all one that lies in a run folder.
 """
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -49,6 +49,23 @@ class Catalogue(dict[str, Effect]):
     def __init__(self, effects: Mapping[str, Effect], plugin_of: Mapping[str, Plugin]) -> None:
         super().__init__(effects)
         self.plugin_of = dict(plugin_of)
+
+    def extended(self, effects: Iterable[Effect]) -> "Catalogue":
+        """The catalogue with a user's effects, given as objects; those that are in it already change nothing.
+
+        Raises
+        ------
+        InputError
+            If one has the name of another effect, or breaks a promise, see `solver.catalogue.verify`.
+        """
+        from solver.catalogue.verify import verify
+
+        more = {one.name: one for one in effects if self.get(one.name) is not one}
+        for one in more.values():
+            if one.name in self:
+                raise InputError(f"effect {one.name}: is in the catalogue already; give yours another name")
+            verify(one)
+        return Catalogue(self | more, self.plugin_of) if more else self
 
 
 def effects_in(module: ModuleType) -> list[Effect]:

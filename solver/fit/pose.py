@@ -14,7 +14,7 @@ from solver.noise.whitening import NoiseLaw, noise_law
 from solver.signal_path.traffic import Traffic
 from solver.start.rough_route import TYPICAL
 from solver.survey.anchors import Anchor
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from solver.survey.das.rounding import Rounding
 from solver.survey.limits import VEHICLE_REACH
 from solver.trajectory.trajectory_effects import SLOW_ERROR

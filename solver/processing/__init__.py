@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from solver.processing.decimation import FIT_RATE, decimated
 from solver.processing.fk import fk_filter, fk_filtered, fk_mask
 from solver.processing.median import median_filtered
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from vision.contract import InputError
 
 #: The paper's filters, as `locate --filter` names them.
@@ -21,4 +20,4 @@ def filtered(record: DASRecord, names: Sequence[str]) -> DASRecord:
     return record
 
 
-__all__ = ["FILTERS", "FIT_RATE", "decimated", "filtered", "fk_filter", "fk_filtered", "fk_mask", "median_filtered"]
+__all__ = ["FILTERS", "filtered", "fk_filter", "fk_filtered", "fk_mask", "median_filtered"]

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from solver.processing.gaps import interpolated, runs
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from vision.contract import InputError
 
 #: The paper's pass band: apparent speed along the fiber, m/s (9 to 90 km/h), and frequency, Hz.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from vision.contract import InputError, progress
 
 Array = NDArray[np.float64]

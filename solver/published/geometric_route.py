@@ -18,7 +18,7 @@ from solver.published.regularizers import Regularization, anchor_loss
 from solver.start.coupling_curve import coupling_curve
 from solver.start.initialization import Initialization
 from solver.survey.anchors import Anchor
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 from solver.catalogue.catalogue import built_in
-from solver.catalogue.plugins import Catalogue, Plugin
+from solver.catalogue.plugins import Plugin
 from solver.effect import Effect
 from solver.run.run import Run
 from vision.contract import InputError
@@ -65,12 +65,12 @@ def check_plugins(facts: Mapping[str, Any], plugin_of: Mapping[str, Plugin]) -> 
                 )
 
 
-def with_plugins(run: Run, known: Catalogue) -> Run:
+def with_plugins(run: Run) -> Run:
     """The run, which keeps the files of the users' effects in its model."""
     used: dict[Plugin, list[str]] = {}
     for one in run.problem.effects:
-        if one.name in known.plugin_of:
-            used.setdefault(known.plugin_of[one.name], []).append(one.name)
+        if one.name in run.known.plugin_of:
+            used.setdefault(run.known.plugin_of[one.name], []).append(one.name)
     kept = [
         {"file": plugin.path.name, "sha256": plugin.sha256, "effects": names, "text": plugin.text}
         for plugin, names in used.items()

@@ -5,10 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from solver.fit.held_out import HeldOut
 from solver.fit.problem import Problem
@@ -17,44 +14,13 @@ from solver.run.floor import noise_floor
 from solver.run.gates import trust_of
 from solver.run.problem_arrays import problem_facts
 from solver.run.stored import FORMAT
+from solver.run.strict_json import strict
 from solver.survey.anchors import Anchor
-from solver.survey.das import DASRecord
-from solver.survey.das.das_files import checksum
-from solver.survey.site import Site
+from solver.survey.das.record import DASRecord
+from solver.survey.site import GroundSection
+from solver.survey.survey import Survey
 
 PACKAGES = ("roadfiber", "torch", "numpy", "scipy", "dascore", "pandas", "pyproj", "matplotlib")
-
-
-def strict(value: Any) -> Any:
-    """Return `value` as strict JSON holds it: numbers that are not finite become None.
-
-    >>> strict({"a": np.float64("nan"), "b": (np.int64(2), Path("c.h5")), "d": np.bool_(True)})
-    {'a': None, 'b': [2, 'c.h5'], 'd': True}
-    """
-    if isinstance(value, Mapping):
-        return {str(key): strict(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return strict(value.tolist())
-    if isinstance(value, list | tuple):
-        return [strict(item) for item in value]
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value if value is None or isinstance(value, bool | int | str) else str(value)
-
-
-def inputs_of(site: Site, record: DASRecord) -> list[dict[str, str]]:
-    """Return role, path and SHA-256 of every file that went in."""
-    das = zip(record.provenance["files"], record.provenance["sha256"], strict=True)
-    files = [{"role": "das", "path": str(path), "sha256": digest} for path, digest in das]
-    others: list[tuple[str, Path]] = []
-    if site.trajectories:
-        others += [("trajectories", path) for path in site.trajectories.files]
-    if site.camera:
-        roles = {"video": site.camera.video, "calibration": site.camera.calibration, "detector": site.camera.detector}
-        others += [(role, path) for role, path in roles.items() if isinstance(path, Path)]
-    if site.anchors:
-        others.append(("anchors", site.anchors.file))
-    return files + [{"role": role, "path": str(path), "sha256": checksum(path)} for role, path in others]
 
 
 def versions() -> dict[str, str]:
@@ -66,15 +32,15 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
 
 
-def settings_of(site: Site, record: DASRecord) -> dict[str, Any]:
+def settings_of(ground: GroundSection, record: DASRecord) -> dict[str, Any]:
     """Return the numbers that the fit was given, m, Hz, s."""
     return {
         "gauge_length": record.gauge_length,
         "channel_spacing": record.channel_spacing,
         "sampling_rate": record.sampling_rate,
         "gaps": record.gaps,
-        "poisson_ratio": site.ground.poisson_ratio,
-        "depth": site.ground.depth,
+        "poisson_ratio": ground.poisson_ratio,
+        "depth": ground.depth,
     }
 
 
@@ -102,8 +68,7 @@ def fitted_facts(
 
 def facts_of(
     result: FitResult,
-    site: Site,
-    record: DASRecord,
+    survey: Survey,
     anchors: Sequence[Anchor],
     problem: Problem,
     timings: Mapping[str, float],
@@ -112,11 +77,11 @@ def facts_of(
     warnings: Sequence[str] = (),
     disputed: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the content of fit.json, strict JSON; the arguments are those of `write_run`."""
-    frame = site.frame
+    """Return the content of fit.json, strict JSON; the arguments are those of `solver.run.run.run_of`."""
+    frame, record = survey.frame, survey.record
     facts = {
         "format": FORMAT,
-        "name": site.name,
+        "name": survey.name,
         "method": result.method,
         "effects": effects,
         **fitted_facts(result, problem, held_out, disputed),
@@ -125,10 +90,10 @@ def facts_of(
         "frame": {"origin": frame.origin, "x_azimuth": frame.x_azimuth},
         "start": f"{record.start}Z",
         "anchors": [asdict(anchor) for anchor in anchors],
-        "settings": settings_of(site, record),
+        "settings": settings_of(survey.ground, record),
         "plugins": [],
         "record": {name: value for name, value in record.provenance.items() if name not in ("files", "sha256")},
-        "inputs": inputs_of(site, record),
+        "inputs": [asdict(source) for source in survey.sources],
         "timings": timings,
         "versions": versions(),
         "created": datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),

@@ -1,8 +1,8 @@
 """The run folder: what `locate` leaves behind, and all that later commands need of it."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Iterable, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,44 +10,24 @@ import numpy as np
 
 from solver.catalogue.plugins import Catalogue, catalogue
 from solver.effect import Effect
-from solver.fit.held_out import HeldOut
-from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.run import geojson, report
 from solver.run.arrays import Arrays, read_arrays
 from solver.run.code import check_plugins, finder
-from solver.run.facts import facts_of
+from solver.run.ladder_file import read_ladder, write_ladder
 from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, problem_from
+from solver.run.route_table import route_csv
 from solver.run.run import Run
 from solver.run.soundness import check_agreement, check_arrays
 from solver.run.stored import AnyRun, FitFile, read_model
 from solver.survey.anchors import Anchor
-from solver.survey.das import DASRecord
-from solver.survey.site import Site
-from solver.trajectory.vehicle_pass import Pass
-from vision.contract import InputError, LocalFrame, require_writable, writing
+from vision.contract import InputError, LocalFrame, require_writable, write_trajectories, writing
 
 # What of a FitResult are arrays, and so goes into data.npz; maps are stored in single precision, 1e-7 of their value.
 # What was measured is in the problem's record.
 ROUTE = ("channel", "distance", "route", "covariance", "constrained", "data_share")
 ARRAYS = (*ROUTE, "vector", "samples", "fitted_channel", "noise")
 MAPS = ("model", "weight")
-
-
-def route_table(run: Run) -> str:
-    """Return route.csv: one row per channel, meters and degrees; sigma empty where the method gives none.
-
-    Altitudes are in no column: z is the depth below the road.
-    """
-    result = run.result
-    latitude, longitude = run.frame.to_geographic(result.route[:, 0], result.route[:, 1])
-    lines = ["channel,distance,x,y,z,sigma_x,sigma_y,sigma_z,latitude,longitude,constrained"]
-    for i, channel in enumerate(result.channel):
-        meters = (result.distance[i], *result.route[i], *result.sigma[i])
-        cells = [f"{value:.4f}" if np.isfinite(value) else "" for value in meters]
-        degrees = [f"{latitude[i]:.9f}", f"{longitude[i]:.9f}"]
-        lines.append(",".join([str(channel), *cells, *degrees, str(bool(result.constrained[i])).lower()]))
-    return "\n".join(lines) + "\n"
 
 
 def write_arrays(path: Path, run: Run) -> None:
@@ -81,59 +61,32 @@ def check_target(folder: Path) -> None:
     require_writable(folder)
 
 
-def write_run(
-    folder: Path,
-    result: FitResult,
-    *,
-    site: Site,
-    record: DASRecord,
-    passes: Sequence[Pass],
-    anchors: Sequence[Anchor],
-    problem: Problem,
-    timings: Mapping[str, float],
-    held_out: HeldOut | None = None,
-    effects: Sequence[str] = (),
-    warnings: Sequence[str] = (),
-    disputed: Sequence[str] = (),
-) -> Run:
-    """Write a run folder, whole or not at all; an earlier run there is replaced. Return the run.
+def write_run(folder: Path, run: Run) -> None:
+    """Write a run folder, whole or not at all; an earlier run there is replaced.
 
-    Parameters
-    ----------
-    folder : to write; `route.csv`, `route.geojson`, `fit.json`, `report.html` and `data.npz` go there
-    result : of the fit
-    site, record, passes, anchors : what was read
-    problem : as it was fitted
-    timings : s of each step, by name
-    held_out : misfit of passes that the fit did not see
-    effects : names of the effects in the model
-    warnings : lines for the user, beside those that `solver.run.report.report_words.cautions` finds
-    disputed : sentences on anchors that contradict the others
+    `route.csv`, `route.geojson`, `fit.json`, `report.html` and `data.npz` go there; `trajectories.csv` where a video
+    was tracked for this run, `ladder.json` and `ladder.html` where effects were added to an earlier one.
 
     Raises
     ------
     InputError
-        If `folder` holds something else than a run (see `check_target`).
+        If `folder` holds something else than a run (see `check_target`), or cannot be written.
     """
+    folder = Path(folder)
     check_target(folder)
-    facts = facts_of(result, site, record, anchors, problem, timings, held_out, effects, warnings, disputed)
-    time = record.time[result.samples]
-    run = report.told(Run(result, problem, site.frame, record.start, time, list(passes), list(anchors), facts))
-    write_files(folder, run)
-    return run
-
-
-def write_files(folder: Path, run: Run) -> None:
-    """Write the files of a run, whole or not at all."""
-    result, facts = run.result, run.facts
+    facts = run.facts
     with writing(folder) as temporary:
         temporary.mkdir()
-        (temporary / "route.csv").write_text(route_table(run), encoding="utf-8")
-        features = geojson.route_features(result, run.frame, run.anchors, facts["name"])
+        (temporary / "route.csv").write_text(route_csv(run.route), encoding="utf-8")
+        features = geojson.route_features(run.result, run.frame, run.anchors, run.name)
         (temporary / "route.geojson").write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
         (temporary / "fit.json").write_text(json.dumps(facts, allow_nan=False, indent=1), encoding="utf-8")
         write_arrays(temporary / "data.npz", run)
         (temporary / "report.html").write_text(report.render(run), encoding="utf-8")
+        if run.tracked is not None:
+            write_trajectories(run.tracked, temporary / "trajectories.csv")
+        if run.rungs:
+            write_ladder(temporary, run.rungs, run.name, seen_from=folder)
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
@@ -156,14 +109,18 @@ def number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-def read_run(folder: Path, effects: Iterable[Effect] = ()) -> Run:
+def read_run(
+    folder: Path, *, plugins: Sequence[Path] = (), effects: Iterable[Effect] = (), changed: bool = False
+) -> Run:
     """Read a run folder back; no code that lies in it is run.
 
     Parameters
     ----------
     folder : as `write_run` wrote it
-    effects : beyond the built-in ones, that its model may hold; where one is not given, everything but the model can be
-        looked at, and evaluating that raises an InputError which says what to give
+    plugins : files with users' effects that may be in its model, or put into it
+    effects : such effects as objects; where one of the model is not given, everything but the model can be looked at,
+        and evaluating that raises an InputError which says what to give
+    changed : whether a plugin may be another than the file that the run was made with
 
     Returns
     -------
@@ -172,19 +129,24 @@ def read_run(folder: Path, effects: Iterable[Effect] = ()) -> Run:
     Raises
     ------
     InputError
-        If it is no run folder, or a part of it is missing or corrupt.
+        If it is no run folder, a part of it is missing or corrupt, a plugin cannot be used, or is not the one that the
+        run was made with.
     """
     facts = read_facts(folder)
+    known = catalogue(plugins).extended(effects)
+    if not changed:
+        check_plugins(facts, known.plugin_of)
     path = Path(folder) / "data.npz"
     arrays = read_arrays(path)
     try:
         check_arrays(arrays)
-        return assembled(facts, arrays, effects)
+        run = assembled(facts, arrays, known)
     except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: not the arrays of this run ({error}); run `roadfiber locate` again") from error
+    return replace(run, rungs=tuple(read_ladder(folder)), folder=Path(folder).resolve())
 
 
-def assembled(facts: dict[str, Any], arrays: Arrays, effects: Iterable[Effect]) -> Run:
+def assembled(facts: dict[str, Any], arrays: Arrays, known: Catalogue) -> Run:
     """The run that a run folder's facts and arrays are of; ValueError where they contradict each other."""
     maps: dict[str, Any] = {name: arrays[name].astype(np.float64) for name in MAPS}
     maps["measured"] = arrays["record"][arrays["samples"]].astype(np.float64)
@@ -196,7 +158,7 @@ def assembled(facts: dict[str, Any], arrays: Arrays, effects: Iterable[Effect]) 
     scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
     scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof", "cost")}
     anchors = [Anchor(**anchor) for anchor in facts["anchors"]]
-    problem = problem_from(arrays, facts["problem"], anchors, finder(facts["plugins"], effects))
+    problem = problem_from(arrays, facts["problem"], anchors, finder(facts["plugins"], known.values()))
     check_agreement(problem, arrays, anchors, facts["settings"]["sampling_rate"])
     scalars["law"] = problem.law
     return Run(
@@ -208,25 +170,5 @@ def assembled(facts: dict[str, Any], arrays: Arrays, effects: Iterable[Effect]) 
         passes=passes_from(arrays),
         anchors=anchors,
         facts=facts,
+        known=known,
     )
-
-
-def open_run(folder: Path, plugins: Sequence[Path], changed: bool = False) -> tuple[Run, Catalogue]:
-    """Read a run and the effects that may be put into its model.
-
-    Parameters
-    ----------
-    folder : of the run
-    plugins : files with users' effects
-    changed : whether one may be another than the file that the run was made with
-
-    Raises
-    ------
-    InputError
-        If the run or a plugin cannot be read, or a plugin is not the one that the run was made with.
-    """
-    facts = read_facts(folder)
-    known = catalogue(plugins)
-    if not changed:
-        check_plugins(facts, known.plugin_of)
-    return read_run(folder, known.values()), known

@@ -1,44 +1,36 @@
-"""From a survey's files to a located fiber: read, smooth, match, fit."""
+"""From a survey to a located fiber: smooth, match, fit."""
 
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 import torch
 
 from solver.catalogue.catalogue import built_in, find
 from solver.catalogue.plugins import catalogue
+from solver.effect import Effect
 from solver.fit import FitResult, Prior, Problem, fit_spline
 from solver.fit.anchor_check import contradiction
 from solver.fit.chain import Chain
-from solver.fit.held_out import FOLDS, HeldOut, held_out
+from solver.fit.held_out import FOLDS, held_out
 from solver.fit.pose import bent_ends, pose, shortened, with_slow_errors
 from solver.fit.room import require_room_to_fit
 from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.stretches import is_long
 from solver.load.wheel_layout import not_known
-from solver.processing import decimated, filtered
+from solver.processing import filtered
 from solver.run.methods import METHODS
+from solver.run.run import Run, run_of
 from solver.start.first_routes import find_first_routes
-from solver.survey.anchors import Anchor, read_anchors
-from solver.survey.das import DASRecord, read_das
 from solver.survey.das.record import ranges
 from solver.survey.das.rounding import dithered, told
 from solver.survey.dead_channels import dead_channels
-from solver.survey.site import Site
+from solver.survey.survey import Survey
 from solver.trajectory.agreement import check_apart, check_gauge, in_record, slow_line, suspicions
 from solver.trajectory.passes import smooth_passes
-from solver.trajectory.vehicle_pass import Pass
-from vision.contract import InputError, progress, read_trajectories
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from solver.run import Run
+from vision.contract import InputError, progress
 
 #: Effects that are in the model by default; `locate --effects none` is the paper's point loads and straight gauges.
 EFFECTS = tuple(one.name for one in built_in().values() if one.base_part)
@@ -50,42 +42,6 @@ EXPLAINED = 1.03
 LEFT_OVER, BY_ROUTE = 1.01, 0.6
 #: Passes below which the user is told that they are few.
 FEW = 3
-
-
-@dataclass
-class Located:
-    """A located fiber and all it was made from."""
-
-    site: Site
-    record: DASRecord
-    passes: list[Pass]
-    anchors: list[Anchor]
-    problem: Problem
-    result: FitResult
-    held_out: HeldOut | None
-    effects: Sequence[str]
-    warnings: list[str] = field(default_factory=list)
-    disputed: list[str] = field(default_factory=list)
-    timings: dict[str, float] = field(default_factory=dict)
-
-    def write(self, folder: Path) -> "Run":
-        """Write the run folder, whole or not at all (see `solver.run.write_run`), and return what is in it."""
-        from solver.run import write_run
-
-        return write_run(
-            folder,
-            self.result,
-            site=self.site,
-            record=self.record,
-            passes=self.passes,
-            anchors=self.anchors,
-            problem=self.problem,
-            timings=self.timings,
-            held_out=self.held_out,
-            effects=self.effects,
-            warnings=self.warnings,
-            disputed=self.disputed,
-        )
 
 
 @contextmanager
@@ -174,57 +130,50 @@ def fit_agreeing(result: FitResult, problem: Problem, method: str, disputed: lis
 
 
 def locate(
-    site: Site,
-    table: "pd.DataFrame | None" = None,
+    survey: Survey,
     *,
     method: str = "spline",
-    effects: Sequence[str] = EFFECTS,
+    effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
-) -> Located:
+) -> Run:
     """Locate the fiber of a survey.
 
     Parameters
     ----------
-    site : the survey, see `solver.survey.site.read_site`
-    table : trajectory table; the site's trajectory files where None
+    survey : with its tracks
     method : "spline" (default) or "network" (the paper's)
-    effects : names out of the catalogue; empty = the paper's point loads and straight gauges
+    effects : names out of the catalogue, or effects of the user's own; empty = the paper's point loads and straight
+        gauges
     filters : "fk" or "median", one after the other, of what the matched filter looks at. Fits know the noise: to them a
         filter is but a loss, and they take the record as it came
 
     Raises
     ------
     InputError
-        If files cannot be used, clocks do not overlap, or no vehicle is seen in the DAS.
+        If the survey's video is not tracked yet, clocks do not overlap, or no vehicle is seen in the DAS.
     """
     if method not in METHODS:
         raise InputError(f"--method {method}: not known; choose one of {', '.join(METHODS)}")
-    known = catalogue()
-    asked = [find(name, known) for name in effects]
+    known = catalogue().extended(one for one in effects if isinstance(one, Effect))
+    asked = [one if isinstance(one, Effect) else find(one, known) for one in effects]
     parts = {one.base_part for one in asked}
-    timings: dict[str, float] = {}
-    warnings: list[str] = []
-    with timed(timings, "read"):
-        if table is None:
-            if site.trajectories is None:
-                raise InputError(f"{site.name}: has a camera only; track its video first and give the trajectories")
-            table = read_trajectories(site.trajectories.files, site.frame)
-        said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
-        record = decimated(read_das(site.das.files, **{name: getattr(site.das, name) for name in said}))
-        check_gauge(record)
-        warnings += record.cautions
-        anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
-        check_apart(anchors, record.channel_spacing)
-        anchors = in_record(anchors, record, warnings)
-        heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
-        shown = filtered(heard, filters)
+    if survey.tracks is None:
+        raise InputError(f"{survey.name}: has a camera only; track its video first and give the trajectories")
+    timings = {"read": survey.seconds}
+    record = survey.record
+    check_gauge(record)
+    warnings = list(record.cautions)
+    check_apart(survey.anchors, record.channel_spacing)
+    anchors = in_record(survey.anchors, record, warnings)
+    heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
+    shown = filtered(heard, filters)
     with timed(timings, "smooth"):
-        passes = smooth_passes(table, record)
+        passes = smooth_passes(survey.tracks, record)
         if "wheels" in parts:
             warnings += not_known([one.vehicle_class for one in passes])
         else:
             passes = [replace(one, vehicle_class="vehicle") for one in passes]
-    ground = site.ground
+    ground = survey.ground
     if slow := slow_line(record, passes):
         warnings.append(slow)
     with timed(timings, "match"):
@@ -268,6 +217,17 @@ def locate(
         ended = (chain, chain.state_of(torch.from_numpy(result.vector)))
         unseen = held_out(again, advance, at=ended) if method == "spline" else None
     if all(one.vehicle_class == "vehicle" for one in passes):
-        effects = [one.name for one in asked if one.base_part != "wheels"]
-    kept = list(problem.anchors)
-    return Located(site, record, passes, kept, again, result, unseen, effects, warnings + disputed, disputed, timings)
+        asked = [one for one in asked if one.base_part != "wheels"]
+    return run_of(
+        result,
+        survey,
+        passes=passes,
+        anchors=list(problem.anchors),
+        problem=again,
+        timings=timings,
+        held_out=unseen,
+        effects=[one.name for one in asked],
+        warnings=warnings + disputed,
+        disputed=disputed,
+        known=known,
+    )

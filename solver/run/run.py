@@ -1,21 +1,36 @@
-"""What a run holds."""
+"""One run: a located fiber, what it was made from, and how far it may be relied on."""
 
-from dataclasses import dataclass
-from typing import Any
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.catalogue.plugins import Catalogue, catalogue
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
+from solver.run.rung import Rung
 from solver.survey.anchors import Anchor
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import LocalFrame
 
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True)
+    from solver.fit.held_out import HeldOut
+    from solver.survey.survey import Survey
+
+#: CSS pixels of a figure in a notebook.
+WIDTH = 960
+
+
+@dataclass(frozen=True, eq=False)
 class Run:
-    """One located fiber with all that its report shows.
+    """One located fiber: what `locate` returns, what is saved and opened, and what every other verb takes.
 
     Parameters
     ----------
@@ -26,6 +41,10 @@ class Run:
     time : s since `start` [sample], of the fitted samples
     passes, anchors : as fitted
     facts : the content of fit.json
+    known : effects that its model may be given
+    rungs : of its error ladder, itself last; none where no effect was added to it
+    tracked : trajectory table, where a video was tracked for this run
+    folder : that it was opened from; None where it was not
     """
 
     result: FitResult
@@ -36,3 +55,128 @@ class Run:
     passes: list[Pass]
     anchors: list[Anchor]
     facts: dict[str, Any]
+    known: Catalogue = field(default_factory=catalogue)
+    rungs: tuple[Rung, ...] = ()
+    tracked: "pd.DataFrame | None" = None
+    folder: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the survey."""
+        return str(self.facts["name"])
+
+    @property
+    def effects(self) -> list[str]:
+        """Names of the effects in the model."""
+        return list(self.facts["effects"])
+
+    @property
+    def headline(self) -> str:
+        """Where the fiber is, in a sentence."""
+        return str(self.facts["headline"])
+
+    @property
+    def trust(self) -> str:
+        """Whether the route may be relied on, in a sentence that follows from all checks."""
+        return str(self.facts["trust"]["sentence"])
+
+    @property
+    def warnings(self) -> list[str]:
+        """What else must be known before the route is relied on; a line each."""
+        return list(self.facts["warnings"])
+
+    @property
+    def route(self) -> "pd.DataFrame":
+        """The route [channel]: channel, distance, x, y, z, their sigmas (m), latitude, longitude, constrained."""
+        from solver.run.route_table import route_table
+
+        return route_table(self.result, self.frame)
+
+    def plot(self, width: int = WIDTH) -> "Figure":
+        """Draw the route from above, its sideways place and its depth, with the 95 % corridor; width in CSS pixels."""
+        from solver.run.report.route_figure import route_figure
+
+        return route_figure(self, width)
+
+    def save(self, folder: Path | str) -> None:
+        """Write the run folder, whole or not at all; an earlier run there is replaced.
+
+        Raises
+        ------
+        InputError
+            If `folder` holds something else than a run, or cannot be written.
+        """
+        from solver.run.folder import write_run
+
+        write_run(Path(folder), self)
+
+    def to_geojson(self, path: Path | str) -> None:
+        """Write the route as a LineString Z with its 95 % corridor and the anchors, WGS 84 (RFC 7946).
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        from solver.run.geojson import route_features
+        from vision.contract import require_writable, writing
+
+        require_writable(Path(path))
+        features = route_features(self.result, self.frame, self.anchors, self.name)
+        with writing(Path(path)) as temporary:
+            temporary.write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
+
+    def _repr_html_(self) -> str:
+        from solver.run.report import render
+        from vision.contract.notebook import framed
+
+        return framed(render(self))
+
+
+def run_of(
+    result: FitResult,
+    survey: "Survey",
+    *,
+    passes: Sequence[Pass],
+    anchors: Sequence[Anchor],
+    problem: Problem,
+    timings: Mapping[str, float],
+    held_out: "HeldOut | None" = None,
+    effects: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+    disputed: Sequence[str] = (),
+    known: Catalogue | None = None,
+) -> Run:
+    """The run that a fit of a survey is.
+
+    Parameters
+    ----------
+    result : of the fit
+    survey : that was located
+    passes, anchors : as fitted
+    problem : as it was fitted
+    timings : s of each step, by name
+    held_out : misfit of passes that the fit did not see
+    effects : names of the effects in the model
+    warnings : lines for the user, beside those that `solver.run.report.report_words.cautions` finds
+    disputed : sentences on anchors that contradict the others
+    known : effects that its model may be given; built-in and installed ones where None
+    """
+    from solver.run.facts import facts_of
+    from solver.run.report import told
+
+    record = survey.record
+    facts = facts_of(result, survey, anchors, problem, timings, held_out, effects, warnings, disputed)
+    return told(
+        Run(
+            result=result,
+            problem=problem,
+            frame=survey.frame,
+            start=record.start,
+            time=record.time[result.samples],
+            passes=list(passes),
+            anchors=list(anchors),
+            facts=facts,
+            known=catalogue() if known is None else known,
+        )
+    )

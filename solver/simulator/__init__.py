@@ -8,7 +8,7 @@ mean, and what else can be set of each.
 from solver.simulator.check import RouteError, route_error
 from solver.simulator.effects import EFFECTS
 from solver.simulator.scenario import BUILT_IN, Scenario, amounts, read_scenario
-from solver.simulator.survey import Survey, simulate
+from solver.simulator.simulated_survey import Survey, simulate
 from solver.simulator.survey_files import write_survey
 from solver.simulator.vehicle import Vehicle
 

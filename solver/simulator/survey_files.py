@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from solver.simulator.effects import EFFECTS, hidden
 from solver.simulator.recorded_noise import color
 from solver.simulator.scenario import Scenario
-from solver.simulator.survey import Survey
+from solver.simulator.simulated_survey import Survey
 from solver.survey.das.prodml import write_prodml
 from vision.contract import InputError, require_writable, write_trajectories, writing
 

@@ -12,7 +12,7 @@ from solver.start.detections import FRAME_RATE, Detections, MatchedFilter, quiet
 from solver.start.fiber_line import FiberLine
 from solver.start.lateral import binned_widths, locate_sides
 from solver.start.wavelets import SCALES, Array
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
 

@@ -14,7 +14,7 @@ from solver.start.alignment import FEWEST, FOLLOWING
 from solver.start.detections import FRAME_RATE, THRESHOLD_DB, decibel, mended, scale_maps, thinned
 from solver.start.fiber_line import FiberLine, ransac_line
 from solver.start.wavelets import SCALES, Array
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from solver.start.initialization import Initialization
 from solver.survey.anchors import Anchor
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from solver.trajectory.vehicle_pass import Pass
 
 #: Channels that the noise's law is learned from, in the middle of a long fiber.

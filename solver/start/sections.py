@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from solver.start.detections import mended
 from solver.start.initialization import Initialization, initialize
 from solver.start.wavelets import Array, bank
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError, progress
 

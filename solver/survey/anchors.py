@@ -2,11 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from solver.survey.limits import VEHICLE_REACH
 from vision.contract import InputError, LocalFrame
 from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame
 from vision.contract.csv_table import read_csv
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLUMNS = ("name", "channel", "x", "y", "z", "sigma_xy", "sigma_z")
 
@@ -58,7 +62,17 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     >>> read_anchors(path, LocalFrame((32.1, 34.8), 78.0))[0].channel
     84.0
     """
-    table = read_csv(path, ["name"])
+    return anchors_of(read_csv(path, ["name"]), frame, path)
+
+
+def anchors_of(table: "pd.DataFrame", frame: LocalFrame, path: Path = Path("anchors")) -> list[Anchor]:
+    """Anchors out of a table in memory: columns, result and errors as of `read_anchors`; `path` is its name in errors.
+
+    >>> import pandas as pd
+    >>> row = {"name": "west", "channel": 84, "x": 12.48, "y": 4.75, "z": 0.96, "sigma_xy": 0.05, "sigma_z": 0.05}
+    >>> anchors_of(pd.DataFrame([row]), LocalFrame((32.1, 34.8), 78.0))[0].x
+    12.48
+    """
     geographic = "latitude" in table and "x" not in table
     names = tuple({"x": "latitude", "y": "longitude"}.get(name, name) if geographic else name for name in COLUMNS)
     if missing := [name for name in names if name not in table]:

@@ -6,7 +6,7 @@ A fit takes their silence for a fiber far away, and the more so the quieter they
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.survey.anchors import Anchor
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from solver.survey.limits import VEHICLE_REACH
 from vision.contract import InputError
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 from solver.survey.limits import FASTEST
 from solver.trajectory.agreement import check_clocks
 from solver.trajectory.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, likelihood, smooth

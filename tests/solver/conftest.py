@@ -17,6 +17,8 @@ from solver.signal_path.traffic import Traffic
 from solver.survey.anchors import Anchor
 from solver.survey.das import DASRecord
 from solver.survey.site import Site, read_site
+from solver.survey.survey import Survey as Read
+from solver.survey.survey import das_sources, file_sources
 from solver.trajectory.vehicle_pass import Pass
 
 SITE = """
@@ -33,7 +35,7 @@ files = ["tracks.csv"]
 
 @dataclass(frozen=True)
 class Survey:
-    """What `write_run` takes."""
+    """What `run_of` takes."""
 
     site: Site
     record: DASRecord
@@ -48,10 +50,20 @@ class Survey:
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """Keyword arguments of `write_run`."""
-        return {name: getattr(self, name) for name in ("site", "record", "passes", "anchors", "problem")} | {
-            "timings": {"fit": 1.5}
-        }
+        """Keyword arguments of `run_of`."""
+        whole = Read.of(
+            name=self.site.name,
+            frame=self.site.frame,
+            record=self.record,
+            tracks=None,
+            anchors=self.anchors,
+            ground=self.site.ground,
+            camera=None,
+            sources=(*das_sources(self.record), *file_sources(self.site)),
+            seconds=0.5,
+        )
+        passes = {"passes": self.passes, "anchors": self.anchors, "problem": self.problem}
+        return {"survey": whole, "timings": {"fit": 1.5}} | passes
 
 
 def made_route(channel: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from vision.contract.errors import InputError
 from vision.contract.files import require_writable, writing, writing_into
 from vision.contract.frame import LocalFrame
 from vision.contract.progress import progress
-from vision.contract.table import COLUMNS, WHEELBASE, read_trajectories, write_trajectories
+from vision.contract.table import COLUMNS, WHEELBASE, read_trajectories, trajectories_of, write_trajectories
 from vision.contract.text import read_text, read_toml
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "read_toml",
     "read_trajectories",
     "require_writable",
+    "trajectories_of",
     "write_trajectories",
     "writing",
     "writing_into",

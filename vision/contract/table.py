@@ -181,12 +181,34 @@ def without_repeats(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
 
 def read_one(path: Path, frame: LocalFrame | None) -> "pd.DataFrame":
     """Read and check one file."""
-    table = read_as_is(path)
+    return trajectories_of(read_as_is(path), frame, path)
+
+
+def trajectories_of(table: "pd.DataFrame", frame: LocalFrame | None, path: Path = Path("tracks")) -> "pd.DataFrame":
+    """Check a table of one source and bring it into the form that `read_trajectories` returns.
+
+    Parameters
+    ----------
+    table : columns as of `read_trajectories`
+    frame : local frame that GPS positions are projected into
+    path : its name in errors
+
+    Raises
+    ------
+    InputError
+        As of `read_trajectories`.
+    """
     check_columns(table, path)
     table = to_meters(table.assign(time=to_utc(table["time"], path)), frame, path)
     names = {name: table[name].astype(str).str.strip() for name in ("track_id", "class")}
     table = table.assign(track_id=names["track_id"], **{"class": names["class"].map(plain_name)})
-    return without_repeats(with_wheelbase(table, path), path)
+    return ordered(without_repeats(with_wheelbase(table, path), path))
+
+
+def ordered(table: "pd.DataFrame") -> "pd.DataFrame":
+    """The table sorted by track and time, the columns of `COLUMNS` first."""
+    leading = [*COLUMNS, *(name for name in table if name not in COLUMNS)]
+    return table[leading].sort_values(["track_id", "time"], kind="stable", ignore_index=True)
 
 
 def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) -> "pd.DataFrame":
@@ -230,9 +252,7 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
     for index, (path, table) in enumerate(zip(paths, tables, strict=True)):
         taken = table["track_id"].map(shared) > 1
         tables[index] = table.assign(track_id=table["track_id"].mask(taken, f"{path.stem}:" + table["track_id"]))
-    whole = pd.concat(tables, ignore_index=True)
-    leading = [*COLUMNS, *(name for name in whole if name not in COLUMNS)]
-    return whole[leading].sort_values(["track_id", "time"], kind="stable", ignore_index=True)
+    return ordered(pd.concat(tables, ignore_index=True))
 
 
 def write_trajectories(table: "pd.DataFrame", path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -9,8 +10,10 @@ from numpy.typing import NDArray
 
 from solver.criticism.comparison.changes import Change, linear, shifted, transposed
 from solver.noise.whitening import Whitener, blocks_of
-from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
+
+if TYPE_CHECKING:
+    from solver.run.run import Run
 
 Array = NDArray[np.float64]
 
@@ -84,7 +87,7 @@ def on_fiber(position: Array, route: Array, distance: Array) -> OnFiber:
     return OnFiber(distance[nearest] + forth, forth[:, None] * direction[nearest] - beyond)
 
 
-def approach_of(run: Run) -> Approach:
+def approach_of(run: "Run") -> Approach:
     """Find the nearest known vehicle of every fitted sample and channel."""
     result = run.result
     at = np.searchsorted(result.channel, result.fitted_channel)
@@ -168,7 +171,7 @@ class Cells:
         return float(self.level @ self.there.sum(0)) / max(int(self.there.sum()), 1)
 
 
-def cells_of(run: Run) -> Cells:
+def cells_of(run: "Run") -> Cells:
     """Whiten what a run left, and its model's derivatives."""
     result, approach = run.result, approach_of(run)
     there = np.isfinite(result.measured) & (result.weight > 0)

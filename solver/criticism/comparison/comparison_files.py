@@ -12,8 +12,8 @@ from solver.criticism.comparison.figures import figures_of
 from solver.criticism.comparison.map_figure import map_figure
 from solver.criticism.comparison.power import Powers
 from solver.criticism.comparison.split import SOURCES
-from solver.run.facts import strict
 from solver.run.run import Run
+from solver.run.strict_json import strict
 from vision.contract import progress, writing_into
 
 FORMAT = "roadfiber comparison 1"

@@ -16,11 +16,12 @@ from solver.criticism.comparison.comparison import Comparison
 from solver.criticism.comparison.figures import figures_of
 from solver.criticism.comparison.map_figure import CELLS, path_of, shown, touches
 from solver.criticism.comparison.regions import Region
-from solver.run.report.drawing import coarse, color_map, color_scale
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import Pictures, pass_label, pictures_of, scale_figure, worst
-from solver.run.report.report_page import MOST_PASSES, THUMBNAIL, json_text, resource
+from solver.run.report.parts import resource
+from solver.run.report.report_page import MOST_PASSES, THUMBNAIL, json_text
 from solver.run.run import Run
+from vision.contract.drawing import coarse, color_map, color_scale
 from vision.contract.figures import data_uri, png_bytes, svg
 
 WIDE, NARROW = 1060, 350  # px

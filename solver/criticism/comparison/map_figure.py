@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from solver.criticism.comparison.comparison import Comparison
 from solver.criticism.comparison.regions import Region
 from solver.noise.whitening import blocks_of
-from solver.run.report.drawing import canvas, color_map, color_scale, place
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import nearest_channel, pass_label, pictures_of
 from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
+from vision.contract.drawing import canvas, color_map, color_scale, place
 from vision.contract.figures import INK, styled
 
 Array = NDArray[np.float64]

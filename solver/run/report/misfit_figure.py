@@ -10,10 +10,10 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from solver.fit.result import FitResult
-from solver.run.report.drawing import ROUTE, canvas, coarse, color_map, place
 from solver.run.report.misfit import Misfit, rows_of
 from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
+from vision.contract.drawing import ROUTE, canvas, coarse, color_map, place
 from vision.contract.figures import INK, styled
 
 

@@ -2,10 +2,8 @@
 
 import json
 import math
-import re
 from collections import defaultdict
 from html import escape
-from importlib.resources import files
 from pathlib import PurePath
 from string import Template
 from typing import Any
@@ -16,10 +14,8 @@ from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure
 
 from solver.fit.result import Parameter
-from solver.run.facts import strict
 from solver.run.geojson import Z95, half_width
 from solver.run.report import report_words as words
-from solver.run.report.drawing import coarse, color_map, color_scale
 from solver.run.report.misfit import Misfit, misfit_of
 from solver.run.report.misfit_figure import (
     Pictures,
@@ -30,20 +26,18 @@ from solver.run.report.misfit_figure import (
     wave_figure,
     worst,
 )
+from solver.run.report.parts import resource, with_commands
 from solver.run.report.route_figure import along_x, route_figure
 from solver.run.run import Run
+from solver.run.strict_json import strict
 from solver.trajectory.vehicle_pass import Pass
+from vision.contract.drawing import coarse, color_map, color_scale
 from vision.contract.figures import data_uri, png_bytes, svg
 
 WIDE, NARROW, PANEL = 1060, 350, 340  # px
 MOST_PASSES = 16  # that the page shows in full
 MOST_CELLS, THUMBNAIL = 300, 60  # rows or columns of a picture
 PIXELS = 1_000_000  # of all pictures together, which keeps the page below 4 MB
-
-
-def resource(name: str) -> str:
-    """Text of a file beside this one."""
-    return files("solver.run.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def json_text(value: Any) -> str:
@@ -53,15 +47,6 @@ def json_text(value: Any) -> str:
         .replace("<", "\\u003c")
         .replace("'", "\\u0027")
     )
-
-
-def with_commands(text: str) -> str:
-    """Text as HTML, with what stands between backticks as commands.
-
-    >>> with_commands("a < b: `roadfiber diagnose RUN`")
-    'a &lt; b: <code>roadfiber diagnose RUN</code>'
-    """
-    return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def terms(pairs: list[tuple[str, str]]) -> str:

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from solver.run.geojson import Z95, corridor_ring, half_width, normals, runs
-from solver.run.report.drawing import BACKWARD, FORWARD, ROUTE, canvas, place
 from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
+from vision.contract.drawing import BACKWARD, FORWARD, ROUTE, canvas, place
 from vision.contract.figures import INK, MUTED, PAPER, styled
 
 MARGIN = 5.0  # m of road shown beyond either end of the route

@@ -70,6 +70,13 @@ def checksum(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def checksum_of(block: Block) -> str:
+    """Return the SHA-256 of a block's file, or of its numbers where they were in memory."""
+    if block.path.is_file():
+        return checksum(block.path)
+    return hashlib.sha256(np.ascontiguousarray(block.data).data).hexdigest()
+
+
 def read_side_file(path: Path) -> SideFile:
     """Read the side file of the array file `path`."""
     beside = [path.with_suffix(suffix) for suffix in (".toml", ".json")]

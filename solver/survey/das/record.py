@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.survey.das.das_files import Block, checksum, read_blocks
+from solver.survey.das.das_files import Block, checksum_of, read_blocks
 from solver.survey.das.grid import assemble, sampling_interval, segments_of
 from solver.survey.das.rounding import Rounding, rounding_of
 from solver.survey.das.size import require_room_for_files, require_room_for_record
@@ -253,7 +253,7 @@ def provenance_of(blocks: Sequence[Block], stored: Unit, notes: list[str]) -> di
     """Say where a record comes from and what was done to its numbers."""
     return {
         "files": [str(block.path) for block in blocks],
-        "sha256": [checksum(block.path) for block in blocks],
+        "sha256": [checksum_of(block) for block in blocks],
         "format": blocks[0].format,
         "quantity": stored.quantity,
         "unit": blocks[0].stated,
@@ -296,8 +296,29 @@ def read_das(
         If a file is missing, damaged or of no known format, files overlap or differ in their setting, unit or gauge
         length are absent, channels are out of range or hold NaN, or no channel holds a signal.
     """
+    return record_of(
+        read_all(files, channels is None),
+        gauge_length=gauge_length,
+        channel_spacing=channel_spacing,
+        quantity=quantity,
+        channels=channels,
+        exclude=exclude,
+        scale=scale,
+    )
+
+
+def record_of(
+    blocks: Sequence[Block],
+    *,
+    gauge_length: float | None = None,
+    channel_spacing: float | None = None,
+    quantity: str | None = None,
+    channels: tuple[int, int] | None = None,
+    exclude: Sequence[int] = (),
+    scale: float | None = None,
+) -> DASRecord:
+    """Put blocks, sorted by time, together to one record; the rest is as of `read_das`."""
     notes = list[str]()
-    blocks = read_all(files, channels is None)
     check_alike(blocks)
     first = blocks[0]
     whole = np.issubdtype(first.data.dtype, np.integer)

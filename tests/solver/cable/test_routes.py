@@ -14,11 +14,12 @@ from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import Posterior
 from solver.fit.track_trust import strict_tracks
-from solver.run.locate import Located, locate
+from solver.run.locate import locate
+from solver.run.run import Run
 from solver.simulator import Scenario, Survey, simulate, write_survey
 from solver.start.coil import find_coil
 from solver.start.fiber_line import FiberLine
-from solver.survey.site import read_site
+from solver.survey.survey import Survey as Read
 
 Array = NDArray[np.float64]
 X = np.arange(-60.0, 161.0, 2.0)
@@ -49,13 +50,13 @@ def bending(x: Array) -> Array:
     return np.column_stack([plan, np.full(len(plan), 0.9)])
 
 
-def located(laid: Callable[[Array], Array], folder: Path) -> tuple[Survey, Located]:
+def located(laid: Callable[[Array], Array], folder: Path) -> tuple[Survey, Run]:
     route = tuple(tuple(float(v) for v in point) for point in laid(X))
     survey = simulate(Scenario(seed=4, passes=8, route=route, noise="street", track_noise="camera", snr_db=18.0))
-    return survey, locate(read_site(write_survey(survey, folder / "s")))
+    return survey, locate(Read.read(write_survey(survey, folder / "s")))
 
 
-def errors(survey: Survey, found: Located, most_x: float = 95.0) -> Array:
+def errors(survey: Survey, found: Run, most_x: float = 95.0) -> Array:
     """Distance [channel, 3] of the route found from the truth, where the camera looks."""
     truth = survey.route[found.result.channel]
     seen = (truth[:, 0] > 5.0) & (truth[:, 0] < most_x)
@@ -88,7 +89,7 @@ def test_a_fiber_that_bends_away_is_located_up_to_the_bend(tmp_path: Path, caplo
 def test_a_coil_is_seen_and_a_fit_with_it_begins_there(tmp_path: Path) -> None:
     effects = {"slack_spool": 18.0, "slack_spool_at": 0.5}
     survey = simulate(Scenario(seed=4, noise="street", track_noise="camera", snr_db=18.0, effects=effects))
-    found = locate(read_site(write_survey(survey, tmp_path / "s")))
+    found = locate(Read.read(write_survey(survey, tmp_path / "s")))
     assert found.problem.coil is not None and abs(found.problem.coil.length - 18.0) < 3.0
     # What turns there is the model, not the fiber: all of it stays.
     assert np.isin(np.arange(survey.active[0] + 10, survey.active[1] - 9), found.problem.channel).all()

@@ -10,7 +10,7 @@ from made_runs import CHANNELS, RATE, Maker, gain, ghost, late, made_passes, mov
 from scipy.stats import chi2 as chi2_law
 from typer.testing import CliRunner
 
-from roadfiber.survey_commands import app
+from roadfiber.criticism_commands import app
 from solver.criticism import comparison
 from solver.criticism.comparison import compare, render, write_comparison
 from solver.criticism.comparison import split as split_module
@@ -22,7 +22,7 @@ from solver.criticism.comparison.split import SOURCES, fair_shares, normal_equat
 from solver.criticism.comparison.stack import stack_of
 from solver.criticism.comparison.windows import ladder, power_statistic, threshold, widest
 from solver.run import folder as run_folder
-from solver.run.folder import write_run
+from solver.run import run_of
 
 
 @pytest.fixture(scope="module")
@@ -337,7 +337,7 @@ def test_command_writes_beside_the_run_and_prints_words_or_json(survey, tmp_path
     monkeypatch.setattr(run_folder.report, "render", lambda run: "")
     monkeypatch.setattr(comparison.comparison_files, "figures_of", lambda *arguments: {})
     monkeypatch.setattr(comparison.comparison_files, "render", lambda *arguments: "")
-    write_run(tmp_path / "run", survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     result = CliRunner().invoke(app, ["compare", str(tmp_path / "run"), "--json"])
     assert result.exit_code == 0, result.output
     assert json.loads(result.output)["name"] == "Elm <Street> & 2nd"

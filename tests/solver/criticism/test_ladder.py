@@ -14,9 +14,7 @@ from solver.criticism import diagnosis
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import idle_candidate
 from solver.criticism.diagnosis import Diagnosis
-from solver.criticism.diagnosis_files import read_ladder, write_ladder
-from solver.criticism.growth import climbed, first_rung
-from solver.criticism.pages import Chapter, ladder_page, story_page
+from solver.criticism.pages import Chapter, story_page
 from solver.criticism.refit import Refit
 from solver.criticism.verdict_words import left_open
 from solver.fit.chain import Chain
@@ -24,6 +22,9 @@ from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.run import Run
+from solver.run.ladder import climbed, first_rung
+from solver.run.ladder_file import read_ladder, write_ladder
+from solver.run.report.ladder_page import ladder_page
 
 
 @pytest.fixture
@@ -47,7 +48,7 @@ def run(survey):
 
 def said(before: Run, after: Run) -> tuple[str, ...]:
     """What must be said first of the run that grew out of another."""
-    return climbed([first_rung(before)], before, after)[-1].words
+    return climbed(before, after)[-1].words
 
 
 def generic() -> str:
@@ -73,9 +74,9 @@ def test_a_stand_in_never_founds_a_route_better(run) -> None:
 
 def test_what_is_said_of_a_rung_is_kept_and_comes_before_its_numbers(run, tmp_path: Path) -> None:
     before = run()
-    rungs = climbed([first_rung(before)], before, run(generic()))
+    rungs = climbed(before, run(generic()))
     write_ladder(tmp_path, rungs, "Elm <Street>")
-    assert read_ladder(tmp_path) == rungs
+    assert read_ladder(tmp_path) == [rungs[0], replace(rungs[1], folder=tmp_path)]
     assert json.loads((tmp_path / "ladder.json").read_text())["rungs"][1]["words"] == list(rungs[1].words)
     page = ladder_page(rungs, "Elm <Street>")
     assert page.index("names no cause") < page.index("<svg")

@@ -13,11 +13,13 @@ from typer.testing import CliRunner
 
 import roadfiber.command
 from solver.catalogue.catalogue import built_in
-from solver.criticism.diagnosis_files import check_out, ladder_from, read_ladder, write_ladder
-from solver.criticism.growth import Rung, check_names, climbed
+from solver.criticism.diagnosis_files import check_out
+from solver.criticism.growth import check_names
 from solver.run import folder as run_folder
-from solver.run import read_run
-from solver.run.folder import write_files, write_run
+from solver.run import read_run, run_of
+from solver.run.ladder import climbed
+from solver.run.ladder_file import ladder_facts, read_ladder, write_ladder
+from solver.run.rung import Rung
 from vision.contract import InputError
 
 
@@ -30,13 +32,11 @@ def moved(run, meters: float):
 def runs(survey, tmp_path, monkeypatch) -> Path:
     """Folder with the runs a, b and c: b is 0.5 m beside a, c 0.8 m; c has the ladder of all."""
     monkeypatch.setattr(run_folder.report, "render", lambda run: "<!doctype html>")
-    write_run(tmp_path / "a", survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(tmp_path / "a")
     for before, after, meters in (("a", "b", 0.5), ("b", "c", 0.3)):
         run = read_run(tmp_path / before)
-        below = ladder_from(tmp_path / before, run, tmp_path / after)
         grown = moved(run, meters)
-        write_files(tmp_path / after, grown)
-        write_ladder(tmp_path / after, climbed(below, run, grown), "Elm Street")
+        replace(grown, rungs=climbed(run, grown)).save(tmp_path / after)
     return tmp_path
 
 
@@ -46,13 +46,19 @@ def test_the_ladder_is_kept_whole_in_its_file(runs, monkeypatch):
     (runs / "elsewhere").mkdir()
     monkeypatch.chdir(runs / "elsewhere")
     rungs = read_ladder(Path("../c"))
-    assert [rung.run for rung in rungs] == ["../a", "../b", "."]
+    assert [rung.folder for rung in rungs] == [runs / "a", runs / "b", runs / "c"]
+    assert [row["run"] for row in json.loads((runs / "c" / "ladder.json").read_text())["rungs"]] == [
+        "../a",
+        "../b",
+        ".",
+    ]
     assert [round(rung.route_change, 6) for rung in rungs] == [0.0, 0.5, 0.3]
     assert [round(rung.route_change_from_first, 6) for rung in rungs] == [0.0, 0.5, 0.8]
-    below = ladder_from(Path("../c"), read_run(Path("../c")), Path("new/d"))
-    assert [rung.run for rung in below] == ["../../../a", "../../../b", "../../../c"]
     run = read_run(Path("../c"))
-    assert climbed(below, run, moved(run, 1.0))[-1].route_change_from_first == pytest.approx(1.8)
+    further = climbed(run, moved(run, 1.0))
+    rows = ladder_facts(further, Path("new/d"))["rungs"]
+    assert [row["run"] for row in rows] == ["../../../a", "../../../b", "../../../c", "."]
+    assert further[-1].route_change_from_first == pytest.approx(1.8)
 
 
 def test_nothing_but_the_ladder_s_own_file_is_opened(runs, tmp_path):
@@ -65,9 +71,10 @@ def test_nothing_but_the_ladder_s_own_file_is_opened(runs, tmp_path):
     opened = []
     watching = [True]
     sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == "open" and watching[0] else None)
-    ladder_from(runs / "c", read_run(runs / "b"), runs / "d")
+    read_run(runs / "c")
     watching[0] = False
-    assert {Path(name) for name in opened} == {path, runs / "b" / "fit.json", runs / "b" / "data.npz"}
+    mine = {Path(name) for name in opened if str(runs) in name or "etc" in name or "secret" in name}
+    assert mine == {path, runs / "c" / "fit.json", runs / "c" / "data.npz"}
 
 
 def test_several_ladders_are_one_document(runs):
@@ -88,7 +95,7 @@ def test_a_run_is_not_written_over_what_it_grew_from(runs, out):
     (runs / "fit.json").write_text((runs / "a" / "fit.json").read_text())
     before = {path: path.stat().st_mtime_ns for path in runs.rglob("*")}
     with pytest.raises(InputError, match=r"--out .*; give the name of a new folder"):
-        check_out(runs / out, runs / "c")
+        check_out(runs / out, read_run(runs / "c"))
     for words in (("explain",), ("add", "camber")):
         with pytest.raises(InputError, match=r"holds the run you start from|is a rung of the ladder"):
             CliRunner().invoke(
@@ -98,7 +105,7 @@ def test_a_run_is_not_written_over_what_it_grew_from(runs, out):
                 standalone_mode=False,
             )
     assert {path: path.stat().st_mtime_ns for path in runs.rglob("*")} == before
-    check_out(runs / "new", runs / "c")
+    check_out(runs / "new", read_run(runs / "c"))
 
 
 def rung(**changes) -> dict:
@@ -148,7 +155,7 @@ def test_deep_and_broken_json_is_a_line(tmp_path):
 def test_a_ladder_comes_back(tmp_path):
     one = Rung(("wheel_layout",), 1.2, None, 0.9, 0.0, 0.25, None, ((7.0, 0.1, 4.2, 1.0), (8.0, 1.1, 4.2, 1.0)))
     write_ladder(tmp_path, [one], "Elm <b>Street</b>")
-    assert read_ladder(tmp_path) == [one]
+    assert read_ladder(tmp_path) == [replace(one, folder=tmp_path)]
     assert "<b>" not in (tmp_path / "ladder.html").read_text(encoding="utf-8")
 
 

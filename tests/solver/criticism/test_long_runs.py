@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from roadfiber.criticism_commands import state_of
+from solver.run.fitted import fitted
 from vision.contract import InputError
 
 
 def test_a_long_run_is_refused_with_what_to_do():
     run = SimpleNamespace(problem=SimpleNamespace(distance=np.arange(300.0)))
     with pytest.raises(InputError, match=r"299 m of fiber: .* 200 m at most; name a stretch as channels"):
-        state_of(run)
+        fitted(run)

@@ -16,11 +16,11 @@ from solver.run.report import misfit as misfit_module
 from solver.run.report import report_page as page_module
 from solver.run.report import report_words as words
 from solver.run.report import told
-from solver.run.report.drawing import coarse, color_scale
 from solver.run.report.misfit import misfit_of
 from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure
 from solver.run.report.report_page import parameter_tables, render
 from solver.run.report.route_figure import along_x, route_figure, same_scale
+from vision.contract.drawing import coarse, color_scale
 from vision.contract.figures import svg
 
 VOID = {"meta", "img", "input", "br", "path", "use", "link"}
@@ -53,7 +53,7 @@ class Reader(HTMLParser):
 
 def made_run(survey, **changes) -> Run:
     s, result = survey, replace(survey.result, **changes)
-    facts = facts_of(result, s.site, s.record, s.anchors, s.problem, {"fit": 1.5}, None, ["wheels"])
+    facts = facts_of(result, s.arguments["survey"], s.anchors, s.problem, {"fit": 1.5}, None, ["wheels"])
     time = survey.record.time[result.samples]
     return told(Run(result, s.problem, s.site.frame, s.record.start, time, s.passes, s.anchors, facts))
 

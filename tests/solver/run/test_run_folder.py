@@ -11,7 +11,8 @@ import pytest
 from solver.fit.held_out import HeldOut
 from solver.fit.result import FitResult
 from solver.run import folder as run_folder
-from solver.run.folder import check_target, read_run, write_run
+from solver.run import run_of
+from solver.run.folder import check_target, read_run
 from vision.contract import InputError
 
 
@@ -30,7 +31,7 @@ def strict(path: Path) -> dict:
 
 
 def test_folder_holds_the_five_files_and_nothing_beside_it(survey, tmp_path):
-    write_run(tmp_path / "runs" / "a", survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(tmp_path / "runs" / "a")
     assert (tmp_path / "runs" / "a" / "report.html").read_text(encoding="utf-8").endswith("</html>\n")
     names = {path.name for path in (tmp_path / "runs" / "a").iterdir()}
     assert names == {"route.csv", "route.geojson", "fit.json", "report.html", "data.npz"}
@@ -38,7 +39,7 @@ def test_folder_holds_the_five_files_and_nothing_beside_it(survey, tmp_path):
 
 
 def test_route_table_has_the_documented_columns_and_values(survey, tmp_path, quick):
-    write_run(tmp_path / "run", survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     table = pd.read_csv(tmp_path / "run" / "route.csv")
     expected = [
         "channel",
@@ -62,7 +63,7 @@ def test_route_table_has_the_documented_columns_and_values(survey, tmp_path, qui
 
 
 def test_latitude_and_longitude_lead_back_to_x_and_y(survey, tmp_path, quick):
-    write_run(tmp_path / "run", survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     table = pd.read_csv(tmp_path / "run" / "route.csv")
     x, y = survey.site.frame.to_local(table["latitude"], table["longitude"])
     np.testing.assert_allclose(np.stack([x, y], 1), survey.result.route[:, :2], atol=1e-3)
@@ -74,7 +75,7 @@ def test_fit_json_has_the_documented_keys(survey, tmp_path, quick):
         "effects": ["wheel_layout"],
         "warnings": ["a line"],
     }
-    write_run(tmp_path / "run", survey.result, **arguments)
+    run_of(survey.result, **arguments).save(tmp_path / "run")
     facts = strict(tmp_path / "run" / "fit.json")
     assert facts["parameters"]["amplitude[1]"] == {"value": 1.2e-5, "sigma": 2e-7, "unit": "m^2", "free": True}
     assert facts["effects"] == ["wheel_layout"]
@@ -92,10 +93,10 @@ def test_fit_json_has_the_documented_keys(survey, tmp_path, quick):
 
 
 def test_noise_floor_is_the_mean_square_of_the_quiet_samples(survey, tmp_path, quick):
-    write_run(tmp_path / "run", survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     assert strict(tmp_path / "run" / "fit.json")["noise_floor"] == pytest.approx(1.0, abs=0.03)
     louder = replace(survey.problem, noise=survey.problem.noise / 2)
-    write_run(tmp_path / "louder", survey.result, **survey.arguments | {"problem": louder})
+    run_of(survey.result, **survey.arguments | {"problem": louder}).save(tmp_path / "louder")
     # Huber's weights hold back what is beyond 4 sigmas: a little less than 4.
     assert 3.2 < strict(tmp_path / "louder" / "fit.json")["noise_floor"] < 4.0
 
@@ -103,7 +104,7 @@ def test_noise_floor_is_the_mean_square_of_the_quiet_samples(survey, tmp_path, q
 def test_what_is_not_a_number_becomes_null(survey, tmp_path, quick):
     nothing = np.full_like(survey.result.covariance, np.nan)
     unsure = survey.changed(covariance=nothing, chi2_per_dof=float("inf"))
-    write_run(tmp_path / "run", unsure.result, **unsure.arguments)
+    run_of(unsure.result, **unsure.arguments).save(tmp_path / "run")
     facts = strict(tmp_path / "run" / "fit.json")
     assert facts["chi2_per_dof"] is None
     assert facts["parameters"]["wheelbase[b/2]"]["sigma"] is None
@@ -115,7 +116,7 @@ def test_what_is_not_a_number_becomes_null(survey, tmp_path, quick):
 
 
 def test_run_comes_back(survey, tmp_path, quick):
-    write_run(tmp_path / "run", survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     run = read_run(tmp_path / "run")
     for field in fields(FitResult):
         ours, theirs = getattr(survey.result, field.name), getattr(run.result, field.name)
@@ -142,19 +143,19 @@ def test_nothing_is_left_when_writing_fails(survey, tmp_path, quick, monkeypatch
 
     monkeypatch.setattr(run_folder.report, "render", broken)
     with pytest.raises(InputError, match="disk full"):
-        write_run(tmp_path / "out" / "run", survey.result, **survey.arguments)
+        run_of(survey.result, **survey.arguments).save(tmp_path / "out" / "run")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_earlier_run_stays_when_writing_fails_and_goes_when_it_does_not(survey, tmp_path, quick, monkeypatch):
-    write_run(tmp_path / "run", survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     before = (tmp_path / "run" / "fit.json").read_bytes()
     with monkeypatch.context() as patch:
         patch.setattr(run_folder, "write_arrays", lambda path, run: 1 / 0)
         with pytest.raises(ZeroDivisionError):
-            write_run(tmp_path / "run", survey.result, **survey.arguments)
+            run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     assert (tmp_path / "run" / "fit.json").read_bytes() == before
-    write_run(tmp_path / "run", replace(survey.result, iterations=99), **survey.arguments)
+    run_of(replace(survey.result, iterations=99), **survey.arguments).save(tmp_path / "run")
     assert read_run(tmp_path / "run").result.iterations == 99
 
 
@@ -162,7 +163,7 @@ def test_a_folder_of_something_else_is_never_replaced(survey, tmp_path, quick):
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.txt").write_text("years of work")
     with pytest.raises(InputError, match="something else than a run"):
-        write_run(tmp_path / "thesis", survey.result, **survey.arguments)
+        run_of(survey.result, **survey.arguments).save(tmp_path / "thesis")
     assert (tmp_path / "thesis" / "chapter.txt").read_text() == "years of work"
     with pytest.raises(InputError, match="a file"):
         check_target(tmp_path / "thesis" / "chapter.txt")
@@ -182,7 +183,7 @@ def test_a_folder_of_something_else_is_never_replaced(survey, tmp_path, quick):
 )
 def test_what_is_no_run_is_refused_in_one_line(survey, tmp_path, quick, spoil, message):
     folder = tmp_path / "run"
-    write_run(folder, survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(folder)
     spoil(folder)
     with pytest.raises(InputError, match=message) as caught:
         read_run(folder)

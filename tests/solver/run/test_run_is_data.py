@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 from roadfiber.command import app
 from solver.catalogue.plugins import catalogue
 from solver.criticism import comparison
-from solver.run import Run, open_run, read_run
+from solver.run import Run, read_run, run_of
 from solver.run import folder as run_folder
 from solver.run.code import with_plugins
-from solver.run.folder import write_files, write_run
+from solver.run.folder import write_run
 from vision.contract import InputError
 
 GRIP = """
@@ -69,11 +69,11 @@ def held(survey, grip, tmp_path, monkeypatch) -> Path:
     """Run folder of a model with a user's effect; drawing is left to other tests."""
     monkeypatch.setattr(run_folder.report, "render", lambda run: "<!doctype html>")
     monkeypatch.setattr(comparison, "write_comparison", lambda folder, found, run: folder.mkdir())
-    write_run(tmp_path / "run", survey.result, **survey.arguments)
+    run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     run = read_run(tmp_path / "run")
     problem = replace(run.problem, effects=(grip["grip"],))
     facts = run.facts | {"problem": run.facts["problem"] | {"added": ["grip"]}}
-    write_files(tmp_path / "run", with_plugins(replace(run, problem=problem, facts=facts), grip))
+    write_run(tmp_path / "run", with_plugins(replace(run, problem=problem, facts=facts, known=grip)))
     return tmp_path / "run"
 
 
@@ -131,7 +131,7 @@ def test_a_run_keeps_its_plugin_as_text(held, mine, grip):
 
 def test_the_model_is_there_where_its_effects_are_given(held, mine, grip):
     """From a file, or as objects."""
-    for run in (open_run(held, [mine])[0], read_run(held, [grip["grip"]])):
+    for run in (read_run(held, plugins=[mine]), read_run(held, effects=[grip["grip"]])):
         assert [one.name for one in run.problem.effects] == ["grip"]
         assert run.problem.extension(run.problem.effects).size == 1
     without: Run = read_run(held)

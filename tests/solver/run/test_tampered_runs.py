@@ -14,9 +14,8 @@ import pytest
 from test_run_is_data import COMMANDS, command
 
 from solver.run import folder as run_folder
-from solver.run import read_run
+from solver.run import read_run, run_of
 from solver.run.arrays import EXPECTED, SMALL, check_sizes
-from solver.run.folder import write_run
 from solver.run.stored import FitFile, printable
 from vision.contract import InputError
 
@@ -31,7 +30,7 @@ def whole(survey, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("whole") / "run"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run_folder.report, "render", lambda run: "<!doctype html>")
-        write_run(folder, survey.result, **survey.arguments, warnings=["a line"], disputed=["another"])
+        run_of(survey.result, **survey.arguments, warnings=["a line"], disputed=["another"]).save(folder)
     facts = json.loads((folder / "fit.json").read_text())
     facts["plugins"] = [{"file": "mine.py", "sha256": "ab" * 32, "effects": ["grip"], "text": "x = 1\n"}]
     facts["problem"]["coil"] = dict.fromkeys(("place", "length", "origin", "slope", "lateral", "depth"), 1.0)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from solver.survey.das import DASRecord
+from solver.survey.das.record import DASRecord
 
 #: Records are fitted at this rate or a little above, Hz. What a wheel 2 m away leaves at 20 m/s falls with frequency as
 #: exp(-2 pi f 2 / 20): 0.7 % at the 8 Hz that the filter lets pass. At 12 Hz, with 4 % lost, routes went 0.3 m wrong.

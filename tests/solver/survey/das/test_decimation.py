@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from solver.processing import decimated
-from solver.survey.das import DASRecord
+from solver.survey.das import DASRecord, decimated
 
 
 def record(rate: float, wave: np.ndarray) -> DASRecord:

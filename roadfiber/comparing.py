@@ -1,0 +1,102 @@
+"""Compare the model of a run with the measurement."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from solver.criticism.comparison import Comparison as Finding
+from solver.criticism.comparison import compare as compare_run
+from solver.criticism.comparison import render, write_comparison
+from solver.criticism.comparison.comparison_files import facts_of
+from solver.criticism.comparison.comparison_page import WIDE
+from solver.criticism.comparison.comparison_words import headline, region_words, verdict
+from solver.criticism.comparison.figures import figures_of
+from solver.criticism.comparison.map_figure import map_figure
+from solver.run.run import Run
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+#: Columns of the table of regions.
+REGION = ("words", "x", "time", "amount", "sigma", "unit", "chi2", "z")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Model against measurement: where, when and how they differ.
+
+    Parameters
+    ----------
+    run : that was compared
+    finding : all figures, see `solver.criticism.comparison.Comparison`
+    """
+
+    run: Run
+    finding: Finding
+
+    @property
+    def headline(self) -> str:
+        """How much the model leaves, in a sentence."""
+        return headline(self.finding)
+
+    @property
+    def verdict(self) -> str:
+        """What that means, in a sentence or two."""
+        return verdict(self.finding, self.run)
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """The content of compare.json."""
+        return facts_of(self.finding, self.run)
+
+    @property
+    def regions(self) -> "pd.DataFrame":
+        """Where the model fails, worst first: words, x (m), time (UTC), amount, sigma, unit, chi2, z."""
+        import pandas as pd
+
+        return pd.DataFrame(self.facts["regions"], columns=list(REGION))
+
+    def lines(self) -> list[str]:
+        """The same in words, a line each."""
+        return [region_words(region, self.run) for region in self.finding.regions]
+
+    def plot(self, name: str = "maps") -> "Figure":
+        """Draw one of its pictures.
+
+        Parameters
+        ----------
+        name : maps (measured, model, residual), split, stack, channels, power or spectrum
+        """
+        if name == "maps":
+            return map_figure(self.finding, self.run, WIDE)
+        figures = figures_of(self.finding, self.run, WIDE)
+        if name not in figures:
+            raise ValueError(f"no picture {name!r}; choose maps, {', '.join(figures)}")
+        return figures[name]
+
+    def save(self, folder: Path | str) -> None:
+        """Write compare.html, compare.json and the pictures into a folder, all or none."""
+        write_comparison(Path(folder), self.finding, self.run)
+
+    def _repr_html_(self) -> str:
+        from vision.contract.notebook import framed
+
+        return framed(render(self.finding, self.run))
+
+
+def compare(run: Run) -> Comparison:
+    """Compare the model of a run with the measurement: where, when and how they differ.
+
+    Parameters
+    ----------
+    run : as `locate` returns or `open` reads it
+
+    Examples
+    --------
+    >>> comparison = rf.compare(run)
+    >>> comparison.regions.columns[:3].tolist(), comparison.facts["noise_floor"] > 0.9
+    (['words', 'x', 'time'], True)
+    """
+    return Comparison(run, compare_run(run))

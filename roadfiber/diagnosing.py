@@ -1,0 +1,113 @@
+"""Which physical effect the model of a run lacks."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from solver.criticism.diagnosis import Diagnosis as Finding
+from solver.criticism.diagnosis import diagnose as diagnose_problem
+from solver.criticism.diagnosis import steps
+from solver.criticism.diagnosis_files import diagnosis_facts, write_diagnosis
+from solver.criticism.pages import diagnosis_page, evidence_figure
+from solver.effect import Effect
+from solver.run.fitted import fitted
+from solver.run.run import Run
+from vision.contract import progress
+from vision.contract.notebook import framed
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a run's model lacks.
+
+    Parameters
+    ----------
+    run : that was diagnosed
+    finding : all figures, see `solver.criticism.diagnosis.Diagnosis`
+    """
+
+    run: Run
+    finding: Finding
+
+    @property
+    def verdict(self) -> str:
+        """`adequate`, `missing-effect`, `unknown-effect` or `inconclusive`."""
+        return self.finding.verdict
+
+    @property
+    def words(self) -> str:
+        """The verdict in words, with the size of the effect and what the route takes up."""
+        return self.finding.words
+
+    @property
+    def effect(self) -> str | None:
+        """Name of the effect that explains most; None where nothing does."""
+        return self.finding.candidates[0].effect if self.finding.candidates else None
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Effects, best first: effect, stage, verdict, fall of chi2, size, sigma, unit, smallest that shows ..."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(one) for one in self.finding.candidates])
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The content of diagnosis.json."""
+        return diagnosis_facts(self.finding)
+
+    def plot(self) -> "Figure":
+        """Draw by how much chi2 falls with each effect."""
+        return evidence_figure(self.finding.candidates)
+
+    def save(self, folder: Path | str) -> None:
+        """Write diagnosis.json and diagnosis.html into a folder, such as the run's."""
+        write_diagnosis(Path(folder), self.finding, self.run.name)
+
+    def lines(self) -> list[str]:
+        """What a terminal shows."""
+        found = self.finding
+        lines = [f"{found.verdict}: {found.words}"]
+        if found.separate:
+            lines.append(f"what would tell them apart: {found.separate}")
+        for c in found.candidates[:6]:
+            full = "" if c.refitted else " (predicted)"
+            size = f"{c.estimate:.3g} +- {c.sigma:.2g} {c.unit}"
+            lines.append(f"  {c.effect:22s} {c.verdict:12s} chi2 falls by {c.delta_chi2:8.0f}{full}; size {size}")
+        return lines
+
+    def _repr_html_(self) -> str:
+        return framed(diagnosis_page(self.finding, self.run.name))
+
+
+def diagnose(run: Run, *, effects: Iterable[Effect] = ()) -> Diagnosis:
+    """Say which physical effect the model of a run lacks, if any.
+
+    Audits the noise, tests every effect of the catalogue, and fits the best in full. Shows its progress; Ctrl-C ends it
+    with KeyboardInterrupt.
+
+    Parameters
+    ----------
+    run : as `locate` returns or `open` reads it
+    effects : of your own, tested beside the catalogue's
+
+    Raises
+    ------
+    InputError
+        If the run is of a long fiber, code of its model was not given, or an effect breaks a promise.
+
+    Examples
+    --------
+    >>> found = rf.diagnose(run)
+    >>> found.verdict in ("adequate", "missing-effect", "unknown-effect", "inconclusive")
+    True
+    """
+    known = list(run.known.extended(effects).values())
+    fit, state = fitted(run)
+    with progress("testing effects", steps(known)) as advance:
+        return Diagnosis(run, diagnose_problem(fit.problem, state, effects=known, advance=advance))

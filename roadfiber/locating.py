@@ -1,0 +1,126 @@
+"""A survey to a run: read, locate, open."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from solver.effect import Effect
+from solver.run.folder import read_run
+from solver.run.locate import EFFECTS
+from solver.run.locate import locate as locate_fiber
+from solver.run.run import Run
+from solver.survey.survey import Survey
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def read(path: Path | str) -> Survey:
+    """Read a survey.
+
+    Parameters
+    ----------
+    path : of its site.toml, or of the folder that holds one
+
+    Returns
+    -------
+    survey : its record, tracks (None where there is a video to be tracked), anchors and ground
+
+    Raises
+    ------
+    InputError
+        If a file is missing, or cannot be used: what, where, and how to mend it.
+
+    Examples
+    --------
+    >>> survey = rf.read(folder / "survey" / "site.toml")
+    >>> survey.tracks["track_id"].nunique(), len(survey.anchors)
+    (4, 2)
+    """
+    return Survey.read(path)
+
+
+def locate(
+    survey: Survey | Path | str,
+    *,
+    method: str = "spline",
+    effects: Sequence[str | Effect] = EFFECTS,
+    filters: Sequence[str] = (),
+) -> Run:
+    """Locate the fiber of a survey.
+
+    A video is tracked first where the survey has no trajectories. Ctrl-C ends it with KeyboardInterrupt and leaves
+    nothing behind.
+
+    Parameters
+    ----------
+    survey : as `read` returns it or built in memory; or the path of a site.toml
+    method : "spline", or "network" (the paper's)
+    effects : names out of the catalogue (`roadfiber effects`), or effects of your own; `[]` is the paper's model, point
+        loads and straight gauges
+    filters : "fk" or "median", for the matched filter in much noise
+
+    Returns
+    -------
+    run : the route with its uncertainty, and whether it may be relied on (`run.trust`)
+
+    Raises
+    ------
+    InputError
+        If the survey cannot be used, clocks do not overlap, or no vehicle is seen in the DAS.
+
+    Examples
+    --------
+    >>> run = rf.locate(survey, effects=[])
+    >>> bool(run.route["constrained"].sum() > 60), run.trust[:15]
+    (True, 'No check failed')
+    """
+    whole = survey if isinstance(survey, Survey) else read(survey)
+    tracked = followed(whole) if whole.tracks is None else None
+    ready = whole if tracked is None else whole.with_tracks(tracked)
+    run = locate_fiber(ready, method=method, effects=effects, filters=filters)
+    return run if tracked is None else replace(run, tracked=tracked)
+
+
+def followed(survey: Survey) -> "pd.DataFrame":
+    """Track the video of a survey that has no trajectories."""
+    from vision.cache import cache_folder
+    from vision.pipeline import track
+
+    camera = survey.camera
+    assert camera is not None, "a survey without trajectories has a camera"
+    return track(
+        camera.video,
+        detector=camera.detector,
+        calibration=camera.calibration,
+        start=camera.start,
+        clock_offset=camera.clock_offset,
+        cache=cache_folder(),
+    )
+
+
+def open(
+    folder: Path | str, *, plugins: Sequence[Path | str] = (), effects: Iterable[Effect] = (), changed: bool = False
+) -> Run:
+    """Open a run folder. It is data: nothing in it is executed.
+
+    Parameters
+    ----------
+    folder : that `Run.save` or a command wrote
+    plugins : files with effects of your own that may be in its model, or put into it; their code is run
+    effects : such effects as objects
+    changed : whether a plugin may be another file than the run was made with
+
+    Raises
+    ------
+    InputError
+        If it is no run folder, a part of it is missing or corrupt, or a plugin cannot be used.
+
+    Examples
+    --------
+    >>> run.save(folder / "run")
+    >>> rf.open(folder / "run").name
+    'street-paper'
+    """
+    return read_run(Path(folder), plugins=[Path(path) for path in plugins], effects=effects, changed=changed)

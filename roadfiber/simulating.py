@@ -1,0 +1,72 @@
+"""Surveys whose answer is known."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from solver.simulator import read_scenario, write_survey
+from solver.simulator import simulate as simulate_street
+from solver.simulator.survey_files import require_free
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A simulated survey on disk.
+
+    Parameters
+    ----------
+    site : its site.toml, to be read or located
+    passes, channels : how many
+    seconds : that the record lasts
+    active_channels : first and last channel in view
+    """
+
+    site: Path
+    passes: int
+    channels: int
+    seconds: float
+    active_channels: tuple[int, int]
+
+    @property
+    def truth(self) -> Path:
+        """truth.json, with all that the files hide."""
+        return self.site.with_name("truth.json")
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `roadfiber simulate --json` prints."""
+        return asdict(self) | {"site": str(self.site), "active_channels": list(self.active_channels)}
+
+
+def simulate(
+    out: Path | str, scenario: Path | str = "street", *, effects: Mapping[str, float] | None = None, **changes: Any
+) -> Simulated:
+    """Simulate a survey: DAS files, trajectories, anchors, site.toml, and truth.json with all that they hide.
+
+    Parameters
+    ----------
+    out : folder to write; an earlier simulated survey there is replaced
+    scenario : a TOML file, or the name of a built-in one: `street`, or `street-` with `gps`, `paper` (point loads),
+        `filtered`, `blind`, `filmed`
+    effects : to hide, by name, with their amounts (`solver.simulator.EFFECTS` lists them)
+    **changes : further fields of `solver.simulator.Scenario`, such as seed, passes, snr_db
+
+    Raises
+    ------
+    InputError
+        If the folder holds something else, or a field or effect is unknown or out of range.
+
+    Examples
+    --------
+    >>> made = rf.simulate(folder / "street", passes=2, seed=3, effects={"gauge_length": 0.1})
+    >>> made.passes, made.truth.name
+    (2, 'truth.json')
+    """
+    wanted = read_scenario(scenario, effects=None if effects is None else dict(effects), **changes)
+    folder = Path(out)
+    require_free(folder)
+    survey = simulate_street(wanted)
+    site = write_survey(survey, folder)
+    first, last = survey.active
+    seconds = round(float(survey.time[-1]), 1)
+    return Simulated(site, len(survey.vehicles), len(survey.distance), seconds, (int(first), int(last)))

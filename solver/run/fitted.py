@@ -1,0 +1,33 @@
+"""The fit of a run, to be taken up again."""
+
+import torch
+
+from solver.fit.map_fit import MapFit
+from solver.fit.state import State
+from solver.fit.stretches import ONE_STRETCH, is_long
+from solver.run.run import Run
+from vision.contract import InputError
+
+
+def fitted(run: Run) -> tuple[MapFit, State]:
+    """The fit of a run and where it ended.
+
+    Raises
+    ------
+    InputError
+        If the run is of a long fiber, where effects would have to be the same along all of it; if it holds other
+        numbers than its model has; or if code of its model was not given.
+    """
+    if is_long(run.problem):
+        length = run.problem.distance[-1] - run.problem.distance[0]
+        raise InputError(
+            f"run of {length:.0f} m of fiber: a model is criticized over {ONE_STRETCH:.0f} m at most; "
+            "name a stretch as channels in site.toml and locate that"
+        )
+    fit = MapFit(run.problem)
+    if len(run.result.vector) != len(fit.mean):
+        raise InputError(
+            f"run: holds {len(run.result.vector)} fitted numbers, and its model has {len(fit.mean)}; "
+            "give the plugin it was made with, or run `roadfiber locate` again"
+        )
+    return fit, fit.state_of(torch.from_numpy(run.result.vector))

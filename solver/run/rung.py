@@ -1,0 +1,33 @@
+"""One model on the error ladder."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+#: Rows of channel number, x, y, z (m).
+Route = tuple[tuple[float, float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One model on the error ladder.
+
+    Parameters
+    ----------
+    effects : in the model
+    chi2_per_dof, held_out_chi2_per_dof, noise_floor : misfit of the fit, of passes it has not seen, and of noise alone
+    route_change : largest way that the route moved from the rung before, m
+    route_change_from_first : and from the first rung, m
+    folder : of its run: a label, nothing is read there; None where it was not kept
+    route : channel number and x, y, z, m, of every channel that is constrained
+    words : what must be said of it first; nothing where the route is better founded than that of the rung before
+    """
+
+    effects: tuple[str, ...]
+    chi2_per_dof: float
+    held_out_chi2_per_dof: float | None
+    noise_floor: float | None
+    route_change: float
+    route_change_from_first: float
+    folder: Path | None
+    route: Route
+    words: tuple[str, ...] = ()

@@ -1,0 +1,233 @@
+"""One survey, read: the record, who drove by, the known points, and what is known of the ground."""
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from solver.survey.anchors import Anchor, anchors_of, read_anchors
+from solver.survey.das.das_files import checksum
+from solver.survey.das.decimation import decimated
+from solver.survey.das.in_memory import block_of
+from solver.survey.das.record import DASRecord, read_das, record_of
+from solver.survey.site import CameraSection, GroundSection, Site, read_site
+from vision.contract import InputError, LocalFrame, read_trajectories, trajectories_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a survey was made from.
+
+    Parameters
+    ----------
+    role : das, trajectories, video, calibration, detector or anchors
+    path : of the file; the argument's name where it was in memory
+    sha256 : of the file or the numbers
+    """
+
+    role: str
+    path: str
+    sha256: str
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class Survey:
+    """One survey, ready to be located.
+
+    Parameters
+    ----------
+    das : `dascore.Patch`, `xarray.DataArray`, or array [time, channel] with `time` and `distance`; see
+        `solver.survey.das.in_memory.block_of`
+    tracks : trajectory table, as `vision.contract.read_trajectories` describes it; None with a `camera` to be tracked
+    anchors : table of known points of the fiber, as `solver.survey.anchors.read_anchors` describes it
+    frame : the local frame, or (latitude, longitude, azimuth of +x), degrees
+    name : of the survey
+    time, distance, first_channel : of a plain array: datetime64 UTC [time], m [channel], number of the first channel
+    gauge_length, channel_spacing, quantity, scale, channels, exclude : of the record, where it does not say them; as
+        `[das]` of site.toml
+    poisson_ratio, depth : what is known of the ground, and of the depth (mean, standard deviation; m), beforehand
+
+    Attributes
+    ----------
+    name, frame : likewise
+    record : strain rate at the rate at which it is fitted
+    tracks : trajectory table; None where a video is to be tracked first
+    anchors : sorted by channel
+    ground : what is known of it beforehand
+    camera : of a survey from a site.toml with one, else None
+    sources : files and arrays that it was made from
+    seconds : that reading took
+
+    Raises
+    ------
+    InputError
+        If the record, a table or the frame cannot be used.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> times = np.datetime64("2025-08-11T06:00:00", "ns") + np.arange(200) * np.timedelta64(100, "ms")
+    >>> rate = np.random.default_rng(1).normal(0, 1e-9, (200, 30))
+    >>> tracks = pd.DataFrame({"time": pd.to_datetime(times, utc=True), "track_id": "a", "class": "car",
+    ...     "x": np.arange(200) * 1.0 - 80, "y": 0.0, "sigma_x": 0.1, "sigma_y": 0.1})
+    >>> survey = Survey(rate, tracks, frame=(32.1, 34.8, 78.0), time=times, distance=np.arange(30) * 1.02,
+    ...     gauge_length=10.0, quantity="strain_rate", scale=1.0)
+    >>> survey.record.strain_rate.shape, survey.record.sampling_rate
+    ((200, 30), 10.0)
+    """
+
+    name: str
+    frame: LocalFrame
+    record: DASRecord
+    tracks: "pd.DataFrame | None"
+    anchors: list[Anchor]
+    ground: GroundSection
+    camera: CameraSection | None
+    sources: tuple[Source, ...]
+    seconds: float
+
+    def __init__(
+        self,
+        das: Any,
+        tracks: "pd.DataFrame",
+        *,
+        frame: LocalFrame | tuple[float, float, float],
+        anchors: "pd.DataFrame | None" = None,
+        name: str = "survey",
+        time: ArrayLike | None = None,
+        distance: ArrayLike | None = None,
+        first_channel: int | None = None,
+        gauge_length: float | None = None,
+        channel_spacing: float | None = None,
+        quantity: str | None = None,
+        scale: float | None = None,
+        channels: tuple[int, int] | None = None,
+        exclude: Sequence[int] = (),
+        poisson_ratio: float = GroundSection().poisson_ratio,
+        depth: tuple[float, float] = GroundSection().depth,
+    ) -> None:
+        begun = clock.perf_counter()
+        where = frame if isinstance(frame, LocalFrame) else LocalFrame((frame[0], frame[1]), frame[2])
+        tables = {"trajectories": tracks} | ({} if anchors is None else {"anchors": anchors})
+        record = record_of(
+            [block_of(das, time, distance, first_channel)],
+            gauge_length=gauge_length,
+            channel_spacing=channel_spacing,
+            quantity=quantity,
+            scale=scale,
+            channels=channels,
+            exclude=exclude,
+        )
+        self._hold(
+            name=name,
+            frame=where,
+            record=decimated(record),
+            tracks=trajectories_of(tracks, where),
+            anchors=[] if anchors is None else anchors_of(anchors, where),
+            ground=ground_of(poisson_ratio, depth),
+            camera=None,
+            sources=(*das_sources(record), *(table_source(role, table) for role, table in tables.items())),
+            seconds=clock.perf_counter() - begun,
+        )
+
+    def _hold(self, **values: Any) -> None:
+        """Set the fields, once."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def read(cls, path: Path | str) -> "Survey":
+        """Read a survey: its site.toml, or the folder that holds one, and all files that it names.
+
+        Raises
+        ------
+        InputError
+            If a file is missing, or cannot be used.
+        """
+        path = Path(path)
+        return cls.of_site(read_site(path / "site.toml" if path.is_dir() else path))
+
+    @classmethod
+    def of_site(cls, site: Site) -> "Survey":
+        """Read the files that a checked site.toml names; see `read`."""
+        begun = clock.perf_counter()
+        tracks = None if site.trajectories is None else read_trajectories(site.trajectories.files, site.frame)
+        said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
+        record = read_das(site.das.files, **{name: getattr(site.das, name) for name in said})
+        return cls.of(
+            name=site.name,
+            frame=site.frame,
+            record=decimated(record),
+            tracks=tracks,
+            anchors=read_anchors(site.anchors.file, site.frame) if site.anchors else [],
+            ground=site.ground,
+            camera=site.camera,
+            sources=(*das_sources(record), *file_sources(site)),
+            seconds=clock.perf_counter() - begun,
+        )
+
+    @classmethod
+    def of(cls, **fields: Any) -> "Survey":
+        """The survey with these attributes, all of them, as they are."""
+        survey = object.__new__(cls)
+        survey._hold(**fields)
+        return survey
+
+    def with_tracks(self, tracks: "pd.DataFrame") -> "Survey":
+        """The survey with a trajectory table in place of its own, such as what was tracked in its video."""
+        return Survey.of(**vars(self) | {"tracks": trajectories_of(tracks, self.frame)})
+
+    def plot(self) -> "Figure":
+        """Draw the survey: the record in noise sigmas, tracks, anchors, and what is left out and why."""
+        from solver.survey.survey_figure import survey_figure
+
+        return survey_figure(self)
+
+    def _repr_html_(self) -> str:
+        from solver.survey.survey_figure import survey_html
+
+        return survey_html(self)
+
+
+def ground_of(poisson_ratio: float, depth: tuple[float, float]) -> GroundSection:
+    """What is known of the ground, checked as `[ground]` of site.toml is."""
+    from pydantic import ValidationError
+
+    try:
+        return GroundSection(poisson_ratio=poisson_ratio, depth=depth)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        name, words = problem["loc"][0], problem["msg"].removeprefix("Value error, ")
+        raise InputError(f"{name}: {words}") from error
+
+
+def das_sources(record: DASRecord) -> list[Source]:
+    """The files, or the array, that a record was read from."""
+    both = zip(record.provenance["files"], record.provenance["sha256"], strict=True)
+    return [Source("das", str(path), digest) for path, digest in both]
+
+
+def file_sources(site: Site) -> list[Source]:
+    """The files of a site but those of its record."""
+    files: list[tuple[str, Path]] = []
+    if site.trajectories:
+        files += [("trajectories", path) for path in site.trajectories.files]
+    if site.camera:
+        roles = {"video": site.camera.video, "calibration": site.camera.calibration, "detector": site.camera.detector}
+        files += [(role, path) for role, path in roles.items() if isinstance(path, Path)]
+    if site.anchors:
+        files.append(("anchors", site.anchors.file))
+    return [Source(role, str(path), checksum(path)) for role, path in files]
+
+
+def table_source(role: str, table: "pd.DataFrame") -> Source:
+    """A table in memory."""
+    return Source(role, role, sha256(table.to_csv(index=False).encode()).hexdigest())

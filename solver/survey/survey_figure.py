@@ -1,0 +1,158 @@
+"""The picture of a survey before anything is fitted: the record in noise sigmas, the tracks, the anchors."""
+
+from collections.abc import Callable
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from solver.survey.das.record import ranges
+from vision.contract.drawing import BACKWARD, FORWARD, ROUTE, canvas, coarse, color_map, color_scale, place
+from vision.contract.figures import INK, MUTED, styled, svg
+
+if TYPE_CHECKING:
+    from solver.survey.survey import Survey
+
+WIDTH, WATERFALL, ROAD = 960, 320, 150  # px
+LEFT, TOP, BETWEEN, LINE = 66, 34, 54, 15  # px
+#: Rows or columns of the picture at most, and tracks drawn at most.
+CELLS, TRACKS = 800, 300
+#: Standard deviation over median absolute deviation of normal noise.
+NORMAL = 1.4826
+
+Array = NDArray[np.float64]
+
+
+def in_sigmas(strain_rate: Array) -> Array:
+    """A record [time, channel] over each channel's noise, NaN where nothing was measured.
+
+    Noise is told from the median absolute deviation: for most of the time no vehicle is near a channel.
+
+    >>> rate = np.random.default_rng(0).normal(0, 3e-9, (4000, 2)) + 1e-8
+    >>> bool(np.allclose(in_sigmas(rate).std(0), 1, atol=0.05))
+    True
+    """
+    found = np.full(strain_rate.shape, np.nan)
+    for column in np.flatnonzero(np.isfinite(strain_rate).any(axis=0)):
+        values = strain_rate[:, column] - np.nanmedian(strain_rate[:, column])
+        sigma = NORMAL * float(np.nanmedian(np.abs(values)))
+        # Where most samples are rounded to one number their scatter tells more.
+        found[:, column] = values / (sigma or float(np.nanstd(values)) or 1.0)
+    return found
+
+
+def on_fiber(survey: "Survey") -> Callable[[Array], Array] | None:
+    """Channel at which a place along the road is, by a straight line through the anchors; None with fewer than two."""
+    x = np.array([one.x for one in survey.anchors])
+    if len(x) < 2 or np.ptp(x) < survey.record.gauge_length:
+        return None
+    slope, offset = np.polyfit(x, [one.channel for one in survey.anchors], 1)
+    return lambda along: offset + slope * along
+
+
+def left_out(survey: "Survey") -> list[str]:
+    """What of the record cannot be used, and why; a line each."""
+    record = survey.record
+    dead = record.channel[record.dead]
+    lines = [f"channels {ranges(dead)} hold no signal (excluded, or they never change)"] if len(dead) else []
+    return [*lines, *record.cautions, *record.provenance["notes"]]
+
+
+def draw_record(axes: Axes, survey: "Survey") -> None:
+    """The waterfall: time to the right, channels upward."""
+    record = survey.record
+    sigmas = in_sigmas(record.strain_rate)
+    step = float(np.median(np.diff(record.time)))
+    extent = (record.time[0], record.time[-1] + step, float(record.channel[0]) - 0.5, float(record.channel[-1]) + 0.5)
+    image = axes.imshow(
+        coarse(sigmas, CELLS).T,
+        aspect="auto",
+        origin="lower",
+        extent=extent,
+        cmap=color_map(),
+        norm=color_scale(sigmas),
+        interpolation="nearest",
+    )
+    axes.set(ylabel="channel", title="Strain rate, in sigmas of each channel's noise")
+    figure = axes.get_figure()
+    assert figure is not None
+    figure.colorbar(image, ax=axes, fraction=0.03, pad=0.01, ticks=[-10, -3, 0, 3, 10], format="%g")
+
+
+def draw_tracks(axes: Axes, survey: "Survey", place_of: Callable[[Array], Array] | None = None) -> None:
+    """Where vehicles were, by time: along the road, colored by direction, or dashed where `place_of` puts them."""
+    assert survey.tracks is not None
+    for _, track in list(survey.tracks.groupby("track_id", sort=False))[:TRACKS]:
+        t = (track["time"].dt.tz_convert(None) - survey.record.start).dt.total_seconds()
+        x = track["x"].to_numpy(float)
+        if place_of is None:
+            axes.plot(t, x, color=FORWARD if x[-1] >= x[0] else BACKWARD, lw=1.2)
+        else:
+            axes.plot(t, place_of(x), color=INK, lw=1.0, ls=(0, (4, 3)))
+
+
+@styled
+def survey_figure(survey: "Survey") -> Figure:
+    """Draw a survey.
+
+    Parameters
+    ----------
+    survey : as it was read
+
+    Returns
+    -------
+    figure : the record in noise sigmas over time and channel, with anchors, and with tracks where two anchors say
+        which channel is where; the tracks along the road; below, what is left out and why
+    """
+    lines = left_out(survey)
+    figure = canvas(WIDTH, TOP + WATERFALL + BETWEEN + ROAD + 50 + LINE * len(lines))
+    across = WIDTH - LEFT - 34
+    upper = place(figure, "record", LEFT, TOP, across, WATERFALL)
+    draw_record(upper, survey)
+    room = upper.get_position()
+    lower = place(figure, "road", LEFT, TOP + WATERFALL + BETWEEN, WIDTH * room.width, ROAD)
+    first, last = survey.record.channel[[0, -1]]
+    to_channel = on_fiber(survey)
+    for one in survey.anchors:
+        upper.axhline(one.channel, color=ROUTE, lw=1)
+        upper.annotate(one.name, (0, one.channel), color=ROUTE, xytext=(3, 2), textcoords="offset points", fontsize=8)
+        lower.axhline(one.x, color=ROUTE, lw=1)
+    if survey.tracks is None:
+        lower.text(0.5, 0.5, "the video is not tracked yet", transform=lower.transAxes, ha="center", color=MUTED)
+    else:
+        draw_tracks(lower, survey)
+        if to_channel is not None:
+            draw_tracks(upper, survey, to_channel)
+            upper.set_title("Strain rate, in sigmas of each channel's noise; dashed: tracks, as the anchors place them")
+    upper.set_ylim(first - 0.5, last + 0.5)
+    for axes in (upper, lower):
+        axes.set_xlim(survey.record.time[0], survey.record.time[-1])
+    start = str(survey.record.start)[:19].replace("T", " ")
+    lower.set(ylabel="x, m", xlabel=f"s since {start} UTC", title="Vehicles along the road")
+    bottom = 1 - (TOP + WATERFALL + BETWEEN + ROAD + 44) / (figure.get_figheight() * figure.dpi)
+    for number, line in enumerate(lines):
+        y = bottom - number * LINE / (figure.get_figheight() * figure.dpi)
+        figure.text(LEFT / WIDTH, y, line, color=INK, fontsize=8, va="top")
+    return figure
+
+
+def facts_words(survey: "Survey") -> str:
+    """The survey in a line."""
+    record, tracks = survey.record, survey.tracks
+    vehicles = "a video" if tracks is None else f"{tracks['track_id'].nunique()} vehicles"
+    return (
+        f"{len(record.channel)} channels of {record.channel_spacing:.3g} m, gauges of {record.gauge_length:.3g} m, "
+        f"{record.time[-1]:.0f} s at {record.sampling_rate:.3g} Hz; {vehicles}; {len(survey.anchors)} anchors"
+    )
+
+
+def survey_html(survey: "Survey") -> str:
+    """The survey as a part of a page."""
+    return (
+        f"<h3>{escape(survey.name)}</h3><p>{escape(facts_words(survey))}</p>"
+        f'<div style="max-width:{WIDTH}px;--ink:#1f2933;--muted:#66707a;--rule:#d5dae0;--paper:#fefefe">'
+        f"{svg(survey_figure(survey))}</div>"
+    )

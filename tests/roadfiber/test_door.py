@@ -1,0 +1,235 @@
+"""The Python door: one survey, one run, and verbs that take and return them; from files and from memory."""
+
+import inspect
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+from matplotlib.figure import Figure
+
+import roadfiber as rf
+from solver.survey.das import in_memory
+from solver.survey.das.das_files import read_blocks
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A survey of four passes: gauges are 15 % longer than told."""
+    made = tmp_path_factory.mktemp("door")
+    rf.simulate(made / "survey", "street-paper", passes=4, seed=11, effects={"gauge_length": 0.15})
+    return made
+
+
+@pytest.fixture(scope="module")
+def survey(folder: Path) -> rf.Survey:
+    return rf.read(folder / "survey" / "site.toml")
+
+
+@pytest.fixture(scope="module")
+def run(survey: rf.Survey) -> rf.Run:
+    return rf.locate(survey, effects=[])
+
+
+def test_the_way_from_a_site_to_a_better_model(survey: rf.Survey, run: rf.Run, folder: Path) -> None:
+    """The lines that the documentation shows, on a survey with a hidden effect."""
+    assert isinstance(survey.plot(), Figure)
+    assert list(run.route)[:5] == ["channel", "distance", "x", "y", "z"]
+    assert {"sigma_x", "sigma_y", "sigma_z", "latitude", "longitude", "constrained"} <= set(run.route)
+    assert isinstance(run.plot(), Figure)
+    run.save(folder / "run")
+    again = rf.open(folder / "run")
+    pd.testing.assert_frame_equal(again.route, run.route)
+    assert (again.headline, again.trust, again.effects) == (run.headline, run.trust, [])
+    comparison = rf.compare(again)
+    assert {"words", "chi2", "z"} <= set(comparison.regions) and isinstance(comparison.plot(), Figure)
+    better = rf.add(again, "gauge_length")
+    assert better.effects == ["gauge_length"] and len(better.rungs) == 2
+    assert better.result.chi2_per_dof < run.result.chi2_per_dof - 0.01
+    ladder = rf.ladder(run, better)
+    assert ladder.table["effects"].tolist() == [(), ("gauge_length",)] and isinstance(ladder.plot(), Figure)
+    assert rf.ladder(better).facts["rungs"][0]["run"].endswith("run")
+    better.save(folder / "run2")
+    assert [one.effects for one in rf.open(folder / "run2").rungs] == [(), ("gauge_length",)]
+    better.to_geojson(folder / "r.geojson")
+    assert '"LineString"' in (folder / "r.geojson").read_text(encoding="utf-8")
+    for page in (run, comparison, ladder):
+        assert page._repr_html_().startswith("<iframe srcdoc=") and "&lt;!doctype html" in page._repr_html_()
+    assert "<svg" in survey._repr_html_()
+
+
+def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path, monkeypatch) -> None:
+    """What finds the effect is tested elsewhere."""
+    from roadfiber import diagnosing
+    from solver.criticism.candidate import Candidate
+
+    values = {"effect": "gauge_length", "stage": "interrogator", "verdict": "named", "unit": "1"}
+    made: dict = dict.fromkeys(inspect.signature(Candidate).parameters, 0.1) | values
+    made |= {"confounded_with": (), "generic": False, "refitted": True, "numbers": 1, "shape": {}}
+    finding = SimpleNamespace(verdict="missing-effect", words="it is", candidates=[Candidate(**made)], separate="")
+    monkeypatch.setattr(diagnosing, "diagnose_problem", lambda *given, **more: finding)
+    found = rf.diagnose(run)
+    assert (found.verdict, found.effect) == ("missing-effect", "gauge_length")
+    assert found.table["stage"].tolist() == ["interrogator"] and isinstance(found.plot(), Figure)
+    assert found.lines()[0] == "missing-effect: it is"
+
+
+def test_a_survey_in_memory_is_the_one_in_its_files(survey: rf.Survey, run: rf.Run, folder: Path) -> None:
+    """A patch, a DataArray-like and an array give the record that the files give, and so the route."""
+    import dascore as dc
+
+    files = sorted((folder / "survey").glob("das/*"))
+    patch = dc.spool([dc.read(path)[0] for path in files]).chunk(time=None)[0]
+    tables = {"tracks": survey.tracks, "anchors": pd.read_csv(folder / "survey" / "anchors.csv")}
+    given = tables | {"frame": survey.frame}
+    patched = rf.Survey(das=patch, **given)
+    np.testing.assert_array_equal(patched.record.strain_rate, survey.record.strain_rate)
+    blocks = sorted((block for path in files for block in read_blocks(path)), key=lambda block: block.time[0])
+    block = blocks[0]
+    array = rf.Survey(
+        das=np.concatenate([one.data for one in blocks]),
+        time=np.concatenate([one.time for one in blocks]).astype("datetime64[ns]"),
+        distance=block.distance,
+        first_channel=block.first_channel,
+        gauge_length=block.gauge_length,
+        quantity=block.unit.quantity,
+        scale=block.unit.factor,
+        **tables,
+        frame=(*survey.frame.origin, survey.frame.x_azimuth),
+    )
+    np.testing.assert_allclose(array.record.strain_rate, survey.record.strain_rate)
+    located = rf.locate(array, effects=[])
+    np.testing.assert_allclose(located.route[["x", "y", "z"]], run.route[["x", "y", "z"]], atol=1e-6)
+    assert [one["role"] for one in located.facts["inputs"]] == ["das", "trajectories", "anchors"]
+    located.save(folder / "memory")
+    assert rf.open(folder / "memory").name == "survey"
+
+
+class DataArray:
+    """As much of xarray's as is used, where xarray is not installed."""
+
+    def __init__(self, values, dims, coords, attrs):
+        self.values, self.dims, self.attrs = values, dims, attrs
+        self.coords = {name: SimpleNamespace(values=value) for name, value in coords.items()}
+
+    def transpose(self, *dims):
+        values = self.values if dims == self.dims else self.values.T
+        return DataArray(values, dims, {name: one.values for name, one in self.coords.items()}, self.attrs)
+
+
+@pytest.fixture
+def xarray(monkeypatch):
+    module = sys.modules.get("xarray") or SimpleNamespace(DataArray=DataArray)
+    monkeypatch.setitem(sys.modules, "xarray", module)
+    return module
+
+
+TIMES = np.datetime64("2025-08-11T06:00:00", "ns") + np.arange(4) * np.timedelta64(200, "ms")
+
+
+def test_a_data_array_says_its_channels_gauge_and_unit(xarray) -> None:
+    coords = {"time": TIMES, "channel": np.array([7, 8, 9])}
+    attrs = {"gauge_length": 10, "units": "nm/m/s"}
+    block = in_memory.block_of(xarray.DataArray(np.ones((3, 4)), dims=("channel", "time"), coords=coords, attrs=attrs))
+    assert block.data.shape == (4, 3) and block.first_channel == 7 and block.gauge_length == 10.0
+    assert block.distance is None and block.unit is not None and block.unit.factor == pytest.approx(1e-9)
+
+
+@pytest.mark.parametrize(
+    ("das", "more", "message"),
+    [
+        (np.zeros((4, 3)), {}, "an array alone has no times; give time="),
+        (np.zeros((4, 3)), {"time": np.arange(4.0)}, "time is float64; give datetime64 in UTC"),
+        (np.zeros((4, 3)), {"time": TIMES[:3]}, r"time has shape \(3,\), the array \(4, 3\)"),
+        (np.zeros((4, 3)), {"time": TIMES, "distance": [0.0]}, r"distance has shape \(1,\)"),
+        (np.zeros(4), {"time": TIMES}, r"an array of float64 \(4,\); give real numbers"),
+        (np.zeros((0, 3)), {"time": TIMES[:0]}, "no samples"),
+        (object(), {}, "an array of object"),
+    ],
+)
+def test_what_is_no_record_is_told_in_a_line(das, more, message) -> None:
+    with pytest.raises(rf.InputError, match=message):
+        in_memory.block_of(das, **more)
+
+
+def test_an_effect_of_one_s_own_is_an_object(run: rf.Run, folder: Path) -> None:
+    """It is verified, added, told on opening where it is missing, and found again where it is given."""
+
+    @rf.effect("grip", "cable", [rf.Parameter("share", "1", 0.1, scope="fiber")], physics="Grip varies.", source="-")
+    def grip(cable, p, survey):
+        return replace(cable, gain=cable.gain * (1 + p["share"]))
+
+    grown = rf.add(run, grip, force=True)
+    assert grown.effects == ["grip"]
+    grown.save(folder / "own")
+    assert rf.open(folder / "own").effects == ["grip"]
+    with pytest.raises(rf.InputError, match="made with the effect grip, which is not installed"):
+        rf.add(rf.open(folder / "own"), "camber")
+    opened = rf.open(folder / "own", effects=[grip])
+    assert torch.isfinite(torch.tensor(rf.compare(opened).finding.chi2_per_sample))
+    with pytest.raises(rf.InputError, match="is in the model already"):
+        rf.add(opened, grip)
+
+
+def test_what_is_not_wanted_is_refused(run: rf.Run) -> None:
+    with pytest.raises(rf.InputError, match="no effect to add"):
+        rf.add(run)
+    with pytest.raises(rf.InputError, match="effect nosuch: not known"):
+        rf.add(run, "nosuch")
+    with pytest.raises(rf.InputError, match="no run to draw"):
+        rf.ladder()
+    with pytest.raises(AttributeError, match="no attribute 'nosuch'"):
+        rf.nosuch  # noqa: B018
+
+
+def test_ctrl_c_is_not_swallowed(survey: rf.Survey, monkeypatch) -> None:
+    from solver.run import locate as module
+
+    def interrupted(*given, **more):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "fit_sides", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        rf.locate(survey, effects=[])
+
+
+def test_a_video_is_tracked_first_and_its_tracks_are_kept(
+    survey: rf.Survey, run: rf.Run, tmp_path, monkeypatch
+) -> None:
+    from roadfiber import locating
+
+    monkeypatch.setattr(locating, "followed", lambda whole: survey.tracks)
+    monkeypatch.setattr(locating, "locate_fiber", lambda whole, **given: run)
+    filmed = rf.Survey.of(**vars(survey) | {"tracks": None})
+    located = rf.locate(filmed)
+    located.save(tmp_path / "run")
+    kept = pd.read_csv(tmp_path / "run" / "trajectories.csv")
+    assert len(kept) == len(survey.tracks)
+    assert "not tracked yet" in filmed._repr_html_()
+
+
+def test_importing_the_door_loads_nothing_heavy() -> None:
+    heavy = {"torch", "numpy", "pandas", "scipy", "matplotlib", "onnxruntime", "dascore"}
+    script = f"import sys, roadfiber; print({heavy} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
+
+
+@pytest.mark.parametrize("name", rf.__all__)
+def test_every_public_name_is_documented_with_an_example(name: str) -> None:
+    value = getattr(rf, name)
+    assert inspect.getdoc(value)
+    own = getattr(value, "__module__", "").startswith("roadfiber")
+    if own and inspect.isfunction(value):
+        assert ">>> rf." in inspect.getdoc(value) or "= rf." in inspect.getdoc(value)
+    assert name in dir(rf)
+
+
+def test_the_package_is_typed() -> None:
+    root = Path(rf.__file__).parents[1]
+    assert all((root / name / "py.typed").is_file() for name in ("roadfiber", "solver", "vision", "calib"))
