@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calib.control_points import ControlPoints
 from calib.models import GroundModel, View
-from calib.posterior import decided, posterior_covariance
+from calib.posterior import TRUST, decided, posterior_covariance
 
 Array = NDArray[np.float64]
 
@@ -25,15 +25,24 @@ class Estimate:
     ----------
     model, theta : family and parameters [p]
     covariance : [p, p] of theta
-    excess : misfit, chi^2 per degree of freedom; 1 where it is no surprise
+    chi2, freedom : misfit and its degrees of freedom, of the points and of what is known beforehand
     decided : how many of the parameters the points decide; what is known beforehand decides the others
     """
 
     model: GroundModel
     theta: Array
     covariance: Array
-    excess: float
+    chi2: float
+    freedom: int
     decided: float
+
+    @property
+    def excess(self) -> float:
+        """Misfit, chi^2 per degree of freedom; 1 where it is no surprise."""
+        from scipy.stats import chi2
+
+        surprising = self.freedom > 0 and chi2.sf(self.chi2, self.freedom) < DOUBT
+        return self.chi2 / self.freedom if surprising else 1.0
 
     @property
     def view(self) -> View:
@@ -68,10 +77,10 @@ def estimate(model: GroundModel, points: ControlPoints, start: Array, robust: bo
 
         found = least_squares(residual, theta, x_scale="jac", xtol=1e-8, ftol=1e-10, gtol=1e-9, **loss)
         theta = found.x
-    excess = _excess(2 * found.cost, len(found.fun) - len(theta))
+    chi2, freedom = float((found.fun**2).sum()), len(found.fun) - len(theta)
     (off, penalty), (slope, bend) = np.split(found.fun, [2 * len(points)]), np.split(found.jac, [2 * len(points)])
     covariance = posterior_covariance(off.reshape(-1, 2), slope.reshape(len(points), 2, -1), penalty, bend)
-    return Estimate(model, theta, covariance, excess, decided(slope, bend))
+    return Estimate(model, theta, covariance, chi2, freedom, decided(slope, bend))
 
 
 def _whitening(view: View, points: ControlPoints) -> Array:
@@ -85,10 +94,16 @@ def _whitening(view: View, points: ControlPoints) -> Array:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
-def _excess(chi2: float, freedom: int) -> float:
-    from scipy.stats import chi2 as distribution
+def scatters_more(fit: Estimate, other: Estimate) -> bool:
+    """Whether the points leave one fit by more than another, beyond chance, whatever the scatter that both share.
 
-    return chi2 / freedom if freedom > 0 and distribution.sf(chi2, freedom) < DOUBT else 1.0
+    Fisher's test of two variances, to which the stated sigmas count as `TRUST` degrees of freedom.
+    """
+    from scipy.stats import f
+
+    free, other_free = TRUST + fit.freedom, TRUST + other.freedom
+    ratio = ((TRUST + fit.chi2) / free) / ((TRUST + other.chi2) / other_free)
+    return bool(f.sf(ratio, free, other_free) < DOUBT)
 
 
 def slope_of(function: Callable[[Array], Array], theta: Array, covariance: Array) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.calibrated import calibration_of, leave_one_out
 from calib.cautions import cautions
 from calib.control_points import ControlPoints
-from calib.estimate import Estimate, slope_of
+from calib.estimate import Estimate, scatters_more, slope_of
 from calib.homography import inverse
 from calib.layout import require_below_horizon, require_layout, require_on_road, require_spread
 from calib.lens_prior import LensPrior, weak_prior
@@ -212,7 +212,7 @@ def _choice(fitted: dict[str, Candidate]) -> str:
     if len(checked) < 2:
         return next(iter(checked or fitted))
     homography, camera = checked["homography"], checked["camera"]
-    if camera.fit.excess > 1 and homography.fit.excess == 1:
+    if scatters_more(camera.fit, homography.fit):
         return "homography"
     if homography.held_out_px is None or camera.held_out_px is None:
         return "camera"
