@@ -58,8 +58,7 @@ def misfit(fit: MapFit, state: State, counts: Tensor) -> Tensor:
     ----------
     counts : [sample, channel], see `counted`; the same for all fits that are compared
     """
-    difference = torch.where(fit.measured, fit.data - fit.model(state), 0.0)
-    size = (fit.whiten(difference * (counts > 0)) * counts).abs()
+    size = (fit.whiten(fit.unexplained(fit.model(state)) * (counts > 0)) * counts).abs()
     return torch.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum(1)
 
 

@@ -73,11 +73,9 @@ class Fault:
 
 def unexplained(fit: MapFit, state: State) -> Array:
     """Measured less model [row, channel] over the whole record, 1/s; spikes and what was not measured are 0."""
-    rest = np.array(fit.problem.record)
-    rest[fit.problem.traffic.samples] -= fit.model(state).numpy()
-    level = fit.problem.noise.numpy()
-    size = np.abs(np.nan_to_num(rest, nan=np.inf)) / level
-    return np.where(size < 50, np.nan_to_num(rest), 0.0)
+    rest = np.nan_to_num(fit.problem.record)
+    rest[fit.problem.traffic.samples] = fit.unexplained(fit.model(state)).numpy()
+    return np.where(np.abs(rest) < 50 * fit.problem.noise.numpy(), rest, 0.0)
 
 
 def straight(problem: Problem, speed: float, way: int, y: float, start: float, rows: int) -> Pass:

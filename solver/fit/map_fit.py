@@ -17,6 +17,7 @@ from solver.fit.parameter_layout import PER_PASS
 from solver.fit.parameter_prior import ParameterPrior
 from solver.fit.parameter_space import ParameterSpace
 from solver.fit.problem import Problem
+from solver.fit.residual import unexplained
 from solver.fit.robust import huber, near_noise
 from solver.fit.state import Evaluation, Linearized, State, Weights
 from solver.signal_path.derivatives import derivative, observed_tangents
@@ -149,9 +150,13 @@ class MapFit(ParameterSpace):
         matrix += 1e-12 * matrix.diagonal().max() * torch.eye(traffic.passes, dtype=torch.float64)
         return torch.linalg.solve(matrix, columns.T @ data)
 
+    def unexplained(self, model: Tensor) -> Tensor:
+        """Measured - model [sample, channel], 1/s; 0 where not measured."""
+        return unexplained(self.data, model, self.measured)
+
     def residual(self, state: State) -> Tensor:
         """(measured - model) / noise, [sample, channel], 0 where not measured; not whitened."""
-        return torch.where(self.measured, self.data - self.model(state), 0.0) / self.problem.noise
+        return self.unexplained(self.model(state)) / self.problem.noise
 
     def whitened(self, state: State, weights: Weights) -> Tensor:
         """Whitened residual [sample, channel], with weights."""
@@ -159,8 +164,7 @@ class MapFit(ParameterSpace):
 
     def whitened_of(self, model: Tensor, weights: Weights) -> Tensor:
         """The same of a model [sample, channel], 1/s."""
-        difference = torch.where(self.measured, self.data - model, 0.0)
-        return self.whiten(difference * weights.good) * weights.soft.sqrt()
+        return self.whiten(self.unexplained(model) * weights.good) * weights.soft.sqrt()
 
     def route_columns(self, local: Sensitivities, values: Values) -> Tensor:
         """Derivative of each row by the route's coefficients, [row, channel, coefficient, 3]."""
@@ -239,7 +243,7 @@ class MapFit(ParameterSpace):
 
     def weighted(self, evaluation: Evaluation) -> tuple[Weights, Tensor]:
         """Weights of the samples, and the whitened residual [sample, channel] of those that are no spikes."""
-        difference = torch.where(self.measured, self.data - evaluation.model, 0.0)
+        difference = self.unexplained(evaluation.model)
         variance = 1 + self.added_variance(evaluation.local, evaluation.model)
         good = self.measured * near_noise(difference / self.problem.noise / variance.sqrt(), self.measured)
         residual = self.whiten(difference * good)

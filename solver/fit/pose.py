@@ -135,7 +135,7 @@ def around(passes: Sequence[Pass], samples: int, margin: int) -> np.ndarray:
 def mean_square(result: FitResult, block: np.ndarray) -> np.ndarray:
     """Mean square of the residual of some fitted channels [channel], in noise units; NaN where nothing is fitted."""
     weight = result.weight[:, block]
-    residual = (result.measured[:, block] - result.model[:, block]) / result.noise[block]
+    residual = result.unexplained((slice(None), block)) / result.noise[block]
     total = weight.sum(0)
     return np.asarray(
         np.divide(np.nansum(weight * residual**2, 0), total, np.full(len(block), np.nan), where=total > 0)

@@ -1,6 +1,7 @@
 """What every fit gives back."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,11 @@ class FitResult:
         """Standard deviation [channel, 3] of x, y, z, m."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
+    def unexplained(self, at: Any = ...) -> NDArray[np.float64]:
+        """Measured - model [sample, fitted], 1/s, or some of it (an index `at`); NaN where not measured."""
+        return np.asarray(self.measured[at] - self.model[at])
+
     @property
     def residual(self) -> NDArray[np.float64]:
-        """(measured - model) / noise, [sample, fitted]."""
-        return np.asarray((self.measured - self.model) / self.noise)
+        """Measured - model [sample, fitted], in units of the noise; NaN where not measured."""
+        return np.asarray(self.unexplained() / self.noise)

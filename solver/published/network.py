@@ -20,6 +20,7 @@ from solver.cable.fiber import Fiber
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
+from solver.fit.residual import unexplained
 from solver.fit.result import FitResult
 from solver.fit.robust import huber
 from solver.fit.state import State
@@ -131,7 +132,7 @@ def train(
         current = network(DEPTH_ATTENUATION if number >= iterations // 2 else 0.0)
         model = path.strain_rate(Fiber.of(ends, current), vehicles(), start.poisson_ratio)
         measured = problem.measured[rows]
-        residual = torch.where(measured, problem.strain_rate[rows] - model, 0.0) / problem.noise
+        residual = unexplained(problem.strain_rate[rows], model, measured) / problem.noise
         misfit = STRIDE * (huber(residual.detach(), measured) * residual**2).sum()
         loss = misfit + regularizers(problem, line, current) + ((along / problem.prior.along) ** 2).sum()
         adam.zero_grad()

@@ -182,7 +182,7 @@ def cells_of(run: "Run") -> Cells:
         whitener = Whitener(noise, result.samples[part], result.fitted_channel, result.law)
         return np.asarray(whitener(torch.from_numpy(np.where(there[part], raw, 0.0))).numpy() * soft[part])
 
-    residual = whiten(np.where(there, result.measured - result.model, 0.0))
+    residual = whiten(np.where(there, result.unexplained(), 0.0))
     distance = result.distance[np.searchsorted(result.channel, result.fitted_channel)]
     changes = {
         "gain": linear(result.model),

@@ -37,8 +37,8 @@ class Pictures:
 def pictures_of(result: FitResult, one: Pass, cells: int) -> Pictures:
     """Pictures of a pass with at most `cells` rows and columns."""
     rows = rows_of(result, one)
-    measured, model = result.measured[rows] / result.noise, result.model[rows] / result.noise
-    return Pictures(*(coarse(whole_range(result, part), cells) for part in (measured, model, measured - model)))
+    maps = (result.measured[rows], result.model[rows], result.unexplained(rows))
+    return Pictures(*(coarse(whole_range(result, part / result.noise), cells) for part in maps))
 
 
 def nearest_channel(result: FitResult, one: Pass) -> NDArray[np.float64]:
