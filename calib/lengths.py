@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.point_tables import read_csv
 from vision.camera import Calibration
 from vision.contract import InputError
 from vision.contract.columns import check_positive, finite
+from vision.contract.csv_table import read_csv
 
 Array = NDArray[np.float64]
 COLUMNS = ("name", "px1", "py1", "px2", "py2", "length")
@@ -59,7 +59,7 @@ def read_lengths(path: Path) -> Lengths:
     InputError
         If the file is missing, empty, lacks a column, or a value is no number or not above zero.
     """
-    table = read_csv(path, COLUMNS)
+    table = read_csv(path, ["name"], comment="#")
     if missing := [name for name in COLUMNS if name not in table]:
         raise InputError(f"{path}: no column {', '.join(missing)}; known lengths have {', '.join(COLUMNS)}")
     if "sigma" not in table:

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from vision.contract import InputError, LocalFrame, read_text
 from vision.contract.columns import finite, first_row, to_frame
+from vision.contract.csv_table import read_csv
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
 COLUMNS = ("name", "px", "py", "x", "y")
+TEXT_COLUMNS = ("name", "zone")
 PLACES = (("x", "y"), ("latitude", "longitude"), ("easting", "northing"))
 UTM_EASTING = (100e3, 900e3)  # m, inside a zone and a little beyond
 OTVISION = ("x_px", "y_px", "hemisphere", "zone_utm", "lon_utm", "lat_utm")
@@ -33,24 +35,11 @@ def read_table(path: Path) -> "pd.DataFrame":
         If the file is missing, not of its format, or has no points.
     """
     readers = {".json": _read_json, ".otrfpts": _read_otvision}
-    table = readers.get(path.suffix.lower(), read_csv)(path)
+    reader = readers.get(path.suffix.lower())
+    table = reader(path) if reader else read_csv(path, TEXT_COLUMNS, comment="#")
     if table.empty:
         raise InputError(f"{path}: no control points; write one row per mark: {','.join(COLUMNS)}")
     return table
-
-
-def read_csv(path: Path, columns: tuple[str, ...] = COLUMNS) -> "pd.DataFrame":
-    """Read a csv file as a table; `columns` are for the message where it is none."""
-    import pandas as pd
-
-    try:
-        return pd.read_csv(path, dtype={"name": str, "zone": str}, skipinitialspace=True, comment="#")
-    except OSError as error:
-        reason = error.strerror or "cannot be read"
-        raise InputError(f"{path}: {reason}; give a csv with columns {', '.join(columns)}") from error
-    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{path}: no readable csv ({reason}); write {','.join(columns)}") from error
 
 
 def _load(path: Path) -> Any:

@@ -26,6 +26,17 @@ def test_meters_and_sigma(tmp_path):
     np.testing.assert_array_equal(points.sigma, [0.5, 2])
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_what_a_spreadsheet_writes_is_read(tmp_path, encoding):
+    """Semicolons, decimal commas, names in capitals; a mark that was commented out."""
+    path = tmp_path / "points.csv"
+    path.write_text("# 2025\nName;PX;PY;X;Y\n01;1,5;2;3;4\n#02;5;6;7;8\n03;5;6;7;-8,25\n", encoding=encoding)
+    points = read_control_points(path)
+    assert points.names == ("01", "03")
+    np.testing.assert_array_equal(points.pixels, [[1.5, 2], [5, 6]])
+    np.testing.assert_array_equal(points.ground, [[3, 4], [7, -8.25]])
+
+
 def test_latitudes_go_through_the_frame(tmp_path):
     places = np.array([[10.0, -3.0], [60.0, 4.0]])
     latitude, longitude = FRAME.to_geographic(*places.T)
@@ -39,7 +50,7 @@ def test_latitudes_go_through_the_frame(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no readable csv"),
+        ("", "empty file"),
         ("name,px,py,x,y\n", "no control points"),
         ("name,px,py,x\na,1,2,3\n", "no column y"),
         ("name,px,x,y\na,1,2,3\n", "no column py"),
@@ -58,7 +69,7 @@ def test_a_bad_file_is_one_clear_line(tmp_path, text, message):
 
 
 def test_a_missing_file(tmp_path):
-    with pytest.raises(InputError, match=r"No such file.*give a csv"):
+    with pytest.raises(InputError, match="no such file; give the path"):
         read_control_points(tmp_path / "absent.csv")
 
 

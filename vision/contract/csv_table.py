@@ -82,7 +82,7 @@ def form_of(path: Path) -> Form:
     return Form(encoding, skipped, header, separator, decimal)
 
 
-def read_csv(path: Path, text_columns: Collection[str] = ()) -> "pd.DataFrame":
+def read_csv(path: Path, text_columns: Collection[str] = (), comment: str | None = None) -> "pd.DataFrame":
     r"""Read a table of text with a header.
 
     Parameters
@@ -90,6 +90,7 @@ def read_csv(path: Path, text_columns: Collection[str] = ()) -> "pd.DataFrame":
     path : UTF-8 or UTF-16; fields separated by commas, semicolons or tabs; with these two, numbers may have decimal
         commas
     text_columns : that stay text
+    comment : character from which on a line is none of the table; by default lines of `#` before the header only
 
     Returns
     -------
@@ -125,6 +126,7 @@ def read_csv(path: Path, text_columns: Collection[str] = ()) -> "pd.DataFrame":
             names=[name or f"unnamed {number}" for number, name in enumerate(names, 1)],
             dtype=dict.fromkeys((name for name in names if name in text_columns), str),
             skipinitialspace=True,
+            comment=comment,
         )
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; give the path of a table") from error

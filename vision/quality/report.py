@@ -26,6 +26,7 @@ from vision.quality.measures import Measures, measure, shared_edges
 from vision.quality.page import Content, Truth, render
 from vision.quality.reading import read_tracks
 from vision.quality.route_effect import GAUGE_LENGTH
+from vision.quality.scores import looked_at
 from vision.quality.setting import Picture, Setting, Tables, clip_boxes, read_settings
 from vision.quality.verdict import grade, judge
 from vision.stills import ANY_RATE
@@ -130,7 +131,16 @@ def same_classes(
         tracks, _, others = of_classes(setting.tracks, names, str(setting.path))
         return replace(setting, tracks=tracks.reset_index(drop=True), others=others)
 
-    return tables.each(keep), None if truth is None else Truth(*of_classes(truth, names, "--truth"))
+    tables = tables.each(keep)
+    if truth is None:
+        return tables, None
+    known = Truth(*of_classes(truth, names, "--truth"))
+
+    def shared(setting: Setting) -> Setting:
+        looked_at(known.tracks, setting.tracks, str(setting.path))
+        return setting
+
+    return tables.each(shared), known
 
 
 def check_target(out: Path) -> None:

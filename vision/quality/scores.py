@@ -103,6 +103,7 @@ def score_tracks(
     >>> score_tracks(truth, truth.assign(track_id=[1, 1, 2, 2])).rounded()["idf1"]
     0.5
     """
+    truth = looked_at(truth, found)
     everything, asked = len(found), len(truth)
     if others is not None:
         found = without_matches(found, others, truth)
@@ -146,12 +147,28 @@ def without_matches(table: "pd.DataFrame", others: "pd.DataFrame", rivals: "pd.D
     return table[keep]
 
 
-def _comparable(*tables: "pd.DataFrame") -> tuple[list[str], Callable[[Array, Array], Array]]:
+def _comparable(*tables: "pd.DataFrame", name: str = "the tracks") -> tuple[list[str], Callable[[Array, Array], Array]]:
     """Columns that all tables have, and what compares them: boxes, else positions."""
     for columns, compare in ((BOX, overlap), (["x", "y"], nearness)):
         if all(name in table for name in columns for table in tables):
             return columns, compare
-    raise InputError("--truth: has no boxes (px) or positions (m) that the tracks have too; give both or neither")
+    raise InputError(f"--truth: shares neither boxes (px) nor positions (m) with {name}; give both or neither")
+
+
+def looked_at(truth: "pd.DataFrame", found: "pd.DataFrame", name: str = "the tracks") -> "pd.DataFrame":
+    """The truth [fix] in the frames that `found` looked at; `name` says in errors whose they are.
+
+    Raises
+    ------
+    InputError
+        If one has boxes only and the other positions only, or they share no frame.
+    """
+    _comparable(truth, found, name=name)
+    step = stride(found["frame"].to_numpy())
+    truth = truth[(truth["frame"] - found["frame"].min()) % step == 0]
+    if not truth["frame"].isin(found["frame"]).any():
+        raise InputError(f"--truth: shares no frame with {name}; give that of the same video")
+    return truth
 
 
 def pair_frames(truth: "pd.DataFrame", found: "pd.DataFrame") -> Pairs:
@@ -159,11 +176,6 @@ def pair_frames(truth: "pd.DataFrame", found: "pd.DataFrame") -> Pairs:
     import pandas as pd
 
     columns, compare = _comparable(truth, found)
-    step = stride(found["frame"].to_numpy())
-    truth = truth[(truth["frame"] - found["frame"].min()) % step == 0]
-    shared = np.intersect1d(truth["frame"], found["frame"])
-    if not len(shared):
-        raise InputError("--truth: shares no frame with the tracks; give that of the same video")
     names = [pd.factorize(table["track_id"].astype(str), sort=True) for table in (truth, found)]
     frames = np.union1d(truth["frame"], found["frame"])
     (rows_t, rows_f) = (_rows_by_frame(table["frame"].to_numpy(), frames) for table in (truth, found))

@@ -156,6 +156,17 @@ def test_one_table_that_cannot_be_read_is_told(files, command, tmp_path):
     assert "bad.csv: no column class, frame" in text and "Chosen by the highest HOTA" in text
 
 
+def test_a_table_of_frames_that_the_truth_has_not_is_told_and_the_others_go_on(files, command, tmp_path):
+    everything = tracks(noise=0.0)
+    write(everything[everything["frame"] < 150], tmp_path / "truth.csv")
+    write(stamped(everything[everything["frame"] >= 200]), tmp_path / "late.csv")
+    code, out, _ = command(files / "fine.csv", tmp_path / "late.csv", "--truth", tmp_path / "truth.csv", "--json")
+    facts = json.loads(out)
+    assert code == 0 and [one["name"] for one in facts["settings"]] == ["fine"]
+    assert len(facts["left_out"]) == 1 and f"shares no frame with {tmp_path / 'late.csv'}" in facts["left_out"][0]
+    assert facts["settings"][0]["scores"]["misses"] == 0
+
+
 @pytest.mark.parametrize("rows", [slice(1), slice(2), slice(9), slice(-400, None)])
 def test_little_is_enough_for_a_report(rows, files, command, tmp_path):
     """One fix, a few, and a parked vehicle alone."""

@@ -72,7 +72,7 @@ def test_positions_where_there_are_no_boxes():
 def test_what_cannot_be_compared():
     with pytest.raises(InputError, match="shares no frame"):
         score_tracks(TRUTH, TRUTH.assign(frame=TRUTH["frame"] + 100))
-    with pytest.raises(InputError, match="no boxes"):
+    with pytest.raises(InputError, match="neither boxes"):
         score_tracks(TRUTH[["track_id", "frame"]], TRUTH)
 
 
