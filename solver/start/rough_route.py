@@ -6,7 +6,8 @@ import numpy as np
 
 from solver.start.initialization import Initialization
 from solver.survey.anchors import Anchor
-from solver.survey.das.record import DASRecord
+from solver.survey.das.record import DASRecord, ranges
+from solver.survey.dead_channels import repeating
 from solver.trajectory.vehicle_pass import Pass
 
 #: Channels that the noise's law is learned from, in the middle of a long fiber.
@@ -24,22 +25,10 @@ def view_of(rough: Initialization, passes: Sequence[Pass]) -> np.ndarray:
 
 
 def silent(record: DASRecord, ends: np.ndarray) -> str | None:
-    """Say which channels between `ends` [2] record nothing; None where all do.
-
-    What a channel repeats for more than half of the time is nothing; of gaps nothing is said.
-    """
+    """Say which channels between `ends` [2] record nothing; None where all do."""
     inside = (record.channel >= ends[0]) & (record.channel <= ends[1])
-    columns = np.flatnonzero(inside)
-    # Block by block: of a long fiber every copy is a large part of the memory.
-    blocks = np.array_split(columns, max(1, len(columns) // TYPICAL))
-    told = record.measured[1:] & record.measured[:-1]
-    changing = [(np.abs(np.diff(record.strain_rate[:, block], axis=0)[told]) > 0).mean(0) for block in blocks]
-    dead = record.channel[columns][~(np.concatenate(changing) > 0.5)]
-    if not len(dead):
-        return None
-    runs = np.split(dead, np.flatnonzero(np.diff(dead) != 1) + 1)
-    names = ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]} to {run[-1]}" for run in runs)
-    return f"channels {names} record nothing; the route there hangs on their neighbors"
+    dead = repeating(record, record.channel[inside])
+    return f"channels {ranges(dead)} record nothing; the route there hangs on their neighbors" if len(dead) else None
 
 
 def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int, recorded: tuple[int, int]) -> slice:

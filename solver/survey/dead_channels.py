@@ -1,6 +1,9 @@
-"""Channels that hear next to nothing of what those on either side hear: faded, muted, or hanging in the air.
+"""Dead channels: every test by which a channel counts as one that tells nothing of the traffic.
 
-A fit takes their silence for a fiber far away, and the more so the quieter they are.
+Channels of one number only are NaN in a record, as excluded ones are (`DASRecord.dead`). `repeating` ones hold the same
+number most of the time; their noise is 0, so that no fit takes them. `dead_channels` hear next to nothing of what those
+on either side hear: faded, muted, or hanging in the air. A fit would take their silence for a fiber far away, and the
+more so the quieter they are. `hears_nothing` is the rule; criticism applies it to a model.
 """
 
 import numpy as np
@@ -17,6 +20,30 @@ DEAD, SURE = 0.3, 8.0
 MOST, HEARD, ENOUGH = 5, 5.0, 10
 #: Channels that are looked at together, and the loudest samples of each lot that are.
 TOGETHER, LOUDEST = 400, 1500
+
+
+def repeating(record: DASRecord, channel: Integers) -> Integers:
+    """Numbers of those of some channels [channel] that repeat a number for more than half of the time, gaps aside."""
+    told = record.measured[1:] & record.measured[:-1]
+    columns = np.searchsorted(record.channel, channel)
+    # Lot by lot: of a long fiber every copy is a large part of the memory.
+    lots = np.array_split(columns, max(1, len(columns) // TOGETHER))
+    changing = [(np.abs(np.diff(record.strain_rate[:, lot], axis=0)[told]) > 0).mean(0) for lot in lots]
+    return np.asarray(channel[~(np.concatenate(changing) > 0.5)])
+
+
+def hears_nothing(gain: Array, sigma: Array, usual: Array | float = 1.0) -> NDArray[np.bool_]:
+    """Which channels [channel] surely hear a small share only of what is usual.
+
+    Parameters
+    ----------
+    gain, sigma : [channel], share that a channel hears, and its standard deviation
+    usual : what others hear
+
+    >>> hears_nothing(np.array([0.1, 0.1, 0.5]), np.array([0.01, 0.2, 0.01])).tolist()
+    [True, False, False]
+    """
+    return np.asarray((np.abs(gain) < DEAD * usual) & (gain + SURE * sigma < usual))
 
 
 def dead_channels(record: DASRecord, channel: Integers) -> Integers:
@@ -54,7 +81,7 @@ def dead(values: Array, reach: int) -> NDArray[np.bool_]:
     loudest = np.argsort(-np.minimum(scaled, 1e3).mean(1))[:LOUDEST]
     here = values[loudest]
     gains = [heard(here, level, way * np.arange(1, reach + 1)) for way in (-1, 1)]
-    return np.asarray(np.all([(np.abs(gain) < DEAD) & (gain + SURE * sigma < 1) for gain, sigma in gains], 0))
+    return np.asarray(np.all([hears_nothing(gain, sigma) for gain, sigma in gains], 0))
 
 
 def heard(values: Array, level: Array, steps: Integers) -> tuple[Array, Array]:

@@ -289,7 +289,7 @@ def test_a_wrong_anchor_and_dead_channels_are_named(
     status, _, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
     assert status == 0, error
     said = json.loads((tmp_path / "run" / "fit.json").read_text())["warnings"]
-    assert any(f"channels {middle} to {middle + 3} record nothing" in line for line in said)
+    assert any(f"channels {middle}-{middle + 3} record nothing" in line for line in said)
     assert any(line.startswith(f"anchor {table.loc[0, 'name']} is 1.") and "left out" in line for line in said)
     assert largest_error(tmp_path / "run", street) < 0.25
 
