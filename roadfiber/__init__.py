@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from solver.survey.survey import Survey as Survey
     from vision.contract.errors import InputError as InputError
     from vision.contract.frame import LocalFrame as LocalFrame
+    from vision.tracked import Tracked as Tracked
 
 #: Name -> module that it is loaded from at its first use.
 _HOMES = {
@@ -65,6 +66,7 @@ _HOMES = {
     "Simulated": "roadfiber.simulating",
     "Story": "roadfiber.growing",
     "Survey": "solver.survey.survey",
+    "Tracked": "vision.tracked",
     "add": "roadfiber.growing",
     "calibrate": "roadfiber.cameras",
     "clock_offset": "roadfiber.growing",

@@ -17,6 +17,7 @@ from vision.contract import LocalFrame
 from vision.contract.notebook import framed
 from vision.pipeline import track as track_video
 from vision.quality import write_report
+from vision.tracked import Tracked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,7 +128,7 @@ def calibrate(
     return Calibrated(marks, fit_ground(marks, size, model=kind, threshold=threshold, frame=frame, height=height))
 
 
-def track(video: Path | str, calibration: Calibration | Path | str, **options: Any) -> "pd.DataFrame":
+def track(video: Path | str, *, calibration: Calibration | Path | str | None = None, **options: Any) -> Tracked:
     """Follow the vehicles of a video: metric trajectories with a sigma per fix.
 
     Detections are kept in the user's cache: a second look, with another calibration or score, costs nothing.
@@ -135,13 +136,14 @@ def track(video: Path | str, calibration: Calibration | Path | str, **options: A
     Parameters
     ----------
     video : file, or folder of stills
-    calibration : of the view, or its file
-    **options : detector, start, frame_rate, clock_offset, min_score, classes, every, appearance; see
-        `vision.pipeline.track`
+    calibration : of the view, or its file; without one, tracks stay in pixels
+    **options : detector, layout, names, start, frame_rate, clock_offset, min_score, classes, every, cache, appearance;
+        see `vision.pipeline.track`
 
     Returns
     -------
-    trajectory table [fix]: time (UTC), track_id, class, x, y, sigma_x, sigma_y (m), speed (m/s), and what was detected
+    tracked : `table` [fix] of time (UTC), track_id, class, x, y, sigma_x, sigma_y (m), speed (m/s) ...; what could not
+        be placed on the road, and why
 
     Raises
     ------
@@ -150,7 +152,7 @@ def track(video: Path | str, calibration: Calibration | Path | str, **options: A
 
     Examples
     --------
-    >>> rf.track(folder / "none.mp4", folder / "calibration.json")
+    >>> rf.track(folder / "none.mp4")
     Traceback (most recent call last):
     vision.contract.errors.InputError: ...
     """

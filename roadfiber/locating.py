@@ -13,7 +13,7 @@ from solver.run.run import Run
 from solver.survey.survey import Survey
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from vision.tracked import Tracked
 
 
 def read(path: Path | str) -> Survey:
@@ -77,13 +77,15 @@ def locate(
     (True, 'No check failed')
     """
     whole = survey if isinstance(survey, Survey) else read(survey)
-    tracked = followed(whole) if whole.tracks is None else None
-    ready = whole if tracked is None else whole.with_tracks(tracked)
+    if whole.tracks is not None:
+        return locate_fiber(whole, method=method, effects=effects, filters=filters)
+    tracked = followed(whole)
+    ready = whole.with_tracks(tracked.table, cautions=[tracked.placed])
     run = locate_fiber(ready, method=method, effects=effects, filters=filters)
-    return run if tracked is None else replace(run, tracked=tracked)
+    return replace(run, tracked=tracked.table, dropped=tracked.dropped)
 
 
-def followed(survey: Survey) -> "pd.DataFrame":
+def followed(survey: Survey) -> "Tracked":
     """Track the video of a survey that has no trajectories."""
     from vision.cache import cache_folder
     from vision.pipeline import track

@@ -1,12 +1,9 @@
 """`roadfiber track` and `roadfiber quality`."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 app = typer.Typer()
 
@@ -68,16 +65,13 @@ def track(
 
     Example: `roadfiber track street.mp4 --calibration calibration.json --start 2025-08-11T06:00:00Z`
     """
-    from vision.appearance import Appearance
+    import json
+
     from vision.cache import cache_folder
-    from vision.camera import Calibration
     from vision.contract.files import require_writable
-    from vision.detectors import load_detector
-    from vision.drawn_video import draw_video, require_drawable
-    from vision.dropped import write_dropped
-    from vision.pipeline import box_tracks, on_road, start_time, summarize, utc
-    from vision.stills import require_rate
-    from vision.video import open_video
+    from vision.drawn_video import require_drawable
+    from vision.pipeline import track as track_video
+    from vision.tracked import check_suffix
 
     out = out or Path("trajectories.csv" if calibration else "boxes.csv")
     check_suffix(out)
@@ -85,29 +79,28 @@ def track(
     if draw:
         require_drawable(draw, video)
         require_writable(draw)
-    view = Calibration.read(calibration) if calibration else None
-    model = load_detector(detector, layout=layout, names=split(names), classes=split(classes))
-    kept = None if no_cache else cache or cache_folder()
-    require_rate(video, frame_rate)
-    clip = open_video(video, kept, frame_rate)
-    if view:
-        view.require_size(clip.width, clip.height, video)
-    zero = start_time(start, clip) if view or start else None
-    looks = Appearance.load(appearance) if appearance else None
-    table, speed, far = box_tracks(
-        clip, model, calibration=view, min_score=min_score, every=every, cache=kept, appearance=looks
+    tracked = track_video(
+        video,
+        detector=detector,
+        layout=layout,
+        names=split(names),
+        calibration=calibration,
+        start=start,
+        frame_rate=frame_rate,
+        clock_offset=clock_offset,
+        min_score=min_score,
+        classes=split(classes),
+        every=every,
+        cache=None if no_cache else cache or cache_folder(),
+        appearance=appearance,
     )
-    dropped = None
-    if view and zero is not None:
-        table, dropped = on_road(table, view, zero, clock_offset, video, far)
-    elif zero is not None:
-        table = table.assign(time=utc(table["time"], zero, clock_offset))
-    write_table(table, out)
-    write_dropped(dropped, out)
+    tracked.save(out)
     if draw:
-        draw_video(clip, table, draw, every)
-    summary = summarize(table, speed, dropped) | {"metric": view is not None, "out": str(out)}
-    report(summary | ({"drawn": str(draw)} if draw else {}), as_json)
+        tracked.draw(draw)
+    if as_json:
+        print(json.dumps(tracked.facts | {"out": str(out)} | ({"drawn": str(draw)} if draw else {})))
+        return
+    print("\n".join([*tracked.lines(), f"wrote {out}" + (f" and {draw}" if draw else "")]))
 
 
 @app.command()
@@ -182,23 +175,6 @@ def setting_line(setting: "dict[str, Any]") -> str:
     return f"{setting['name']}: {setting['tracks']} vehicles, {frames}, jitter {size}{grade}{three}"
 
 
-def placed_line(summary: dict[str, Any]) -> str:
-    """Say how many detected fixes were placed on the road, and why others were not.
-
-    >>> counts = {"cut by the border of the picture": 20, "above the horizon": 5}
-    >>> placed_line({"fixes_placed": 75, "fixes_not_placed": counts, "tracks_not_placed": 1})
-    '75 of 100 detected fixes placed on the road; 20 cut by the border of the picture, 5 above the horizon; 1 vehicle \
-not at all'
-    """
-    from vision.dropped import words
-
-    placed, left = summary["fixes_placed"], summary["fixes_not_placed"]
-    gone = summary["tracks_not_placed"]
-    why = f"; {words(left)}" if left else ""
-    vehicles = f"; {gone} vehicle{'s' * (gone > 1)} not at all" if gone else ""
-    return f"{placed} of {placed + sum(left.values())} detected fixes placed on the road{why}{vehicles}"
-
-
 def split(text: str | None) -> list[str] | None:
     """Parts of a list given by comma; None for none.
 
@@ -206,52 +182,3 @@ def split(text: str | None) -> list[str] | None:
     ['car', 'van']
     """
     return [part.strip() for part in text.split(",") if part.strip()] if text else None
-
-
-def check_suffix(out: Path) -> None:
-    """Raise InputError, before the work rather than after it, unless `out` is a .csv, .parquet or .txt file."""
-    from vision.contract.errors import InputError
-
-    if out.suffix.lower() not in (".csv", ".parquet", ".txt"):
-        raise InputError(f"{out}: tracks are written as .csv or .parquet, or MOTChallenge .txt; give such a suffix")
-
-
-def write_table(table: "pd.DataFrame", out: Path) -> None:
-    """Write trajectories, or tracks in pixels, whole or not at all."""
-    from vision.contract.files import writing
-    from vision.contract.table import write_trajectories
-    from vision.exchange import write_mot
-
-    if out.suffix.lower() == ".txt":
-        write_mot(table, out)
-        return
-    if "x" in table:
-        write_trajectories(table, out)
-        return
-    with writing(out) as temporary:
-        if out.suffix.lower() == ".parquet":
-            table.to_parquet(temporary, index=False)
-        else:
-            table.to_csv(temporary, index=False, float_format="%.10g")
-
-
-def report(summary: dict[str, Any], as_json: bool) -> None:
-    """Print what was found, for people or as JSON."""
-    import json
-
-    if as_json:
-        print(json.dumps(summary))
-        return
-    by_class = ", ".join(f"{count} {name}" for name, count in summary["by_class"].items())
-    rates = ", ".join(f"{step} {rate:g}" for step, rate in summary["frames_per_second"].items())
-    print(f"{summary['tracks']} vehicles: {by_class}")
-    print(f"median track {summary['median_track_frames']:g} frames, {summary['median_track_seconds']:g} s")
-    if summary["metric"]:
-        print(f"median sigma {summary['median_sigma_x']:g} m along x, {summary['median_sigma_y']:g} m along y")
-        print(placed_line(summary))
-    else:
-        print("boxes in pixels only; for meters give --calibration (roadfiber calibrate ground makes one)")
-    if summary["frames_detected_before"]:
-        print(f"detections of {summary['frames_detected_before']} of {summary['frames']} frames were kept from before")
-    print(f"frames per second: {rates}")
-    print(f"wrote {summary['out']}" + (f" and {summary['drawn']}" if "drawn" in summary else ""))

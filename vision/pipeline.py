@@ -1,9 +1,9 @@
 """A video to a trajectory table: decode, detect, track, fill, place on the road, put on the clock."""
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from time import perf_counter
@@ -26,6 +26,7 @@ from vision.ground_track import SIZE, ground_tracks, unplaceable
 from vision.interpolate import BOX, fill_frames
 from vision.rendered import is_rendered
 from vision.stills import require_rate
+from vision.tracked import Speed, Tracked
 from vision.tracker import Tracker
 from vision.video import open_video
 
@@ -44,39 +45,13 @@ EXTRA_COLUMNS = (
 )
 
 
-@dataclass(frozen=True)
-class Speed:
-    """Where the time went.
-
-    Parameters
-    ----------
-    frames : looked at
-    fresh : of these, detected now; of the others detections were kept
-    decode, detect, track : s spent on it; of kept frames, what the first two took when they were detected
-    """
-
-    frames: int
-    fresh: int
-    decode: float
-    detect: float
-    track: float
-
-    def rates(self) -> dict[str, float]:
-        """Frames per second of every step and of all together.
-
-        >>> Speed(100, 50, 2.0, 3.0, 0.0625).rates()
-        {'decode': 50.0, 'detect': 33.3, 'track': 1600.0, 'all': 19.8}
-        """
-        steps = {name: getattr(self, name) / self.frames for name in ("decode", "detect", "track")}
-        steps["all"] = sum(steps.values())
-        return {name: round(1 / max(seconds, 1e-9), 1) for name, seconds in steps.items()}
-
-
 def track(
     video: Path | str,
     *,
     detector: str | Path | Detector = "nanodet",
-    calibration: Path | str | Calibration,
+    layout: str | None = None,
+    names: Sequence[str] | None = None,
+    calibration: Path | str | Calibration | None = None,
     start: datetime | str | None = None,
     frame_rate: float | None = None,
     clock_offset: float = 0.0,
@@ -84,15 +59,16 @@ def track(
     classes: Iterable[str] | None = None,
     every: int = 1,
     cache: Path | None = None,
-    appearance: Appearance | None = None,
-) -> "pd.DataFrame":
-    """Track the vehicles of a video on the road.
+    appearance: Appearance | Path | str | None = None,
+) -> Tracked:
+    """Track the vehicles of a video, on the road where the view is calibrated, else in the picture.
 
     Parameters
     ----------
     video : file, or folder of pictures
     detector : name of a built-in detector, path of an .onnx file, or one that is loaded
-    calibration : of the view, or its file
+    layout, names : of an .onnx file: its layout where it is not recognized, class names in the model's order
+    calibration : of the view, or its file; without one, tracks stay in pixels
     start : UTC of the video's time zero; by default the creation time in its header
     frame_rate : of a folder of pictures, 1/s; by default they must tell their times
     clock_offset : s that the camera's clock is ahead of true time; it is taken off
@@ -100,34 +76,41 @@ def track(
     classes : names of the classes to follow; road vehicles by default
     every : look at every n-th frame
     cache : folder where detections are kept for another run (`vision.cache.cache_folder()`); by default they are not
-    appearance : embedding that knows vehicles again by their looks; by default motion alone does
+    appearance : embedding that knows vehicles again by their looks, or its file; by default motion alone does
 
     Returns
     -------
-    trajectory table [fix]: `time` datetime64[ns, UTC], `track_id` text, `class`, `x, y, sigma_x, sigma_y` (m; the
-    ground under the middle of the wheelbase, smoothed), `speed` (m/s, of the smoothed motion), `confidence`,
+    tracked : with its `table` [fix]: `time` datetime64[ns, UTC], `track_id` text, `class`, `x, y, sigma_x, sigma_y`
+    (m; the ground under the middle of the wheelbase, smoothed), `speed` (m/s, of the smoothed motion), `confidence`,
     `interpolated`, `length`, `sigma_length`, `width`, `wheelbase`, `sigma_wheelbase` (m; empty where no more is known
     than the class says), `frame`, the box (px), `detected_class`, and `x_measured, y_measured` (m; what each box alone
-    says)
+    says). In pixels: `PIXEL_COLUMNS`, and `time` in UTC if the start is given, else in s
 
     Raises
     ------
     InputError, where the video, the detector or the calibration cannot be used or do not belong together, the start
     is unknown, or no vehicle was followed on the road.
     """
+    view = calibration if isinstance(calibration, Calibration | None) else Calibration.read(calibration)
+    finder = (
+        load_detector(detector, layout=layout, names=names, classes=classes)
+        if isinstance(detector, str | Path)
+        else detector
+    )
     require_rate(Path(video), frame_rate)
     clip = open_video(video, cache, frame_rate)
-    view = calibration if isinstance(calibration, Calibration) else Calibration.read(calibration)
-    view.require_size(clip.width, clip.height, clip.path)
-    zero = start_time(start, clip)
-    finder = load_detector(detector, classes=classes) if isinstance(detector, str | Path) else detector
-    boxes, _, far = box_tracks(
-        clip, finder, calibration=view, min_score=min_score, every=every, cache=cache, appearance=appearance
+    if view is not None:
+        view.require_size(clip.width, clip.height, clip.path)
+    zero = None if view is None and start is None else start_time(start, clip)
+    looks = Appearance.load(Path(appearance)) if isinstance(appearance, str | Path) else appearance
+    boxes, speed, far = box_tracks(
+        clip, finder, calibration=view, min_score=min_score, every=every, cache=cache, appearance=looks
     )
+    if view is None or zero is None:
+        timed = boxes if zero is None else boxes.assign(time=utc(boxes["time"], zero, clock_offset))
+        return Tracked(timed, None, speed, clip, every)
     table, dropped = on_road(boxes, view, zero, clock_offset, clip.path, far)
-    if len(dropped):
-        log.info("%s: fixes not placed on the road: %s", clip.path, words(causes(dropped)))
-    return table
+    return Tracked(table, dropped, speed, clip, every)
 
 
 def box_tracks(
@@ -253,31 +236,3 @@ def start_time(start: datetime | str | None, video: Video) -> np.datetime64:
     if moment.tzinfo is None:
         raise InputError(f"--start {start}: has no time zone; write UTC with a Z, as 2025-08-11T06:00:00.25Z")
     return np.datetime64(round(moment.timestamp() * 1e6), "us").astype("datetime64[ns]")
-
-
-def summarize(table: "pd.DataFrame", speed: Speed, dropped: "pd.DataFrame | None" = None) -> dict[str, object]:
-    """Count tracks by class, their median length, the speed, and what was `dropped` because it could not be placed."""
-    tracks = table.groupby("track_id")
-    seconds = tracks["time"].agg(lambda time: time.iloc[-1] - time.iloc[0])
-    if seconds.dtype.kind == "m":
-        seconds = seconds.dt.total_seconds()
-    summary: dict[str, object] = {
-        "tracks": len(tracks),
-        "by_class": tracks["class"].first().value_counts().to_dict(),
-        "median_track_frames": float(tracks.size().median()),
-        "median_track_seconds": round(float(seconds.median()), 3),
-        "fixes": len(table),
-        "interpolated_share": round(float(table["interpolated"].mean()), 4),
-        "frames": speed.frames,
-        "frames_detected_before": speed.frames - speed.fresh,
-        "frames_per_second": speed.rates(),
-    }
-    if dropped is not None:
-        summary["fixes_placed"] = int((~table["interpolated"]).sum())
-        summary["fixes_not_placed"] = causes(dropped)
-        gone = set(dropped["track_id"]) - {""} - set(table["track_id"])
-        summary["tracks_not_placed"] = len(gone)
-    if "sigma_x" in table:
-        summary["median_sigma_x"] = round(float(table["sigma_x"].median()), 3)
-        summary["median_sigma_y"] = round(float(table["sigma_y"].median()), 3)
-    return summary

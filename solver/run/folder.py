@@ -64,8 +64,9 @@ def check_target(folder: Path) -> None:
 def write_run(folder: Path, run: Run) -> None:
     """Write a run folder, whole or not at all; an earlier run there is replaced.
 
-    `route.csv`, `route.geojson`, `fit.json`, `report.html` and `data.npz` go there; `trajectories.csv` where a video
-    was tracked for this run, `ladder.json` and `ladder.html` where effects were added to an earlier one.
+    `route.csv`, `route.geojson`, `fit.json`, `report.html` and `data.npz` go there. Where a video was tracked for this
+    run, `trajectories.csv` and what it leaves out too; where effects were added to an earlier run, `ladder.json` and
+    `ladder.html`.
 
     Raises
     ------
@@ -85,6 +86,8 @@ def write_run(folder: Path, run: Run) -> None:
         (temporary / "report.html").write_text(report.render(run), encoding="utf-8")
         if run.tracked is not None:
             write_trajectories(run.tracked, temporary / "trajectories.csv")
+        if run.dropped is not None:
+            run.dropped.to_csv(temporary / "trajectories.csv.dropped", index=False, float_format="%.10g")
         if run.rungs:
             write_ladder(temporary, run.rungs, run.name, seen_from=folder)
 

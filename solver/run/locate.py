@@ -162,7 +162,7 @@ def locate(
     timings = {"read": survey.seconds}
     record = survey.record
     check_gauge(record)
-    warnings = list(record.cautions)
+    warnings = [*record.cautions, *survey.cautions]
     check_apart(survey.anchors, record.channel_spacing)
     anchors = in_record(survey.anchors, record, warnings)
     heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))

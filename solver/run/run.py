@@ -43,7 +43,7 @@ class Run:
     facts : the content of fit.json
     known : effects that its model may be given
     rungs : of its error ladder, itself last; none where no effect was added to it
-    tracked : trajectory table, where a video was tracked for this run
+    tracked, dropped : trajectory table, and fixes that it leaves out, where a video was tracked for this run
     folder : that it was opened from; None where it was not
     """
 
@@ -58,6 +58,7 @@ class Run:
     known: Catalogue = field(default_factory=catalogue)
     rungs: tuple[Rung, ...] = ()
     tracked: "pd.DataFrame | None" = None
+    dropped: "pd.DataFrame | None" = None
     folder: Path | None = None
 
     @property

@@ -65,6 +65,7 @@ class Survey:
     camera : of a survey from a site.toml with one, else None
     sources : files and arrays that it was made from
     seconds : that reading took
+    cautions : what must be known of the tracks, a line each
 
     Raises
     ------
@@ -93,6 +94,7 @@ class Survey:
     camera: CameraSection | None
     sources: tuple[Source, ...]
     seconds: float
+    cautions: tuple[str, ...]
 
     def __init__(
         self,
@@ -136,6 +138,7 @@ class Survey:
             camera=None,
             sources=(*das_sources(record), *(table_source(role, table) for role, table in tables.items())),
             seconds=clock.perf_counter() - begun,
+            cautions=(),
         )
 
     def _hold(self, **values: Any) -> None:
@@ -172,6 +175,7 @@ class Survey:
             camera=site.camera,
             sources=(*das_sources(record), *file_sources(site)),
             seconds=clock.perf_counter() - begun,
+            cautions=(),
         )
 
     @classmethod
@@ -181,9 +185,9 @@ class Survey:
         survey._hold(**fields)
         return survey
 
-    def with_tracks(self, tracks: "pd.DataFrame") -> "Survey":
-        """The survey with a trajectory table in place of its own, such as what was tracked in its video."""
-        return Survey.of(**vars(self) | {"tracks": trajectories_of(tracks, self.frame)})
+    def with_tracks(self, tracks: "pd.DataFrame", cautions: Sequence[str] = ()) -> "Survey":
+        """The survey with a trajectory table in place of its own, and what must be known of that."""
+        return Survey.of(**vars(self) | {"tracks": trajectories_of(tracks, self.frame), "cautions": tuple(cautions)})
 
     def plot(self) -> "Figure":
         """Draw the survey: the record in noise sigmas, tracks, anchors, and what is left out and why."""

@@ -18,6 +18,8 @@ from matplotlib.figure import Figure
 import roadfiber as rf
 from solver.survey.das import in_memory
 from solver.survey.das.das_files import read_blocks
+from vision.dropped import COLUMNS
+from vision.tracked import Speed
 
 
 @pytest.fixture(scope="module")
@@ -219,13 +221,20 @@ def test_a_video_is_tracked_first_and_its_tracks_are_kept(
 ) -> None:
     from roadfiber import locating
 
-    monkeypatch.setattr(locating, "followed", lambda whole: survey.tracks)
-    monkeypatch.setattr(locating, "locate_fiber", lambda whole, **given: run)
+    far = pd.DataFrame([dict.fromkeys(COLUMNS, 1) | {"track_id": "", "cause": "above the horizon"}])
+    table = survey.tracks.assign(interpolated=False)
+    seen = rf.Tracked(table, far, Speed(9, 9, 1.0, 1.0, 1.0), SimpleNamespace(width=9, height=9))
+    monkeypatch.setattr(locating, "followed", lambda whole: seen)
     filmed = rf.Survey.of(**vars(survey) | {"tracks": None})
-    located = rf.locate(filmed)
+    located = rf.locate(filmed, effects=[])
+    told = f"{len(table)} of {len(table) + 1} detected fixes placed on the road; 1 above the horizon"
+    assert told in located.warnings and told in located.facts["notes"]
+    np.testing.assert_allclose(located.route["y"], run.route["y"], atol=1e-6)
     located.save(tmp_path / "run")
     kept = pd.read_csv(tmp_path / "run" / "trajectories.csv")
     assert len(kept) == len(survey.tracks)
+    assert pd.read_csv(tmp_path / "run" / "trajectories.csv.dropped")["cause"].tolist() == ["above the horizon"]
+    assert isinstance(seen.plot(), Figure) and "vehicles: " in seen._repr_html_()
     assert "not tracked yet" in filmed._repr_html_()
 
 

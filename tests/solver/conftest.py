@@ -61,6 +61,7 @@ class Survey:
             camera=None,
             sources=(*das_sources(self.record), *file_sources(self.site)),
             seconds=0.5,
+            cautions=(),
         )
         passes = {"passes": self.passes, "anchors": self.anchors, "problem": self.problem}
         return {"survey": whole, "timings": {"fit": 1.5}} | passes

@@ -74,7 +74,7 @@ def test_trajectories_are_where_and_when_the_car_was(survey):
         calibration=survey / "calibration.json",
         start=START,
         clock_offset=0.4,
-    )
+    ).table
     seconds = (table["time"] - pd.Timestamp(START)).dt.total_seconds().to_numpy() + 0.4
     assert table["track_id"].nunique() == 1 and set(table["class"]) == {"car"}
     assert table["frame"].tolist() == list(range(FRAMES)), "the missing frame is filled"
@@ -92,7 +92,7 @@ def test_every_other_frame(survey):
         calibration=survey / "calibration.json",
         start=START,
         every=2,
-    )
+    ).table
     assert table["frame"].tolist() == list(range(0, FRAMES, 2))
 
 

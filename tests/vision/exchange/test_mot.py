@@ -2,10 +2,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from vision.cli import write_table
 from vision.contract import InputError
 from vision.exchange import read_mot, write_mot
 from vision.interpolate import BOX
+from vision.tracked import write_table
 
 
 def tracks(names=("3", "11")):
