@@ -42,7 +42,8 @@ class Cable:
 
     Parameters
     ----------
-    distance : [channel], along the route, halfway between the ends of each gauge, m
+    counted : [channel], along the fiber, as channels are counted, m
+    shift : [channel] or scalar, how much farther along the route each gauge lies, halfway between its ends, m
     slack : [channel] or scalar, share by which a gauge reaches farther along the route than its length says
     middle : [channel] or scalar, how much farther along the route the middle of a gauge lies than halfway, m
     gain : [channel] or scalar, strain of the fiber over that of the ground
@@ -53,7 +54,8 @@ class Cable:
     mixing : [channel, channel] matrices applied along the fiber
     """
 
-    distance: Tensor
+    counted: Tensor
+    shift: Tensor | float = 0.0
     slack: Tensor | float = 0.0
     middle: Tensor | float = 0.0
     gain: Tensor | float = 1.0
@@ -62,6 +64,22 @@ class Cable:
     loose: Loose | None = None
     transfers: tuple[FiberTransfer, ...] = ()
     mixing: tuple[Tensor, ...] = ()
+
+    @property
+    def distance(self) -> Tensor:
+        """Along the route, halfway between the ends of each gauge [channel], m."""
+        return self.counted + self.shift
+
+    @property
+    def moved(self) -> bool:
+        """Whether channels may lie elsewhere than counted: a number is the base model's, a tensor an effect's."""
+        return isinstance(self.shift, Tensor)
+
+    @property
+    def like_ground(self) -> bool:
+        """Whether the fiber strains as the ground does, told as in `moved`."""
+        told = (self.slack, self.gain, self.vertical, self.path_integral)
+        return self.loose is None and not any(isinstance(x, Tensor) for x in told)
 
     def filtered(self, transfer: FiberTransfer) -> "Cable":
         """Whose strain is filtered along the fiber."""

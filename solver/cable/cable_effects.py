@@ -106,7 +106,7 @@ def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     slack = (1 + cable.slack) * reach.clamp_min(SHORTEST) - 1
     halfway = (ahead + behind) / 2
     middle = cable.middle + led(s) - halfway
-    return replace(cable, distance=cable.distance + halfway - s, slack=slack, middle=middle, gain=cable.gain * reach)
+    return replace(cable, shift=cable.shift + halfway - s, slack=slack, middle=middle, gain=cable.gain * reach)
 
 
 @effect(
@@ -150,7 +150,7 @@ def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Distance along the fiber grows by the stretch, about the middle; where light counts wrong, so do gauges."""
     middle = (survey.distance.min() + survey.distance.max()) / 2
     slack = cable.slack + p["stretched"] * p["stretch"]
-    return replace(cable, distance=cable.distance + p["stretch"] * (survey.distance - middle), slack=slack)
+    return replace(cable, shift=cable.shift + p["stretch"] * (survey.distance - middle), slack=slack)
 
 
 @effect(
@@ -168,7 +168,7 @@ def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
 def channel_wander(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Channel positions depart smoothly from their count; where that is slack fiber, gauges reach less far as well."""
     slack = p["stretched"] * slope(p["shift"], survey.distance)
-    return replace(cable, distance=cable.distance + p["shift"], slack=slack)
+    return replace(cable, shift=cable.shift + p["shift"], slack=slack)
 
 
 def slope(values: Tensor, distance: Tensor) -> Tensor:

@@ -38,6 +38,7 @@ ASIDE = 10.0
     source=SOURCE,
     families=("place",),
     discrepancy=Discrepancy(),
+    shifts=True,
 )
 def generic_track(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """Positions plus a smooth function of x."""
@@ -52,6 +53,7 @@ def generic_track(driven: Trajectory, p: Values, survey: Surroundings) -> Trajec
     source=SOURCE,
     families=("lag", "rigid"),
     discrepancy=Discrepancy(),
+    shifts=True,
 )
 def generic_shift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """One shift along and one across travel for each pass."""
@@ -137,7 +139,7 @@ def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Response times one plus Gaussians of the distance from the wheel, even, odd along travel, and even across."""
 
     def response(offset: Tensor, velocity: Tensor, nu: Tensor | float) -> Tensor:
-        base = ground.response(offset, velocity, nu)
+        base = ground.displacement_rate(offset, velocity, nu)
         speed = velocity.norm(dim=-1).clamp_min(1e-3)
         ahead = (offset[..., :2] * velocity).sum(-1) / speed
         square = (offset[..., :2] ** 2).sum(-1)

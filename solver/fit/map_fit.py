@@ -23,7 +23,6 @@ from solver.fit.state import Evaluation, Linearized, State, Weights
 from solver.signal_path.derivatives import derivative, observed_tangents
 from solver.signal_path.extension import Values
 from solver.signal_path.local import Local, Seen
-from solver.signal_path.observation import BASE
 from solver.signal_path.signal_path import Sensitivities, SignalPath
 from solver.signal_path.traffic import Vehicles
 
@@ -86,7 +85,7 @@ class MapFit(ParameterSpace):
         if path.extension.surroundings is None and not derivative:
             return self.ends
         graded = stages.ground.compliance is not None
-        within = path.curved or graded or cable.path_integral is not BASE.cable.path_integral
+        within = path.curved or graded or isinstance(cable.path_integral, Tensor)
         held = None if cable.loose is None or derivative else (cable.loose.begin, cable.loose.end)
         return GaugeEnds.at(self.basis, cable.distance, gauge, within, derivative, held)
 

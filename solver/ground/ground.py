@@ -11,12 +11,13 @@ from solver.transfers import Field, MapFunction, TimeTransfer
 
 @dataclass(frozen=True)
 class Ground:
-    """How the ground answers a load.
+    """How the ground answers a load: as a homogeneous elastic half-space where it has no law of its own.
 
     Parameters
     ----------
-    response : (offset [..., 3], velocity [..., 2], Poisson's ratio) -> displacement rate [..., 3] of a unit load
-    settlement : (offset, Poisson's ratio) -> displacement [..., 3] of a unit load
+    response : (offset [..., 3], velocity [..., 2], Poisson's ratio) -> displacement rate [..., 3] of a unit load; None:
+        Boussinesq's
+    settlement : (offset, Poisson's ratio) -> displacement [..., 3] of a unit load; None: Boussinesq's
     compliance : strain here over that of the base model
     poisson_change : added to Poisson's ratio here
     radiation : (offset [..., 3], velocity [..., 2], time [row, 1, ...], s) -> velocity [..., 3] of the ground in the
@@ -26,13 +27,27 @@ class Ground:
         model
     """
 
-    response: Response = displacement_rate
-    settlement: Callable[[Tensor, Ratio], Tensor] = displacement
+    response: Response | None = None
+    settlement: Callable[[Tensor, Ratio], Tensor] | None = None
     compliance: Field | None = None
     poisson_change: Field | None = None
     radiation: Callable[[Tensor, Tensor, Tensor], Tensor] | None = None
     transfers: tuple[TimeTransfer, ...] = ()
     tangent_compliances: tuple[MapFunction, ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether it answers single loads as a homogeneous elastic half-space at rest."""
+        own = (self.response, self.settlement, self.compliance, self.poisson_change, self.radiation)
+        return all(law is None for law in own)
+
+    def displacement_rate(self, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
+        """Displacement rate [..., 3] of a unit load, by the law that holds."""
+        return (self.response or displacement_rate)(offset, velocity, poisson_ratio)
+
+    def displacement(self, offset: Tensor, poisson_ratio: Ratio) -> Tensor:
+        """Displacement [..., 3] of a unit load, by the law that holds."""
+        return (self.settlement or displacement)(offset, poisson_ratio)
 
     def filtered(self, transfer: TimeTransfer) -> "Ground":
         """Whose displacement is filtered in time."""

@@ -58,7 +58,7 @@ def layout_of(vehicle_class: str, wheelbase: tuple[float, float] | None = None) 
     2.48
     """
     layout = POINT if vehicle_class in POINTS else LAYOUTS.get(vehicle_class, LAYOUTS["unknown"])
-    if wheelbase is None or layout is POINT:
+    if wheelbase is None or vehicle_class in POINTS:
         return layout
     return replace(layout, wheelbase=wheelbase[0], wheelbase_sd=wheelbase[1])
 

@@ -85,5 +85,4 @@ def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:
     if slot.effect.stage in ("trajectory", "load"):
         return True
     alone = replace(seen.path.extension, effects=(slot.effect,)).described(values, seen.path.gauge_length)
-    around = seen.path.extension.surroundings
-    return alone.in_rows or (around is not None and alone.cable.distance is not around.distance)
+    return alone.in_rows or alone.cable.moved

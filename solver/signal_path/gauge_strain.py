@@ -12,7 +12,7 @@ from solver.ground.ground import Ground
 from solver.ground.tangential import tangential_displacement, tangential_displacement_rate
 from solver.interrogator.gauge import gauge_strain_rate
 from solver.load.load import Load
-from solver.signal_path.observation import BASE, Description
+from solver.signal_path.observation import Description
 from solver.transfers import Field
 
 
@@ -143,7 +143,7 @@ class GaugeStrain:
     def tangent(self, slope: Tensor) -> Tensor:
         """The way along which the fiber follows the ground."""
         tangent, vertical = unit(slope), self.stages.cable.vertical
-        if vertical is BASE.cable.vertical:
+        if not isinstance(vertical, Tensor):
             return tangent
         return torch.cat([tangent[..., :2], tangent[..., 2:] * vertical], -1)
 
@@ -169,12 +169,12 @@ def ground_motion(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tens
     velocity = beside(load.trajectory.velocity[..., None, :], 2)
     nu = poisson_ratio[..., None] if poisson_ratio.ndim else poisson_ratio
     offset = offsets(point, wheels)
-    motion = ground.response(offset, velocity, nu)
+    motion = ground.displacement_rate(offset, velocity, nu)
     if ground.radiation is not None:
         motion = motion + ground.radiation(offset, velocity, beside(load.trajectory.time[..., None], 1))
     motion = beside(load.share, 1)[..., None] * motion
     if load.share_rate is not None:
-        motion = motion + beside(load.share_rate, 1)[..., None] * ground.settlement(offset, nu)
+        motion = motion + beside(load.share_rate, 1)[..., None] * ground.displacement(offset, nu)
     if load.thrust is not None:
         motion = motion + tangential_displacement_rate(offset, velocity, nu, beside(load.thrust, 2))
     if load.thrust_rate is not None:

@@ -113,7 +113,7 @@ class Local:
         total = torch.zeros_like(self.by.rate)
         # Beside its points, where a gauge is matters to a loose length alone.
         if self.path.described(self.values).cable.loose is not None:
-            total = self._with_points_still("distance")
+            total = self._with_points_still("shift")
         for name, moved in self.fiber(self.values, 1).present().items():
             total = total + (self.by.by[name] * moved).flatten(2).sum(-1)
         return total
@@ -132,7 +132,7 @@ class Local:
         """Derivative [row, computed channel] by a number of each channel of the cable, gauges' ends as they are."""
         stages = self.path.stages_of(self.values)
         cable = self.path.described(self.values).cable
-        here = getattr(cable, name) + torch.zeros_like(cable.distance)
+        here = getattr(cable, name) + torch.zeros_like(cable.counted)
 
         def rows(value: Tensor) -> Tensor:
             changed: dict[str, Any] = {name: value}

@@ -116,27 +116,13 @@ class Description:
     @property
     def gauge(self) -> Tensor | float:
         """How far along the route each gauge reaches, scalar or [channel], m."""
-        length, slack = self.interrogator.gauge_length, self.cable.slack
-        return length if slack is BASE.cable.slack else length * (1 + slack)
+        return self.interrogator.gauge_length * (1 + self.cable.slack)
 
     @property
     def in_rows(self) -> bool:
         """Whether it differs from the base model in what single vehicles do to single channels."""
-        g, c = self.ground, self.cable
-        same = (
-            g.response is BASE.ground.response,
-            g.settlement is BASE.ground.settlement,
-            g.compliance is None,
-            g.poisson_change is None,
-            g.radiation is None,
-            c.slack is BASE.cable.slack,
-            c.gain is BASE.cable.gain,
-            c.vertical is BASE.cable.vertical,
-            c.path_integral is BASE.cable.path_integral,
-            c.loose is None,
-            not isinstance(self.interrogator.gauge_length, Tensor),
-        )
-        return not all(same)
+        told = not isinstance(self.interrogator.gauge_length, Tensor)
+        return not (told and self.ground.plain and self.cable.like_ground)
 
     @property
     def in_time(self) -> tuple[TimeTransfer, ...]:
@@ -151,7 +137,7 @@ class Description:
             out = out @ fiber_matrix(transfers, out.shape[-1], self.channel_spacing).T
         for matrix in (*self.cable.mixing, *self.interrogator.mixing):
             out = out @ matrix.T
-        if self.interrogator.gain is not BASE.interrogator.gain:
+        if isinstance(self.interrogator.gain, Tensor):
             out = out * self.interrogator.gain
         if self.in_time or self.processing.steps or self.nonlinear:
             out = self._in_time(out, samples)

@@ -16,7 +16,7 @@ from solver.interrogator.gauge import gauge_strain_rate
 from solver.signal_path.autodiff import pushed, pushed_all
 from solver.signal_path.extension import Values
 from solver.signal_path.local import Seen
-from solver.signal_path.observation import BASE, Description
+from solver.signal_path.observation import Description
 
 #: What may act on the road at each wheel.
 FORCES = ("share", "share_rate", "thrust", "thrust_rate")
@@ -80,9 +80,9 @@ def ground_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
     """Derivative [row, channel] by a parameter that changes one property of the ground only, of those told apart."""
     ground = seen.path.described(changed(here)).ground
     for names, tangent in GROUND_SHORTCUTS.items():
-        usual = {name: getattr(BASE.ground, name) for name in names}
-        same = all(getattr(ground, name) is value for name, value in usual.items())
-        if not same and not replace(BASE, ground=replace(ground, **usual)).in_rows:
+        rest: dict[str, Any] = dict.fromkeys(names)
+        own = any(getattr(ground, name) is not None for name in names)
+        if own and replace(ground, **rest).plain:
             return tangent(seen, changed, here)
     return None
 
@@ -119,9 +119,10 @@ def answer_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor:
         def varied(rows: slice) -> Description:
             stages = dual(rows)
             ground = stages.ground
-            answers = {"response": ground.response, "settlement": ground.settlement, "radiation": ground.radiation}
-            moved: dict[str, Any] = {name: varying(answer) for name, answer in answers.items() if answer is not None}
-            return replace(stages, ground=replace(ground, **moved))
+            radiation = None if ground.radiation is None else varying(ground.radiation)
+            response, settlement = varying(ground.displacement_rate), varying(ground.displacement)
+            moved = replace(ground, response=response, settlement=settlement, radiation=radiation)
+            return replace(stages, ground=moved)
 
         return path.rows_of(load, local.gauges, local.rows.amplitude, local.poisson_ratio, varied)
 
@@ -155,12 +156,12 @@ def placements(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor
 
     def placed(value: Tensor) -> tuple[Tensor, ...]:
         cable = seen.path.described(changed(value)).cable
-        zero = torch.zeros_like(cable.distance) + 0 * value.sum()
+        zero = torch.zeros_like(cable.counted) + 0 * value.sum()
         loose = () if cable.loose is None else (cable.loose.begin, cable.loose.end, cable.loose.share)
-        return cable.distance + zero, cable.slack + zero, cable.gain + zero, *(x + 0 * value.sum() for x in loose)
+        return cable.shift + zero, cable.slack + zero, cable.gain + zero, *(x + 0 * value.sum() for x in loose)
 
     cable = seen.path.described(changed(here)).cable
-    if replace(BASE, cable=replace(cable, slack=BASE.cable.slack, gain=BASE.cable.gain, loose=None)).in_rows:
+    if not replace(cable, slack=0.0, gain=1.0, loose=None).like_ground:
         return None
     gain = placed(here)[2]
     tangents = [torch.stack(one)[:, None] for one in zip(*(pushed_all(placed, here, way) for way in ways), strict=True)]
@@ -188,9 +189,7 @@ def loose_tangent(seen: Seen, changed: Changed, here: Tensor) -> Tensor | None:
 
     stages = path.described(changed(here))
     cable = stages.cable
-    around = path.extension.surroundings
-    only = around is not None and cable.distance is around.distance
-    if cable.loose is None or not only or replace(stages, cable=replace(cable, loose=None)).in_rows:
+    if cable.loose is None or cable.moved or replace(stages, cable=replace(cable, loose=None)).in_rows:
         return None
     begins, ends, share = pushed_all(evened, here, torch.ones_like(here))
     if bool(begins.any() | ends.any()):

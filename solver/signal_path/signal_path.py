@@ -76,7 +76,7 @@ class SignalPath:
         traffic, v, driven = self.traffic, vehicles, self.trajectory(vehicles, values)
         heading = driven.heading.expand(driven.position.shape)
         wheels, weights = wheel_loads(driven.position, heading, v.wheelbase, v.track, v.front_share)
-        if not bool(v.wheelbase.any() | v.track.any()):
+        if not bool(traffic.class_index.any()):
             wheels, weights = wheels[..., :1, :], torch.ones_like(weights[..., :1])
         load = Load(wheels, weights, driven, traffic.class_index[traffic.pass_index])
         return self.extension.changed("load", load, values)
@@ -179,7 +179,7 @@ class SignalPath:
 
     def plain(self, fiber: Fiber, values: Values) -> bool:
         """Whether single vehicles do to single channels what the base model says, but for shifts along their way."""
-        shifted = all(one.stage not in ("trajectory", "load") or one.slow_error for one in self.extension.effects)
+        shifted = all(one.stage not in ("trajectory", "load") or one.shifts for one in self.extension.effects)
         return shifted and fiber.ahead.ndim == 2 and not self.described(values).in_rows
 
     def plain_sensitivities(

@@ -135,7 +135,7 @@ def test_an_effect_changes_one_stage(name):
     described = one.path.described(values)
     assert (described.ground is not BASE.ground) == (one.effect.stage == "ground")
     assert (described.processing is not BASE.processing) == (one.effect.stage == "processing")
-    plain = replace(BASE.cable, distance=one.around.distance)
+    plain = replace(BASE.cable, counted=one.around.distance)
     assert differ(described.cable, plain) == (one.effect.stage == "cable")
     instrument = replace(BASE.interrogator, gauge_length=fit.problem.gauge_length)
     assert differ(described.interrogator, instrument) == (one.effect.stage == "interrogator")

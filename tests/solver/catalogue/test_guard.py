@@ -125,7 +125,7 @@ def given():
     [
         (lambda cable, p, survey: p["share"].mul_(1.0), r"values\['share'\]"),
         (lambda cable, p, survey: survey.middle.add_(0.0), "survey.middle"),
-        (lambda cable, p, survey: cable.distance.numpy().__iadd__(1.0), "distance"),
+        (lambda cable, p, survey: cable.counted.numpy().__iadd__(1.0), "counted"),
         (lambda cable, p, survey: object.__setattr__(cable, "vertical", 2.0), "vertical"),
     ],
 )
