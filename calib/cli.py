@@ -1,5 +1,6 @@
 """`roadfiber calibrate ...`: the camera calibration tool."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,9 +69,11 @@ def ground(
     from calib.control_points import read_control_points
     from calib.ground import MODELS, fit_ground
     from calib.lens_prior import read_intrinsics
+    from calib.maps import write_maps
     from calib.options import keep_inputs, measured, one_of, picture_size
+    from calib.picture import draw_fit, write_picture
     from calib.proposed_frame import frame_for
-    from vision.contract import InputError
+    from vision.contract import InputError, writing
 
     if threshold <= 0:
         raise InputError("--threshold: must be above 0 px")
@@ -86,14 +89,12 @@ def ground(
     picture = picture or (None if image is None else out.with_suffix(".png"))
     keep_inputs([out, maps, picture], [points, video, intrinsics, frame])
     fit = fit_ground(marks, size, model=kind, threshold=threshold, frame=where, lens=lens, height=tall)
-    if image is not None and picture is not None:
-        from calib.picture import draw_fit, write_picture
-
-        write_picture(draw_fit(image, marks, fit), picture)
-    from calib.maps import write_maps
-
-    write_maps(fit.calibration, maps, image)
-    fit.calibration.write(out)
+    with ExitStack() as whole:  # nothing takes its place before all are written
+        calibration_file, maps_file = (whole.enter_context(writing(path)) for path in (out, maps))
+        if image is not None and picture is not None:
+            write_picture(draw_fit(image, marks, fit), whole.enter_context(writing(picture)))
+        write_maps(fit.calibration, maps_file, image)
+        fit.calibration.write(calibration_file)
     _report(marks, fit, [out, maps, *([picture] if picture else [])], as_json)
 
 

@@ -119,6 +119,20 @@ def test_no_input_is_overwritten(tmp_path, points_file):
     assert (tmp_path / "street.png").read_bytes() == before and not (tmp_path / "street.json").exists()
 
 
+@pytest.mark.parametrize("last", ["calib.maps.write_maps", "vision.camera.Calibration.write"])
+def test_calibration_maps_and_picture_are_written_together_or_not_at_all(tmp_path, points_file, monkeypatch, last):
+    def refuse(*given):
+        raise InputError("no space left")
+
+    monkeypatch.setattr(last, refuse)
+    image = tmp_path / "street.png"
+    cv2.imwrite(str(image), np.zeros((720, 1280, 3), np.uint8))
+    before = sorted(tmp_path.rglob("*"))
+    result = run(points_file, "--video", image, "--out", tmp_path / "c.json", "--maps", tmp_path / "maps" / "m.png")
+    assert "no space left" in str(result.exception)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
 def test_a_video_of_another_size_is_refused(tmp_path, points_file):
     movie = video(tmp_path / "small.mp4", (320, 240))
     result = run(points_file, "--video", movie, "--image-size", "1280x720", "--out", tmp_path / "c.json")

@@ -65,6 +65,9 @@ def scratch_for(target: Path, named: Path | None = None) -> Iterator[Path]:
         yield scratch
         made.clear()
     except Exception as error:
+        if isinstance(error, InputError) and str(scratch) in str(error):
+            # Told by what wrote within: its file was to be beside the target.
+            raise InputError(str(error).replace(str(scratch), str(target.parent))) from error
         # An error of what is read meanwhile is none of writing.
         ours = is_full(error) or (isinstance(error, OSError) and str(scratch) in str(error.filename or scratch))
         if not ours or isinstance(error, InputError):

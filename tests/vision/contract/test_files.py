@@ -75,6 +75,18 @@ def test_files_that_belong_together_appear_together(tmp_path):
     assert left(tmp_path) == ["a", "b", "other"] and (tmp_path / "a").read_text() == "new"
 
 
+def test_what_is_written_within_is_named_by_where_it_was_to_be(tmp_path):
+    words = f"^{tmp_path / 'a'}: no space left"
+    with (
+        full_disk(10_000),
+        pytest.raises(InputError, match=words),
+        writing(tmp_path / "a") as out,
+        writing(out) as file,
+    ):
+        as_text(file)
+    assert left(tmp_path) == []
+
+
 def test_a_full_disk_is_seen_before_the_work(tmp_path):
     with full_disk(10_000), pytest.raises(InputError, match="run: no space left"):
         require_writable(tmp_path / "deep" / "run")
