@@ -44,8 +44,9 @@ def prove(load: Callable[[S], Sequence[Effect]], source: S, who: str) -> None:
         If they cannot be loaded, one breaks a promise (see `verify.py`), takes too long, ends the process,
         or changes what all of roadfiber shares.
     """
-    warm()
-    begun = multiprocessing.get_context("fork") if can_fork() else multiprocessing.get_context("spawn")
+    if fork := can_fork():
+        warm()
+    begun = multiprocessing.get_context("fork") if fork else multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory() as name:
         trial = begun.Process(target=attempt, args=(load, source, Path(name), LIMIT), daemon=True)
         trial.start()
@@ -81,6 +82,7 @@ def attempt(load: Callable[[S], Sequence[Effect]], source: S, folder: Path, limi
     """Verify effects in this process, and leave in `folder` what is wrong with them."""
     silence()
     torch.set_num_threads(1)
+    warm()  # a forked process has this from the one before it, a spawned one has not
     told = ""
     with (folder / HUNG).open("w") as stack:
         try:

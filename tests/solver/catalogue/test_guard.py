@@ -79,6 +79,12 @@ def test_what_a_plugin_must_not_do_is_told_in_a_line(plugin, at_import, in_funct
     assert (torch.get_default_dtype(), np.geterr(), builtins.sum) == was
 
 
+def test_what_pytorch_loads_late_is_not_the_plugins_doing(plugin, monkeypatch):
+    """Its compiler puts functions of its own into torch; a process that is not forked has not loaded it before."""
+    monkeypatch.setattr(proof, "can_fork", lambda: False)
+    assert "mine" in catalogue([plugin("import torch._dynamo")])
+
+
 @pytest.mark.parametrize(("place", "line"), [("at_import", 8), ("in_function", 12)])
 def test_an_endless_loop_is_ended_and_its_line_told(plugin, monkeypatch, place, line):
     monkeypatch.setattr(proof, "LIMIT", 0.3)
