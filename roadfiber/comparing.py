@@ -39,7 +39,7 @@ class Comparison:
     @property
     def headline(self) -> str:
         """How much the model leaves, in a sentence."""
-        return headline(self.finding)
+        return headline(self.finding, self.run)
 
     @property
     def verdict(self) -> str:

@@ -39,7 +39,8 @@ def compare(
     if as_json:
         print(json.dumps(comparison.facts, allow_nan=False, indent=1))
         return
-    print("\n".join([comparison.headline, comparison.verdict, *(f"  {line}" for line in comparison.lines())]))
+    said = [comparison.headline, comparison.verdict, *(f"  {line}" for line in comparison.lines())]
+    print("\n".join([*said, opened.trust.replace("RUN", str(run))]))
     print(f"page: {folder / 'compare.html'}")
 
 

@@ -249,6 +249,4 @@ def clock_offset(run: Run) -> tuple[float, float]:
     fit, state = fitted(run)
     fit, state = converged(strict_tracks(fit.problem), state)
     found = fitted_with(fit, state, CLOCK, lambda n: None)
-    at = found.solution.state
-    covariance = found.fit.normal(at)[0].inverse()
-    return float(at.numbers[-1]), float(covariance[-1, -1].sqrt())
+    return float(found.estimate[-1]), float(found.sigma[-1])

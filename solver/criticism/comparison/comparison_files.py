@@ -64,6 +64,7 @@ def facts_of(comparison: Comparison, run: Run) -> dict[str, Any]:
         "created": run.facts["created"],
         "effects": run.facts["effects"],
         "verdict": verdict(comparison, run),
+        "trust": run.trust,
         "units": UNITS,
         "chi2_per_sample": comparison.chi2_per_sample,
         "noise_floor": comparison.noise_floor,

@@ -18,7 +18,7 @@ from solver.criticism.comparison.map_figure import CELLS, path_of, shown, touche
 from solver.criticism.comparison.regions import Region
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import Pictures, pass_label, pictures_of, scale_figure, worst
-from solver.run.report.parts import resource
+from solver.run.report.parts import resource, with_commands
 from solver.run.report.report_page import MOST_PASSES, THUMBNAIL, json_text
 from solver.run.run import Run
 from vision.contract.drawing import coarse, color_map, color_scale
@@ -189,8 +189,9 @@ def render(comparison: Comparison, run: Run, wide: dict[str, Figure] | None = No
         name=escape(run.facts["name"]),
         when=f"recorded {str(run.start)[:16].replace('T', ' ')} UTC",
         effects=escape(", ".join(run.facts["effects"]) or "base model"),
-        headline=escape(words.headline(comparison)),
-        grade=words.grade(comparison),
+        headline=escape(words.headline(comparison, run)),
+        grade=run.facts["trust"]["grade"],
+        trust=with_commands(run.trust),
         verdict=escape(words.verdict(comparison, run)),
         key_figures=figures,
         regions=region_table(comparison, run),

@@ -7,6 +7,7 @@ import numpy as np
 from solver.criticism.comparison.comparison import Comparison
 from solver.criticism.comparison.regions import Region
 from solver.criticism.comparison.split import SOURCES
+from solver.run.report.report_words import trusted
 from solver.run.run import Run
 
 #: Misfit above the noise, as a share of it, that is worth words.
@@ -135,16 +136,11 @@ def excess(comparison: Comparison) -> float:
     return comparison.chi2_per_sample / max(comparison.noise_floor, 1e-300) - 1
 
 
-def grade(comparison: Comparison) -> str:
-    """How well model and measurement agree: good, fair, weak, poor."""
-    limits = ((0.02, "good"), (0.1, "fair"), (0.5, "weak"))
-    found = next((name for limit, name in limits if excess(comparison) <= limit), "poor")
-    return "fair" if found == "good" and comparison.regions else found
-
-
-def headline(comparison: Comparison) -> str:
-    """What the page says first."""
+def headline(comparison: Comparison, run: Run) -> str:
+    """What the page says first; where a check of the run failed, it does not say that all is well."""
     count = len(comparison.regions)
+    if not count and not trusted(run):
+        return "No place, vehicle or time stands out, but the fit does not pass every check."
     if not count:
         return "Model and measurement agree to within the noise."
     where = "one region" if count == 1 else f"{count} regions"

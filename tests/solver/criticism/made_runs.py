@@ -124,6 +124,7 @@ class Maker:
             "name": "Elm <Street>",
             "effects": ["wheel_layout"],
             "noise_floor": None,
+            "trust": {"sentence": "No check failed: converged.", "grade": "good", "gates": []},
             "settings": settings,
             "versions": {"roadfiber": "0.1.0"},
             "created": "2026-01-01T00:00:00Z",

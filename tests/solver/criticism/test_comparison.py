@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,7 @@ from solver.criticism import comparison
 from solver.criticism.comparison import compare, render, write_comparison
 from solver.criticism.comparison import split as split_module
 from solver.criticism.comparison.cells import cells_of, noise_of, on_fiber
+from solver.criticism.comparison.comparison_files import facts_of
 from solver.criticism.comparison.comparison_words import clock, region_words, size_words
 from solver.criticism.comparison.power import periodogram, power_of
 from solver.criticism.comparison.regions import regions_of
@@ -327,6 +329,18 @@ def test_page_of_noise_says_so(noise_run):
     assert "Nothing stands out" in page
 
 
+def test_a_comparison_says_of_a_run_what_its_checks_say(noise_run):
+    """Noise alone, and anchors off the route: no place stands out, and the route is not to be relied on."""
+    sentence = "Do not rely on this route as it stands: anchor west 0.65 m off the route (9.0 sigmas)."
+    facts = noise_run.facts | {"trust": {"sentence": sentence, "grade": "weak", "gates": []}}
+    run = replace(noise_run, facts=facts)
+    finding = compare(run)
+    page = render(finding, run)
+    assert sentence in page and 'class="grade weak"' in page
+    assert "agree to within the noise" not in page and "does not pass every check" in page
+    assert facts_of(finding, run)["trust"] == sentence
+
+
 def test_page_of_a_run_with_gaps_faded_channels_and_one_pass():
     run = Maker(seed=15, passes=1, faded=(0, 10, 11), gap=slice(60, 75)).run()
     page = render(compare(run), run)
@@ -343,6 +357,8 @@ def test_command_writes_beside_the_run_and_prints_words_or_json(survey, tmp_path
     assert json.loads(result.output)["name"] == "Elm <Street> & 2nd"
     assert (tmp_path / "run" / "compare.html").exists()
     result = CliRunner().invoke(app, ["compare", str(tmp_path / "run"), "--out", str(tmp_path / "out")])
+    trust = json.loads((tmp_path / "run" / "fit.json").read_text(encoding="utf-8"))["trust"]["sentence"]
+    assert trust.replace("RUN", str(tmp_path / "run")) in result.output.splitlines()
     assert result.output.splitlines()[-1] == f"page: {tmp_path / 'out' / 'compare.html'}"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from roadfiber import growing
 from solver.cable.cable import Cable
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
@@ -20,6 +21,7 @@ from solver.criticism.verdict_words import ADVICE
 from solver.effect import FAMILIES, Parameter, Surroundings, effect
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
+from solver.fit.posterior import Posterior
 from solver.signal_path.extension import Slot, Values
 
 
@@ -120,3 +122,18 @@ def test_a_fit_that_ends_short_begins_again_farther_off() -> None:
     # From where the score test leads there is a minimum between it and the truth.
     assert score.estimate[0] < 0.03
     assert race(scorer, [score])["ripple"].estimate[0] == pytest.approx(0.11, abs=0.002)
+
+
+def test_the_clocks_sigma_grows_with_the_misfit_as_those_of_a_run_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    fit, state = trial_survey()
+    rng = np.random.default_rng(0)
+    model = fit.model(state).detach().numpy()
+    record = fit.problem.record.copy()
+    record[fit.problem.traffic.samples] = model + rng.normal(size=model.shape)
+    at = MapFit(replace(fit.problem, record=record)), state
+    monkeypatch.setattr(growing, "fitted", lambda run: at)
+    sigmas = []
+    for size in (1.0, 3.0):
+        monkeypatch.setattr(Posterior, "scale", size**2)
+        sigmas.append(growing.clock_offset(SimpleNamespace())[1])  # type: ignore[arg-type]
+    assert sigmas[1] == pytest.approx(3 * sigmas[0]) and sigmas[0] > 0
