@@ -89,9 +89,7 @@ def evidence_figure(candidates: Sequence[Candidate]) -> Figure:
     axes.invert_yaxis()
     axes.set_xscale("log")
     axes.axvline(2 * FOUND, color="C3", linewidth=1)
-    axes.set_xlabel(
-        "fall of chi2 (log); right of the line it is more than chance; gray: discrepancy models for the unknown"
-    )
+    axes.set_xlabel("fall of chi2 (log); right of the line it is more than chance; gray: discrepancy models")
     return figure
 
 

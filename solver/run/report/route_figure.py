@@ -88,8 +88,8 @@ def draw_anchors(
 def draw_north(axes: Axes, x_azimuth: float) -> None:
     """Arrow to the north above the upper right corner; +x points right, x_azimuth degrees clockwise from north."""
     angle = np.deg2rad(x_azimuth)
-    way = 12 * np.array([np.cos(angle), np.sin(angle)])
-    center = np.add(axes.transAxes.transform((1.0, 1.0)), (-26, 20))
+    way = 10 * np.array([np.cos(angle), np.sin(angle)])
+    center = np.add(axes.transAxes.transform((1.0, 1.0)), (-26, 18))
     tail, tip, letter = axes.transAxes.inverted().transform([center - way, center + way, center + 1.7 * way])
     arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.4, "mutation_scale": 10, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", tip, tail, "axes fraction", arrowprops=arrow, annotation_clip=False)
