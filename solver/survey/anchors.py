@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from solver.survey.limits import VEHICLE_REACH
 from vision.contract import InputError, LocalFrame
-from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame
+from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame, with_positions
 from vision.contract.csv_table import read_csv
 
 if TYPE_CHECKING:
@@ -41,7 +41,8 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
 
     Parameters
     ----------
-    path : columns `name, channel, x, y, z, sigma_xy, sigma_z`, or `latitude, longitude` in place of x, y
+    path : columns `name, channel, x, y, z, sigma_xy, sigma_z`, or `latitude, longitude` (or `lat, lon`) in place
+        of x, y
     frame : local frame that latitude and longitude are projected into
 
     Returns
@@ -73,6 +74,7 @@ def anchors_of(table: "pd.DataFrame", frame: LocalFrame, path: Path = Path("anch
     >>> anchors_of(pd.DataFrame([row]), LocalFrame((32.1, 34.8), 78.0))[0].x
     12.48
     """
+    table = with_positions(table)
     geographic = "latitude" in table and "x" not in table
     names = tuple({"x": "latitude", "y": "longitude"}.get(name, name) if geographic else name for name in COLUMNS)
     if missing := [name for name in names if name not in table]:

@@ -17,6 +17,22 @@ if TYPE_CHECKING:
 REACH_OF_FRAME = 100e3
 # Points that are all nearer to the origin than this, in degrees, are within 11 km; in meters, within a hand's breadth.
 DEGREES_OFF = 0.1
+# Other names of columns, as receivers and web maps write them.
+ALSO_CALLED = {"lat": "latitude", "lon": "longitude", "lng": "longitude", "long": "longitude"}
+
+
+def with_positions(table: "pd.DataFrame") -> "pd.DataFrame":
+    """The table with latitude and longitude named so, where that is what it gives in place of x and y.
+
+    >>> import pandas as pd
+    >>> list(with_positions(pd.DataFrame({"lat": [32.1], "lng": [34.8]})))
+    ['latitude', 'longitude']
+    """
+    also = {name: ALSO_CALLED[name] for name in table if name in ALSO_CALLED}
+    names = [*also.values(), *(name for name in ("latitude", "longitude") if name in table)]
+    # Of two of a kind, or beside meters, nobody knows which are meant.
+    clear = sorted(names) == ["latitude", "longitude"] and "x" not in table
+    return table.rename(columns=also) if clear else table
 
 
 def first_row(mask: "pd.Series") -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from vision.contract.classes import plain_name
-from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame
+from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame, with_positions
 from vision.contract.csv_table import read_csv
 from vision.contract.errors import InputError
 from vision.contract.files import writing
@@ -198,6 +198,7 @@ def trajectories_of(table: "pd.DataFrame", frame: LocalFrame | None, path: Path 
     InputError
         As of `read_trajectories`.
     """
+    table = with_positions(table)
     check_columns(table, path)
     table = to_meters(table.assign(time=to_utc(table["time"], path)), frame, path)
     names = {name: table[name].astype(str).str.strip() for name in ("track_id", "class")}
@@ -216,8 +217,9 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
 
     Parameters
     ----------
-    paths : `.csv` or `.parquet` with the columns of `COLUMNS`, or GPS: `latitude, longitude, sigma` in place of
-        x, y, sigma_x, sigma_y; or `.gpx`. `wheelbase, sigma_wheelbase` (m) say of a track what its class does not.
+    paths : `.csv` or `.parquet` with the columns of `COLUMNS`, or GPS: `latitude, longitude, sigma` (or `lat, lon`) in
+        place of x, y, sigma_x, sigma_y; or `.gpx`. `wheelbase, sigma_wheelbase` (m) say of a track what its class does
+        not.
         Further columns are kept.
     frame : local frame that GPS positions are projected into; not needed for meters
 

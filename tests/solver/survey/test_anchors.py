@@ -23,10 +23,11 @@ def test_anchors_come_sorted_by_channel(tmp_path):
     ]
 
 
-def test_latitude_and_longitude_are_projected(tmp_path):
+@pytest.mark.parametrize("names", ["latitude,longitude", "lat,lon"])
+def test_latitude_and_longitude_are_projected(tmp_path, names):
     latitude, longitude = FRAME.to_geographic([12.5], [4.75])
     row = f"west,84,{latitude[0]:.9f},{longitude[0]:.9f},0.96,0.05,0.05"
-    (anchor,) = read_anchors(written(tmp_path, HEADER.replace("x,y", "latitude,longitude"), row), FRAME)
+    (anchor,) = read_anchors(written(tmp_path, HEADER.replace("x,y", names), row), FRAME)
     assert (anchor.x, anchor.y, anchor.z) == pytest.approx((12.5, 4.75, 0.96), abs=1e-3)
 
 

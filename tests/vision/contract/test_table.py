@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from vision.contract import COLUMNS, InputError, LocalFrame, read_trajectories, write_trajectories
+from vision.contract.columns import with_positions
 
 FRAME = LocalFrame((32.113, 34.804), 78.0)
 HEADER = ",".join(COLUMNS)
@@ -76,6 +77,21 @@ def test_gps_is_projected(tmp_path):
     table = read_trajectories([written(tmp_path, f"{GPS_HEADER}\n{row}\n")], FRAME)
     assert np.allclose(table[["x", "y", "sigma_x", "sigma_y"]], [[30.0, -4.0, 0.5, 0.5]], atol=1e-3)
     assert "latitude" not in table
+
+
+@pytest.mark.parametrize("names", ["lat,lon", "Lat,Lng", "lat,longitude"])
+def test_latitude_and_longitude_may_have_their_short_names(tmp_path, names):
+    latitude, longitude = FRAME.to_geographic([30.0], [-4.0])
+    row = f"2025-08-11T06:00:00Z,1,car,{latitude[0]:.9f},{longitude[0]:.9f},0.5"
+    header = GPS_HEADER.replace("latitude,longitude", names)
+    table = read_trajectories([written(tmp_path, f"{header}\n{row}\n")], FRAME)
+    np.testing.assert_allclose(table[["x", "y"]], [[30.0, -4.0]], atol=1e-3)
+
+
+def test_short_names_beside_meters_or_long_ones_are_left_alone():
+    for header in ("x,y,lat,lon", "latitude,longitude,lat,lon", "lat"):
+        table = pd.DataFrame(columns=header.split(","))
+        assert list(with_positions(table)) == header.split(",")
 
 
 @pytest.mark.parametrize("namespace", ["", ' xmlns="http://www.topografix.com/GPX/1/1"'])
