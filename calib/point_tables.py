@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.contract import InputError, LocalFrame, read_text
-from vision.contract.columns import finite, first_row, to_frame
+from vision.contract.columns import finite, first_row, to_frame, with_positions
 from vision.contract.csv_table import read_csv
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def read_table(path: Path) -> "pd.DataFrame":
     readers = {".json": _read_json, ".otrfpts": _read_otvision}
     reader = readers.get(path.suffix.lower())
     table = reader(path) if reader else read_csv(path, TEXT_COLUMNS, comment="#")
+    table = with_positions(table)
     if table.empty:
         raise InputError(f"{path}: no control points; write one row per mark: {','.join(COLUMNS)}")
     return table

@@ -45,6 +45,8 @@ def test_latitudes_go_through_the_frame(tmp_path):
     np.testing.assert_allclose(read_control_points(path, FRAME).ground, places, atol=1e-3)
     with pytest.raises(InputError, match="need a local frame"):
         read_control_points(path)
+    path = write(tmp_path, f"name,px,py,lat,lon\n{rows}\n")
+    np.testing.assert_allclose(read_control_points(path, FRAME).ground, places, atol=1e-3)
 
 
 @pytest.mark.parametrize(
