@@ -62,7 +62,7 @@ FAULTS = {
         FaultKind(
             "faded_channels",
             "interrogator",
-            "Single channels hear next to nothing of what their neighbors do; they are left out of the fit.",
+            "Single channels are nearly silent where their neighbors record vehicles; they are left out of the fit.",
             "Fading of Rayleigh backscatter: Healey 1984, Electron. Lett. 20, 30.",
             "1",
             (1e-2, 0.2),

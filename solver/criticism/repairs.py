@@ -245,7 +245,7 @@ def find_cycle_skips(fit: MapFit, state: State) -> Fault | None:
 
 
 def find_faded_channels(fit: MapFit, state: State) -> Fault | None:
-    """Single channels that hear next to nothing of what their neighbors do."""
+    """Single channels that are nearly silent where their neighbors record vehicles."""
     use = fit.measured.numpy()
     model, data = np.where(use, fit.model(state).numpy(), 0.0), np.where(use, fit.data.numpy(), 0.0)
     energy = (model**2).sum(0)
@@ -271,7 +271,7 @@ def find_faded_channels(fit: MapFit, state: State) -> Fault | None:
 
     share, least = count / len(dead), 1 / len(dead)
     named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if count > NAMED else "")
-    words = f"channels that hear next to nothing of what their neighbors do ({named}) are left out of the fit"
+    words = f"channels that are nearly silent where their neighbors record vehicles ({named}) are left out of the fit"
     sigma = share / count**0.5
     return Fault("faded_channels", "interrogator", fall, count, len(dead), share, sigma, "1", least, words, mend)
 

@@ -114,7 +114,7 @@ def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]
 
 def outcome(projected: Projected, sign: int | None) -> tuple[float, int, Array, Array, float]:
     """Fall, freedom, estimate and sigma [number], and retained share; `sign` is what a single number must have."""
-    # What next to nothing changes with has no number, rather than a huge one.
+    # A parameter to which nothing is sensitive gets no estimate, rather than a huge one.
     scale = projected.gram.diagonal().clamp_min(projected.least).sqrt()
     values, vectors = torch.linalg.eigh(projected.information / scale[:, None] / scale)
     keep = values > INVISIBLE

@@ -95,7 +95,7 @@ def unknown_words(first: Candidate, physics: str, physical: Sequence[Candidate])
 def impossible_words(first: Candidate, stage: str) -> str:
     """Verdict on a known effect that explains the most, but not as what it is."""
     return (
-        f"{first.effect} explains the most of all known effects, but only at a size that cannot be "
+        f"{first.effect} explains the most of all known effects, but only at an impossible size "
         f"({size_words(first)}): something unknown acts, as it seems at the {stage} stage"
     )
 

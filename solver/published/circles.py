@@ -47,7 +47,7 @@ def circles_of(
     Parameters
     ----------
     detections : of each pass
-    curves : coupling curve of each pass, for the believed depth
+    curves : coupling curve of each pass, for the prior mean depth
     channel_spacing : m
     lag : how far the clock of the trajectories is ahead of the DAS's, s
 

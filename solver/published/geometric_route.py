@@ -182,9 +182,9 @@ def geometric_route(
     record, passes : the survey
     found : what the matched filter saw of it, `solver.start.initialization.initialize(record, passes)`
     anchors : known points of the fiber; without any of them a single lane leaves both sides open
-    depth : believed, m, for which the circles hold and at which the route lies; if not given, the anchors' mean, or
+    depth : prior mean, m, for which the circles hold and at which the route lies; if not given, the anchors' mean, or
         0.9 without anchors
-    poisson_ratio : believed, of the ground
+    poisson_ratio : prior mean of the ground's
     degree : of a polynomial route; points half a gauge length apart if not given
     regularization : weights of the shape terms; the defaults if not given
 

@@ -61,7 +61,7 @@ def curvature_loss(route: Tensor, spacing: float, axes: slice = slice(None)) -> 
 
 
 def depth_loss(route: Tensor, mean: float, sd: float) -> Tensor:
-    """Mean depth against the believed one: ((mean z - believed) / sd)^2.
+    """Mean depth against its prior: ((mean z - prior mean) / sd)^2.
 
     >>> round(depth_loss(torch.tensor([[0.0, 4.0, 1.0], [5.0, 4.0, 1.4]]), 0.9, 0.3).item(), 4)
     1.0

@@ -186,8 +186,8 @@ def locate(
     dead = dead_channels(heard, found.channel)
     if len(dead):
         warnings.append(
-            f"channels {ranges(dead)} hear next to nothing of what those beside them hear; they are left out, and the "
-            "route there hangs on their neighbors"
+            f"channels {ranges(dead)} are nearly silent where their neighbors record vehicles; they are left out, and "
+            "the route there depends on their neighbors"
         )
     begun = pose(record, passes, found.anchors, found.routes[0], found.channel, prior, dead)
     # From wherever a fit begins, noise and samples are the same: misfits compare.

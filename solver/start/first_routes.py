@@ -53,7 +53,7 @@ def find_first_routes(
 
     Parameters
     ----------
-    depth, poisson_ratio : believed
+    depth, poisson_ratio : prior means, m and 1
     warnings : lines for the user are added: anchors out of reach, channels that record nothing
 
     Raises

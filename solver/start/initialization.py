@@ -21,7 +21,7 @@ APART = 25.0  # m between two vehicles whose responses do not overlap
 CROWDED_DB = 14.0  # dB that a response counts less beside another one
 DISTANT = 12.0  # m; lateral offset that the bank must cover
 FEWEST_CHANNELS = 10
-DEPTHS = (0.75, 1.0, 1.25)  # in units of the believed one
+DEPTHS = (0.75, 1.0, 1.25)  # in units of the prior mean
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def quieter_when_crowded(passes: Sequence[Pass], detections: Sequence[Detections
 def curves_by_depth(
     vehicle_class: str, depth: float, gauge_length: float, poisson_ratio: float
 ) -> dict[float, CouplingCurve]:
-    """Coupling curves of a class for the believed depth and for others, by their share of it."""
+    """Coupling curves of a class for the prior mean depth and for others, by their share of it."""
     return {
         share: coupling_curve(
             vehicle_class, depth=share * depth, gauge_length=gauge_length, poisson_ratio=poisson_ratio
@@ -141,8 +141,8 @@ def initialize(
     ----------
     record : strain rate
     passes : vehicles, smoothed, at the record's rows
-    depth : believed depth of the fiber, m
-    poisson_ratio : believed, of the ground
+    depth : prior mean depth of the fiber, m
+    poisson_ratio : prior mean of the ground's
 
     Raises
     ------

@@ -170,7 +170,7 @@ def locate_sides(widths: Widths, curves: Sequence[dict[float, CouplingCurve]], c
     Parameters
     ----------
     widths : of all passes
-    curves : coupling curve by depth, in units of the believed one, of each pass
+    curves : coupling curve by depth, in units of the prior mean, of each pass
     channel_spacing : m
     """
     grid = np.arange(np.nanmin(widths.lane) - REACH, np.nanmax(widths.lane) + REACH, GRID)

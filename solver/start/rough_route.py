@@ -28,7 +28,7 @@ def silent(record: DASRecord, ends: np.ndarray) -> str | None:
     """Say which channels between `ends` [2] record nothing; None where all do."""
     inside = (record.channel >= ends[0]) & (record.channel <= ends[1])
     dead = repeating(record, record.channel[inside])
-    return f"channels {ranges(dead)} record nothing; the route there hangs on their neighbors" if len(dead) else None
+    return f"channels {ranges(dead)} record nothing; the route there depends on their neighbors" if len(dead) else None
 
 
 def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int, recorded: tuple[int, int]) -> slice:

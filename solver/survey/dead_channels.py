@@ -1,7 +1,7 @@
 """Dead channels: every test by which a channel counts as one that tells nothing of the traffic.
 
 Channels of one number only are NaN in a record, as excluded ones are (`DASRecord.dead`). `repeating` ones hold the same
-number most of the time; their noise is 0, so that no fit takes them. `dead_channels` hear next to nothing of what those
+number most of the time; their noise is 0, so that no fit takes them. `dead_channels` are nearly silent where those
 on either side hear: faded, muted, or hanging in the air. A fit would take their silence for a fiber far away, and the
 more so the quieter they are. `hears_nothing` is the rule; criticism applies it to a model.
 """
@@ -67,7 +67,7 @@ def dead_channels(record: DASRecord, channel: Integers) -> Integers:
 
 
 def dead(values: Array, reach: int) -> NDArray[np.bool_]:
-    """Which channels of [sample, channel] hear next to nothing of what up to `reach` channels on either side hear.
+    """Which channels of [sample, channel] are nearly silent where up to `reach` channels on either side are not.
 
     >>> rng = np.random.default_rng(0)
     >>> passing = np.exp(-((np.arange(200)[:, None] - 4 * np.arange(30)) ** 2) / 200)
