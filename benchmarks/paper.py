@@ -25,6 +25,7 @@ from matplotlib.ticker import LogLocator
 
 from solver.cable.curves import hausdorff
 from solver.fit import Prior, Problem
+from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.pose import pose
 from solver.published.geometric_route import geometric_route
@@ -177,7 +178,8 @@ def expected_errors(problem: Problem, true: np.ndarray, channel: np.ndarray) -> 
     fit = MapFit(problem)
     reach = problem.route_channel[(problem.route_channel >= 0) & (problem.route_channel < len(true))]
     route = fit.basis.interpolate(problem.distance_of(reach), true[reach])
-    matrix = fit.normal(fit.start_at(torch.from_numpy(route), torch.tensor(problem.prior.poisson_ratio[0])))[0]
+    state = fit.start_at(torch.from_numpy(route), torch.tensor(problem.prior.poisson_ratio[0]))
+    matrix, _ = Chain.single(fit).dense(state, [fit.linearized(state)])
     size = fit.layout["route"].stop
     covariance = torch.linalg.inv(matrix)[:size, :size].numpy()
     drawn = np.random.default_rng(0).multivariate_normal(np.zeros(size), covariance, DRAWS, method="eigh")

@@ -15,6 +15,7 @@ from solver.criticism.score import FOUND, Projected, Score, mixes, one_sided, ou
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.windowed import Windowed
 from solver.effect import Effect, Heard
+from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
@@ -71,7 +72,7 @@ class Scorer:
     def __init__(self, fit: MapFit, state: State, alone: bool = False):
         self.fit, self.state, self.alone = fit, state, alone
         self.at: Linearized = fit.linearized(state)
-        matrix, right, _ = fit.normal_of(state, self.at)
+        matrix, right = Chain.single(fit).dense(state, [self.at])
         self.fitted = len(matrix)
         self._local: dict[tuple[int, bool, int], Local] = {}
         self._seen: Seen | None = None

@@ -18,13 +18,13 @@ from torch import Tensor
 from solver.cable.fiber import SplineBasis
 from solver.fit.links import Link, linked
 from solver.fit.map_fit import MapFit
-from solver.fit.normal import Block, Normal, Part
+from solver.fit.normal import Assembly, Block, Normal, Part
 from solver.fit.parameter_layout import of_route
 from solver.fit.parameter_prior import ParameterPrior, RouteRows
 from solver.fit.parameter_space import ParameterSpace
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER, SPIKE
-from solver.fit.state import State, Weights
+from solver.fit.state import Linearized, State, Weights
 from solver.fit.stretches import parts
 
 T = TypeVar("T")
@@ -41,8 +41,7 @@ class Looked:
     cost : misfit by the weights given
     misfit : by the new `weights`
     model : [sample, channel], 1/s
-    part : of the normal equations
-    shared, right : of the data, over what the stretch shares, [shared, shared] and [shared]
+    equations : as `Assembly.add` takes them
     """
 
     amplitude: Tensor
@@ -50,9 +49,7 @@ class Looked:
     misfit: float
     weights: Weights
     model: Tensor
-    part: Part
-    shared: np.ndarray
-    right: np.ndarray
+    equations: tuple[Block, np.ndarray, Part]
 
 
 @dataclass(frozen=True)
@@ -239,7 +236,21 @@ class Chain(ParameterSpace):
             here, evaluation = fit.resettled(here, evaluation, before)
         at = fit.linearized(here, evaluation)
         cost = at.misfit if before is None else float((fit.whitened_of(evaluation.model, before) ** 2).sum())
-        own, shared, _ = self._places[number]
+        equations = self.equations_of(number, at, precision, shift)
+        weights = Weights(at.weights.good.bool(), at.weights.soft.float()) if self.long else at.weights
+        model = evaluation.model.float() if self.long else evaluation.model
+        return Looked(here.vehicles.amplitude, cost, at.misfit, weights, model, equations)
+
+    def equations_of(
+        self, number: int, at: Linearized, precision: Tensor, shift: Tensor
+    ) -> tuple[Block, np.ndarray, Part]:
+        """Normal equations of one link that is linearized, as `Assembly.add` takes them.
+
+        Parameters
+        ----------
+        precision, shift : [parameter], of the priors, and from the state to their means
+        """
+        link, (own, shared, _) = self.links[number], self._places[number]
         jacobian = at.jacobian.index_select(1, torch.cat([own, shared]))
         matrix, right = (jacobian.T @ jacobian).numpy(), (jacobian.T @ at.residual).numpy()
         count, mine = len(own), link.where[own]
@@ -251,40 +262,40 @@ class Chain(ParameterSpace):
             known,
             link.stretch,
         )
-        weights = Weights(at.weights.good.bool(), at.weights.soft.float()) if self.long else at.weights
-        model = evaluation.model.float() if self.long else evaluation.model
-        amplitude = here.vehicles.amplitude
-        return Looked(amplitude, cost, at.misfit, weights, model, part, matrix[count:, count:], right[count:])
+        return self._block(number, matrix[count:, count:]), right[count:], part
+
+    def dense(self, state: State, at: Sequence[Linearized]) -> tuple[Tensor, Tensor]:
+        """Normal matrix [free, free] and right-hand side [free] at a state, from its links' linearizations there."""
+        precision, shift = self.prior.precision(state), self.mean - state.vector()
+        assembly = Assembly(self.size, len(self.border))
+        for number, one in enumerate(at):
+            assembly.add(*self.equations_of(number, one, precision, shift))
+        matrix, right = assembly.normal(*self.priors(state, precision)).dense()
+        where = torch.cat([torch.arange(self.size), self.border, *self.own_places])
+        order = torch.argsort(where).numpy()
+        return torch.from_numpy(matrix[np.ix_(order, order)]), torch.from_numpy(right[order])
 
     def visit(self, state: State, before: Sequence[Weights] | None = None) -> Visit:
         """The chain near a state; with amplitudes that fit best by the weights of the visit `before`."""
         precision, shift = self.prior.precision(state), self.mean - state.vector()
-        blocks: dict[int, Block] = {}
         cost, misfit = 0.0, 0.0
-        right = np.zeros(self.size + len(self.border))
-        weights, models, own, amplitudes = [], [], [], []
+        assembly = Assembly(self.size, len(self.border))
+        weights, models, amplitudes = [], [], []
 
         def work(number: int) -> Looked:
             return self.look(number, state, None if before is None else before[number], precision, shift)
 
-        for number, seen in enumerate(self.each(work)):
+        for seen in self.each(work):
             cost, misfit = cost + seen.cost, misfit + seen.misfit
-            block = self._block(number, seen.shared)
-            right[block.where(self.size)] += seen.right
-            if seen.part.stretch in blocks:
-                blocks[seen.part.stretch].matrix[...] += seen.shared
-            else:
-                blocks[seen.part.stretch] = block
+            assembly.add(*seen.equations)
             weights.append(seen.weights)
             models.append(seen.model)
-            own.append(seen.part)
             amplitudes.append(seen.amplitude)
         state = self.with_amplitudes(state, amplitudes)
-        known = self.known(state, precision)
-        right += self.pull(state, precision)
-        normal = Normal(self.size, len(self.border), [blocks[key] for key in sorted(blocks)], list(known), own, right)
-        border = self.stopped(state, self.border, right[self.size :])
-        stopped = [self.stopped(state, where, part.right) for where, part in zip(self.own_places, own, strict=True)]
+        normal = assembly.normal(*self.priors(state, precision))
+        border = self.stopped(state, self.border, normal.right[self.size :])
+        places = zip(self.own_places, normal.parts, strict=True)
+        stopped = [self.stopped(state, where, part.right) for where, part in places]
         return Visit(state, cost + self.prior.total(state), misfit, normal, border, stopped, weights, models)
 
     def rows(self, state: State) -> list[RouteRows]:
@@ -292,6 +303,10 @@ class Chain(ParameterSpace):
         if self.prior.held:
             return []
         return self.prior.route_rows(state)
+
+    def priors(self, state: State, precision: Tensor) -> tuple[list[Block], np.ndarray]:
+        """Normal matrices and right-hand side [shared] of the priors on what is shared."""
+        return list(self.known(state, precision)), self.pull(state, precision)
 
     def known(self, state: State, precision: Tensor) -> Iterator[Block]:
         """Normal matrices of the priors on what is shared."""

@@ -77,23 +77,22 @@ def shared_numbers(chain: Chain, state: State, new: Chain) -> torch.Tensor:
     return numbers
 
 
-def unshown(fit: MapFit, state: State) -> list[str]:
+def unshown(chain: Chain, end: Solution) -> list[str]:
     """Effects, the same for all passes, that a fit cannot tell from none (test of Wald 1943, Trans. AMS 54, 426)."""
-    common = [one for one in fit.extension.effects if all(p.scope not in SINGLE for p in one.amplitudes)]
-    if not common:
-        return []
-    covariance = torch.linalg.inv(fit.normal(state)[0])
-    place = torch.full((fit.layout.size,), -1)
-    place[fit.free] = torch.arange(int(fit.free.sum()))
-    place = place[fit.layout["numbers"]]
+    every = zip(slots_of(chain), chain.slots, strict=True)
+    sizes = [(slot, where) for slot, where in every if not slot.parameter.is_shape]
+    covariance, numbers = Posterior(chain, end.at).border_covariance, chain.layout.where("numbers")
     found = []
-    for effect in common:
-        sizes = [s for s in fit.extension.slots if s.effect is effect and not s.parameter.is_shape]
-        away = torch.cat([state.numbers[s.where] - s.parameter.null for s in sizes])
-        mine = torch.cat([place[s.where] for s in sizes])
-        mine, away = mine[mine >= 0], away[mine >= 0]
-        wald = float(away @ torch.linalg.solve(covariance[mine[:, None], mine], away))
-        if wald < len(mine) + SHOWN * (2 * len(mine)) ** 0.5:
+    for effect in chain.links[0].fit.extension.effects:
+        mine = [(slot, where) for slot, where in sizes if slot.effect is effect]
+        if any(slot.parameter.scope in SINGLE for slot, _ in mine):
+            continue
+        away = torch.cat([end.state.numbers[where] - slot.parameter.null for slot, where in mine])
+        place = numbers[torch.cat([where for _, where in mine])]
+        open_ = chain.free[place]
+        at, off = chain.rank(place[open_]), away[open_].numpy()
+        wald = float(off @ np.linalg.solve(covariance[np.ix_(at, at)], off))
+        if wald < len(off) + SHOWN * (2 * len(off)) ** 0.5:
             found.append(effect.name)
     return found
 
@@ -245,7 +244,7 @@ def held_out(
     for group in [None] if is_long(problem) else [np.sort(every[first::folds]) for first in range(folds)]:
         fold = Fold.dealt(problem) if group is None else Fold.of(problem, group)
         ground = fold.fitted(whole)
-        if group is not None and (silent := unshown(fold.seen.links[0].fit, ground.state)):
+        if group is not None and (silent := unshown(fold.seen, ground)):
             # What does not show in the passes that are seen can say nothing of the others.
             effects = tuple(one for one in problem.effects if one.name not in silent)
             fold = Fold.of(replace(problem, effects=effects), group)

@@ -224,22 +224,6 @@ class MapFit(ParameterSpace):
         """Weighted misfit plus priors."""
         return float((self.whitened(state, weights) ** 2).sum()) + self.prior.total(state)
 
-    def normal(self, state: State) -> tuple[Tensor, Tensor, Weights]:
-        """Normal matrix [free, free], right-hand side [free] and weights of the samples."""
-        return self.normal_of(state, self.linearized(state))
-
-    def normal_of(self, state: State, at: Linearized) -> tuple[Tensor, Tensor, Weights]:
-        """The same of a problem that is linearized already."""
-        matrix, right = at.jacobian.T @ at.jacobian, at.jacobian.T @ at.residual
-        for one in self.prior.route_rows(state):
-            where = one.where
-            matrix[where[:, None], where] += one.rows.jacobian.T @ one.rows.jacobian
-            right[where] -= one.rows.jacobian.T @ one.rows.residual
-        free = self.free
-        precision = self.prior.precision(state)[free]
-        shift = (self.mean - state.vector())[free]
-        return matrix[free][:, free] + torch.diag(precision), right[free] + precision * shift, at.weights
-
     def weighted(self, evaluation: Evaluation) -> tuple[Weights, Tensor]:
         """Weights of the samples, and the whitened residual [sample, channel] of those that are no spikes."""
         difference = self.unexplained(evaluation.model)

@@ -240,6 +240,21 @@ class Normal:
         ]
         return shared, own
 
+    def dense(self) -> tuple[Array, Array]:
+        """The whole matrix and right-hand side, nothing eliminated: shared parameters first, then each part's own."""
+        shared = self.size + self.border
+        ends = shared + np.cumsum([0, *(len(part.own) for part in self.parts)])
+        out = np.zeros((ends[-1], ends[-1]))
+        for block in (*self.blocks, *self.known):
+            where = block.where(self.size)
+            out[np.ix_(where, where)] += block.matrix
+        for part, first, stop in zip(self.parts, ends, ends[1:], strict=False):
+            where = self.blocks[part.stretch].where(self.size)
+            out[first:stop, first:stop] = part.own
+            out[first:stop, where] = part.cross
+            out[where, first:stop] = part.cross.T
+        return out, np.concatenate([self.right, *(part.right for part in self.parts)])
+
     @cached_property
     def decrement(self) -> float:
         """Newton decrement sqrt(g' H^-1 g): the length of the whole step in posterior sigmas.
@@ -256,3 +271,32 @@ class Normal:
             return float("inf")
         gain = float(self.right @ shared) + sum(float(p.right @ s) for p, s in zip(self.parts, own, strict=True))
         return float(np.sqrt(max(gain, 0.0)))
+
+
+class Assembly:
+    """Normal equations as they are summed up, link by link: only sums are kept.
+
+    Parameters
+    ----------
+    size, border : as of `Normal`
+    """
+
+    def __init__(self, size: int, border: int):
+        self.size, self.border = size, border
+        self.right = np.zeros(size + border)
+        self.blocks: dict[int, Block] = {}
+        self.parts: list[Part] = []
+
+    def add(self, block: Block, right: Array, part: Part) -> None:
+        """Add what one link has of shared parameters (`block` and `right`, of the data) and of its own (`part`)."""
+        self.right[block.where(self.size)] += right
+        if part.stretch in self.blocks:
+            self.blocks[part.stretch].matrix[...] += block.matrix
+        else:
+            self.blocks[part.stretch] = block
+        self.parts.append(part)
+
+    def normal(self, known: Sequence[Block], right: Array) -> Normal:
+        """The equations, with the priors' matrices and right-hand side [size + border]."""
+        blocks = [self.blocks[key] for key in sorted(self.blocks)]
+        return Normal(self.size, self.border, blocks, list(known), self.parts, self.right + right)

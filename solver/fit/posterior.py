@@ -104,7 +104,8 @@ class Posterior:
         return found
 
     @cached_property
-    def _border_covariance(self) -> NDArray[np.float64]:
+    def border_covariance(self) -> NDArray[np.float64]:
+        """Covariance of what all stretches share beside the route, [border, border], not scaled."""
         where = self.visit.normal.size + np.arange(self.visit.normal.border)
         return self.columns(where)[where]
 
@@ -118,7 +119,7 @@ class Posterior:
             for covariance, part in zip(self.own_covariance, normal.parts, strict=True)
         )
         border = self.chain.prior.precision(self.visit.state)[self.chain.border].numpy()
-        prior += float(np.diagonal(self._border_covariance) @ border)
+        prior += float(np.diagonal(self.border_covariance) @ border)
         return free - prior - self._shape_trace
 
     @cached_property
@@ -178,7 +179,7 @@ class Posterior:
     def sigmas(self) -> Tensor:
         """Standard deviation [parameter] of all but the route; 0 where it is fixed."""
         sigma = torch.zeros_like(self.chain.mean)
-        sigma[self.chain.border] = torch.from_numpy(np.sqrt(self.scale * np.diagonal(self._border_covariance)))
+        sigma[self.chain.border] = torch.from_numpy(np.sqrt(self.scale * np.diagonal(self.border_covariance)))
         for where, covariance in zip(self.chain.own_places, self.own_covariance, strict=True):
             sigma[where] = torch.from_numpy(np.sqrt(self.scale * np.diagonal(covariance)))
         return sigma

@@ -62,7 +62,7 @@ def test_the_end_is_a_minimum(case) -> None:
     fit = MapFit(case.problem)
     end = solve(fit, fit.start())
     assert end.converged
-    matrix, right, _ = fit.normal(end.state)
+    matrix, right = Chain.single(fit).dense(end.state, [fit.linearized(end.state)])
     decrement = float(right @ torch.linalg.solve(matrix, right)) ** 0.5
     assert decrement < 0.2
     assert Chain.single(fit).visit(end.state).normal.decrement == pytest.approx(decrement, rel=1e-6)

@@ -47,6 +47,13 @@ def equations() -> tuple[Normal, np.ndarray, np.ndarray]:
     return Normal(size, 2, blocks, [], parts, right), whole, every
 
 
+def test_the_dense_equations_are_all_that_was_summed(equations: tuple) -> None:
+    normal, whole, right = equations
+    matrix, side = normal.dense()
+    np.testing.assert_allclose(matrix, whole, rtol=1e-12)
+    np.testing.assert_array_equal(side, right)
+
+
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 def test_steps_are_those_of_the_dense_equations(equations: tuple, damping: float) -> None:
     normal, whole, right = equations
@@ -113,6 +120,19 @@ def test_a_chain_has_the_covariance_of_the_dense_problem(case, cut_short: None) 
     block = covariance[:route, :route].reshape(chain.basis.size, 3, chain.basis.size, 3)
     total = posterior.scale * np.einsum("ci,iajb,cj->cab", at, block, at)
     np.testing.assert_allclose(posterior.route(case.problem.distance)[1], total, rtol=1e-4, atol=1e-9)
+
+
+def test_the_links_equations_in_the_vector_s_order_are_those_of_the_dense_problem(case, cut_short: None) -> None:
+    chain = Chain.of(replace(case.problem, effects=(built_in()["channel_coupling"],)))
+    state = chain.visit(chain.start(), chain.unsettled(chain.start())).state
+    matrix, right = chain.dense(state, [link.fit.linearized(chain.part_of(state, link)) for link in chain.links])
+    expected, free = dense(chain, chain.visit(state))
+    np.testing.assert_allclose(matrix, expected, rtol=1e-8, atol=1e-8 * float(expected.abs().max()) ** 0.5)
+    assert matrix.shape == (len(free), len(free)) and right.shape == (len(free),)
+    shared, _ = chain.visit(state).normal.step(0.0)
+    step = torch.linalg.solve(matrix, right)
+    route = chain.layout["route"].stop
+    np.testing.assert_allclose(step[:route], shared[:route], rtol=1e-4, atol=1e-7)
 
 
 def test_stretches_find_the_route_that_one_fit_finds(case, cut_short: None) -> None:
