@@ -5,7 +5,7 @@ common mode that all channels share (laser phase noise, trains, a vibrating inst
 the own part may be correlated between neighboring channels too, as overlapping gauges make it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -72,11 +72,14 @@ class NoiseLaw:
     own : [lag], autocovariance in time of each channel's own noise, in units of its level squared
     common : [lag], that of the common mode
     across : [lag], correlation of the own noise between channels, 1 at lag 0
+    hidden : [lag], autocovariance in time, as of `own` and part of it, of errors of rounding that show beside vehicles
+        only: quiet that is less than a step is rounded to zero
     """
 
     own: Array
     common: Array
     across: Array
+    hidden: Array = field(default_factory=lambda: np.array([0.0]))
 
     @classmethod
     def white(cls) -> "NoiseLaw":
@@ -104,8 +107,7 @@ def noise_law(
     still : [sample, channel] bool, no vehicle near
     sampling_rate : Hz
     gauge : gauge length, channels
-    rounding : autocovariance [lag] of the error of rounding, in units of the noise level squared; quiet that is less
-        than a step is rounded to zero, so that the error shows beside vehicles only
+    rounding : autocovariance [lag] of the error of rounding, in units of the noise level squared
 
     Notes
     -----
@@ -127,18 +129,18 @@ def noise_law(
         crossed, cross_pairs = (value[ahead] * far[behind]).sum(), (count[ahead] * far_count[behind]).sum()
         both[lag] = alone / max(pairs, 1.0)
         common[lag] = crossed / max(cross_pairs, 1.0)
+    hidden = np.array([0.0])
+    if rounding is not None and rounding[0] > 0:
+        hidden = min(max(1.0 - both[0], 0.0), float(rounding[0])) * rounding[:lags] / rounding[0]
     if both[0] <= 0 or use.sum() < 50 * lags:
-        return NoiseLaw.white()
+        return replace(NoiseLaw.white(), hidden=hidden)
     # What few quiet samples cannot tell from zero is zero.
     moments = max(1.0, float((number > 1).sum()))
     common = np.where(common[0] > 3 / np.sqrt(moments) * both[0] / max(number.mean(), 1.0), common, 0.0)
     own = both - common
-    if rounding is not None and rounding[0] > 0:
-        hidden = min(max(1.0 - both[0], 0.0), float(rounding[0])) * rounding[:lags] / rounding[0]
-        own[: len(hidden)] += hidden
-    return NoiseLaw(
-        positive(own), positive(common) if common[0] > 0 else common, across(value, count, common[0], reach)
-    )
+    own[: len(hidden)] += hidden
+    common = positive(common) if common[0] > 0 else common
+    return NoiseLaw(positive(own), common, across(value, count, common[0], reach), hidden)
 
 
 def reach_of(channels: int, gauge: float) -> int:

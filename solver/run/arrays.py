@@ -66,6 +66,7 @@ EXPECTED: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "law_own": ("number", ("lag",)),
     "law_common": ("number", ("lag",)),
     "law_across": ("number", ("neighbor",)),
+    "law_hidden": ("number", ("hidden lag",)),
 } | {
     f"{prefix}_{name}": (kind, tuple(f"{prefix}'s {axis}" if isinstance(axis, str) else axis for axis in axes))
     for prefix in ("pass", "fitted_pass")

@@ -74,4 +74,20 @@ def quiet_whitened(problem: Problem, part: slice) -> tuple[NDArray[np.float64], 
     still = quiet(len(problem.record), problem.start[part], problem.passes)
     samples = np.arange(len(problem.record))
     whiten = Whitener(problem.noise[part], samples, problem.channel[part], problem.law)
-    return whitened_noise(problem.record[:, part], still, whiten)
+    return whitened_noise(with_hidden(problem, part), still, whiten)
+
+
+def with_hidden(problem: Problem, part: slice) -> NDArray[np.float64]:
+    """The record [sample, channel] of some channels with errors drawn as large as rounding leaves beside vehicles.
+
+    Quiet that was rounded to zero lacks them, and the misfit of the fitted samples does not.
+    """
+    record, hidden = problem.record[:, part], problem.law.hidden
+    if not hidden[0] > 0:
+        return record
+    law = np.zeros(len(record))
+    law[: len(hidden)] = hidden
+    law[len(record) - len(hidden) + 1 :] += hidden[:0:-1]
+    gain = np.sqrt(np.maximum(np.fft.rfft(law).real, 0.0))[:, None]
+    even = np.random.default_rng(part.start).uniform(-(3**0.5), 3**0.5, record.shape)
+    return record + problem.noise[part].numpy() * np.fft.irfft(gain * np.fft.rfft(even, axis=0), len(record), axis=0)

@@ -26,6 +26,7 @@ WITHIN: dict[str, tuple[float, float]] = {
     "law_own": (-1e6, 1e6),
     "law_common": (-1e6, 1e6),
     "law_across": (-1e6, 1e6),
+    "law_hidden": (-1e6, 1e6),
 } | {
     f"{prefix}_{name}": limits
     for prefix in ("pass", "fitted_pass")
@@ -81,6 +82,8 @@ def check_arrays(arrays: Arrays) -> None:
     require((np.isnan(variance) | (variance >= 0)).all(), "covariance has a negative variance")
     own, across = arrays["law_own"], arrays["law_across"]
     require(own[0] > 0 and (np.abs(own) <= 1.001 * own[0]).all() and across[0] > 0, "law_own is no covariance of noise")
+    hidden = arrays["law_hidden"]
+    require(len(hidden) <= moments and (np.abs(hidden) <= hidden[0]).all(), "law_hidden is no covariance of noise")
     for prefix in ("pass", "fitted_pass"):
         check_passes(arrays, prefix, moments)
     require(np.isin(arrays["fitted_pass_rows"], samples).all(), "fitted_pass_rows has one that is not in samples")

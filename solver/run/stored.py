@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from solver.run.trust import Verdict
 from vision.contract import InputError
 
-Format = Literal["roadfiber run 2"]
+Format = Literal["roadfiber run 3"]
 (FORMAT,) = get_args(Format)
 #: Bytes of a JSON file; a run of 10 km of fiber and a thousand vehicles has a tenth of it.
 LARGEST = 2**26

@@ -7,10 +7,12 @@ import pytest
 
 from solver.catalogue.catalogue import built_in
 from solver.fit.held_out import HeldOut
+from solver.fit.pose import pose
 from solver.fit.result import Parameter
 from solver.run.floor import Floor, noise_floor
 from solver.run.gates import trust_of
 from solver.survey.anchors import Anchor
+from solver.survey.das.rounding import Rounding
 
 FLOOR = Floor(value=1.0, samples=50_000, spread=2.0)
 SEEN = HeldOut(chi2=50_100.0, freedom=50_000.0, blurred=0.0, blur=0.0)
@@ -143,3 +145,14 @@ def test_floor_and_its_scatter_are_measured_on_quiet_samples(survey):
     # Every sample twice over: as many, but half as many that tell something.
     twice = replace(survey.problem, record=np.repeat(survey.problem.record, 2, axis=0)[: len(survey.problem.record)])
     assert noise_floor(twice).spread > 1.3 * floor.spread
+
+
+@pytest.mark.parametrize("steps", [1.0, 4.0, 6.0])
+def test_the_floor_of_a_rounded_record_has_the_errors_that_rounding_leaves_beside_vehicles(survey, steps):
+    """Quiet below half a step is rounded to zero: it leaves less than what is fitted."""
+    problem, step = survey.problem, steps * 2e-8
+    coarse, of_all = step * np.rint(problem.record / step), Rounding(np.full(len(problem.channel), step), np.ones(1))
+    record = replace(survey.record, strain_rate=coarse, channel=problem.channel, distance=problem.distance)
+    given = problem.passes, problem.anchors, problem.start, problem.channel, problem.prior
+    posed = pose(replace(record, rounding=of_all), *given)
+    assert noise_floor(posed).value == pytest.approx(1.0, abs=0.06)
