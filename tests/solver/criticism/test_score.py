@@ -1,0 +1,112 @@
+"""The score test's linear algebra, against least squares done by brute force."""
+
+import numpy as np
+import pytest
+import torch
+
+from solver.catalogue.catalogue import built_in
+from solver.criticism.score import FOUND, NOTED, G, Projected, Score, evidence, mixes, one_sided, outcome
+
+RNG = np.random.default_rng(8)
+
+
+def projected(columns: np.ndarray, fitted: np.ndarray, residual: np.ndarray) -> Projected:
+    """What a fit of some columns leaves of others."""
+    left = columns - fitted @ np.linalg.lstsq(fitted, columns, rcond=None)[0]
+    return Projected(
+        *(torch.from_numpy(np.asarray(part)) for part in (left.T @ residual, left.T @ left, columns.T @ columns))
+    )
+
+
+@pytest.fixture
+def case() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Columns that are tested, columns that were fitted, and the residual of that fit."""
+    fitted, columns = RNG.normal(size=(60, 5)), RNG.normal(size=(60, 3)) * [1.0, 1e4, 1e-5]
+    data = RNG.normal(size=60) + columns @ [2.0, 1e-4, 0.0]
+    return columns, fitted, data - fitted @ np.linalg.lstsq(fitted, data, rcond=None)[0]
+
+
+def test_the_predicted_fall_is_that_of_fitting_everything_again(case):
+    """Of a linear problem it is exact, whatever the units of the columns."""
+    columns, fitted, residual = case
+    fall, freedom, estimate, sigma, retained = outcome(projected(columns, fitted, residual), None)
+    whole = np.hstack([fitted, columns])
+    solution = np.linalg.lstsq(whole, residual, rcond=None)[0]
+    again = residual - whole @ solution
+    covariance = np.linalg.inv(whole.T @ whole)
+    assert fall == pytest.approx(residual @ residual - again @ again, rel=1e-9)
+    assert freedom == 3 and 0 < retained <= 1
+    np.testing.assert_allclose(estimate, solution[5:], rtol=1e-8)
+    np.testing.assert_allclose(sigma, np.sqrt(covariance.diagonal()[5:]), rtol=1e-8)
+
+
+def test_what_the_fit_can_do_itself_has_no_fall(case):
+    """A column that the fitted ones span is left out, and does not disturb another."""
+    columns, fitted, residual = case
+    spanned = np.column_stack([fitted @ [1.0, -2.0, 0.5, 0.0, 3.0], columns[:, 0]])
+    alone = outcome(projected(columns[:, :1], fitted, residual), None)
+    both = outcome(projected(spanned, fitted, residual), None)
+    assert both[1] == 1 and both[0] == pytest.approx(alone[0], rel=1e-6)
+    assert both[4] == pytest.approx(alone[4] / 2, rel=1e-6)
+
+
+def test_retained_is_the_share_that_no_fitted_column_follows():
+    """At an angle of 30 degrees from the fitted direction a quarter of the square is left."""
+    fitted = np.array([[1.0], [0.0]])
+    column = np.array([[np.cos(np.pi / 6)], [np.sin(np.pi / 6)]])
+    assert outcome(projected(column, fitted, np.array([0.0, 1.0])), None)[4] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("sign", "falls"), [(1, True), (-1, False), (None, True)])
+def test_a_size_on_the_wrong_side_of_its_bound_has_no_fall(sign, falls):
+    column, residual = np.array([[1.0], [2.0]]), np.array([3.0, 0.5])
+    fall, _, estimate, _, _ = outcome(projected(column, np.zeros((2, 1)), residual), sign)
+    assert estimate[0] == pytest.approx(0.8)
+    assert fall == pytest.approx(3.2 if falls else 0.0)
+
+
+def test_combined_directions_are_those_of_summed_columns(case):
+    columns, fitted, residual = case
+    mix = torch.tensor([[1.0], [1.0], [0.0]], dtype=torch.float64)
+    one = projected(columns, fitted, residual).combined(mix)
+    other = projected(columns @ mix.numpy(), fitted, residual)
+    for mine, theirs in ((one.score, other.score), (one.information, other.information), (one.gram, other.gram)):
+        torch.testing.assert_close(mine, theirs, rtol=1e-9, atol=1e-9)
+
+
+def test_evidence_is_the_ratio_of_marginal_likelihoods():
+    """By numerical integration of the g-prior over one number with unit information."""
+    fall = 9.0
+    size = np.linspace(-60, 60, 200_001)
+    prior = np.exp(-(size**2) / (2 * G)) / np.sqrt(2 * np.pi * G)
+    ratio = np.trapezoid(np.exp(np.sqrt(fall) * size - size**2 / 2) * prior, size)
+    assert evidence(fall, 1, 1) == pytest.approx(np.log(ratio), abs=1e-6)
+    assert evidence(fall, 1, 20) == pytest.approx(np.log(ratio / 20), abs=1e-6)
+    assert evidence(fall, 2, 1) < evidence(fall, 1, 1)
+
+
+def test_mixes_share_one_number_over_passes_where_there_is_one_per_pass():
+    per_pass = next(one for one in built_in().values() if any(p.scope == "pass" for p in one.amplitudes))
+    (apart, each), (shared, sums) = mixes(per_pass, [3] * len(per_pass.amplitudes))
+    assert (apart, shared) == (False, True)
+    assert torch.equal(each, torch.eye(3 * len(per_pass.amplitudes), dtype=torch.float64))
+    assert sums.shape == (3 * len(per_pass.amplitudes), len(per_pass.amplitudes)) and bool((sums.sum(0) == 3).all())
+    plain = next(one for one in built_in().values() if all(p.scope == "one" for p in one.amplitudes))
+    assert len(list(mixes(plain, [1] * len(plain.amplitudes)))) == 1
+
+
+def test_only_a_null_on_a_bound_is_one_sided():
+    signs = {one.name: one_sided(one, 1) for one in built_in().values() if len(one.amplitudes) == 1}
+    for name, sign in signs.items():
+        p = built_in()[name].amplitudes[0]
+        assert sign == (1 if p.null == p.lower else -1 if p.null == p.upper else None)
+    assert {1, None} <= set(signs.values())
+    assert all(one_sided(one, 2) is None for one in built_in().values())
+
+
+@pytest.mark.parametrize(("fall", "beyond"), [(1 + NOTED * 2**0.5 - 0.01, False), (1 + NOTED * 2**0.5 + 0.01, True)])
+def test_a_fall_is_noted_from_four_standard_deviations_on(fall, beyond):
+    one = next(iter(built_in().values()))
+    score = Score(one, {}, False, fall, 1, 1, (1,), np.ones(1), np.ones(1), 1.0, torch.zeros(1))
+    assert bool(score.beyond_noise) is beyond
+    assert score.evidence == evidence(fall, 1, 1) < FOUND
