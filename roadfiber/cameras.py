@@ -41,7 +41,7 @@ def as_files(tables: "Sequence[pd.DataFrame | Path | str]", name: str) -> Iterat
         yield paths
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Calibrated:
     """A calibrated view.
 
@@ -74,6 +74,9 @@ class Calibrated:
     def save(self, path: Path | str) -> None:
         """Write the calibration file, whole or not at all."""
         self.calibration.write(Path(path))
+
+    def __repr__(self) -> str:
+        return table(self.points, self.fit)
 
     def _repr_html_(self) -> str:
         from html import escape
@@ -159,7 +162,7 @@ def track(video: Path | str, *, calibration: Calibration | Path | str | None = N
     return track_video(video, calibration=calibration, **{"cache": cache_folder()} | options)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Quality:
     """How good tables of tracks are, and whether they are good enough for the fiber.
 
@@ -188,6 +191,9 @@ class Quality:
         import pandas as pd
 
         return pd.json_normalize(self.facts["settings"])
+
+    def __repr__(self) -> str:
+        return f"<Quality: use {self.use}. {self.verdict}>"
 
     def _repr_html_(self) -> str:
         return framed(self.page)

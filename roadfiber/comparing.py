@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 REGION = ("words", "x", "time", "amount", "sigma", "unit", "chi2", "z")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """Model against measurement: where, when and how they differ.
 
@@ -79,6 +79,9 @@ class Comparison:
     def save(self, folder: Path | str) -> None:
         """Write compare.html, compare.json and the pictures into a folder, all or none."""
         write_comparison(Path(folder), self.finding, self.run)
+
+    def __repr__(self) -> str:
+        return f"<Comparison {self.run.name}: {self.headline}>"
 
     def _repr_html_(self) -> str:
         from vision.contract.notebook import framed

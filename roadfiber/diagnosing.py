@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Diagnosis:
     """What a run's model lacks.
 
@@ -80,6 +80,9 @@ class Diagnosis:
             size = f"{c.estimate:.3g} +- {c.sigma:.2g} {c.unit}"
             lines.append(f"  {c.effect:22s} {c.verdict:12s} chi2 falls by {c.delta_chi2:8.0f}{full}; size {size}")
         return lines
+
+    def __repr__(self) -> str:
+        return f"<Diagnosis {self.run.name}: {self.verdict}: {self.words}>"
 
     def _repr_html_(self) -> str:
         return framed(diagnosis_page(self.finding, self.run.name))

@@ -81,7 +81,7 @@ def add(run: Run, *effects: str | Effect, force: bool = False, tell: Callable[[s
     return with_growth(run, step, held, time.perf_counter() - begun)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Ladder:
     """The error ladder: misfit against models, and how far the route moved.
 
@@ -127,6 +127,9 @@ class Ladder:
             lines += [*rung.words, f"{misfit}  moved {rung.route_change:.2f} m  {names}"]
         return lines
 
+    def __repr__(self) -> str:
+        return "\n".join([f"<Ladder {self.name}", *(f"  {line}" for line in self.lines())]) + ">"
+
     def _repr_html_(self) -> str:
         return framed(ladder_page(self.rungs, self.name))
 
@@ -152,7 +155,7 @@ def ladder(*runs: Run) -> Ladder:
     return Ladder(rungs, last.name, last.folder or Path())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Story:
     """What a model lacked, found and added step by step.
 
@@ -189,6 +192,9 @@ class Story:
             write_ladder(temporary, self.rungs, self.run.name, seen_from=folder)
             write_diagnosis(temporary, self.chapters[-1].diagnosis, self.run.name)
             write_story(temporary, self.chapters, self.rungs, self.run.name)
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<Story {self.run.name}", *(f"  {chapter.done}" for chapter in self.chapters)]) + ">"
 
     def _repr_html_(self) -> str:
         return framed(story_page(self.chapters, self.rungs, self.run.name))

@@ -81,7 +81,7 @@ not at all'
     return f"{placed} of {placed + sum(left.values())} detected fixes placed on the road{why}{vehicles}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tracked:
     """The tracks of a video.
 
@@ -182,6 +182,9 @@ class Tracked:
         from vision.tracked_figure import tracked_figure
 
         return tracked_figure(self.table, self.clip)
+
+    def __repr__(self) -> str:
+        return "\n".join([f"<Tracked {self.clip.path}", *(f"  {line}" for line in self.lines())]) + ">"
 
     def _repr_html_(self) -> str:
         from vision.contract.figures import svg

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 WIDTH = 960
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """One located fiber: what `locate` returns, what is saved and opened, and what every other verb takes.
 
@@ -126,6 +126,9 @@ class Run:
         features = route_features(self.result, self.frame, self.anchors, self.name)
         with writing(Path(path)) as temporary:
             temporary.write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
+
+    def __repr__(self) -> str:
+        return f"<Run {self.name}: {self.headline} {self.trust}>"
 
     def _repr_html_(self) -> str:
         from solver.run.report import render

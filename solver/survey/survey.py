@@ -38,7 +38,7 @@ class Source:
     sha256: str
 
 
-@dataclass(frozen=True, init=False, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Survey:
     """One survey, ready to be located.
 
@@ -194,6 +194,15 @@ class Survey:
         from solver.survey.survey_figure import survey_figure
 
         return survey_figure(self)
+
+    def __repr__(self) -> str:
+        record, tracks = self.record, self.tracks
+        vehicles = "a video" if tracks is None else f"{tracks['track_id'].nunique()} vehicles"
+        return (
+            f"<Survey {self.name}: {len(record.channel)} channels of {record.channel_spacing:.3g} m, gauges of "
+            f"{record.gauge_length:.3g} m, {record.time[-1]:.0f} s at {record.sampling_rate:.3g} Hz; {vehicles}; "
+            f"{len(self.anchors)} anchors>"
+        )
 
     def _repr_html_(self) -> str:
         from solver.survey.survey_figure import survey_html

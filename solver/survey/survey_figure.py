@@ -139,20 +139,10 @@ def survey_figure(survey: "Survey") -> Figure:
     return figure
 
 
-def facts_words(survey: "Survey") -> str:
-    """The survey in a line."""
-    record, tracks = survey.record, survey.tracks
-    vehicles = "a video" if tracks is None else f"{tracks['track_id'].nunique()} vehicles"
-    return (
-        f"{len(record.channel)} channels of {record.channel_spacing:.3g} m, gauges of {record.gauge_length:.3g} m, "
-        f"{record.time[-1]:.0f} s at {record.sampling_rate:.3g} Hz; {vehicles}; {len(survey.anchors)} anchors"
-    )
-
-
 def survey_html(survey: "Survey") -> str:
     """The survey as a part of a page."""
     return (
-        f"<h3>{escape(survey.name)}</h3><p>{escape(facts_words(survey))}</p>"
+        f"<p>{escape(repr(survey)[1:-1])}</p>"
         f'<div style="max-width:{WIDTH}px;--ink:#1f2933;--muted:#66707a;--rule:#d5dae0;--paper:#fefefe">'
         f"{svg(survey_figure(survey))}</div>"
     )

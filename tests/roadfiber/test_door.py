@@ -76,6 +76,7 @@ def test_every_result_has_a_table_a_picture_and_a_page(survey: rf.Survey, run: r
     assert [one.effects for one in rf.open(folder / "run2").rungs] == [(), ("gauge_length",)]
     for one in (survey, run, comparison, ladder):
         assert isinstance(one.plot(), Figure)
+        assert repr(one).startswith(f"<{type(one).__name__} ") and len(repr(one)) < 1500, "short, at the prompt"
     for one in (run, comparison, ladder):
         assert one._repr_html_().startswith("<iframe srcdoc=") and "&lt;!doctype html" in one._repr_html_()
     assert "<svg" in survey._repr_html_()
