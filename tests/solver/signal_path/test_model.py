@@ -1,6 +1,6 @@
 """The whole signal path against a brute-force one that loops over everything."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -97,24 +97,27 @@ def test_vehicles_superpose(scene: tuple) -> None:
     torch.testing.assert_close(total, alone)
 
 
-@pytest.mark.parametrize("name", ["ahead", "behind_slope", "along", "across", "wheelbase", "front_share"])
-def test_sensitivities_are_derivatives(scene: tuple, name: str) -> None:
-    path, fiber, vehicles, _, _ = scene
+@pytest.mark.parametrize("curved", [False, True])
+def test_sensitivities_are_derivatives(scene: tuple, curved: bool) -> None:
+    """In closed form by every local quantity, against PyTorch's forward mode through the whole path."""
+    straight, _, vehicles, basis, coefficients = scene
+    path, fiber = replace(straight, curved=curved), Fiber.of(GaugeEnds.of(basis, DISTANCE, GAUGE, curved), coefficients)
     nu = torch.tensor(NU, dtype=torch.float64)
     local = path.sensitivities(fiber, vehicles, nu)
-    group = fiber if hasattr(fiber, name) else vehicles
-    step = 1e-5
+    torch.testing.assert_close(local.rate, path.rows(fiber, vehicles.rows(path.traffic), nu), rtol=1e-12, atol=0.0)
+    points, loads = fiber.present(), {f.name: getattr(vehicles.rows(path.traffic), f.name) for f in fields(vehicles)}
+    assert set(local.by) == {*points, *loads, "poisson_ratio"}
 
-    def moved(sign: int) -> torch.Tensor:
-        value = getattr(group, name) + sign * step * torch.ones_like(getattr(group, name))
-        changed = type(group)(*(value if f.name == name else getattr(group, f.name) for f in fields(group)))
-        here = (changed, vehicles) if group is fiber else (fiber, changed)
-        return path.rows(here[0], here[1].rows(path.traffic), nu)
+    def rate(name: str, shift: torch.Tensor) -> torch.Tensor:
+        """Strain rate [row, channel] with one quantity shifted alike for all rows and channels: each has its own."""
+        there = {key: x + shift if key == name else x for key, x in points.items()}
+        driven = {key: x + shift if key == name else x for key, x in loads.items()}
+        return path.rows(Fiber(**there), Vehicles(**driven), nu + shift if name == "poisson_ratio" else nu)
 
-    numeric = (moved(1) - moved(-1)) / (2 * step)
-    analytic = local.by[name]
-    analytic = analytic.sum(-1) if analytic.ndim == 3 else analytic
-    torch.testing.assert_close(analytic, numeric, rtol=1e-5, atol=float(1e-6 * numeric.abs().max()))
+    for name, found in local.by.items():
+        zero = torch.zeros(found.shape[2:], dtype=torch.float64)
+        exact = torch.func.jacfwd(lambda shift, name=name: rate(name, shift))(zero)
+        torch.testing.assert_close(found, exact, rtol=1e-9, atol=1e-12 * float(exact.abs().max()), msg=name)
 
 
 def test_a_route_driven_the_other_way_feels_the_same(scene: tuple) -> None:
