@@ -1,9 +1,11 @@
 # make demo: from a fresh clone to a located fiber and its report, with nothing but Python 3.11 or newer.
 # make test: every check that a change must pass.
+# make coverage: the tests again, with the lines that none of them reaches; a quarter slower.
 PYTHON ?= python3
 BIN := .venv/bin
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
-.PHONY: demo test clean
+.PHONY: demo test coverage clean
 
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -18,7 +20,10 @@ test: .venv/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal --cov --cov-report=term:skip-covered
+	$(PYTEST)
+
+coverage: .venv/installed
+	$(PYTEST) --cov --cov-report=term:skip-covered
 
 clean:
 	rm -rf .venv build *.egg-info runs

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
 
-from numba import njit
+from numba import guvectorize, njit
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -23,4 +23,26 @@ def compiled(function: F, *, fastmath: bool = False) -> F:
     else:
         # Numba lets errors of a full disk through, except on Windows.
         made._cache._guard_against_spurious_io_errors = lambda: suppress(OSError)
+    return made
+
+
+def elementwise(function: F, inputs: int, outputs: int) -> F:
+    """Compile a function of numbers for arrays that broadcast together; without a cache where none can be written.
+
+    Parameters
+    ----------
+    function : takes `inputs` numbers and `outputs` arrays of one number, which it sets
+
+    >>> import numpy as np
+    >>> def double(x, out): out[0] = 2 * x
+    >>> elementwise(double, 1, 1)(np.arange(3.0))
+    array([0., 2., 4.])
+    """
+    types = ["void(" + ",".join(["f8"] * inputs + ["f8[:]"] * outputs) + ")"]
+    layout = ",".join(["()"] * inputs) + "->" + ",".join(["()"] * outputs)
+    made: Any
+    try:
+        made = guvectorize(types, layout, nopython=True, cache=True)(function)
+    except (RuntimeError, OSError):  # no folder that can be written, or a full disk
+        made = guvectorize(types, layout, nopython=True)(function)
     return made
