@@ -232,3 +232,17 @@ def noise_of(
     # The level is an estimate too, which widens what it is compared with.
     near = max(int((there & ~far).sum()), 1)
     return own, spread * (1 + near / (near + len(square)))
+
+
+def strength(run: "Run", cells: Cells) -> Array:
+    """How strongly each cell's vehicle drives it [sample, channel]: RMS of its model per speed, times the speed, 1/s.
+
+    A weight that passes over a fiber at speed v makes strain rates in proportion to v and to its load; 0 without one.
+    """
+    approach, model = cells.approach, run.result.model
+    near = approach.near & cells.there & (approach.speed > 0)
+    owner, count = approach.owner[near], len(run.passes)
+    square = np.bincount(owner, (model[near] / approach.speed[near]) ** 2, count)
+    number = np.bincount(owner, minlength=count)
+    load = np.sqrt(np.divide(square, number, out=np.zeros(count), where=number > 0))
+    return np.where(approach.owner >= 0, load[approach.owner] * np.nan_to_num(approach.speed), 0.0)

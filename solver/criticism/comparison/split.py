@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from solver.criticism.comparison.cells import Cells, lanes
-from solver.criticism.comparison.stack import strength
+from solver.criticism.comparison.cells import Cells, lanes, strength
 from solver.noise.whitening import LONGEST, blocks_of
 from solver.run.run import Run
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.criticism.comparison.cells import Cells
+from solver.criticism.comparison.cells import Cells, strength
 from solver.run.run import Run
 
 Array = NDArray[np.float64]
@@ -35,20 +35,6 @@ class Stack:
     symmetric: Array
     antisymmetric: Array
     sigma: Array
-
-
-def strength(run: Run, cells: Cells) -> Array:
-    """How strongly each cell's vehicle drives it [sample, channel]: RMS of its model per speed, times the speed, 1/s.
-
-    A weight that passes over a fiber at speed v makes strain rates in proportion to v and to its load; 0 without one.
-    """
-    approach, model = cells.approach, run.result.model
-    near = approach.near & cells.there & (approach.speed > 0)
-    owner, count = approach.owner[near], len(run.passes)
-    square = np.bincount(owner, (model[near] / approach.speed[near]) ** 2, count)
-    number = np.bincount(owner, minlength=count)
-    load = np.sqrt(np.divide(square, number, out=np.zeros(count), where=number > 0))
-    return np.where(approach.owner >= 0, load[approach.owner] * np.nan_to_num(approach.speed), 0.0)
 
 
 def stack_of(run: Run, cells: Cells) -> Stack:
