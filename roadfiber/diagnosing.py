@@ -10,6 +10,7 @@ from solver.criticism.diagnosis import diagnose as diagnose_problem
 from solver.criticism.diagnosis import steps
 from solver.criticism.diagnosis_files import diagnosis_facts, write_diagnosis
 from solver.criticism.pages import diagnosis_page, evidence_figure
+from solver.criticism.plain_verdict import details, headline, size_words
 from solver.effect import Effect
 from solver.run.fitted import fitted
 from solver.run.run import Run
@@ -41,8 +42,13 @@ class Diagnosis:
 
     @property
     def words(self) -> str:
-        """The verdict in words, with the size of the effect and what the route takes up."""
+        """The verdict in the commands' terms, with the size of the effect and what the route takes up."""
         return self.finding.words
+
+    @property
+    def headline(self) -> str:
+        """The verdict in a sentence, in plain words."""
+        return headline(self.finding)
 
     @property
     def effect(self) -> str | None:
@@ -51,10 +57,11 @@ class Diagnosis:
 
     @property
     def table(self) -> "pd.DataFrame":
-        """Effects, best first: effect, stage, verdict, fall of chi2, size, sigma, unit, smallest that shows ..."""
+        """Effects, best first: title, effect, stage, verdict, fall of chi2, size, sigma, unit ..."""
         import pandas as pd
 
-        return pd.DataFrame([asdict(one) for one in self.finding.candidates])
+        rows = [asdict(one) for one in self.finding.candidates]
+        return pd.DataFrame([{"title": c.title} | row for c, row in zip(self.finding.candidates, rows, strict=True)])
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -72,17 +79,16 @@ class Diagnosis:
     def lines(self) -> list[str]:
         """What a terminal shows."""
         found = self.finding
-        lines = [f"{found.verdict}: {found.words}"]
+        lines = [f"{found.verdict}: {self.headline}", *(f"  {line}" for line in details(found)), f"  {found.words}"]
         if found.separate:
             lines.append(f"what would tell them apart: {found.separate}")
         for c in found.candidates[:6]:
             full = "" if c.refitted else " (predicted)"
-            size = f"{c.estimate:.3g} +- {c.sigma:.2g} {c.unit}"
-            lines.append(f"  {c.effect:22s} {c.verdict:12s} chi2 falls by {c.delta_chi2:8.0f}{full}; size {size}")
+            lines.append(f"  {c.effect:22s} {c.verdict:12s} chi2 falls by {c.delta_chi2:8.0f}{full}; {size_words(c)}")
         return lines
 
     def __repr__(self) -> str:
-        return f"<Diagnosis {self.run.name}: {self.verdict}: {self.words}>"
+        return f"<Diagnosis {self.run.name}: {self.verdict}: {self.headline}>"
 
     def _repr_html_(self) -> str:
         return framed(diagnosis_page(self.finding, self.run.name))

@@ -217,7 +217,7 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
     chapters: list[Chapter] = []
     while True:
         found = diagnose(run)
-        say(f"{found.verdict}: {found.words}")
+        say(f"{found.verdict}: {found.headline} ({found.words})")
         if found.verdict != "missing-effect" or found.effect is None or len(chapters) == most:
             chapters.append(Chapter(found.finding, "Nothing more was added."))
             break

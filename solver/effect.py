@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
+from math import expm1
 from typing import Any
 
 import numpy as np
@@ -100,6 +101,75 @@ class Surroundings:
 
 
 Change = Callable[[Any, Mapping[str, Tensor], Surroundings], Any]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the size of an effect may depend on in a survey, where it is told in words.
+
+    Parameters
+    ----------
+    gauge_length, channel_spacing : m, as told
+    x : middle of the stretch of road that was observed, m
+    along : middle of the fitted channels, m along the fiber
+    """
+
+    gauge_length: float
+    channel_spacing: float
+    x: float
+    along: float
+
+
+def as_it_is(value: float, setting: Setting) -> float:
+    """The number itself."""
+    return value
+
+
+def absolute(value: float, setting: Setting) -> float:
+    """The number without its sign."""
+    return abs(value)
+
+
+def percent(value: float, setting: Setting) -> float:
+    """A share in percent."""
+    return 100 * value
+
+
+def percents(value: float, setting: Setting) -> float:
+    """A share in percent, without its sign."""
+    return 100 * abs(value)
+
+
+def grown(value: float, setting: Setting) -> float:
+    """The logarithm of a ratio as percent more or less."""
+    return 100 * expm1(value)
+
+
+def root(value: float, setting: Setting) -> float:
+    """The root of what enters by its square."""
+    return float(max(value, 0.0) ** 0.5)
+
+
+@dataclass(frozen=True)
+class Plain:
+    """An effect as a city engineer reads it.
+
+    Parameters
+    ----------
+    title : two or three words
+    sentence : what is the case, in plain words, where "{size}" stands for the size with its unit, "{told}" for the size
+        that the survey was told, "{x}" and "{along}" for its place along the road and along the fiber, and the names of
+        shape parameters for their values; "" where the physics say it
+    opposite : the same for a negative size, which is told without its sign; "" where the sentence holds for both
+    size : (value of its first number, setting) -> its size in the unit below
+    unit : that people know; "" for that of its first number
+    """
+
+    title: str
+    sentence: str = ""
+    opposite: str = ""
+    size: Callable[[float, Setting], float] = as_it_is
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -210,6 +280,7 @@ class Effect:
         "track", [channel] for "fiber", [sample, 1] for "time"
     physics : one line
     source : paper, book or standard
+    plain : the same for people who do not know the field's terms; its name and physics where None
     told_from : what it is confounded with, in words
     families : of `FAMILIES`, those it belongs to; those whose laws leave what it takes up, if it is a discrepancy model
     discrepancy : what it is as a discrepancy model; None for a physical effect
@@ -227,6 +298,7 @@ class Effect:
     change: Change
     physics: str
     source: str
+    plain: Plain | None = None
     told_from: str = ""
     families: tuple[str, ...] = ()
     discrepancy: Discrepancy | None = None
@@ -236,6 +308,11 @@ class Effect:
     seek: Callable[[Heard], Proposal] | None = None
     start: Callable[[Fitted], Start | None] | None = None
     trace: Callable[[Recorded], str | None] | None = None
+
+    @property
+    def title(self) -> str:
+        """Two or three plain words; its name where it declares none."""
+        return self.name if self.plain is None else self.plain.title
 
     @property
     def generic(self) -> bool:
@@ -277,6 +354,7 @@ def effect(
     *,
     physics: str,
     source: str,
+    plain: Plain | None = None,
     told_from: str = "",
     families: Sequence[str] = (),
     discrepancy: Discrepancy | None = None,
@@ -335,6 +413,7 @@ def effect(
             change,
             physics,
             source,
+            plain=plain,
             told_from=told_from,
             families=tuple(families),
             discrepancy=discrepancy,

@@ -11,7 +11,7 @@ from torch.nn.functional import softplus
 from solver.cable.cable import Cable, Loose
 from solver.cable.fiber import between_channels
 from solver.cable.points import Points
-from solver.effect import Fitted, Parameter, Start, Surroundings, effect
+from solver.effect import Fitted, Parameter, Plain, Start, Surroundings, absolute, effect, grown, percent, root
 
 Values = Mapping[str, Tensor]
 
@@ -24,6 +24,12 @@ SHORTEST = 0.02
     "cable",
     [Parameter("log_gain", "1", 0.3, lower=-3, upper=3, scope="fiber")],
     physics="The cable grips the ground better at some places than at others.",
+    plain=Plain(
+        "Uneven coupling",
+        "The cable grips the ground unevenly, by about {size} from place to place.",
+        size=grown,
+        unit="%",
+    ),
     source="Reinsch et al. 2017, Geophys. J. Int. 210, 1017.",
     told_from="stiffness of the ground that changes along it",
     families=("gain",),
@@ -40,6 +46,7 @@ def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     "cable",
     [Parameter("length_squared", "m^2", 2.0, lower=0, upper=25)],
     physics="The jacket passes strain on over a length L: 1 / (1 + k^2 L^2).",
+    plain=Plain("Soft jacket", "The cable's jacket blurs strain over a length of {size}.", size=root, unit="m"),
     source="Ansari and Libo 1998, J. Eng. Mech. 124, 385.",
     told_from="pulse width",
     families=("blur",),
@@ -58,6 +65,9 @@ def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
         Parameter("length", "m", 2.0, lower=4, upper=60, grid=(8.0, 13.0, 20.0, 35.0)),
     ],
     physics="The fiber slips in its conduit and feels only the mean strain between the points that hold it.",
+    plain=Plain(
+        "Slipping fiber", "About {along} along the fiber, {length} of it slip in the conduit.", size=percent, unit="%"
+    ),
     source="Equilibrium: where nothing grips it, the tension of a fiber, and so its strain, is the same all along.",
 )
 def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
@@ -83,6 +93,7 @@ def coiled(fitted: Fitted) -> Start | None:
         Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 5.0).tolist())),
     ],
     physics="Fiber lies coiled in a manhole: all channels beyond it are nearer than they count.",
+    plain=Plain("Coil of slack", "About {along} along the fiber, {size} of it lie coiled.", size=absolute),
     source="ITU-T L.1430: slack storage at closures.",
     told_from="smooth errors of the channels' positions",
     families=("place",),
@@ -114,6 +125,9 @@ def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     "cable",
     [Parameter("vertical_share", "1", 0.5, null=1.0, lower=0, upper=2)],
     physics="Where the fiber slopes, vertical motion stretches it too; a loose cable follows that less.",
+    plain=Plain(
+        "Vertical motion", "Where the fiber slopes it follows {size} of the vertical motion.", size=percent, unit="%"
+    ),
     source="Displacement projected on the tangent, all three components: t . u.",
 )
 def sloping_fiber(cable: Cable, p: Values, survey: Surroundings) -> Cable:
@@ -126,6 +140,9 @@ def sloping_fiber(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     "cable",
     [Parameter("share", "1", 1.0, lower=0, upper=1.5)],
     physics="Within a gauge the fiber turns: strain is the integral along the path, not the motion of its two ends.",
+    plain=Plain(
+        "Bends within a gauge", "The fiber bends within a gauge, and that counts by {size}.", size=percent, unit="%"
+    ),
     source="Integration by parts of t . grad u . t along the fiber.",
     base_part="bends",
 )
@@ -142,6 +159,12 @@ def curved_gauge(cable: Cable, p: Values, survey: Surroundings) -> Cable:
         Parameter("stretched", "1", 1.0, lower=0, upper=1, grid=(0.0, 1.0)),
     ],
     physics="Channels lie farther apart than the file says: refractive index, helix, overstuffed fiber.",
+    plain=Plain(
+        "Channel spacing",
+        "Channels lie {size} apart along the cable, not {told}.",
+        size=lambda v, s: s.channel_spacing * (1 + v),
+        unit="m",
+    ),
     source="Lindsey et al. 2020, JGR Solid Earth 125.",
     told_from="the route and the clock's rate; only anchors tell",
     families=("rigid",),
@@ -161,6 +184,7 @@ def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
         Parameter("stretched", "1", 1.0, lower=0, upper=1, grid=(0.0, 1.0)),
     ],
     physics="Channels lie off their place along the fiber by a smooth amount: slack, snaking, index.",
+    plain=Plain("Misplaced channels", "Channels lie off their place along the fiber by about {size}.", size=absolute),
     source="Piana Agostinetti et al. 2022, Solid Earth 13, 449.",
     told_from="the route",
     families=("place",),

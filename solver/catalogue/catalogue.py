@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from solver.cable import cable_effects as cable
 from solver.catalogue import discrepancy_models as generic
-from solver.effect import Effect
+from solver.effect import Effect, Plain, percent
 from solver.ground import ground_effects as ground
 from solver.interrogator import interrogator_effects as interrogator
 from solver.load import load_effects as load
@@ -30,6 +30,7 @@ class FaultKind:
     name, stage, physics, source : as of an effect
     unit : of its size
     plausible : smallest and largest usual size
+    plain : the same for people who do not know the field's terms
     """
 
     name: str
@@ -38,6 +39,12 @@ class FaultKind:
     source: str
     unit: str
     plausible: tuple[float, float]
+    plain: Plain
+
+    @property
+    def title(self) -> str:
+        """Two or three plain words."""
+        return self.plain.title
 
 
 FAULTS = {
@@ -50,6 +57,11 @@ FAULTS = {
             "Superposition of Boussinesq loads; searched with a matched filter (Turin 1960, IRE Trans. IT-6, 311).",
             "1",
             (0.1, 2.0),
+            Plain(
+                "Unseen vehicle",
+                "A vehicle passed that is not in the tracks, {size} a typical one's weight.",
+                unit="times",
+            ),
         ),
         FaultKind(
             "cycle_skips",
@@ -58,6 +70,7 @@ FAULTS = {
             "Itoh 1982, Appl. Opt. 21, 2470: unwrapping fails where the phase moves by more than pi a sample.",
             "1",
             (1e-4, 1e-2),
+            Plain("Jumped samples", "{size} of the samples jumped by whole turns of the phase.", "", percent, "%"),
         ),
         FaultKind(
             "faded_channels",
@@ -66,6 +79,7 @@ FAULTS = {
             "Fading of Rayleigh backscatter: Healey 1984, Electron. Lett. 20, 30.",
             "1",
             (1e-2, 0.2),
+            Plain("Silent channels", "{size} of the channels are nearly silent.", "", percent, "%"),
         ),
     )
 }

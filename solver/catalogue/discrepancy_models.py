@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.effect import Discrepancy, Parameter, Surroundings, effect
+from solver.effect import Discrepancy, Parameter, Plain, Surroundings, effect
 from solver.ground.ground import Ground
 from solver.ground.ground_effects import TROUGH
 from solver.interrogator.interrogator import Interrogator
@@ -35,6 +35,7 @@ ASIDE = 10.0
     "trajectory",
     [Parameter("x", "m", 0.3, scope="road"), Parameter("y", "m", 0.3, scope="road")],
     physics="All vehicles are somewhere else than told, by a shift that changes smoothly with the place.",
+    plain=Plain("Unknown shift of tracks"),
     source=SOURCE,
     families=("place",),
     discrepancy=Discrepancy(),
@@ -50,6 +51,7 @@ def generic_track(driven: Trajectory, p: Values, survey: Surroundings) -> Trajec
     "trajectory",
     [Parameter("along", "m", 0.5, scope="pass"), Parameter("across", "m", 0.5, scope="pass")],
     physics="Each vehicle is a fixed way from where it was told to be.",
+    plain=Plain("Unknown shift of each vehicle"),
     source=SOURCE,
     families=("lag", "rigid"),
     discrepancy=Discrepancy(),
@@ -65,6 +67,7 @@ def generic_shift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajec
     "load",
     [Parameter("change", "1", 0.2, scope="track", rated=True)],
     physics="The weight of each vehicle changes smoothly on its way.",
+    plain=Plain("Unknown change of weights"),
     source=SOURCE,
     discrepancy=Discrepancy(),
 )
@@ -78,6 +81,7 @@ def generic_load(load: Load, p: Values, survey: Surroundings) -> Load:
     "load",
     [Parameter("change", "1", 0.2, scope="road", rated=True)],
     physics="The weight of all vehicles changes alike with the place on the road.",
+    plain=Plain("Unknown change along the road"),
     source=SOURCE,
     families=("gain",),
     discrepancy=Discrepancy(),
@@ -92,6 +96,7 @@ def generic_road(load: Load, p: Values, survey: Surroundings) -> Load:
     "load",
     [Parameter(f"{way}_{reach}", "1", 0.2, scope="pass") for way in ("before", "behind") for reach in TRAIN],
     physics="Each vehicle presses, or pulls, some meters before and behind it too.",
+    plain=Plain("Unknown load ahead or behind"),
     source=SOURCE,
     families=("blur",),
     discrepancy=Discrepancy(before_and_behind=True),
@@ -113,6 +118,7 @@ def generic_train(load: Load, p: Values, survey: Surroundings) -> Load:
         Parameter("aside", "m", 3.0, lower=-12, upper=12, grid=(-8.0, -5.0, 5.0, 8.0)),
     ],
     physics="Something else is heard besides, as by a second fiber some meters to one side.",
+    plain=Plain("Unknown second source"),
     source=SOURCE,
     discrepancy=Discrepancy(stage="cable"),
 )
@@ -131,6 +137,7 @@ def generic_twin(load: Load, p: Values, survey: Surroundings) -> Load:
         *(Parameter(f"beside_{scale:g}", "1", 0.2) for scale in SCALES),
     ],
     physics="The ground answers differently by the distance from the wheel, before and behind it, and beside it.",
+    plain=Plain("Unknown answer of the ground"),
     source=SOURCE,
     families=("blur",),
     discrepancy=Discrepancy(),
@@ -159,6 +166,7 @@ def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     "ground",
     [Parameter("softer", "1", 1.0), Parameter("uneven", "1", 1.0)],
     physics="The ground gives more, or less, where it is strained more.",
+    plain=Plain("Unknown softening of the ground"),
     source=SOURCE,
     discrepancy=Discrepancy(),
 )
@@ -211,6 +219,7 @@ class Engaged(torch.autograd.Function):
     "ground",
     [Parameter(f"slack_{slack}", "1", 0.2) for slack in SLACKS],
     physics="Strain stays behind where it turns, by friction: the ground remembers, however slowly it is strained.",
+    plain=Plain("Unknown friction in the ground"),
     source="Prandtl-Ishlinskii model of hysteresis: Krasnosel'skii and Pokrovskii 1989, Systems with Hysteresis.",
     discrepancy=Discrepancy(),
 )
@@ -234,6 +243,7 @@ def generic_friction(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         Parameter("wavelength", "m", 4.0, lower=5, upper=40, grid=(9.0, 15.0)),
     ],
     physics="A packet of waves follows each vehicle, as far behind it wherever it is.",
+    plain=Plain("Unknown waves"),
     source="Gabor 1946, J. Inst. Electr. Eng. 93, 429: the packet; steady in the vehicle's frame.",
     discrepancy=Discrepancy(),
 )
@@ -260,6 +270,7 @@ def generic_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     "interrogator",
     [Parameter(f"{way}_{lag}", "1", 0.2) for way in ("late", "early") for lag in TAPS],
     physics="Each sample holds shares of the samples before and after it.",
+    plain=Plain("Unknown filter in time"),
     source=SOURCE,
     families=("blur", "lag", "even"),
     discrepancy=Discrepancy(),
@@ -280,6 +291,7 @@ def generic_time_filter(interrogator: Interrogator, p: Values, survey: Surroundi
     "interrogator",
     [Parameter("delay", "s", 0.1, scope="fiber")],
     physics="Each channel is read at a time of its own, which changes smoothly along the fiber.",
+    plain=Plain("Unknown delays of channels"),
     source=SOURCE,
     families=("lag",),
     discrepancy=Discrepancy(),
@@ -297,6 +309,7 @@ def generic_delay(interrogator: Interrogator, p: Values, survey: Surroundings) -
         Parameter("shift", "m", 1.0, grid=(-30.0, -20.0, -12.0, 12.0, 20.0, 30.0)),
     ],
     physics="Channels hear a share of what others, a fixed way along the fiber, feel.",
+    plain=Plain("Unknown echo along the fiber"),
     source=SOURCE,
     discrepancy=Discrepancy(mixes=True),
 )
@@ -312,6 +325,7 @@ def generic_echo(interrogator: Interrogator, p: Values, survey: Surroundings) ->
     "interrogator",
     [Parameter(f"{way}_{lag}", "1", 0.2) for way in ("before", "after") for lag in TAPS],
     physics="Each channel holds shares of the channels before and after it.",
+    plain=Plain("Unknown mix of channels"),
     source=SOURCE,
     families=("blur",),
     discrepancy=Discrepancy(mixes=True),
@@ -331,6 +345,7 @@ def generic_neighbors(interrogator: Interrogator, p: Values, survey: Surrounding
     "interrogator",
     [Parameter("change", "1", 0.2, scope="time")],
     physics="All channels are read with a gain that changes smoothly in time.",
+    plain=Plain("Unknown gain in time"),
     source=SOURCE,
     discrepancy=Discrepancy(levels=True),
 )
@@ -344,6 +359,7 @@ def generic_gain(interrogator: Interrogator, p: Values, survey: Surroundings) ->
     "interrogator",
     [Parameter("quadratic", "1", 0.2), Parameter("odd", "1", 0.2), Parameter("cubic", "1", 0.2)],
     physics="The output is no straight line of the strain rate.",
+    plain=Plain("Unknown distortion"),
     source=SOURCE,
     discrepancy=Discrepancy(levels=True),
 )
@@ -365,6 +381,7 @@ def generic_nonlinearity(interrogator: Interrogator, p: Values, survey: Surround
         Parameter("delay", "s", 0.2, lower=0.2, upper=8, grid=(0.6, 1.2, 2.4, 4.0)),
     ],
     physics="Each vehicle is followed by something like itself.",
+    plain=Plain("Unknown followers of vehicles"),
     source=SOURCE,
     discrepancy=Discrepancy(),
 )

@@ -49,6 +49,7 @@ def effect_row(one: Effect, effects: Collection[Effect]) -> Row:
     families = () if one.generic else one.families
     return {
         "name": one.name,
+        "title": one.title,
         "stage": one.stage,
         "kind": "generic" if one.generic else "physical",
         "parameters": [parameter_row(p) for p in one.parameters],
@@ -64,6 +65,7 @@ def fault_row(fault: FaultKind) -> Row:
     """One fault for machines; it has no parameters, its size is found."""
     return {
         "name": fault.name,
+        "title": fault.title,
         "stage": fault.stage,
         "kind": "fault",
         "parameters": [],
@@ -143,7 +145,8 @@ def confounded_words(row: Row) -> str:
 
 def entry(row: Row) -> Text:
     """What the list says of an effect."""
-    text = Text(row["physics"])
+    text = Text() if row["title"] == row["name"] else Text(f"{row['title']}. ", "bold")
+    text.append(row["physics"])
     for p in row["parameters"]:
         text.append(f"\n{parameter_words(p)}", "green")
     if not row["parameters"]:
@@ -184,7 +187,8 @@ def print_list(rows: Sequence[Row]) -> None:
 def print_details(row: Row, rows: Sequence[Row]) -> None:
     """Print one effect, and the physics of those that it is confounded with."""
     out = console()
-    out.print(Text(f"{row['name']}: {row['kind']} effect on the {row['stage']} stage", "bold"))
+    title = "" if row["title"] == row["name"] else f", {row['title'].lower()}"
+    out.print(Text(f"{row['name']}{title}: {row['kind']} effect on the {row['stage']} stage", "bold"))
     out.print(Text(f"{row['physics']}\n{row['law']}\nSource: {row['source']}"))
     for p in row["parameters"]:
         out.print(Text(parameter_words(p), "green"))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_law
 
 from solver.catalogue.catalogue import FAULTS
+from solver.catalogue.plain_words import Told
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import Fault
 from solver.criticism.score import FOUND, Score, evidence
@@ -40,6 +41,8 @@ class Candidate:
     held_out_gain : fall of the held-out chi2 per degree of freedom; None where it was not tried
     refitted : whether it was fitted in full
     families : of effects that surveys often cannot tell apart, those it belongs to
+    route_change : largest way, m, that it moves the route where it is ignored; None where that was not computed
+    told : the same for people, see `solver.catalogue.plain_words`; None until a diagnosis is whole
     """
 
     effect: str
@@ -61,6 +64,13 @@ class Candidate:
     held_out_gain: float | None = None
     refitted: bool = False
     families: tuple[str, ...] = ()
+    route_change: float | None = None
+    told: Told | None = None
+
+    @property
+    def title(self) -> str:
+        """Two or three plain words; its name where it has none."""
+        return self.effect if self.told is None else self.told.title
 
 
 def fault_candidate(fault: Fault) -> Candidate:

@@ -5,7 +5,7 @@ families, the best few are fitted in full and race each other, passes held out c
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,10 @@ from solver.criticism.bench import RACERS, STANDING_IN, Advance, Asked, Bench, r
 from solver.criticism.beside import BESIDE, CLOSE, FEW, MANY, Beside, akin, both_known, of_family, outdone
 from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.placing import stage_of
+from solver.criticism.plain_verdict import spoken
 from solver.criticism.refit import HOPE, Refit, as_located, elsewhere, race
 from solver.criticism.repairs import mended
+from solver.criticism.route_change import with_moves
 from solver.criticism.score import FOUND, Score
 from solver.criticism.scorer import Scorer, similarity
 from solver.criticism.side_by_side import side_by_side
@@ -72,6 +74,7 @@ class Diagnosis:
     stress : residual along what was fitted, sigmas
     separate : what survey would tell the confounded apart; "" where nothing is confounded
     left : ln of the Bayes factor of the best effect beside the first candidate
+    fits : where the fit with each candidate ended that was fitted in full, by its name
     """
 
     verdict: str
@@ -81,6 +84,7 @@ class Diagnosis:
     stress: float
     separate: str = ""
     left: float = 0.0
+    fits: Mapping[str, tuple[MapFit, State]] = field(default_factory=dict, repr=False, compare=False)
 
 
 def concluded(bench: Bench, verdict: str, words: str, candidates: Sequence[Candidate], **more: Any) -> Diagnosis:
@@ -131,8 +135,10 @@ def diagnose(
         problem = replace(problem, signal_noise=check.signal_noise)
         fit, state = converged(problem, state)
     if not check.passed:
-        return unranked(Bench.of(fit, state, check, effects, advance))
-    return examined(fit, state, check, Asked(effects, held_out, advance))
+        found = unranked(Bench.of(fit, state, check, effects, advance))
+    else:
+        found = examined(fit, state, check, Asked(effects, held_out, advance))
+    return replace(found, candidates=spoken(found.candidates, problem, effects))
 
 
 def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diagnosis:
@@ -149,11 +155,12 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table]
     ranked += [fault_candidate(fault) for fault in bench.faults]
     ranked.sort(key=lambda c: -c.evidence)
-    ranked += [idle_candidate(one) for one in bench.idle]
+    ranked = with_moves(bench, ranked, tried) + [idle_candidate(one) for one in bench.idle]
     if bench.scorer.stress > CONVERGED and ranked[0].evidence < FOUND:
         words = f"the fit has not converged ({bench.scorer.stress:.1f} sigmas are left along what it fits)"
         return concluded(bench, "inconclusive", words, ranked)
-    return judge(bench, ranked, tried, asked)
+    found = judge(bench, ranked, tried, asked)
+    return replace(found, fits={n: (one.fit, one.solution.state) for n, one in tried.items()} | dict(found.fits))
 
 
 def overlooked(bench: Bench, tried: Mapping[str, Refit]) -> list[Score]:
@@ -314,7 +321,8 @@ def beside_fault(bench: Bench, first: Candidate, asked: Asked) -> Diagnosis:
         candidates = (rest.candidates[0], *order(rest.candidates[1:], first))
         return replace(rest, words=words, candidates=candidates)
     left = rest.candidates[0].evidence if rest.verdict == "missing-effect" else 0.0
-    return replace(rest, verdict="missing-effect", words=words, candidates=order(rest.candidates, first), left=left)
+    candidates, fits = order(rest.candidates, first), {first.effect: (fit, solution.state)}
+    return replace(rest, verdict="missing-effect", words=words, candidates=candidates, left=left, fits=fits)
 
 
 def order(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, ...]:

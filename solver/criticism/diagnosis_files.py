@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from solver.criticism.pages import Chapter, diagnosis_page, story_page
+from solver.criticism.plain_verdict import headline
 from solver.run.folder import check_target
 from solver.run.ladder_file import ladder_facts
 from solver.run.run import Run
@@ -22,8 +23,9 @@ DIAGNOSIS = "diagnosis.json"
 
 def diagnosis_facts(diagnosis: "Diagnosis") -> dict[str, Any]:
     """The content of diagnosis.json."""
-    facts: dict[str, Any] = strict(asdict(diagnosis))
-    return {"format": "roadfiber diagnosis 1", **facts}
+    facts: dict[str, Any] = strict(asdict(replace(diagnosis, fits={})))
+    facts.pop("fits")
+    return {"format": "roadfiber diagnosis 1", "headline": headline(diagnosis), **facts}
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from solver.criticism.candidate import Candidate
+from solver.criticism.plain_verdict import details, headline, hidden_change, least_words, size_words, titles
 from solver.criticism.score import FOUND
 from solver.criticism.verdict_words import left_open
 from solver.run.report.ladder_page import ladder_body
@@ -29,30 +30,26 @@ VERDICTS = {
 SHOWN = 12
 
 
-def size(value: float, digits: int = 3) -> str:
-    """A number as a page shows it."""
-    return f"{value:.{digits}g}" if np.isfinite(value) else "-"
+def distance(length: float | None) -> str:
+    """How far a route moves, m, as a page shows it."""
+    return "-" if length is None else f"{length:.2f}"
 
 
-def unit(name: str) -> str:
-    """A unit as a page shows it; nothing for a pure number."""
-    return "" if name == "1" else name
-
-
-def row(candidate: Candidate) -> str:
+def row(candidate: Candidate, listed: Sequence[Candidate]) -> str:
     """A line of the table of effects."""
     gain = candidate.held_out_gain
     cells = [
-        escape(candidate.effect),
+        f"{escape(candidate.title)}<br><code>{escape(candidate.effect)}</code>",
         candidate.stage,
         candidate.verdict,
         f"{candidate.delta_chi2:.0f}" + ("" if candidate.refitted else "*"),
-        f"{size(candidate.estimate)} &plusmn; {size(candidate.sigma, 2)} {escape(unit(candidate.unit))}",
+        escape(size_words(candidate)),
+        distance(candidate.route_change),
         f"{100 * candidate.retained_share:.0f} %",
-        size(candidate.detectable_size, 2),
+        escape(least_words(candidate)) or "none",
         "-" if gain is None else f"{gain:+.2g}",
     ]
-    names = escape(", ".join(candidate.confounded_with)) or "-"
+    names = escape(titles(candidate.confounded_with, listed)) if candidate.confounded_with else "-"
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + f'<td class="names">{names}</td></tr>'
 
 
@@ -62,6 +59,7 @@ HEAD = (
     "verdict",
     "fall of chi2 (*&nbsp;predicted)",
     "size of it",
+    "ignored, it moves the route by, m",
     "left by the route",
     "smallest that would show",
     "held-out gain",
@@ -72,7 +70,7 @@ HEAD = (
 def table(candidates: Sequence[Candidate]) -> str:
     """The best effects."""
     head = "".join(f"<th>{name}</th>" for name in HEAD)
-    rows = "\n".join(row(c) for c in candidates[:SHOWN])
+    rows = "\n".join(row(c, candidates) for c in candidates[:SHOWN])
     return f'<div class="wide-table"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
 
 
@@ -81,11 +79,11 @@ def evidence_figure(candidates: Sequence[Candidate]) -> Figure:
     """Bars of the fall of chi2, best effects first."""
     best = [c for c in candidates if c.delta_chi2 > 0][:SHOWN]
     figure = canvas(720, 70 + 22 * max(len(best), 1))
-    axes = place(figure, "evidence", 170, 10, 520, 22 * max(len(best), 1))
+    axes = place(figure, "evidence", 210, 10, 480, 22 * max(len(best), 1))
     places = np.arange(len(best))
     colors = ["0.6" if c.generic else "C0" for c in best]
     axes.barh(places, [max(c.delta_chi2, 1.0) for c in best], color=colors, height=0.62)
-    axes.set_yticks(places, [c.effect for c in best])
+    axes.set_yticks(places, [c.title for c in best])
     axes.invert_yaxis()
     axes.set_xscale("log")
     axes.axvline(2 * FOUND, color="C3", linewidth=1)
@@ -97,11 +95,14 @@ def power_table(candidates: Sequence[Candidate]) -> str:
     """What the survey would have shown of effects that did not show."""
     absent = [c for c in candidates if c.verdict != "present" and c.evidence <= FOUND and not c.generic]
     cells = [
-        f"<tr><td>{escape(c.effect)}</td><td>{c.verdict}</td><td>{size(c.detectable_size, 2)}"
-        f" {escape(unit(c.unit))}</td></tr>"
-        for c in sorted(absent, key=lambda c: c.effect)
+        f"<tr><td>{escape(c.title)}</td><td>{c.verdict}</td><td>{escape(least_words(c)) or 'none'}</td>"
+        f"<td>{distance(hidden_change(c))}</td></tr>"
+        for c in sorted(absent, key=lambda c: c.title)
     ]
-    head = "<tr><th>effect</th><th>verdict</th><th>smallest size that would have shown</th></tr>"
+    head = (
+        "<tr><th>effect</th><th>verdict</th><th>smallest size that would have shown</th>"
+        "<th>which would move the route by, m</th></tr>"
+    )
     return f"<table><thead>{head}</thead><tbody>{''.join(cells)}</tbody></table>"
 
 
@@ -127,10 +128,13 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
 def diagnosis_body(diagnosis: "Diagnosis", name: str) -> str:
     """A diagnosis as a part of a page."""
     words = verdict_sentence(diagnosis)
+    lines = " ".join(map(escape, details(diagnosis)))
     separate = ""
     if diagnosis.separate:
         separate = f"<p>What would tell them apart: {escape(diagnosis.separate)}.</p>"
-    return f"""<header><p>{escape(name)}</p><h1>{VERDICTS[diagnosis.verdict]}</h1><p>{words}</p>{separate}</header>
+    verdict = VERDICTS[diagnosis.verdict].lower()
+    return f"""<header><p>{escape(name)}: {verdict}</p><h1>{escape(headline(diagnosis))}</h1>
+<p>{lines}</p>{separate}<p>In the terms of the commands: {words}</p></header>
 <section><h2>Candidates</h2>{svg(evidence_figure(diagnosis.candidates))}{table(diagnosis.candidates)}</section>
 <section><h2>Noise</h2><p>{audit_words(diagnosis)}</p></section>"""
 
@@ -158,7 +162,7 @@ def story_page(chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) ->
         diagnosis = chapter.diagnosis
         words = verdict_sentence(diagnosis)
         body += (
-            f"<section><h2>{number}. {VERDICTS[diagnosis.verdict]}</h2><p>{words}</p>"
+            f"<section><h2>{number}. {escape(headline(diagnosis))}</h2><p>{words}</p>"
             f"<p>{escape(chapter.done)}</p>{table(diagnosis.candidates[:6])}</section>"
         )
     if still:

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.effect import Parameter, Surroundings, effect
+from solver.effect import Parameter, Plain, Setting, Surroundings, effect, grown, percent
 from solver.ground.gibson import gibson_response
 from solver.ground.ground import Ground
 from solver.ground.layered import layered_response, pavement_response
@@ -17,11 +17,21 @@ from solver.ground.waves import loudest_waves, sent_from
 Values = Mapping[str, Tensor]
 
 
+def shear_speed(slowness_squared: float, setting: Setting) -> float:
+    """Speed of shear waves, m/s."""
+    return float("inf") if slowness_squared <= 0 else float(slowness_squared**-0.5)
+
+
 @effect(
     "poisson_ratio",
     "ground",
     [Parameter("change", "1", 0.1, lower=-0.35, upper=0.24)],
     physics="Poisson's ratio is not what the survey assumed.",
+    plain=Plain(
+        "Poisson's ratio",
+        "Poisson's ratio of the ground is {size} higher than assumed.",
+        "Poisson's ratio of the ground is {size} lower than assumed.",
+    ),
     source="Boussinesq 1885; Johnson 1985, eq. 3.18.",
     told_from="depth, camber and anisotropy; a depth known from an anchor helps",
     families=("depth",),
@@ -40,6 +50,11 @@ def poisson_ratio(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         Parameter("width", "m", 3.0, lower=2, upper=25, grid=(10.0,)),
     ],
     physics="Poisson's ratio changes along the road, as from dry to wet ground.",
+    plain=Plain(
+        "Changing Poisson's ratio",
+        "Poisson's ratio of the ground changes by {size} about x = {x}.",
+        size=lambda v, s: 2 * abs(v),
+    ),
     source="Das 2010, Principles of Geotechnical Engineering, table 11.",
     told_from="a change of stiffness along the road",
     families=("gain",),
@@ -58,6 +73,13 @@ def poisson_gradient(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 5.0).tolist())),
     ],
     physics="The ground is stiffer on one side of a place: strain is inverse to the shear modulus.",
+    plain=Plain(
+        "Change of stiffness",
+        "Beyond x = {x} the ground is {size} stiffer.",
+        "Beyond x = {x} the ground is {size} softer.",
+        grown,
+        "%",
+    ),
     source="Boussinesq 1885: displacement is F / (4 pi G) times geometry.",
     told_from="coupling of the cable that changes along it, and the route",
     families=("gain",),
@@ -80,6 +102,13 @@ def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Groun
         Parameter("thickness", "m", 0.5, lower=0.4, upper=8.0, grid=(1.0, 2.0, 4.0)),
     ],
     physics="A layer of another stiffness lies on the half-space.",
+    plain=Plain(
+        "Layered ground",
+        "The upper {thickness} of the ground are {size} stiffer.",
+        "The upper {thickness} of the ground are {size} softer.",
+        grown,
+        "%",
+    ),
     source="Burmister 1945, J. Appl. Phys. 16, 89; Kausel and Roesset 1981, BSSA 71, 1743.",
     told_from="whatever blurs; several speeds, lanes and distances separate them",
     families=("blur",),
@@ -94,6 +123,7 @@ def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     "ground",
     [Parameter("stiffness", "m", 3.0, lower=0, upper=12)],
     physics="A thin stiff pavement spreads the load.",
+    plain=Plain("Stiff pavement", "A stiff pavement spreads the load over {size}."),
     source="Burmister 1945; Huang 2004, Pavement Analysis and Design, section 2.2.",
     told_from="depth and Poisson's ratio together",
     families=("blur",),
@@ -108,6 +138,9 @@ def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     "ground",
     [Parameter("gradient", "1/m", 1.0, lower=0, upper=3)],
     physics="The soil stiffens with depth: G = G0 (1 + gradient z).",
+    plain=Plain(
+        "Soil that stiffens with depth", "The soil is {size} stiffer with every meter of depth.", size=percent, unit="%"
+    ),
     source="Gibson 1967, Geotechnique 17, 58.",
     told_from="a layered ground",
     families=("blur",),
@@ -122,6 +155,12 @@ def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     "ground",
     [Parameter("shear_slowness_squared", "s^2/m^2", 1e-4, lower=0, upper=4e-4)],
     physics="The ground has inertia: a load that moves fast against shear waves makes a narrower trough.",
+    plain=Plain(
+        "Soft ground under fast wheels",
+        "The ground is so soft that shear waves run at {size} only.",
+        size=shear_speed,
+        unit="m/s",
+    ),
     source="Eason 1965, Int. J. Eng. Sci. 2, 581: gamma_i = sqrt(1 - v^2 cos^2 / c_i^2).",
     told_from="other blurs, unless speeds are mixed",
     families=("blur",),
@@ -144,6 +183,9 @@ def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         Parameter("time", "s", 0.3, lower=0.01, upper=60, grid=(0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8)),
     ],
     physics="Part of the strain comes later: a standard linear solid that creeps.",
+    plain=Plain(
+        "Creeping ground", "A part of the strain, {size} of the rest, comes late, over {time}.", size=percent, unit="%"
+    ),
     source="Findley, Lai and Onaran 1976, Creep and Relaxation, section 5.",
     told_from="grade and drag for long times, a clock offset for short ones",
     families=("even",),
@@ -158,6 +200,7 @@ def viscoelastic_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     "ground",
     [Parameter("time", "s", 0.1, lower=0, upper=5)],
     physics="The ground follows its load with a lag: a Kelvin-Voigt solid.",
+    plain=Plain("Lagging ground", "The ground follows its load {size} late."),
     source="Findley, Lai and Onaran 1976, section 3.",
     told_from="other lags: clock offset, the vehicle's reference point",
     families=("lag",),
@@ -172,6 +215,7 @@ def kelvin_voigt_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     "ground",
     [Parameter("rate", "1/s", 0.05, lower=0, upper=5)],
     physics="The ground yields as long as it is loaded: a Maxwell solid.",
+    plain=Plain("Yielding ground", "Under load the ground yields by {size} a second.", size=percent, unit="%"),
     source="Findley, Lai and Onaran 1976, section 3.",
     told_from="grade and drag, an AC-coupled interrogator",
     families=("even",),
@@ -197,6 +241,7 @@ FAR, NEAR = 10.0, 3.0
         Parameter("speed", "m/s", 30.0, lower=60, upper=400, grid=(160.0,)),
     ],
     physics="Vehicles radiate surface waves, far, weak and fast: r^-1/2 cos(w (t - r / c)).",
+    plain=Plain("Surface waves", "Vehicles send out surface waves of {frequency}."),
     source="Lamb 1904, Phil. Trans. A 203, 1; Richart, Hall and Woods 1970, Vibrations of Soils, section 3.",
     seek=loudest_waves,
 )

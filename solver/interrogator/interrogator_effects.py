@@ -6,7 +6,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from solver.effect import Parameter, Surroundings, effect
+from solver.effect import Parameter, Plain, Surroundings, effect, percent, root
 from solver.interrogator.interrogator import Interrogator
 
 Values = Mapping[str, Tensor]
@@ -35,6 +35,12 @@ def averaged(x: Tensor) -> Tensor:
     "interrogator",
     [Parameter("relative", "1", 0.1, lower=-0.6, upper=1.0)],
     physics="Strain is averaged over another length than the file says.",
+    plain=Plain(
+        "Gauge length",
+        "The interrogator averages strain over {size}, not over {told}.",
+        size=lambda v, s: s.gauge_length * (1 + v),
+        unit="m",
+    ),
     source="Dean, Cuny and Hartog 2017, Geophys. Prospect. 65, 184.",
     told_from="nothing, on data that no FK filter has touched",
 )
@@ -48,6 +54,7 @@ def gauge_length(interrogator: Interrogator, p: Values, survey: Surroundings) ->
     "interrogator",
     [Parameter("width_squared", "m^2", 25.0, lower=0, upper=225)],
     physics="The light pulse blurs strain along the fiber, beside the gauge.",
+    plain=Plain("Pulse width", "The light pulse blurs strain over {size} of fiber.", size=root, unit="m"),
     source="Dean, Cuny and Hartog 2017.",
     told_from="shear lag and wheels",
     families=("blur",),
@@ -62,6 +69,7 @@ def pulse_width(interrogator: Interrogator, p: Values, survey: Surroundings) -> 
     "interrogator",
     [Parameter("interval", "s", 0.2, lower=0, upper=3)],
     physics="Each sample is the mean over the interval before it.",
+    plain=Plain("Averaging in time", "Each sample is the mean over the {size} before it."),
     source="Oppenheim and Schafer 2010, section 4: decimation by block means.",
     told_from="a clock offset of half the interval",
     families=("blur", "lag"),
@@ -76,6 +84,7 @@ def time_averaging(interrogator: Interrogator, p: Values, survey: Surroundings) 
     "interrogator",
     [Parameter("corner", "Hz", 0.03, lower=0, upper=2)],
     physics="The interrogator is AC-coupled: what lasts is lost.",
+    plain=Plain("AC coupling", "The interrogator loses what changes more slowly than {size}."),
     source="First-order RC filter.",
     told_from="a Maxwell ground",
     families=("even",),
@@ -93,6 +102,9 @@ def highpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Int
         Parameter("corner", "Hz", 0.1, lower=0.3, upper=5, grid=(0.7, 1.0, 1.4, 2.0)),
     ],
     physics="An anti-alias filter took the fast part and delayed the rest.",
+    plain=Plain(
+        "Anti-alias filter", "A filter took what is faster than {corner}, and delayed the rest.", size=percent, unit="%"
+    ),
     source="Butterworth 1930, of fourth order.",
     told_from="a layered ground; the delay from a clock offset",
     families=("blur", "lag"),
@@ -115,6 +127,9 @@ def lowpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Inte
         Parameter("corner", "Hz", 0.1, lower=0.3, upper=5, grid=(0.7, 1.0, 1.4, 2.0)),
     ],
     physics="A zero-phase anti-alias filter took the fast part.",
+    plain=Plain(
+        "Filter without delay", "A filter without delay took what is faster than {corner}.", size=percent, unit="%"
+    ),
     source="Butterworth 1930, of fourth order, forward and backward (Gustafsson 1996).",
     told_from="a layered ground and other blurs",
     families=("blur",),
@@ -136,6 +151,7 @@ def lowpass_zero_phase(interrogator: Interrogator, p: Values, survey: Surroundin
         Parameter("level", "1", 0.05, lower=0.1, upper=1.5, grid=(0.4, 0.6, 0.75, 0.9, 1.0)),
     ],
     physics="Strain rates beyond the instrument's range are clipped.",
+    plain=Plain("Clipping", "Strain rates beyond {level} times the largest are clipped.", size=percent, unit="%"),
     source="Hartog 2017, An Introduction to Distributed Optical Fibre Sensors, section 6.",
     told_from="a gauge length that is wrong, in part",
 )

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.effect import Fitted, Parameter, Start, Surroundings, effect
+from solver.effect import Fitted, Parameter, Plain, Start, Surroundings, absolute, effect, percent, percents, root
 from solver.load.load import Load, added
 from solver.load.wheel_layout import CLASSES, LAYOUTS, POINTS
 
@@ -61,6 +61,7 @@ def on_usual_wheels(fitted: Fitted) -> Start | None:
         Parameter("front_heavy", "1", 0.05, lower=-0.3, upper=0.3, scope="pass"),
     ],
     physics="Vehicles stand on axles and wheels, not on a point: the load is spread along and across the lane.",
+    plain=Plain("Wheels", "Vehicles press on axles about {size} apart, not on one point.", size=root, unit="m"),
     source="Superposition of Boussinesq loads; class means are makers' data sheets, see solver.load.wheel_layout.",
     told_from="pulse width, if there is one type of vehicle only",
     families=("blur",),
@@ -97,6 +98,13 @@ def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
     "load",
     [Parameter("change", "1", 0.1, lower=-0.5, upper=0.5)],
     physics="More of the weight is on the front axle, in all vehicles, than their class says.",
+    plain=Plain(
+        "Front axles",
+        "Front axles carry {size} more of the weight than told.",
+        "Front axles carry {size} less of the weight than told.",
+        percent,
+        "%",
+    ),
     source="Gillespie 1992, Fundamentals of Vehicle Dynamics, section 1.",
     told_from="other lags",
     families=("lag",),
@@ -116,6 +124,9 @@ def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
         Parameter("length", "m", 4.0, lower=6, upper=20, grid=(7.0, 9.0, 12.0, 16.0)),
     ],
     physics="Some vehicles carry their load on many axles over 6 to 18 m.",
+    plain=Plain(
+        "Long vehicles", "Long vehicles carry {size} of their load on axles over {length}.", size=percent, unit="%"
+    ),
     source="EU Directive 96/53/EC, annex I: lengths and axles of lorries.",
     told_from="nothing where one pass differs from the others",
 )
@@ -138,6 +149,9 @@ def long_vehicle(load: Load, p: Values, survey: Surroundings) -> Load:
         Parameter("frequency", "Hz", 0.2, lower=0.8, upper=4, grid=tuple(np.arange(1.2, 3.1, 0.15).round(2).tolist())),
     ],
     physics="The body bounces on its springs: F(t) = F0 (1 + A sin(2 pi f t + p)).",
+    plain=Plain(
+        "Bouncing vehicles", "Vehicles bounce at {frequency}, by about {size} of their weight.", size=percents, unit="%"
+    ),
     source="Cebon 1999, Handbook of Vehicle-Road Interaction, chapter 4: 1.3 to 3 Hz.",
 )
 def dynamic_load(load: Load, p: Values, survey: Surroundings) -> Load:
@@ -159,6 +173,12 @@ def dynamic_load(load: Load, p: Values, survey: Surroundings) -> Load:
         Parameter("damping", "1", 0.05, lower=0.03, upper=0.5, grid=(0.17,)),
     ],
     physics="A bump sets every vehicle swinging at the same place: a damped sine of the load.",
+    plain=Plain(
+        "Bump in the road",
+        "A bump at x = {x} sets vehicles swinging by {size} of their weight.",
+        size=percents,
+        unit="%",
+    ),
     source="Cebon 1999, chapter 5: spatial repeatability of dynamic loads.",
 )
 def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
@@ -186,6 +206,7 @@ def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
         Parameter("width", "s", 0.3, lower=0.2, upper=3.0, grid=(0.5,)),
     ],
     physics="A vehicle that brakes pushes the road ahead and loads its front axle, for some seconds.",
+    plain=Plain("Braking", "Some vehicles brake or speed up by about {size} within the view.", size=absolute),
     source="Cerruti 1882; Johnson 1985, Contact Mechanics, section 3.6; Gillespie 1992, section 3.",
     told_from="an error of the track over the same seconds",
 )
@@ -210,6 +231,13 @@ def braking(load: Load, p: Values, survey: Surroundings) -> Load:
     "load",
     [Parameter("share", "1", 0.04, lower=-0.3, upper=0.3)],
     physics="Driven wheels push the road backward against grade and drag.",
+    plain=Plain(
+        "Grade and drag",
+        "Wheels push the road back with {size} of the weight.",
+        "Wheels push the road forward with {size} of the weight.",
+        percent,
+        "%",
+    ),
     source="Cerruti 1882; Johnson 1985, section 3.6.",
     told_from="a viscous ground, an AC-coupled interrogator",
     families=("even",),
@@ -224,6 +252,13 @@ def grade_drag(load: Load, p: Values, survey: Surroundings) -> Load:
     "load",
     [Parameter("share", "1", 0.02, lower=-0.2, upper=0.2)],
     physics="The road slopes to its side: a share of the weight pushes toward the driver's right.",
+    plain=Plain(
+        "Cross slope",
+        "The load pushes to the driver's right with {size} of the weight.",
+        "The load pushes to the driver's left with {size} of the weight.",
+        percent,
+        "%",
+    ),
     source="Johnson 1985, section 3.6.",
     told_from="Poisson's ratio and depth, exactly",
     families=("depth",),

@@ -6,7 +6,7 @@ import numpy as np
 from torch import Tensor
 from torch.nn.functional import pad
 
-from solver.effect import Parameter, Recorded, Surroundings, effect
+from solver.effect import Parameter, Plain, Recorded, Surroundings, effect, percent
 from solver.processing import fk_filter
 from solver.processing.processing import Processing
 from solver.processing.spectrum import fan_contrast, repeated_share
@@ -22,6 +22,9 @@ FILTERED, REPEATED = 5.0, 0.05
     "processing",
     [Parameter("share", "1", 0.5, lower=-0.5, upper=1.5)],
     physics="The mean over all channels was taken off, and with it a part of the signal.",
+    plain=Plain(
+        "Removed mean", "{size} of the mean over all channels was taken off the record.", size=percent, unit="%"
+    ),
     source="Lindsey et al. 2020, JGR Solid Earth 125: removal of laser phase noise.",
 )
 def common_mode(processing: Processing, p: Values, survey: Surroundings) -> Processing:
@@ -55,6 +58,7 @@ def fan(record: Recorded) -> str | None:
     "processing",
     [Parameter("share", "1", 1.0, lower=0, upper=1.2)],
     physics="The data were filtered to the speeds of vehicles, the model was not.",
+    plain=Plain("Speed filter", "The record was filtered to the speeds of vehicles.", size=percent, unit="%"),
     source="Yilmaz 2001, Seismic Data Analysis, section 6.",
     trace=fan,
 )
@@ -69,6 +73,7 @@ def filtered_by_speed(processing: Processing, p: Values, survey: Surroundings) -
     "processing",
     [Parameter("share", "1", 1.0, lower=0, upper=1.2)],
     physics="The data went through a running median, the model did not.",
+    plain=Plain("Running median", "The record went through a running median.", size=percent, unit="%"),
     source="Tukey 1977, Exploratory Data Analysis, section 7.",
     trace=repeats,
 )

@@ -6,7 +6,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from solver.effect import Parameter, Surroundings, effect
+from solver.effect import Parameter, Plain, Surroundings, absolute, effect, percent
 from solver.trajectory.trajectory import Trajectory
 
 Values = Mapping[str, Tensor]
@@ -17,6 +17,11 @@ Values = Mapping[str, Tensor]
     "trajectory",
     [Parameter("offset", "s", 0.2, lower=-5, upper=5)],
     physics="The interrogator's clock is ahead of the trajectories' by the same time in all passes.",
+    plain=Plain(
+        "Clock offset",
+        "The DAS clock is {size} ahead of the vehicles' clock.",
+        "The DAS clock is {size} behind the vehicles' clock.",
+    ),
     source="Video and DAS are stamped by clocks of their own; two speeds tell it from a shift of the fiber.",
     told_from="other lags: the vehicle's reference point, an averaging interval, a viscous ground",
     families=("lag",),
@@ -32,6 +37,9 @@ def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
     "trajectory",
     [Parameter("rate", "1", 2e-3, lower=-0.05, upper=0.05)],
     physics="One clock runs faster than the other.",
+    plain=Plain(
+        "Clock drift", "The two clocks drift apart by {size} an hour.", size=lambda v, s: 3600 * abs(v), unit="s"
+    ),
     source="Mills 1991, IEEE Trans. Commun. 39, 1482.",
     told_from="a stretched fiber, if all passes are equally fast",
     shifts=True,
@@ -47,6 +55,11 @@ def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
     "trajectory",
     [Parameter("ahead", "m", 1.0, lower=-5, upper=5)],
     physics="The point that was tracked is not the middle of the load, but a fixed way before or behind it.",
+    plain=Plain(
+        "Tracked point",
+        "Vehicles are {size} farther ahead than tracks say.",
+        "Vehicles are {size} farther back than tracks say.",
+    ),
     source="Box centers against contact points: Rezaei et al. 2021, arXiv:2109.06783, section III.",
     told_from="other lags; opposite directions and speeds separate them",
     families=("lag",),
@@ -62,6 +75,7 @@ def track_bias(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     "trajectory",
     [Parameter("x", "m", 0.5, lower=-10, upper=10), Parameter("y", "m", 0.5, lower=-10, upper=10)],
     physics="The camera's meters are shifted as a whole.",
+    plain=Plain("Shifted tracks", "All tracks are shifted by about {size} as a whole.", size=absolute),
     source="Rigid motion; the route moves along with the tracks, so that anchors alone can tell.",
     told_from="the route itself; only anchors tell",
     families=("rigid",),
@@ -77,6 +91,9 @@ def track_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
     "trajectory",
     [Parameter("angle", "degree", 1.0, lower=-20, upper=20)],
     physics="The camera's meters are turned about the middle of the view.",
+    plain=Plain(
+        "Turned tracks", "All tracks are turned by {size} about the middle of the view.", size=absolute, unit="degrees"
+    ),
     source="Rigid motion; the route turns along with the tracks, so that anchors alone can tell.",
     told_from="the route itself; only anchors tell",
     families=("rigid",),
@@ -99,6 +116,13 @@ def track_rotation(driven: Trajectory, p: Values, survey: Surroundings) -> Traje
     "trajectory",
     [Parameter("scale", "1", 0.02, lower=-0.3, upper=0.3)],
     physics="The camera's meters are too short or too long.",
+    plain=Plain(
+        "Scale of the tracks",
+        "Lengths in the tracks are {size} too short.",
+        "Lengths in the tracks are {size} too long.",
+        percent,
+        "%",
+    ),
     source="Similarity; a known length in the scene, or anchors, decide.",
     told_from="the route itself and the channel spacing; only anchors tell",
     families=("rigid", "curve"),
@@ -114,6 +138,7 @@ def track_scale(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
     "trajectory",
     [Parameter("y", "m", 0.4, scope="road", rated=True)],
     physics="The ground is not flat or the lens not straight: the lateral error depends on the place alone.",
+    plain=Plain("Bent tracks", "Tracks are off sideways by about {size}, depending on the place.", size=absolute),
     source="Hartley and Zisserman 2004, section 7.4: distortion left in a homography.",
     told_from="the route and the channels' positions",
     families=("place", "curve"),
@@ -129,6 +154,7 @@ def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     "trajectory",
     [Parameter("along", "m", 0.3, scope="track"), Parameter("across", "m", 0.3, scope="track")],
     physics="Each track is wrong in a way of its own that lasts for seconds.",
+    plain=Plain("Wandering tracks", "Each track wanders off by about {size} for some seconds.", size=absolute),
     source="Correlated errors of detections: Bar-Shalom, Li and Kirubarajan 2001, section 8.",
     told_from="the route, if there is one pass only",
     shifts=True,

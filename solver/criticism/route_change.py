@@ -1,0 +1,42 @@
+"""How far the route moves with each candidate: what ignoring that would do to the route."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.criticism.bench import Bench
+from solver.criticism.candidate import Candidate
+from solver.criticism.refit import Refit
+from solver.fit.map_fit import MapFit
+from solver.fit.state import State
+
+
+def route_of(fit: MapFit, state: State) -> NDArray[np.float64]:
+    """Places [channel, 3] of the fitted channels, m."""
+    place, _, _ = fit.prior.led(state, fit.problem.distance)
+    at = place.clamp(fit.basis.start, fit.basis.stop).numpy()
+    return np.asarray(fit.basis.along(state.coefficients.numpy(), at))
+
+
+def moved(bench: Bench, name: str, tried: Mapping[str, Refit]) -> float | None:
+    """Largest way, m, that the route moves with an effect: as fitted in full, else as the score test predicts."""
+    scorer = bench.scorer
+    before = route_of(scorer.fit, scorer.state)
+    if name in tried:
+        after = route_of(tried[name].fit, tried[name].solution.state)
+    else:
+        score = next((one for one in bench.table if one.effect.name == name), None)
+        if score is None:
+            return None
+        step = scorer.fit.mean.new_zeros(len(scorer.fit.mean))
+        step[scorer.fit.free] = scorer.following(score)
+        after = route_of(scorer.fit, scorer.state.moved(scorer.state.vector() + step))
+    far = np.linalg.norm(after - before, axis=1)
+    return float(far.max()) if np.isfinite(far).all() else None
+
+
+def with_moves(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit]) -> list[Candidate]:
+    """Candidates with how far the route moves with each."""
+    return [replace(one, route_change=moved(bench, one.effect, tried)) for one in listed]
