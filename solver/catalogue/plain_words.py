@@ -40,7 +40,7 @@ def rounded(value: float, sigma: float = math.nan, most: int = DIGITS) -> str:
     """
     if not math.isfinite(value):
         return "-"
-    size = math.floor(math.log10(abs(value))) if value else 0
+    size = int(f"{value:.{most - 1}e}".partition("e")[2])
     if not (math.isfinite(sigma) and sigma > 0):
         return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
     decimals = min(SIGMA_DIGITS - 1 - math.floor(math.log10(sigma)), most - 1 - size)
