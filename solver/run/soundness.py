@@ -82,8 +82,9 @@ def check_arrays(arrays: Arrays) -> None:
     require((np.isnan(variance) | (variance >= 0)).all(), "covariance has a negative variance")
     own, across = arrays["law_own"], arrays["law_across"]
     require(own[0] > 0 and (np.abs(own) <= 1.001 * own[0]).all() and across[0] > 0, "law_own is no covariance of noise")
-    hidden = arrays["law_hidden"]
+    hidden, whole = arrays["law_hidden"], own[0] + arrays["law_common"][0]
     require(len(hidden) <= moments and (np.abs(hidden) <= hidden[0]).all(), "law_hidden is no covariance of noise")
+    require(hidden[0] <= 1.001 * whole, "law_hidden is more than all noise")
     for prefix in ("pass", "fitted_pass"):
         check_passes(arrays, prefix, moments)
     require(np.isin(arrays["fitted_pass_rows"], samples).all(), "fitted_pass_rows has one that is not in samples")

@@ -3,6 +3,7 @@
 The models below are all that a run folder's JSON may hold: a key, type or size that they do not have is an error.
 """
 
+import re
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar, get_args
 
@@ -14,6 +15,8 @@ from vision.contract import InputError
 
 Format = Literal["roadfiber run 3"]
 (FORMAT,) = get_args(Format)
+#: What says of a file that it is of a run, of whatever version of roadfiber.
+ANY_FORMAT = r"^roadfiber run (\d{1,9})$"
 #: Bytes of a JSON file; a run of 10 km of fiber and a thousand vehicles has a tenth of it.
 LARGEST = 2**26
 #: What is told of an error's place.
@@ -175,7 +178,7 @@ class AnyRun(Stored):
 
     model_config = ConfigDict(extra="ignore")
 
-    format: Annotated[str, Field(pattern=r"^roadfiber run \d+$")]
+    format: Annotated[str, Field(pattern=ANY_FORMAT)]
 
 
 class FitFile(Stored):
@@ -233,6 +236,23 @@ def printable(text: str, most: int = PLACE) -> str:
     return shown + "..." if len(text) > most else shown
 
 
+def of_another_version(written: object) -> str | None:
+    """What to do with a run of another format than this version's; None where a format is none of a run.
+
+    >>> of_another_version("roadfiber run 1")
+    'written by an older roadfiber (format "roadfiber run 1"); run `roadfiber locate` on its survey again'
+    >>> of_another_version("roadfiber run 99")
+    'written by a newer roadfiber (format "roadfiber run 99"); update roadfiber to open it'
+    >>> of_another_version("a letter")
+    """
+    found = re.match(ANY_FORMAT, written) if isinstance(written, str) else None
+    if found is None:
+        return None
+    if int(found[1]) > int(FORMAT.split()[-1]):
+        return f'written by a newer roadfiber (format "{written}"); update roadfiber to open it'
+    return f'written by an older roadfiber (format "{written}"); run `roadfiber locate` on its survey again'
+
+
 def read_model(path: Path, model: type[Model], mend: str) -> Model:
     """Read a JSON file of a run folder.
 
@@ -245,7 +265,7 @@ def read_model(path: Path, model: type[Model], mend: str) -> Model:
     Raises
     ------
     InputError
-        If it is no file, too large, no JSON, or something else than `model`.
+        If it is no file, too large, no JSON, of another version's format, or something else than `model`.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; {mend}")
@@ -258,7 +278,9 @@ def read_model(path: Path, model: type[Model], mend: str) -> Model:
     try:
         return model.model_validate_json(content)
     except ValidationError as error:
-        problem = error.errors(include_url=False, include_input=False)[0]
+        problem = error.errors(include_url=False)[0]
+        if problem["loc"] == ("format",) and (told := of_another_version(problem["input"])) is not None:
+            raise InputError(f"{path}: {told}") from error
         place = printable(".".join(map(str, problem["loc"]))) or "all of it"
         said = printable(problem["msg"].removeprefix("Value error, "))
         if problem["type"] == "json_invalid":

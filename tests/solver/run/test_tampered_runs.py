@@ -3,6 +3,8 @@
 import io
 import json
 import shutil
+import subprocess
+import sys
 import tracemalloc
 import zipfile
 from copy import deepcopy
@@ -152,6 +154,29 @@ def test_json_that_is_none_is_refused(run, content):
         refused(run, by=name)
 
 
+def test_a_run_of_another_version_says_what_to_do(run):
+    facts = json.loads((run / "fit.json").read_text())
+    for written, wanted in (
+        ("roadfiber run 2", "run `roadfiber locate` on its survey again"),
+        ("roadfiber run 4", "update roadfiber to open it"),
+    ):
+        (run / "fit.json").write_text(json.dumps(facts | {"format": written}))
+        assert f'roadfiber (format "{written}"); {wanted}' in refused(run)
+    (run / "fit.json").write_text(json.dumps(facts | {"format": "a letter"}))
+    assert refused(run).endswith("give a folder that `roadfiber locate` wrote")
+
+
+def test_a_tampered_law_of_noise_is_one_line_and_exit_code_2(run):
+    """Through the program itself, without a word of Python's."""
+    np.savez(run / "data.npz", **changed("law_hidden", 0, 1.5)(arrays_of(run)))
+    done = subprocess.run(
+        [sys.executable, "-m", "roadfiber", "ladder", run], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert "law_hidden is more than all noise" in done.stderr
+
+
 def test_a_huge_or_strange_fit_json_is_not_read(run, monkeypatch):
     monkeypatch.setattr("solver.run.stored.LARGEST", 1000)
     assert "over" in refused(run)
@@ -247,6 +272,11 @@ def changed(name: str, at, value):
         changed("weight", 0, 2.0),
         changed("covariance", 0, -1.0),
         changed("law_own", 0, 0.0),
+        changed("law_hidden", 0, -0.1),
+        changed("law_hidden", 0, 1.5),
+        changed("law_hidden", 0, float("nan")),
+        lambda arrays: arrays | {"law_hidden": np.array([0.1, -0.2])},
+        lambda arrays: arrays | {"law_hidden": np.full(len(arrays["record"]) + 1, 0.1)},
         changed("pass_wheelbase", 0, -1.0),
         changed("pass_track_id", 0, "\x1b[2J"),
         changed("fitted_pass_class", 0, "car\n"),
