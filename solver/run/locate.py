@@ -168,7 +168,7 @@ def locate(
     heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
     shown = filtered(heard, filters)
     with timed(timings, "smooth"):
-        passes = smooth_passes(survey.tracks, record)
+        passes = smooth_passes(survey.tracks, record, warnings=warnings)
         if "wheels" in parts:
             warnings += not_known([one.vehicle_class for one in passes])
         else:

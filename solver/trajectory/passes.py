@@ -16,12 +16,13 @@ from solver.trajectory.tracks import (
     Track,
     driven,
     during,
-    impossible,
     moves,
+    named,
     numbered,
+    to_and_fro,
+    too_fast,
     tracks_of,
     turns,
-    unbroken,
     why_still,
 )
 from solver.trajectory.vehicle_pass import Pass
@@ -32,7 +33,8 @@ if TYPE_CHECKING:
 
 SLOWEST = 1.0  # m/s; one that stops at the edge of the view is followed for reach / SLOWEST seconds
 OPENING = 9  # fixes that the filter's first guess is made from
-NAMED = 5  # tracks that a message names
+# How tracks go that no vehicle has driven.
+FAST, MIXED = f"faster than any vehicle ({FASTEST:g} m/s)", "to and fro as no vehicle does"
 BATCH = 64  # tracks smoothed at once
 
 # Candidates of the maximum-likelihood search: standard deviation of the acceleration, m/s^2, and the correlation of
@@ -151,22 +153,27 @@ def smoothed_passes(tracks: list[Track], time: Array, reach: float) -> list[Pass
     return [one for drive in drives for one in single_passes(drive)]
 
 
-def possible(tracks: list[Track]) -> list[Track]:
+def possible(tracks: list[Track], warnings: list[str]) -> list[Track]:
     """Leave out tracks that no vehicle can have driven, with a warning; InputError where most are so."""
-    wrong = [track for track in tracks if impossible(track)]
-    if not wrong:
-        return tracks
-    names = ", ".join(track.track_id for track in wrong[:NAMED]) + (" ..." if len(wrong) > NAMED else "")
-    fault = f"{len(wrong)} of {len(tracks)} tracks ({names}) go faster than any vehicle ({FASTEST:g} m/s)"
-    if 2 * len(wrong) > len(tracks):
+    fault = [FAST if too_fast(track) else MIXED if to_and_fro(track) else "" for track in tracks]
+    faults = [
+        f"{len(wrong)} of {len(tracks)} tracks ({named([track.track_id for track in wrong])}) go {how}"
+        for how in (FAST, MIXED)
+        if (wrong := [track for track, one in zip(tracks, fault, strict=True) if one == how])
+    ]
+    rest = [track for track, one in zip(tracks, fault, strict=True) if not one]
+    if 2 * len(rest) < len(tracks):
         raise InputError(
-            f"trajectories: {fault}; check that x and y are in m, the times, and that each vehicle has its own track_id"
+            f"trajectories: {'; '.join(faults)}; check that x and y are in m, the times, and that each vehicle has its "
+            "own track_id"
         )
-    logger.warning("trajectories: %s; they are left out", fault)
-    return [track for track in tracks if not impossible(track)]
+    warnings.extend(f"trajectories: {one}; they are left out" for one in faults)
+    return rest
 
 
-def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40.0) -> list[Pass]:
+def smooth_passes(
+    table: "pd.DataFrame", record: DASRecord, *, reach: float = 40.0, warnings: list[str] | None = None
+) -> list[Pass]:
     """Smooth trajectories and evaluate them at the sample times of the DAS.
 
     Parameters
@@ -174,6 +181,7 @@ def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40
     table : trajectory table, as `read_trajectories` returns it
     record : DAS; only its `time`, `start` and gaps are looked at
     reach : how far beyond its first and last fix a vehicle is followed, m: out of view it still bends the ground
+    warnings : lines for the user are added: tracks that one vehicle cannot have driven
 
     Returns
     -------
@@ -192,9 +200,11 @@ def smooth_passes(table: "pd.DataFrame", record: DASRecord, *, reach: float = 40
     that lasts through the whole view (a calibration a meter off, a box that is always too long) leaves no trace in one
     track and is not in `sigma`. Left out, and counted in the log: tracks of under 3 fixes or 5 m of travel.
     """
-    tracks = [part for track in tracks_of(table, record.start) for part in unbroken(track)]
+    warnings = [] if warnings is None else warnings
+    tracks = list(tracks_of(table, record.start, warnings))
     check_clocks(tracks, record)
-    present = possible([part for track in tracks if (part := during(track, record.time[-1]))])
+    present = [part for track in tracks if (part := during(track, record.time[-1]))]
+    present = possible(present, warnings)
     if present and not any(moves(track) for track in present):
         raise InputError(f"trajectories: no moving vehicle during the DAS record; {why_still(present)}")
     moving = sorted((driven(track) for track in present if moves(track)), key=lambda track: len(track.time))

@@ -25,6 +25,7 @@ STANDING = 2.0  # m; a vehicle that stays this near to where its track begins or
 REST = 5.0  # s of standing that are kept
 MOST_LEAPS = 5  # one step in so many may be faster than any vehicle: a mistake of the detector
 TURN = 10.0  # m back along the road; after it the vehicle comes by anew
+NAMED = 5  # tracks that a message names
 
 
 @dataclass(frozen=True)
@@ -49,22 +50,54 @@ class Track:
     wheelbase: tuple[float, float] | None = None
 
 
-def tracks_of(table: "pd.DataFrame", start: np.datetime64) -> Iterator[Track]:
-    """Yield the tracks of a trajectory table, with times in seconds since `start`, UTC."""
+def tracks_of(table: "pd.DataFrame", start: np.datetime64, warnings: list[str]) -> Iterator[Track]:
+    """Yield the drives of a trajectory table, with times in seconds since `start`, UTC.
+
+    One `track_id` may be of several drives, see `cuts`, and each of those of another vehicle. Where it is, a line is
+    added to `warnings`.
+    """
+    shared = list[str]()
+    for track_id, fixes in table.sort_values("time").groupby("track_id", sort=False):
+        whole = track_of(fixes, start, str(track_id))
+        drives = [
+            track_of(fixes.iloc[begin:end], start, numbered(whole.track_id, index))
+            for index, (begin, end) in enumerate(pairwise(cuts(whole)))
+        ]
+        behind, back = begun_anew(whole)
+        if behind.any() or (back.any() and len({one.vehicle_class for one in drives}) > 1):
+            shared.append(whole.track_id)
+        yield from drives
+    if shared:
+        warnings.append(
+            f"trajectories: {named(shared)}: several vehicles have the same track_id, one after the other; they are "
+            "told apart by where they drive, but give each its own track_id"
+        )
+
+
+def named(names: Sequence[str]) -> str:
+    """The first few of some names.
+
+    >>> named(list("abcdefg"))
+    'a, b, c, d, e ...'
+    """
+    return ", ".join(names[:NAMED]) + (" ..." if len(names) > NAMED else "")
+
+
+def track_of(fixes: "pd.DataFrame", start: np.datetime64, track_id: str) -> Track:
+    """The track of some rows of a trajectory table, in order of time."""
     import pandas as pd
 
-    for track_id, fixes in table.sort_values("time").groupby("track_id", sort=False):
-        elapsed = (fixes["time"] - pd.Timestamp(start, tz="UTC")).dt.as_unit("ns")
-        lengths = fixes["length"].dropna() if "length" in fixes else fixes["x"].iloc[:0]
-        yield Track(
-            track_id=str(track_id),
-            vehicle_class=str(fixes["class"].mode().iloc[0]),
-            time=np.asarray(elapsed.astype(np.int64), np.float64) * 1e-9,
-            value=fixes[["x", "y"]].to_numpy(float),
-            sigma=fixes[["sigma_x", "sigma_y"]].to_numpy(float),
-            length=float(lengths.median()) if len(lengths) else None,
-            wheelbase=wheelbase_of(fixes),
-        )
+    elapsed = (fixes["time"] - pd.Timestamp(start, tz="UTC")).dt.as_unit("ns")
+    lengths = fixes["length"].dropna() if "length" in fixes else fixes["x"].iloc[:0]
+    return Track(
+        track_id=track_id,
+        vehicle_class=str(fixes["class"].mode().iloc[0]),
+        time=np.asarray(elapsed.astype(np.int64), np.float64) * 1e-9,
+        value=fixes[["x", "y"]].to_numpy(float),
+        sigma=fixes[["sigma_x", "sigma_y"]].to_numpy(float),
+        length=float(lengths.median()) if len(lengths) else None,
+        wheelbase=wheelbase_of(fixes),
+    )
 
 
 def wheelbase_of(fixes: "pd.DataFrame") -> tuple[float, float] | None:
@@ -80,15 +113,9 @@ def wheelbase_of(fixes: "pd.DataFrame") -> tuple[float, float] | None:
     return (float(known.iloc[:, 0].median()), float(known.iloc[:, 1].median())) if len(known) else None
 
 
-def part_of(track: Track, fixes: slice, track_id: str | None = None) -> Track:
+def part_of(track: Track, fixes: slice) -> Track:
     """Return a track of some of the fixes."""
-    return replace(
-        track,
-        track_id=track_id or track.track_id,
-        time=track.time[fixes],
-        value=track.value[fixes],
-        sigma=track.sigma[fixes],
-    )
+    return replace(track, time=track.time[fixes], value=track.value[fixes], sigma=track.sigma[fixes])
 
 
 def numbered(track_id: str, index: int) -> str:
@@ -103,14 +130,14 @@ def leaps(track: Track) -> NDArray[np.bool_]:
     return np.asarray(step - np.maximum(scatter[1:], scatter[:-1]) > FASTEST * np.diff(track.time))
 
 
-def impossible(track: Track) -> bool:
+def too_fast(track: Track) -> bool:
     """Whether no vehicle can have driven a track: several went by its name, or it is in no meters or seconds.
 
     Between its two halves it is faster than `FASTEST`, or more than one of `MOST_LEAPS` steps is.
 
     >>> time = np.arange(50) / 10
     >>> car = Track("1", "car", time, np.stack([15 * time, 0 * time], -1), np.full((50, 2), 0.1))
-    >>> impossible(car), impossible(replace(car, value=1000 * car.value)), impossible(replace(car, time=time / 10))
+    >>> too_fast(car), too_fast(replace(car, value=1000 * car.value)), too_fast(replace(car, time=time / 10))
     (False, True, True)
     """
     half = len(track.time) // 2
@@ -121,18 +148,61 @@ def impossible(track: Track) -> bool:
     return bool(speed > FASTEST or MOST_LEAPS * leaps(track).sum() > len(track.time) - 1)
 
 
-def unbroken(track: Track) -> list[Track]:
-    """Split a track where it has no fix for `LONGEST_GAP`, and where it leaps and goes on from there."""
+def to_and_fro(track: Track) -> bool:
+    """Whether fixes of several vehicles take turns in a track: it turns within too few fixes to be driven, and often.
+
+    >>> time = np.arange(40.0)
+    >>> x = 10 * time - 40 * (time % 2)
+    >>> to_and_fro(Track("1", "car", time, np.stack([x, 0 * x], -1), np.full((40, 2), 0.5)))
+    True
+    """
+    least = max(TURN, SCATTER * float(np.median(track.sigma)))
+    short = np.diff(turns(track.value[:, 0], least)) < MINIMUM_FIXES
+    return bool(MOST_LEAPS * short.sum() > len(track.time) - 1)
+
+
+def begun_anew(track: Track) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """In which steps [fix - 1] a vehicle is back behind the place it had reached, and in which it has turned unseen.
+
+    Back behind, going the same way as before, without a fix on the way there, it is another vehicle.
+
+    >>> time = np.arange(20.0)
+    >>> twice = Track("1", "car", time, np.stack([10 * (time % 10), 0 * time], -1), np.full((20, 2), 0.1))
+    >>> [np.flatnonzero(one).tolist() for one in begun_anew(twice)]
+    [[9], []]
+    """
+    x, some = track.value[:, 0], MINIMUM_FIXES
+    behind, back = (np.zeros(max(len(x) - 1, 0), bool) for _ in range(2))
+    if len(x) < 2 * some:
+        return behind, back
+    each = np.lib.stride_tricks.sliding_window_view(x, some)
+    before, after = each[:-some], each[some:]
+    scatter = SCATTER * np.median(track.sigma)
+    first, then = before[:, -1] - before[:, 0], after[:, -1] - after[:, 0]
+    way, far = np.sign(first), np.sign(first)[:, None] * after
+    step = way * (before[:, -1] - after[:, 0])
+    inner = slice(some - 1, len(x) - some)
+    beyond = (far.max(1) < (way[:, None] * before).min(1)) & (step > max(TURN, scatter))
+    behind[inner] = (way == np.sign(then)) & beyond
+    gap = np.diff(track.time)
+    unseen = (gap > some * np.median(gap))[inner]
+    back[inner] = (way == -np.sign(then)) & (np.minimum(np.abs(first), np.abs(then)) > scatter) & unseen
+    return behind, back
+
+
+def cuts(track: Track) -> list[int]:
+    """Fixes at which the drives of a track begin, and its end.
+
+    It is cut where it has no fix for `LONGEST_GAP`, where it leaps and goes on from there, and where it begins anew.
+    """
     leap = leaps(track).astype(int)
     # A fix that alone is wrong is a leap there and one back; the smoother bears it.
-    alone = (
-        (leap == 1) & (np.convolve(leap, np.ones(2 * MINIMUM_FIXES - 1, int), "same") == 1) if len(leap) else leap > 0
+    beside = (
+        np.convolve(leap, np.ones(2 * MINIMUM_FIXES - 1, int))[MINIMUM_FIXES - 1 :][: len(leap)] if len(leap) else leap
     )
-    cuts = [0, *(np.flatnonzero((np.diff(track.time) > LONGEST_GAP) | alone) + 1), len(track.time)]
-    return [
-        part_of(track, slice(begin, end), numbered(track.track_id, index))
-        for index, (begin, end) in enumerate(pairwise(cuts))
-    ]
+    alone = (leap == 1) & (beside == 1)
+    apart = (np.diff(track.time) > LONGEST_GAP) | alone | np.logical_or(*begun_anew(track))
+    return [0, *(np.flatnonzero(apart) + 1).tolist(), len(track.time)]
 
 
 def during(track: Track, end: float) -> Track | None:
@@ -168,8 +238,8 @@ def driven(track: Track) -> Track:
     return part_of(track, slice(int(begin), int(end)))
 
 
-def turns(x: Array) -> list[int]:
-    """Return the indices where `x` [row], m, turns back by more than `TURN`.
+def turns(x: Array, least: float = TURN) -> list[int]:
+    """Return the indices where `x` [row], m, turns back by more than `least`.
 
     >>> turns(np.array([0.0, 20.0, 40.0, 35.0, 45.0, 20.0, 0.0]))
     [4]
@@ -177,11 +247,11 @@ def turns(x: Array) -> list[int]:
     found, extreme, direction = list[int](), 0, 0
     for index, value in enumerate(x):
         ahead = value - x[extreme]
-        if direction == 0 and abs(ahead) > TURN:
+        if direction == 0 and abs(ahead) > least:
             extreme, direction = index, int(np.sign(ahead))
         elif direction * ahead > 0:
             extreme = index
-        elif direction * ahead < -TURN:
+        elif direction * ahead < -least:
             found.append(extreme)
             extreme, direction = index, -direction
     return found

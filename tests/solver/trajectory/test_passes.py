@@ -67,7 +67,7 @@ def test_likelihood_finds_how_errors_and_vehicle_behave():
                 )
                 for k in range(10)
             ]
-            tracks = list(tracks_of(pd.concat(tables), START))
+            tracks = list(tracks_of(pd.concat(tables), START, []))
             acceleration, memory = likeliest(padded(tracks), np.full(10, 0.08))
             chosen[kind, correlation] = np.median(acceleration[:, 0]), np.median(np.exp(-0.08 / memory[:, 0]))
     assert chosen["steady", 0.0][0] < 0.05
@@ -174,14 +174,32 @@ def test_tracks_that_no_vehicle_drives_are_one_clear_line(change, says):
     assert "\n" not in str(caught.value)
 
 
-def test_a_track_that_leaps_is_two_and_an_impossible_one_among_many_is_left_out(caplog):
+def test_one_id_of_two_that_drive_together_is_said_to_be():
+    seen = 20 + np.arange(30.0)
+    together = pd.concat([fixes(seen, 8 * (seen - 20), 0.0), fixes(seen + 0.5, 8 * (seen - 20) - 30, 3.0)])
+    with pytest.raises(
+        InputError, match=r"1 of 1 tracks \(1\) go to and fro as no vehicle does; check .* own track_id"
+    ):
+        smooth_passes(together, a_record())
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6])
+def test_tracks_of_few_fixes_are_read(count):
+    """Those of 3 to 5 ended in a traceback."""
+    seen = 20 + np.arange(50) * 0.1
+    few = fixes(20 + np.arange(count) * 0.5, 10 * np.arange(count) * 0.5, 3.0, track_id="few")
+    passes = smooth_passes(pd.concat([few, fixes(seen, 10 * (seen - 20), 0.0)]), a_record())
+    assert {one.track_id for one in passes} == ({"1"} if count < 3 else {"1", "few"})
+
+
+def test_a_track_that_leaps_is_two_and_an_impossible_one_among_many_is_left_out():
     seen = 20 + np.arange(50) * 0.1
     leaping = fixes(seen, 10 * (seen - 20) + 200 * (seen > 22.45), 0.0, track_id="leaps")
     others = [fixes(seen, 10 * (seen - 20), float(k), track_id=f"{k}") for k in (1, 2)]
     swift = fixes(seen, 900 * (seen - 20), 0.0, track_id="swift")
-    passes = smooth_passes(pd.concat([leaping, *others, swift]), a_record())
+    passes = smooth_passes(pd.concat([leaping, *others, swift]), a_record(), warnings=(said := []))
     assert sorted(one.track_id for one in passes) == ["1", "2", "leaps", "leaps#2"]
-    assert "1 of 5 tracks (swift) go faster than any vehicle (90 m/s); they are left out" in caplog.text
+    assert said == ["trajectories: 1 of 5 tracks (swift) go faster than any vehicle (90 m/s); they are left out"]
 
 
 def test_a_pass_in_a_gap_is_left_out():

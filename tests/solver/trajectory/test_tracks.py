@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from drives import START, fixes
 
-from solver.trajectory.tracks import Track, driven, during, moves, numbered, tracks_of, turns, unbroken
+from solver.trajectory.tracks import Track, driven, during, moves, numbered, to_and_fro, tracks_of, turns
 
 
 def a_track(time, x, sigma=0.1):
@@ -16,21 +16,54 @@ def test_a_table_becomes_tracks():
     one = fixes([1.0, 0.5, 2.0], [10.0, 5.0, 20.0], 0.0, sigma=0.0, track_id="a", length=[4.0, np.nan, 5.0])
     other = fixes([-1.0], [0.0], 3.0, track_id="b", length=np.nan)
     other["class"] = "bus"
-    tracks = {track.track_id: track for track in tracks_of(pd.concat([one, other]), START)}
-    assert tracks["a"].time.tolist() == [0.5, 1.0, 2.0]
+    tracks = {track.track_id: track for track in tracks_of(pd.concat([one, other]), START, [])}
+    assert tracks["a"].time.round(9).tolist() == [0.5, 1.0, 2.0]
     assert tracks["a"].value.tolist() == [[5.0, 0.0], [10.0, 0.0], [20.0, 0.0]]
     assert (tracks["a"].vehicle_class, tracks["a"].length) == ("car", 4.5)
     assert (tracks["b"].vehicle_class, tracks["b"].length, tracks["b"].time.tolist()) == ("bus", None, [-1.0])
 
 
-def test_a_long_silence_starts_a_new_drive():
-    parts = unbroken(a_track([0, 1, 2, 30, 31, 49, 80], 0.0))
-    assert [(part.track_id, part.time.tolist()) for part in parts] == [
-        ("7", [0.0, 1.0, 2.0]),
-        ("7#2", [30.0, 31.0, 49.0]),
-        ("7#3", [80.0]),
+def test_a_long_silence_starts_a_new_drive_of_what_may_be_another_vehicle():
+    table = fixes([0, 1, 2, 30, 31, 49, 80], 0.0, 0.0, track_id="7")
+    table["class"] = ["car"] * 3 + ["bus"] * 4
+    parts = list(tracks_of(table, START, said := []))
+    assert [(part.track_id, part.vehicle_class, part.time.round(9).tolist()) for part in parts] == [
+        ("7", "car", [0.0, 1.0, 2.0]),
+        ("7#2", "bus", [30.0, 31.0, 49.0]),
+        ("7#3", "bus", [80.0]),
     ]
+    assert said == []
     assert [numbered("7", index) for index in range(2)] == ["7", "7#2"]
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("back", [1, -1], ids=["the same way", "back"])
+def test_two_vehicles_one_after_the_other_by_one_name_are_two(way, back):
+    """Between them a third was made up, which went back unseen; or the bus had the wheels of the car."""
+    time = np.concatenate([np.arange(0, 8, 0.1), np.arange(14, 22, 0.1)])
+    x = way * 12 * np.concatenate([np.arange(80), np.arange(80)[::back]]) / 10
+    table = fixes(time, x, 0.0, track_id="7")
+    table["class"] = ["car"] * 80 + ["bus"] * 80
+    parts = list(tracks_of(table, START, said := []))
+    found = [(part.track_id, part.vehicle_class, len(part.time)) for part in parts]
+    assert found == [("7", "car", 80), ("7#2", "bus", 80)]
+    assert said[0].startswith("trajectories: 7: several vehicles have the same track_id, one after the other;")
+
+
+@pytest.mark.parametrize(
+    ("x", "sigma"),
+    [
+        (np.concatenate([np.arange(40), np.arange(40, 0, -1)]) * 10.0, 0.5),
+        (np.arange(80) * 10.0 - 15 * (np.arange(80) == 30), 0.5),
+        (np.random.default_rng(0).normal(0, 6, 80), 6.0),
+    ],
+    ids=["turns", "a wrong fix", "parked"],
+)
+def test_one_vehicle_is_one_track(x, sigma):
+    said = list[str]()
+    assert len(list(tracks_of(fixes(np.arange(80.0), x, 0.0, sigma=sigma), START, said))) == 1
+    assert said == []
+    assert not to_and_fro(a_track(np.arange(80.0), x, sigma))
 
 
 def test_fixes_far_from_the_record_are_dropped():
