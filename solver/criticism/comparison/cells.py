@@ -23,6 +23,9 @@ NEAR = 25.0
 FAR, ENOUGH = 35.0, 400
 #: Cells whose energies are summed to measure how much the noise's power scatters.
 CLUMP = 16
+#: Median of chi2 with as many degrees of freedom, the distance of its quartiles, and the variance of a mean beside that
+#: of a median of many.
+MEDIAN, BETWEEN, EFFICIENCY = 15.338, 19.369 - 11.912, 0.63
 #: Samples that the common noise level counts for beside each channel's own.
 PRIOR_COUNTS = 100
 #: Two lanes are at least so far apart, m.
@@ -222,16 +225,36 @@ def noise_of(
     if len(square) < ENOUGH:
         return np.full(residual.shape[1], max(1.0, floor or 1.0)), 1.0
     energy = square[: len(square) // CLUMP * CLUMP].reshape(-1, CLUMP).sum(1)
-    low, middle, high = np.quantile(energy, [0.25, 0.5, 0.75])
-    # Quartiles of chi2 with 16 degrees of freedom: 11.912, 15.338, 19.369.
-    level = max(float(middle) / 15.338, 0.5)
-    spread = max(1.0, float((high - low) / level / (19.369 - 11.912)) ** 2)
-    # Each channel's own level is drawn to that of all as if it had been seen PRIOR_COUNTS times more often.
-    clipped = np.minimum(residual**2, 16 * level) * quiet
-    own = (clipped.sum(0) + PRIOR_COUNTS * level) / (quiet.sum(0) + PRIOR_COUNTS)
+    low, high = np.quantile(energy, [0.25, 0.75])
+    level = max(middle(square), 0.5)
+    spread = max(1.0, float((high - low) / level / BETWEEN) ** 2)
+    own = np.array([own_level(column[use], level) for column, use in zip((residual**2).T, quiet.T, strict=True)])
     # The level is an estimate too, which widens what it is compared with.
     near = max(int((there & ~far).sum()), 1)
     return own, spread * (1 + near / (near + len(square)))
+
+
+def middle(square: Array) -> float:
+    """Mean of squares [cell] by the median of sums over `CLUMP` of them: a vehicle fills few of those.
+
+    >>> white = np.random.default_rng(0).normal(size=4000) ** 2
+    >>> white[800:1200] = 50.0  # a tenth of the cells
+    >>> 1.0 < middle(white) < 1.1
+    True
+    """
+    energy = square[: len(square) // CLUMP * CLUMP].reshape(-1, CLUMP).sum(1)
+    return float(np.median(energy)) / MEDIAN
+
+
+def own_level(square: Array, level: float) -> float:
+    """Noise level of a channel from squares [sample] in time, drawn to that of all channels.
+
+    >>> own_level(np.full(100, 3.0), 1.0) < 2.0, own_level(np.full(5, 3.0), 1.0)
+    (True, 1.0)
+    """
+    counts = EFFICIENCY * (len(square) // CLUMP * CLUMP)
+    found = middle(square) if counts else level
+    return (counts * found + PRIOR_COUNTS * level) / (counts + PRIOR_COUNTS)
 
 
 def strength(run: "Run", cells: Cells) -> Array:

@@ -95,12 +95,13 @@ def test_lanes_are_of_one_direction_and_a_width_apart():
     assert names[number[3]] == "down the channels, fiber 3.0 m left"
 
 
-def test_a_vehicle_that_nobody_saw_raises_the_level_by_sixteen_times_its_share_at_most():
+def test_a_vehicle_that_nobody_saw_hardly_raises_the_level():
+    """It was sixteen times its share, 2.6 here."""
     residual = 1.3 * RNG.normal(size=(3000, 12))
-    residual[1000:1030] += 200
+    residual[1000:1300] += 200
     every = np.ones(residual.shape, bool)
     level, spread = noise_of(residual, every, every, None)
-    assert ((level > 0.93 * 1.69) & (level < 1.07 * 1.69 * (1 + 16 * 0.01))).all()
+    assert ((level > 0.93 * 1.69) & (level < 1.2 * 1.69)).all()
     assert 1.0 <= spread < 1.6
 
 
