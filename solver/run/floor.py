@@ -25,11 +25,13 @@ class Floor:
     samples : how many there are
     spread : variance of a mean of n such squares, times n: 2 for white Gaussian noise, more where samples depend on
         each other or the noise changes
+    bound : whether noise leaves `value` at most: how much of the error of rounding shows beside vehicles is not known
     """
 
     value: float
     samples: int
     spread: float
+    bound: bool = False
 
     def scatter(self, freedom: float) -> float:
         """Standard deviation of the chi2 per degree of freedom of so many samples about this estimate of the floor."""
@@ -48,7 +50,8 @@ def noise_floor(problem: Problem) -> Floor | None:
     if total < ENOUGH_QUIET:
         return None
     value = float(square.sum()) / total
-    return Floor(value, int(total), block_variance(square - value * count) / total)
+    spread = block_variance(square - value * count) / total
+    return Floor(value, int(total), spread, bound=bool(problem.law.hidden[0] > 0))
 
 
 def block_variance(row: NDArray[np.float64]) -> float:

@@ -79,7 +79,8 @@ def misfit_gate(result: FitResult, floor: Floor | None) -> Gate:
         return Gate("misfit", "open", words, found=value)
     scatter = floor.scatter(max(result.chi2 / value, 1.0)) if value > 0 else float("nan")
     verdict = judged(value, floor.value, scatter)
-    words = f"misfit {value:.3f} where noise alone leaves {floor.value:.3f} ± {scatter:.3f}"
+    leaves = "leaves at most" if floor.bound else "leaves"
+    words = f"misfit {value:.3f} where noise alone {leaves} {floor.value:.3f} ± {scatter:.3f}"
     return Gate("misfit", verdict, words, (DIAGNOSE,), value, floor.value, scatter)
 
 

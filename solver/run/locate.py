@@ -1,7 +1,7 @@
 """From a survey to a located fiber: smooth, match, fit."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -24,12 +24,13 @@ from solver.processing import filtered
 from solver.run.methods import METHODS
 from solver.run.run import Run, run_of
 from solver.start.first_routes import find_first_routes
-from solver.survey.das.record import ranges
+from solver.survey.das.record import DASRecord, ranges
 from solver.survey.das.rounding import dithered, told
 from solver.survey.dead_channels import dead_channels
 from solver.survey.survey import Survey
 from solver.trajectory.agreement import check_apart, check_gauge, in_record, slow_line, suspicions
 from solver.trajectory.passes import smooth_passes
+from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError, progress
 
 #: Effects that are in the model by default; `locate --effects none` is the paper's point loads and straight gauges.
@@ -40,6 +41,8 @@ EXPLAINED = 1.03
 #: must explain: a fiber that dips under a culvert is beyond the usual knots, while most of what other physics leaves is
 #: beyond any route.
 LEFT_OVER, BY_ROUTE = 1.01, 0.6
+#: m
+FOOT = 0.3048
 #: Passes below which the user is told that they are few.
 FEW = 3
 
@@ -129,6 +132,26 @@ def fit_agreeing(result: FitResult, problem: Problem, method: str, disputed: lis
     return result, problem
 
 
+def other_unit(record: DASRecord, passes: Sequence[Pass], believed: Mapping[str, float]) -> str:
+    """Say in which unit tracks would follow a record that they do not follow, as the end of a sentence; empty: in none.
+
+    Parameters
+    ----------
+    believed : prior means of depth, m, and Poisson's ratio
+    """
+    for factor, words in ((FOOT, "x and y of the trajectories"), (1 / FOOT, "gauge_length and channel_spacing")):
+        scaled = [
+            replace(one, **{name: factor * getattr(one, name) for name in ("position", "velocity", "sigma")})
+            for one in passes
+        ]
+        try:
+            find_first_routes(record, scaled, [], **believed, warnings=[])
+        except InputError:
+            continue
+        return f"; they would follow if {words} were in feet: give them in m"
+    return ""
+
+
 def locate(
     survey: Survey,
     *,
@@ -181,7 +204,8 @@ def locate(
         try:
             found = find_first_routes(shown, passes, anchors, **believed, warnings=warnings)
         except InputError as error:
-            raise InputError(f"{error}{suspicions(record, passes)}") from error
+            why = other_unit(shown, passes, believed) or suspicions(record, passes)
+            raise InputError(f"{error}{why}") from error
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
     dead = dead_channels(heard, found.channel)
     if len(dead):

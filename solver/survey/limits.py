@@ -8,6 +8,9 @@ FASTEST = 90.0
 LOUDEST = 0.1
 #: 1/s; the best interrogators resolve strains of 1e-12 in a second, and the lightest car makes a thousand times that.
 FAINTEST = 1e-13
+#: m^2; a vehicle's weight over 4 pi times the shear modulus of its ground: from a motorcycle (1e3 N) on granite (3e10
+#: Pa), felt by a tenth, to a road train (1e6 N) on peat (1e6 Pa).
+PUSHES = (1e-10, 0.1)
 #: m; from the pulses of frequency-domain interrogators to those of 10 us.
 GAUGE_LENGTHS = (0.01, 1000.0)
 #: m; from scatter resolved by frequency-domain interrogators to thinned exports of long fibers.

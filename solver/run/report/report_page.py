@@ -291,7 +291,8 @@ def check_section(run: Run) -> str:
     head = "<tr><th>check</th><th>verdict</th><th>what was found</th><th>taken up by the fit</th></tr>"
     return (
         "<section><h2>What was checked</h2><p>A check says little where the fit itself takes up most of what is wrong "
-        "before it shows.</p>"
+        "before it shows. For passes held out that share is not known: each still fits its own strength, shift and "
+        "wheels, and what bends the route bends it for them too.</p>"
         f'<div class="wide-table"><table class="checks">{head}{rows}</table></div></section>'
     )
 

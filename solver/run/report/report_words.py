@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from solver.run.geojson import Z95, half_width, runs
 from solver.run.run import Run
+from solver.survey.limits import PUSHES
 
 WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"]
 
@@ -85,11 +86,11 @@ def widest(half: NDArray[np.float64]) -> str:
 
 
 def noise_words(run: Run) -> str:
-    """What of the misfit noise alone would leave."""
+    """What of the misfit noise alone leaves."""
     gate = next(one for one in run.facts["trust"]["gates"] if one["name"] == "misfit")
     if gate["expected"] is None:
-        return "what noise alone would leave is not known"
-    return f"noise alone would leave {gate['expected']:.3f} ± {gate['scatter']:.3f}"
+        return "what noise alone leaves is not known"
+    return str(gate["words"].partition(" where ")[2])
 
 
 def key_figures(run: Run) -> list[tuple[str, str, str]]:
@@ -143,9 +144,23 @@ def prior_lines(run: Run) -> list[str]:
     return lines
 
 
+def unnatural(run: Run) -> list[str]:
+    """That vehicles strain the ground less, or more, than any vehicle does; nothing where they do not."""
+    sizes = [abs(value.value) for name, value in run.result.parameters.items() if name.startswith("amplitude")]
+    size = float(np.median(sizes)) if sizes else PUSHES[0]
+    if PUSHES[0] <= size <= PUSHES[1]:
+        return []
+    how = "less" if size < PUSHES[0] else "more"
+    return [
+        f"These vehicles strain the ground {how} than any vehicle can (amplitudes of {size:.1g} m²): check the unit of "
+        "the DAS files, and quantity and scale in [das] of site.toml."
+    ]
+
+
 def cautions(run: Run) -> list[str]:
     """What the user must know besides the checks before relying on the route; empty where there is nothing."""
     result, lines = run.result, prior_lines(run)
+    lines += unnatural(run)
     if not np.isfinite(result.covariance).all():
         lines.append(f"The method {result.method!r} states no uncertainty here.")
     missing = set(range(result.fitted_channel[0], result.fitted_channel[-1] + 1)) - set(result.fitted_channel.tolist())

@@ -155,4 +155,14 @@ def test_the_floor_of_a_rounded_record_has_the_errors_that_rounding_leaves_besid
     record = replace(survey.record, strain_rate=coarse, channel=problem.channel, distance=problem.distance)
     given = problem.passes, problem.anchors, problem.start, problem.channel, problem.prior
     posed = pose(replace(record, rounding=of_all), *given)
-    assert noise_floor(posed).value == pytest.approx(1.0, abs=0.06)
+    floor = noise_floor(posed)
+    assert floor.value == pytest.approx(1.0, abs=0.06)
+    assert floor.bound
+
+
+def test_a_floor_of_rounded_noise_is_said_to_be_an_upper_bound(survey, trust):
+    assert not noise_floor(survey.problem).bound
+    assert (
+        "misfit 1.000 where noise alone leaves at most 1.000 ± 0.009"
+        in trust(floor=replace(FLOOR, bound=True)).sentence
+    )

@@ -189,6 +189,21 @@ def clock_an_hour_off(folder: Path) -> None:
     table.to_csv(folder / "trajectories.csv", index=False)
 
 
+def in_feet(folder: Path) -> None:
+    table = pd.read_csv(folder / "trajectories.csv")
+    table[["x", "y"]] /= 0.3048
+    table.to_csv(folder / "trajectories.csv", index=False)
+
+
+def spacing_in_feet(folder: Path) -> None:
+    site = folder / "site.toml"
+    lines = site.read_text().splitlines()
+    for name in ("gauge_length", "channel_spacing"):
+        (at,) = (i for i, line in enumerate(lines) if line.startswith(name))
+        lines[at] = f"{name} = {float(lines[at].split('=')[1].split('#')[0]) / 0.3048}"
+    site.write_text("\n".join(lines))
+
+
 def far_anchor(folder: Path) -> None:
     table = pd.read_csv(folder / "anchors.csv")
     table.loc[0, "x"] += 12600
@@ -241,6 +256,8 @@ def nan_channel(folder: Path) -> None:
 BROKEN = {
     break_clock: "overlap",
     clock_an_hour_off: "do not overlap in time; they are 1 h apart: one of the clocks seems to be local time",
+    in_feet: "they would follow if x and y of the trajectories were in feet: give them in m",
+    spacing_in_feet: "they would follow if gauge_length and channel_spacing were in feet: give them in m",
     far_anchor: "m apart, but from channel",
     exchanged_anchors: "seem to be exchanged: each lies where vehicles are felt on the channel of the other",
     late_clock: "s ahead of that of the DAS; take",

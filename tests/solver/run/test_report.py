@@ -177,11 +177,29 @@ def test_cautions_name_what_the_data_do_not_decide(survey):
         assert part in text
 
 
+@pytest.mark.parametrize(("size", "says"), [(1e-11, "less than any vehicle can"), (0.5, "more than any vehicle can")])
+def test_a_strain_that_no_vehicle_makes_is_a_caution(survey, size, says):
+    """A record a million times too quiet passed without a word."""
+    weak = {
+        name: replace(value, value=size) if name.startswith("amplitude") else value
+        for name, value in survey.result.parameters.items()
+    }
+    lines = words.cautions(made_run(survey, parameters=weak))
+    assert [says in line for line in lines].count(True) == 1
+
+
+def test_page_says_that_what_held_out_passes_take_up_is_not_known(survey):
+    text = " ".join(read(render(made_run(survey))).text)
+    assert "For passes held out that share is not known: each still fits its own strength" in text
+
+
 def test_key_figures(survey):
     figures = {label: value for label, value, _ in words.key_figures(made_run(survey))}
     assert figures["Sideways, 95 %"] == "± 0.10 m"
     assert figures["Depth, 95 %"] == "± 0.08 m"
     assert figures["Located"] == "56 m"
+    notes = {label: note for label, _, note in words.key_figures(made_run(survey))}
+    assert notes["Misfit, chi²/dof"].startswith("noise alone leaves ")
 
 
 def test_the_gauge_length_is_that_of_the_model(survey):
