@@ -25,7 +25,7 @@ PLACE = 80
 #: Text of one line, that no terminal takes for a command.
 Text = Annotated[str, Field(max_length=2**16, pattern=r"^[^\p{Cc}]*$")]
 FileName = Annotated[str, Field(max_length=255, pattern=r"^[^\p{Cc}/\\]+$")]
-Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Digest = Annotated[str, Field(pattern=r"^(sampled:)?[0-9a-f]{64}$")]
 Moment = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?Z$")]
 Count = Annotated[int, Field(ge=0, le=10**9)]
 Size = Annotated[float, Field(ge=0)]

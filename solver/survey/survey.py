@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from solver.survey.anchors import Anchor, anchors_of, read_anchors
-from solver.survey.das.das_files import checksum
-from solver.survey.das.decimation import decimated
+from solver.survey.das.block import checksum
+from solver.survey.das.description import describe
 from solver.survey.das.in_memory import block_of
-from solver.survey.das.record import DASRecord, read_das, record_of
+from solver.survey.das.lowpass import FIT_RATE
+from solver.survey.das.reader import record_from, record_of
+from solver.survey.das.record import DASRecord
+from solver.survey.selection import wanted
 from solver.survey.site import CameraSection, GroundSection, Site, read_site
 from vision.contract import InputError, LocalFrame, read_trajectories, trajectories_of
 
@@ -127,11 +130,12 @@ class Survey:
             scale=scale,
             channels=channels,
             exclude=exclude,
+            rate=FIT_RATE,
         )
         self._hold(
             name=name,
             frame=where,
-            record=decimated(record),
+            record=record,
             tracks=trajectories_of(tracks, where),
             anchors=[] if anchors is None else anchors_of(anchors, where),
             ground=ground_of(poisson_ratio, depth),
@@ -164,13 +168,15 @@ class Survey:
         begun = clock.perf_counter()
         tracks = None if site.trajectories is None else read_trajectories(site.trajectories.files, site.frame)
         said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
-        record = read_das(site.das.files, **{name: getattr(site.das, name) for name in said})
+        known = describe(site.das.files, **{name: getattr(site.das, name) for name in said})
+        anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
+        record = record_from(known, **wanted(known, tracks, anchors), rate=FIT_RATE)
         return cls.of(
             name=site.name,
             frame=site.frame,
-            record=decimated(record),
+            record=record,
             tracks=tracks,
-            anchors=read_anchors(site.anchors.file, site.frame) if site.anchors else [],
+            anchors=anchors,
             ground=site.ground,
             camera=site.camera,
             sources=(*das_sources(record), *file_sources(site)),

@@ -40,10 +40,10 @@ def check_clocks(tracks: "Sequence[Track]", record: DASRecord) -> None:
     if any(track.time[0] <= record.time[-1] and track.time[-1] >= 0 for track in tracks):
         return
     first, last = min(track.time[0] for track in tracks), max(track.time[-1] for track in tracks)
-    end = float(record.time[-1])
+    begin, end = ((one - record.start) / np.timedelta64(1, "s") for one in (record.recorded.start, record.recorded.end))
     raise InputError(
-        f"trajectories ({span(record, first, last)}) and DAS ({span(record, 0.0, end)}) do not overlap in time; "
-        + (zone_line(first, last, end) or "check both clocks, or give files of one survey")
+        f"trajectories ({span(record, first, last)}) and DAS ({span(record, begin, end)}) do not overlap in time; "
+        + (zone_line(first - begin, last - begin, end - begin) or "check both clocks, or give files of one survey")
     )
 
 
@@ -83,7 +83,7 @@ def slow_line(record: DASRecord, passes: "Sequence[Pass]") -> str | None:
 
 def in_record(anchors: Sequence[Anchor], record: DASRecord, warnings: list[str]) -> list[Anchor]:
     """Anchors on channels of the record, or so little beyond that they matter; the others are named in `warnings`."""
-    first, last = int(record.channel[0]), int(record.channel[-1])
+    first, last = record.recorded.channels
     reach = ANCHOR_REACH / record.channel_spacing
     for one in anchors:
         if not first - reach <= one.channel <= last + reach:

@@ -1,146 +1,22 @@
 """One DAS file as it is: numbers, times, distances and what the file says about itself."""
 
-import hashlib
-import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from datetime import UTC
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
+from solver.survey.das.array_files import read_numpy
+from solver.survey.das.block import Block
+from solver.survey.das.samples import OnDisk, described, series
 from solver.survey.das.tdms import read_tdms_properties
 from solver.survey.das.units import Unit, dascore, parse_unit
 from solver.survey.das.unreadable import why_unknown, why_unreadable
-from vision.contract import InputError, read_text, read_toml
+from vision.contract import InputError
 
 ROUNDED = 1_000_000  # ns; so far may two clocks of one file be apart
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-
-
-@dataclass(frozen=True)
-class Block:
-    """What one file holds.
-
-    Parameters
-    ----------
-    path : of the file
-    format : its name and version
-    data : [time, channel], as stored
-    time : ns since 1970, UTC [time]
-    distance : m along the fiber [channel], or None where the file gives no spacing
-    first_channel : number of the first channel
-    gauge_length : m, or None where the file does not say
-    unit : of `data`, or None where the file does not say
-    stated : the unit as the file words it
-    """
-
-    path: Path
-    format: str
-    data: NDArray[Any]
-    time: NDArray[np.int64]
-    distance: NDArray[np.float64] | None
-    first_channel: int
-    gauge_length: float | None
-    unit: Unit | None
-    stated: str
-
-
-class SideFile(BaseModel):
-    """What stands beside a `.npy` or `.npz` file, in a `.toml` or `.json` of the same name."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    start: AwareDatetime
-    sampling_rate: Positive
-    channel_spacing: Positive | None = None
-    gauge_length: Positive | None = None
-    unit: str | None = None
-    first_channel: int = 0
-    axes: tuple[str, str] = ("time", "channel")
-
-
-def checksum(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def checksum_of(block: Block) -> str:
-    """Return the SHA-256 of a block's file, or of its numbers where they were in memory."""
-    if block.path.is_file():
-        return checksum(block.path)
-    return hashlib.sha256(np.ascontiguousarray(block.data).data).hexdigest()
-
-
-def read_side_file(path: Path) -> SideFile:
-    """Read the side file of the array file `path`."""
-    beside = [path.with_suffix(suffix) for suffix in (".toml", ".json")]
-    found = next((side for side in beside if side.is_file()), None)
-    if found is None:
-        raise InputError(
-            f"{path}: an array alone has no times; write {beside[0].name} beside it with start, sampling_rate, "
-            "channel_spacing, gauge_length and unit"
-        )
-    try:
-        wanted = "the side file of an array"
-        said = read_toml(found, wanted) if found.suffix == ".toml" else json.loads(read_text(found, wanted))
-        return SideFile.model_validate(said)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{found}: cannot be read ({error}); mend that line") from error
-    except ValidationError as error:
-        problem = error.errors()[0]
-        key = ".".join(map(str, problem["loc"]))
-        known = ", ".join(SideFile.model_fields)
-        raise InputError(f"{found}: {key}: {problem['msg'].lower()}; known keys: {known}") from error
-
-
-def load_array(path: Path) -> NDArray[Any]:
-    """Load the one array of a `.npy` or `.npz` file."""
-    try:
-        content = np.load(path, allow_pickle=False)
-        if isinstance(content, np.ndarray):
-            return content
-        with content:
-            if len(content.files) != 1:
-                names = ", ".join(content.files) or "none"
-                raise InputError(f"{path}: arrays {names}; store exactly one, [time, channel]")
-            return np.asarray(content[content.files[0]])
-    except (OSError, ValueError, EOFError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: no readable numpy file ({error}); save it again with numpy.save") from error
-
-
-def read_numpy(path: Path) -> Iterator[Block]:
-    """Read a `.npy` or `.npz` file and its side file."""
-    side, data = read_side_file(path), load_array(path)
-    if data.ndim != 2 or not np.issubdtype(data.dtype, np.number) or np.iscomplexobj(data):
-        raise InputError(f"{path}: an array of {data.dtype} {data.shape}; give real numbers [time, channel]")
-    if sorted(side.axes) != ["channel", "time"]:
-        raise InputError(f"{path}: axes is {list(side.axes)}; give ['time', 'channel'] or the reverse")
-    data = data if side.axes[0] == "time" else data.T
-    start = np.datetime64(side.start.astimezone(UTC).replace(tzinfo=None), "ns").astype(np.int64)
-    time = start + np.round(np.arange(len(data)) * 1e9 / side.sampling_rate).astype(np.int64)
-    numbers = side.first_channel + np.arange(data.shape[1])
-    unit = parse_unit(side.unit) if side.unit else None
-    if side.unit and unit is None:
-        raise InputError(f"{path}: unknown unit {side.unit!r} in the side file; give 1/s, nm/m/s, strain, rad or rad/s")
-    yield Block(
-        path=path,
-        format="numpy",
-        data=data,
-        time=time,
-        distance=np.asarray(numbers * side.channel_spacing) if side.channel_spacing else None,
-        first_channel=side.first_channel,
-        gauge_length=side.gauge_length,
-        unit=unit,
-        stated=side.unit or "",
-    )
 
 
 def silixa_counts(block: Block, properties: dict[str, Any]) -> Block:
@@ -221,8 +97,8 @@ def meters(values: NDArray[np.float64], units: Any) -> NDArray[np.float64]:
     return values if units is None else values * float(dascore().get_quantity(units).to("m").magnitude)
 
 
-def patch_block(patch: Any, path: Path, name: str) -> Block:
-    """Turn a DASCore patch into a block."""
+def patch_block(patch: Any, path: Path, name: str, whole: OnDisk | None = None) -> Block:
+    """Turn a DASCore patch into a block; `whole`: the numbers of the file of which the patch is the first row."""
     patch = patch.transpose("time", "distance")
     attrs, distance = patch.attrs, patch.get_coord("distance")
     stated_gauge = np.array([getattr(attrs, "gauge_length", None) or np.nan], float)
@@ -231,8 +107,8 @@ def patch_block(patch: Any, path: Path, name: str) -> Block:
     return Block(
         path=path,
         format=name,
-        data=np.asarray(patch.data),
-        time=patch.get_array("time").astype("datetime64[ns]").astype(np.int64),
+        data=np.asarray(patch.data) if whole is None else whole,
+        time=(patch.get_array("time") if whole is None else whole.time).astype("datetime64[ns]").astype(np.int64),
         distance=meters(np.asarray(distance.data, float), distance.units),
         first_channel=0,
         gauge_length=gauge_length if gauge_length > 0 else None,
@@ -253,7 +129,10 @@ def is_lone_sample(path: Path) -> bool:
 
 
 def read_with_dascore(path: Path) -> Iterator[Block]:
-    """Read a file of an interrogator through DASCore (PRODML, Silixa, Terra15, OptoDAS, Febus, AP Sensing ...)."""
+    """Read a file of an interrogator through DASCore (PRODML, Silixa, Terra15, OptoDAS, Febus, AP Sensing ...).
+
+    Numbers stay on the disk where DASCore tells from the header when and where they were recorded.
+    """
     dc = dascore()
     from dascore.exceptions import UnknownFiberFormatError
 
@@ -263,12 +142,11 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
             raise InputError(f"{path}: a pickle can run code when it is read; store it as PRODML or DASDAE instead")
     try:
         name, version = dc.get_format(path)
-        patches = list(dc.read(path, file_format=name, file_version=version))
-        for patch in patches:
-            # PRODML carries energies in frequency bands beside the samples; those have a start_frequency.
-            if {"time", "distance"} <= set(patch.dims) and "start_frequency" not in dict(patch.attrs):
-                block = patch_block(patch, path, f"{name} {version}")
-                yield COMPLETIONS.get(name, lambda same: same)(block)
+        known = described(path, name, version)
+        patches = [(one, None) for one in series(path, name, version)] if known is None else [known]
+        for patch, whole in patches:
+            block = patch_block(patch, path, f"{name} {version}", whole)
+            yield COMPLETIONS.get(name, lambda same: same)(block)
     except InputError:
         raise
     except UnknownFiberFormatError as error:
@@ -280,7 +158,7 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
 
 
 def read_blocks(path: Path) -> list[Block]:
-    """Read one DAS file.
+    """Read one DAS file; its numbers only as they are asked for, where its format allows that.
 
     Returns
     -------

@@ -1,16 +1,11 @@
-"""Fast records are reduced before they are fitted."""
+"""Fast records in memory are reduced before they are fitted; those in files are as they are read (`reduced`)."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from solver.survey.das.lowpass import FIT_RATE, factor_of, taps_of
 from solver.survey.das.record import DASRecord
-
-#: Records are fitted at this rate or a little above, Hz. What a wheel 2 m away leaves at 20 m/s falls with frequency as
-#: exp(-2 pi f 2 / 20): 0.7 % at the 8 Hz that the filter lets pass. At 12 Hz, with 4 % lost, routes went 0.3 m wrong.
-FIT_RATE = 20.0
-#: Length of the anti-alias filter, output samples to either side; its pass band is flat to 0.8 of the new Nyquist rate.
-HALF_LENGTH = 10
 
 
 def decimated(record: DASRecord, rate: float = FIT_RATE) -> DASRecord:
@@ -37,12 +32,12 @@ def decimated(record: DASRecord, rate: float = FIT_RATE) -> DASRecord:
     >>> slow.sampling_rate, bool(np.allclose(slow.strain_rate[10:-10], wave[::5][10:-10], atol=0.002))
     (20.0, True)
     """
-    factor = int(record.sampling_rate // rate)
+    factor = factor_of(record.sampling_rate, rate)
     if factor < 2:
         return record
-    from scipy.signal import firwin, resample_poly
+    from scipy.signal import resample_poly
 
-    taps = firwin(2 * HALF_LENGTH * factor + 1, 0.9 / factor, window=("kaiser", 5.0))
+    taps = taps_of(factor)
     finite = np.isfinite(record.strain_rate)
     filtered = resample_poly(np.where(finite, record.strain_rate, 0.0), 1, factor, axis=0, window=taps)
     covered = resample_poly(finite.astype(float), 1, factor, axis=0, window=np.full(len(taps), 1 / len(taps)))

@@ -1,14 +1,15 @@
-"""Samples of many DAS files -> one regular grid of time."""
+"""Samples of many DAS files -> one regular grid of time, known before any is read."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.survey.das.das_files import Block
+from solver.survey.das.block import Block
 from vision.contract import InputError
 
 Array = NDArray[np.float64]
@@ -16,15 +17,95 @@ Array = NDArray[np.float64]
 # A vehicle at 30 m/s moves 6 cm in this time, ns: files that are off the common grid by less are not shifted.
 ALIGNED = 2_000_000
 SPARSEST = 20  # a record of more than so many times the samples there are is no record of one survey
+#: Samples on either side over which a cubic spline through samples is felt: beyond, by less than 1e-11.
+FELT = 20
 
 
 @dataclass(frozen=True)
-class Segment:
-    """Consecutive samples of one file: values [time, channel], and the time of the first, ns since 1970, UTC."""
+class Part:
+    """What one file holds, and when: its block without the times, which run evenly from jump to jump.
 
-    path: Path
-    values: Array
-    start: int
+    Parameters
+    ----------
+    block : with no times
+    interval : of sampling, ns
+    runs : (first row, rows, time of the first in ns since 1970) of each stretch without a jump
+    """
+
+    block: Block
+    interval: float
+    runs: tuple[tuple[int, int, int], ...]
+
+
+def part_of(block: Block) -> Part:
+    """Sum up the times of a block.
+
+    Raises
+    ------
+    InputError
+        If they repeat or run backwards, or there is but one.
+    """
+    interval = file_interval(block)
+    cuts = [0, *(np.flatnonzero(np.diff(block.time) > 1.5 * interval) + 1).tolist(), len(block.time)]
+    runs = tuple((first, stop - first, int(block.time[first])) for first, stop in pairwise(cuts))
+    return Part(replace(block, time=block.time[:0]), interval, runs)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Consecutive samples of one file on the grid.
+
+    Parameters
+    ----------
+    block : of the file
+    first, count : row of the block where they begin, and how many there are
+    row, rows : first row of the grid that they fill, and how many
+    ahead : rows by which the grid's first is after theirs; 0 where they lie on the grid
+    """
+
+    block: Block
+    first: int
+    count: int
+    row: int
+    rows: int
+    ahead: float
+
+    @property
+    def stop(self) -> int:
+        """Row of the grid after the last."""
+        return self.row + self.rows
+
+    def values(self, begin: int, end: int, columns: slice) -> NDArray[Any]:
+        """Stored numbers [row, column] at rows `begin` to `end` of the grid.
+
+        Those that are off the grid by more than `ALIGNED` are moved onto it along a cubic spline.
+        """
+        if not self.ahead:
+            offset = self.first - self.row
+            return self.block.data[begin + offset : end + offset, columns]
+        from scipy.interpolate import CubicSpline
+
+        wanted = np.arange(begin, end) - self.row + self.ahead
+        low, high = max(0, int(wanted[0]) - FELT), min(self.count, int(wanted[-1]) + FELT + 2)
+        stored = self.block.data[self.first + low : self.first + high, columns].astype(np.float64)
+        moved = np.empty((len(wanted), stored.shape[1]))
+        for some in range(0, stored.shape[1], 64):
+            part = slice(some, some + 64)
+            moved[:, part] = CubicSpline(np.arange(low, high), stored[:, part], axis=0)(wanted)
+        return moved
+
+
+def placed(part: Part, origin: int, interval: float) -> list[Placed]:
+    """Place the runs of a part on the grid of `interval`, ns, that begins at `origin`, ns."""
+    found = []
+    for first, count, start in part.runs:
+        position = (start - origin) / interval
+        row, rows, ahead = round(position), count, 0.0
+        if abs(position - row) * interval > ALIGNED and count > 1:
+            row = int(np.ceil(position))
+            rows, ahead = int(np.floor(position + count - 1)) + 1 - row, row - position
+        found.append(Placed(part.block, first, count, row, rows, ahead))
+    return found
 
 
 def file_interval(block: Block) -> float:
@@ -41,8 +122,8 @@ def file_interval(block: Block) -> float:
     return float(steps.mean()) if steps.max() < 1.5 * usual else usual
 
 
-def sampling_interval(blocks: Sequence[Block]) -> float:
-    """Return the sampling interval of a record, ns, from blocks sorted by time.
+def sampling_interval(parts: Sequence[Part]) -> float:
+    """Return the sampling interval of a record, ns, from parts sorted by time.
 
     The starts of adjoining files say it better than the nominal rate in one file: with a clock that is off by 1e-5,
     500 Hz are a sample off after 200 s.
@@ -52,75 +133,87 @@ def sampling_interval(blocks: Sequence[Block]) -> float:
     InputError
         If the sampling rates of the files differ by over 0.1 %.
     """
-    nominal = np.array([file_interval(block) for block in blocks])
+    nominal = np.array([part.interval for part in parts])
     odd = int(np.abs(nominal - nominal[0]).argmax())
     if abs(nominal[odd] / nominal[0] - 1) > 1e-3:
         raise InputError(
-            f"{blocks[odd].path}: {1e9 / nominal[odd]:g} samples/s, but {1e9 / nominal[0]:g} in {blocks[0].path.name}; "
-            "give files of one recording"
+            f"{parts[odd].block.path}: {1e9 / nominal[odd]:g} samples/s, but {1e9 / nominal[0]:g} in "
+            f"{parts[0].block.path.name}; give files of one recording"
         )
     interval = float(np.median(nominal))
-    lengths = np.array([len(block.time) for block in blocks[:-1]])
-    steps = np.diff([block.time[0] for block in blocks])
+    lengths = np.array([ends_of(part)[1] for part in parts[:-1]])
+    steps = np.diff([ends_of(part)[0] for part in parts])
     adjoining = np.abs(steps - lengths * interval) < interval / 2
     return float(steps[adjoining].sum() / lengths[adjoining].sum()) if adjoining.any() else interval
 
 
-def segments_of(block: Block, values: Array, interval: float) -> list[Segment]:
-    """Split `values` [time, channel] of a block where its times jump."""
-    cuts = np.flatnonzero(np.diff(block.time) > 1.5 * interval) + 1
-    starts = block.time[[0, *cuts]]
-    parts = np.split(values, cuts)
-    return [Segment(block.path, part, int(start)) for start, part in zip(starts, parts, strict=True)]
+def ends_of(part: Part) -> tuple[int, float]:
+    """Time of the first sample of a part, ns, and samples from there to where the next one would come."""
+    start, (_, count, last) = part.runs[0][2], part.runs[-1]
+    return start, (last - start) / part.interval + count
 
 
-def on_grid(segment: Segment, origin: int, interval: float) -> tuple[int, Array]:
-    """Return the first row of a segment on the grid, and its values there [time, channel].
+@dataclass(frozen=True)
+class Grid:
+    """Where the samples of a record are: evenly spaced rows, and which rows of which file fill them.
 
-    Values that are off the grid by more than `ALIGNED` are moved onto it along a cubic spline.
+    Parameters
+    ----------
+    origin : time of row 0, ns since 1970, UTC
+    interval : of sampling, ns
+    placed : by row; they do not overlap
     """
-    from scipy.interpolate import CubicSpline
 
-    position = (segment.start - origin) / interval
-    row, count = round(position), len(segment.values)
-    if abs(position - row) * interval <= ALIGNED or count < 2:
-        return row, segment.values
-    rows = np.arange(int(np.ceil(position)), int(np.floor(position + count - 1)) + 1)
-    return int(rows[0]), np.asarray(CubicSpline(np.arange(count), segment.values, axis=0)(rows - position))
+    origin: int
+    interval: float
+    placed: tuple[Placed, ...]
 
+    @classmethod
+    def of(cls, parts: Sequence[Part]) -> "Grid":
+        """Put parts, sorted by time, on one grid.
 
-def assemble(segments: Sequence[Segment], interval: float) -> tuple[Array, tuple[tuple[float, float], ...]]:
-    """Put segments, sorted by time, on one grid.
+        Raises
+        ------
+        InputError
+            If sampling rates differ, two parts overlap, or nearly all of the record would be gap.
+        """
+        interval, origin = sampling_interval(parts), parts[0].runs[0][2]
+        found = [one for part in parts for one in placed(part, origin, interval)]
+        for before, after in pairwise(found):
+            if after.row < before.stop:
+                raise InputError(
+                    f"{after.block.path}: overlaps {before.block.path.name} in time; give each recording once"
+                )
+        return cls(origin, interval, tuple(found))
 
-    Returns
-    -------
-    values [time, channel], NaN in the gaps, and (first, last) time of the missing samples of each gap, s
+    @property
+    def sampling_rate(self) -> float:
+        """Hz."""
+        return 1e9 / self.interval
 
-    Raises
-    ------
-    InputError
-        If two segments overlap, or nearly all of the record would be gap.
+    @property
+    def rows(self) -> int:
+        """Rows from the first to the last sample, gaps included."""
+        return self.placed[-1].stop
 
-    >>> one = Segment(Path("1"), np.ones((3, 1)), 0)
-    >>> values, gaps = assemble([one, Segment(Path("2"), np.ones((2, 1)), 5 * 10**9)], 1e9)
-    >>> values[:, 0].tolist(), gaps
-    ([1.0, 1.0, 1.0, nan, nan, 1.0, 1.0], ((3.0, 4.0),))
-    """
-    placed = [on_grid(segment, segments[0].start, interval) for segment in segments]
-    spans = [(row, row + len(values)) for row, values in placed]
-    for (before, after), (files_before, files_after) in zip(pairwise(spans), pairwise(segments), strict=True):
-        if after[0] < before[1]:
-            raise InputError(f"{files_after.path}: overlaps {files_before.path.name} in time; give each recording once")
-    total, measured = spans[-1][1], sum(end - begin for begin, end in spans)
-    if total > SPARSEST * measured:
-        raise InputError(
-            f"{segments[-1].path}: {measured * interval * 1e-9:.0f} s of samples spread over "
-            f"{total * interval * 1e-9 / 3600:.1f} h; locate each part on its own"
-        )
-    if len(placed) == 1:
-        return placed[0][1], ()
-    whole = np.full((total, placed[0][1].shape[1]), np.nan)
-    for (begin, end), (_, values) in zip(spans, placed, strict=True):
-        whole[begin:end] = values
-    holes = [(before[1], after[0] - 1) for before, after in pairwise(spans) if after[0] > before[1]]
-    return whole, tuple((float(first * interval * 1e-9), float(last * interval * 1e-9)) for first, last in holes)
+    @cached_property
+    def holes(self) -> list[tuple[int, int]]:
+        """First and last row of each gap."""
+        return [(one.stop, other.row - 1) for one, other in pairwise(self.placed) if other.row > one.stop]
+
+    def measured(self, begin: int, end: int) -> int:
+        """How many of the rows `begin` to `end` have samples."""
+        return sum(max(0, min(one.stop, end) - max(one.row, begin)) for one in self.placed)
+
+    def time_of(self, row: int) -> np.datetime64:
+        """UTC of a row."""
+        return np.datetime64(self.origin + round(row * self.interval), "ns")
+
+    def check_dense(self, begin: int, end: int) -> None:
+        """Raise InputError where nearly all of the rows `begin` to `end` are gap."""
+        measured = self.measured(begin, end)
+        if end - begin > SPARSEST * measured:
+            raise InputError(
+                f"{self.placed[-1].block.path}: {measured * self.interval * 1e-9:.0f} s of samples spread over "
+                f"{(end - begin) * self.interval * 1e-9 / 3600:.1f} h; locate each part on its own"
+            )

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from solver.survey.das.das_files import Block, patch_block
+from solver.survey.das.block import Block
+from solver.survey.das.das_files import patch_block
 from solver.survey.das.units import parse_unit
 from vision.contract import InputError
 

@@ -55,7 +55,7 @@ def write_prodml(
     Examples
     --------
     >>> import tempfile
-    >>> from solver.survey.das.record import read_das
+    >>> from solver.survey.das.reader import read_das
     >>> path = Path(tempfile.mkdtemp()) / "das.h5"
     >>> rate = 1e-9 * np.arange(12.0).reshape(4, 3)
     >>> write_prodml(path, rate, start=np.datetime64("2025-08-11T06:00:00"), sampling_rate=5.0, gauge_length=10.0,

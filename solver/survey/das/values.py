@@ -62,9 +62,16 @@ farther away than they are; record with a larger range'
             continue
         within = values < end if which == "largest" else values > end
         beside = inward(values, where=within, initial=none)
-        if count > THINNER * np.count_nonzero(values == beside):
-            return (
-                f"{count} samples of {channels} channels stand at the same {which} number, {end:g}: the record is "
-                "clipped, and vehicles seem farther away than they are; record with a larger range"
-            )
+        if line := clipped_line(count, channels, which, end, int(np.count_nonzero(values == beside))):
+            return line
     return None
+
+
+def clipped_line(count: int, channels: int, which: str, end: float, beside: int) -> str | None:
+    """Say that `count` samples stand at an end of the range, where so few are at the number beside it; else None."""
+    if count <= THINNER * beside:
+        return None
+    return (
+        f"{count} samples of {channels} channels stand at the same {which} number, {end:g}: the record is "
+        "clipped, and vehicles seem farther away than they are; record with a larger range"
+    )

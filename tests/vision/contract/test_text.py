@@ -4,7 +4,7 @@ import pytest
 
 from calib.options import local_frame
 from solver.simulator import read_scenario
-from solver.survey.das.das_files import read_side_file
+from solver.survey.das.array_files import read_side_file
 from vision.contract import InputError, read_text
 
 SIDE = 'start = 2025-08-11T06:00:00Z\nsampling_rate = 10.0\nunit = "1/s"\n'

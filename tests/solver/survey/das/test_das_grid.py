@@ -3,73 +3,81 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from solver.survey.das.das_files import Block
-from solver.survey.das.grid import Segment, assemble, on_grid, sampling_interval, segments_of
+from solver.survey.das.block import Block
+from solver.survey.das.grid import Grid, part_of, sampling_interval
 from vision.contract import InputError
 
 INTERVAL = 200_000_000
 
 
-def block(start, rows, interval=INTERVAL, name="a.h5", jump=0):
+def part(start, rows, interval=INTERVAL, name="a.h5", jump=0, values=None):
     time = start + np.round(np.arange(rows) * interval).astype(np.int64)
     time[rows // 2 :] += jump
-    return Block(Path(name), "test", np.zeros((rows, 2)), time, None, 0, None, None, "")
+    values = np.zeros((rows, 2)) if values is None else values
+    return part_of(Block(Path(name), "test", values, time, None, 0, None, None, ""))
+
+
+def read(one):
+    return one.values(one.row, one.stop, slice(0, 2))
 
 
 def test_adjoining_files_tell_the_true_rate():
     true = INTERVAL * (1 + 1e-5)
-    blocks = [block(round(number * 1000 * true), 1000) for number in range(5)]
-    assert sampling_interval(blocks) == pytest.approx(true, rel=1e-9)
+    parts = [part(round(number * 1000 * true), 1000) for number in range(5)]
+    assert sampling_interval(parts) == pytest.approx(true, rel=1e-9)
 
 
 def test_files_apart_do_not():
-    assert sampling_interval([block(0, 100), block(30_000_000_000, 100)]) == INTERVAL
+    assert sampling_interval([part(0, 100), part(30_000_000_000, 100)]) == INTERVAL
 
 
 def test_other_rates_are_refused():
     with pytest.raises(InputError, match=r"slow.h5: 4 samples/s, but 5 in a.h5"):
-        sampling_interval([block(0, 50), block(10**11, 50), block(2 * 10**11, 50, 250_000_000, "slow.h5")])
+        sampling_interval([part(0, 50), part(10**11, 50), part(2 * 10**11, 50, 250_000_000, "slow.h5")])
 
 
 def test_times_must_increase():
     with pytest.raises(InputError, match="its times run backwards at sample"):
-        sampling_interval([block(0, 10, jump=-2_000_000_000)])
+        sampling_interval([part(0, 10, jump=-2_000_000_000)])
     with pytest.raises(InputError, match="a single sample has no rate"):
-        sampling_interval([block(0, 1)])
+        sampling_interval([part(0, 1)])
 
 
 def test_a_jump_inside_a_file_splits_it():
     values = np.arange(20.0).reshape(10, 2)
-    segments = segments_of(block(0, 10, jump=3 * INTERVAL), values, INTERVAL)
-    assert [(segment.start, len(segment.values)) for segment in segments] == [(0, 5), (8 * INTERVAL, 5)]
-    whole, gaps = assemble(segments, INTERVAL)
-    assert np.isnan(whole[:, 0]).tolist() == [False] * 5 + [True] * 3 + [False] * 5
-    assert gaps == ((pytest.approx(1.0), pytest.approx(1.4)),)
+    grid = Grid.of([part(0, 10, jump=3 * INTERVAL, values=values)])
+    assert [(one.row, one.rows) for one in grid.placed] == [(0, 5), (8, 5)]
+    assert (grid.rows, grid.holes, grid.measured(0, 13)) == (13, [(5, 7)], 10)
+    assert np.array_equal(read(grid.placed[1]), values[5:])
 
 
 @pytest.mark.parametrize("shift", [-0.4, 0.3])
 def test_samples_off_the_grid_are_moved_onto_it(shift):
-    start = round((100 + shift) * INTERVAL)
+    start = round((150 + shift) * INTERVAL)
     time = (start + np.arange(50) * INTERVAL) * 1e-9
-    row, values = on_grid(Segment(Path("a"), np.sin(time)[:, None], start), 0, INTERVAL)
-    assert len(values) == 49
-    assert np.abs(values[:, 0] - np.sin((row + np.arange(49)) * 0.2)).max() < 1e-4
+    moved = part(start, 50, values=np.sin(time)[:, None] * [1.0, 2.0])
+    one = Grid.of([part(0, 100), moved]).placed[1]
+    assert one.rows == 49
+    truth = np.sin((one.row + np.arange(49)) * 0.2)[:, None] * [1.0, 2.0]
+    assert np.abs(read(one) - truth).max() < 2e-4
+    # A few rows of it are what they are among all.
+    assert np.allclose(one.values(one.row + 25, one.row + 27, slice(1, 2)), read(one)[25:27, 1:], atol=1e-9)
 
 
 def test_samples_near_the_grid_stay():
-    values = np.ones((5, 1))
-    row, placed = on_grid(Segment(Path("a"), values, 10 * INTERVAL + 1_900_000), 0, INTERVAL)
-    assert row == 10
-    assert placed is values
+    values = np.ones((5, 2))
+    one = Grid.of([part(0, 10), part(20 * INTERVAL + 1_900_000, 5, values=values)]).placed[1]
+    assert (one.row, one.ahead) == (20, 0.0)
+    assert np.array_equal(read(one), values)
 
 
 def test_overlap_is_refused():
-    segments = [Segment(Path("a.h5"), np.ones((10, 1)), 0), Segment(Path("b.h5"), np.ones((10, 1)), 9 * INTERVAL)]
     with pytest.raises(InputError, match=r"b.h5: overlaps a.h5 in time"):
-        assemble(segments, INTERVAL)
+        Grid.of([part(0, 10), part(9 * INTERVAL, 10, name="b.h5")])
 
 
 def test_parts_days_apart_are_refused():
-    segments = [Segment(Path("a.h5"), np.ones((50, 1)), 0), Segment(Path("b.h5"), np.ones((50, 1)), 86_400 * 10**9)]
+    grid = Grid.of([part(0, 50), part(86_400 * 10**9, 50)])
     with pytest.raises(InputError, match=r"20 s of samples spread over 24.0 h"):
-        assemble(segments, INTERVAL)
+        grid.check_dense(0, grid.rows)
+    grid.check_dense(0, 100)

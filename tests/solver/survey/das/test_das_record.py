@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from solver.survey.das.prodml import write_prodml
-from solver.survey.das.record import DASRecord, ranges, read_das
+from solver.survey.das.reader import read_das
+from solver.survey.das.record import DASRecord, ranges
 from solver.survey.das.units import dascore, strain_per_radian
 from vision.contract import InputError
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from solver.survey.das.prodml import write_prodml
-from solver.survey.das.record import read_das
+from solver.survey.das.reader import read_das
 from vision.contract import InputError
 
 START = np.datetime64("2025-08-11T06:00:00.123456789")

@@ -1,0 +1,73 @@
+"""What one DAS file holds: its numbers, and what the file says of them."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.survey.das.samples import OnDisk
+from solver.survey.das.units import Unit
+
+#: Bytes up to which a file's checksum is of all of it, and blocks of larger ones that it is of, and their bytes.
+WHOLE, BLOCKS, BLOCK = 1 << 26, 64, 1 << 16
+
+
+@dataclass(frozen=True)
+class Block:
+    """What one file holds.
+
+    Parameters
+    ----------
+    path : of the file
+    format : its name and version
+    data : [time, channel], as stored; on the disk where the format allows it
+    time : ns since 1970, UTC [time]
+    distance : m along the fiber [channel], or None where the file gives no spacing
+    first_channel : number of the first channel
+    gauge_length : m, or None where the file does not say
+    unit : of `data`, or None where the file does not say
+    stated : the unit as the file words it
+    """
+
+    path: Path
+    format: str
+    data: NDArray[Any] | OnDisk
+    time: NDArray[np.int64]
+    distance: NDArray[np.float64] | None
+    first_channel: int
+    gauge_length: float | None
+    unit: Unit | None
+    stated: str
+
+
+def checksum(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def fingerprint(path: Path) -> str:
+    """Return the SHA-256 of a file of a record.
+
+    Of a file over 64 MiB it is that of its size and of 64 blocks of 64 KiB, evenly spread, first and last included, and
+    begins with "sampled:": a survey of days is not read for it.
+    """
+    size = path.stat().st_size
+    if size <= WHOLE:
+        return checksum(path)
+    with path.open("rb") as stream:
+        found = hashlib.sha256(str(size).encode())
+        for number in range(BLOCKS):
+            stream.seek((size - BLOCK) * number // (BLOCKS - 1))
+            found.update(stream.read(BLOCK))
+        return f"sampled:{found.hexdigest()}"
+
+
+def checksum_of(block: Block) -> str:
+    """Return the SHA-256 of a block's file, or of its numbers where they were in memory."""
+    if block.path.is_file():
+        return fingerprint(block.path)
+    return hashlib.sha256(np.ascontiguousarray(block.data[:, :]).data).hexdigest()

@@ -1,0 +1,152 @@
+"""A record as its files describe it: what is known of it before any of its numbers is read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.survey.das.block import Block
+from solver.survey.das.das_files import read_blocks
+from solver.survey.das.grid import Grid, part_of
+from solver.survey.das.setting import agreed, check_alike, check_excluded, chosen, file_spacing, logger
+from solver.survey.das.units import Unit, resolve
+from solver.survey.limits import CHANNEL_SPACINGS, GAUGE_LENGTHS
+from vision.contract import InputError, progress
+
+
+@dataclass(frozen=True)
+class Description:
+    """A record that is not read yet.
+
+    Parameters
+    ----------
+    blocks : of all files, sorted by time; their numbers may still be on the disk
+    grid : which rows of which file are when
+    stored : what the numbers are
+    channels : first and last one asked for
+    held : first and last one that there are
+    exclude : channels to leave out
+    channel_spacing, gauge_length : m
+    pair : channels to either side whose velocity is differenced; 0 where the files hold no velocity
+    spaced : whether the user gave the channel spacing
+    notes : what was decided, a line each
+    """
+
+    blocks: tuple[Block, ...]
+    grid: Grid
+    stored: Unit
+    channels: tuple[int, int]
+    held: tuple[int, int]
+    exclude: tuple[int, ...]
+    channel_spacing: float
+    gauge_length: float
+    pair: int
+    spaced: bool
+    notes: tuple[str, ...]
+
+    @property
+    def where(self) -> Path:
+        """The first file, as messages call the record."""
+        return self.blocks[0].path
+
+    @property
+    def start(self) -> np.datetime64:
+        """Time of the first sample, UTC."""
+        return self.grid.time_of(0)
+
+    @property
+    def end(self) -> np.datetime64:
+        """Time of the last sample, UTC."""
+        return self.grid.time_of(self.grid.rows - 1)
+
+    @property
+    def channel(self) -> NDArray[np.int64]:
+        """Numbers of the channels asked for [channel]."""
+        return np.arange(self.channels[0], self.channels[1] + 1)
+
+    def columns(self, channels: tuple[int, int]) -> slice:
+        """Columns of the files that channels, first and last, are made from."""
+        first = self.blocks[0].first_channel
+        return slice(channels[0] - self.pair - first, channels[1] + self.pair - first + 1)
+
+
+def read_headers(files: Sequence[Path]) -> list[Block]:
+    """Describe every file; blocks sorted by time."""
+    if not files:
+        raise InputError("no DAS files; give at least one")
+    blocks = list[Block]()
+    with progress("reading DAS headers", len(files)) as advance:
+        for path in files:
+            blocks += read_blocks(Path(path))
+            advance(1)
+    return sorted(blocks, key=lambda block: int(block.time[0]))
+
+
+def describe(
+    files: Sequence[Path],
+    *,
+    gauge_length: float | None = None,
+    channel_spacing: float | None = None,
+    quantity: str | None = None,
+    channels: tuple[int, int] | None = None,
+    exclude: Sequence[int] = (),
+    scale: float | None = None,
+) -> Description:
+    """Describe the record of some files from their headers; arguments and errors are those of `read_das`."""
+    return description_of(
+        read_headers(files),
+        gauge_length=gauge_length,
+        channel_spacing=channel_spacing,
+        quantity=quantity,
+        channels=channels,
+        exclude=exclude,
+        scale=scale,
+    )
+
+
+def description_of(
+    blocks: Sequence[Block],
+    *,
+    gauge_length: float | None = None,
+    channel_spacing: float | None = None,
+    quantity: str | None = None,
+    channels: tuple[int, int] | None = None,
+    exclude: Sequence[int] = (),
+    scale: float | None = None,
+) -> Description:
+    """Describe the record of blocks, sorted by time."""
+    notes = list[str]()
+    check_alike(blocks)
+    first = blocks[0]
+    whole = bool(np.issubdtype(first.data.dtype, np.integer))
+    stored = resolve(first.unit, first.stated, quantity, scale, first.path, whole=whole)
+    spacing = agreed("channel spacing", CHANNEL_SPACINGS, file_spacing(first), channel_spacing, first.path, notes)
+    gauge = agreed("gauge length", GAUGE_LENGTHS, first.gauge_length, gauge_length, first.path, notes)
+    pair, count = 0, first.data.shape[1]
+    if stored.quantity == "velocity":
+        pair = max(1, round(gauge / spacing / 2))
+        if count <= 2 * pair:
+            raise InputError(f"{first.path}: fewer channels than one gauge length of {gauge:g} m; give more fiber")
+        gauge = 2 * pair * spacing
+        notes.append(f"strain rate is the difference of velocity over {gauge:g} m, an even number of channels")
+        logger.info("%s: %s", first.path, notes[-1])
+    held = first.first_channel + pair, first.first_channel + count - 1 - pair
+    parts = [part_of(block) for block in blocks]
+    grid = Grid.of(parts)
+    asked = chosen(first.path, held, channels)
+    check_excluded(first.path, held, exclude)
+    return Description(
+        blocks=tuple(part.block for part in parts),
+        grid=grid,
+        stored=stored,
+        channels=asked,
+        held=held,
+        exclude=tuple(exclude),
+        channel_spacing=spacing,
+        gauge_length=gauge,
+        pair=pair,
+        spaced=channel_spacing is not None,
+        notes=tuple(notes),
+    )

@@ -1,0 +1,154 @@
+"""DAS files of any maker -> one record of strain rate on a regular grid of time and channel."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solver.survey.das.block import Block
+from solver.survey.das.description import Description, describe, description_of
+from solver.survey.das.lowpass import factor_of
+from solver.survey.das.reading import Reading
+from solver.survey.das.record import DASRecord, Extent
+from solver.survey.das.reduced import touched
+from solver.survey.das.setting import distance_of, provenance_of
+from vision.contract import InputError
+
+
+def gap_line(start: np.datetime64, first: float, last: float, interval: float) -> str:
+    """Say when a record has no samples: the first and last missing one, s after `start`, and their interval, s.
+
+    >>> gap_line(np.datetime64("2025-08-11T06:00:00", "ns"), 128.0, 727.8, 0.2)
+    'the record has a gap of 10 min 0 s, from 2025-08-11T06:02:08Z to 06:12:08Z; what lies on either side is used'
+    """
+    ends = start + np.round(np.array([first, last + interval]) * 1e9).astype("timedelta64[ns]")
+    begin, end = np.datetime_as_string(ends, unit="s")
+    minutes, seconds = divmod(last - first + interval, 60)
+    length = f"{minutes:.0f} min {seconds:.0f} s" if minutes else f"{seconds:.1f} s"
+    end = end.partition("T")[2] if end[:10] == begin[:10] else end
+    return f"the record has a gap of {length}, from {begin}Z to {end}Z; what lies on either side is used"
+
+
+def read_das(
+    files: Sequence[Path],
+    *,
+    gauge_length: float | None = None,
+    channel_spacing: float | None = None,
+    quantity: str | None = None,
+    channels: tuple[int, int] | None = None,
+    exclude: Sequence[int] = (),
+    scale: float | None = None,
+) -> DASRecord:
+    """Read DAS files as one record of strain rate.
+
+    Parameters
+    ----------
+    files : PRODML, Silixa TDMS or HDF5, Terra15, OptoDAS, Febus, AP Sensing and what else DASCore reads, or numpy
+        `.npy` / `.npz` with a `.toml` or `.json` beside it (`solver.survey.das.das_files.SideFile`); in any order
+    gauge_length, channel_spacing : m; win over the file's, with a warning where they differ by over 1 %
+    quantity : what the numbers are, one of `solver.survey.das.units.QUANTITIES`, where the file does not say
+    channels : (first, last) to read, both included; all by default
+    exclude : channels to leave out (they stay in the record as NaN)
+    scale : stored number -> SI unit of the quantity; wins over the file's unit
+
+    Returns
+    -------
+    record on a regular grid of time. Samples missing between files are NaN rows (`gaps`), so that a filter needs no
+    special case and sees what is missing. Strain and phase are differentiated in time, phase is converted with
+    `strain_per_radian`, raw iDAS counts with `strain_rate_per_count`, velocity is differenced over the gauge length.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, damaged or of no known format, files overlap or differ in their setting, unit or gauge
+        length are absent, channels are out of range or hold NaN, or no channel holds a signal.
+    """
+    known = describe(
+        files,
+        gauge_length=gauge_length,
+        channel_spacing=channel_spacing,
+        quantity=quantity,
+        channels=channels,
+        exclude=exclude,
+        scale=scale,
+    )
+    return record_from(known)
+
+
+def record_of(blocks: Sequence[Block], *, rate: float | None = None, **said: Any) -> DASRecord:
+    """Put blocks, sorted by time, together to one record; `said` is as of `read_das`, `rate` as of `record_from`."""
+    return record_from(description_of(blocks, **said), rate=rate)
+
+
+def spans_of(known: Description, times: Sequence[tuple[np.datetime64, np.datetime64]] | None) -> list[tuple[int, int]]:
+    """Rows of the grid, first and the one after the last, of spans of time; all where None or none is in the record."""
+    whole = (0, known.grid.rows)
+    if times is None:
+        return [whole]
+    ends = [[(one.astype("datetime64[ns]") - known.start).astype(np.int64) for one in span] for span in times]
+    found = [(int(np.floor(a / known.grid.interval)), int(np.ceil(b / known.grid.interval)) + 1) for a, b in ends]
+    return [(max(a, 0), min(b, whole[1])) for a, b in found if b > 0 and a < whole[1]] or [whole]
+
+
+def record_from(
+    known: Description,
+    *,
+    channels: tuple[int, int] | None = None,
+    times: Sequence[tuple[np.datetime64, np.datetime64]] | None = None,
+    rate: float | None = None,
+) -> DASRecord:
+    """Read a described record, or a part of it.
+
+    Parameters
+    ----------
+    known : the record
+    channels : first and last one wanted, out of those of `known`; all by default
+    times : (start, end) of the spans that are wanted, UTC, in order; all by default. The record runs from the first to
+        the last, and is NaN between
+    rate : sampling rate to reduce it to, Hz, or a little above: filtered and decimated as it is read. None: as it is
+
+    Returns
+    -------
+    record : in single precision where it was reduced
+
+    Raises
+    ------
+    InputError
+        As of `read_das`.
+    """
+    first, last = known.channels if channels is None else channels
+    channel, columns = np.arange(first, last + 1), known.columns((first, last))
+    excluded = np.isin(channel, known.exclude)
+    grid, spans = known.grid, spans_of(known, times)
+    factor = 1 if rate is None else factor_of(grid.sampling_rate, rate)
+    used = touched(grid, spans)
+    if not used:
+        raise InputError(f"{known.where}: no samples at the times that are wanted; check the clocks")
+    part = Reading(known, channel, columns, excluded, spans)
+    found = part.whole() if factor == 1 else part.reduced(factor)
+    files = list({one.block.path: one.block for one in used}.values())
+    interval, begin = grid.interval * found.factor, found.begin
+    holes = [(max(a, begin), min(b, found.end - 1)) for a, b in grid.holes if a < found.end and b >= begin]
+    gaps = tuple(((a - begin) * grid.interval * 1e-9, (b - begin) * grid.interval * 1e-9) for a, b in holes)
+    start = grid.time_of(begin)
+    said = [gap_line(start, *gap, grid.interval * 1e-9) for gap in gaps]
+    provenance = provenance_of(files, known.stored, list(known.notes))
+    if found.factor > 1:
+        provenance |= {"decimated": f"from {grid.sampling_rate:g} Hz by {factor}"}
+    partly = spans != [(0, grid.rows)] or (first, last) != known.held
+    return DASRecord(
+        strain_rate=found.values,
+        time=np.arange(len(found.values), dtype=np.float64) * (interval * 1e-9),
+        start=start,
+        distance=distance_of(known.blocks[0], channel, known.channel_spacing, known.spaced),
+        channel=channel,
+        gauge_length=known.gauge_length,
+        channel_spacing=known.channel_spacing,
+        sampling_rate=1e9 / interval,
+        gaps=gaps,
+        provenance=provenance,
+        rounding=found.rounding,
+        cautions=(*said, *found.cautions),
+        extent=Extent(known.start, known.end, known.held) if partly else None,
+    )

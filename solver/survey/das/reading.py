@@ -1,0 +1,164 @@
+"""The numbers of a described record, read: all of them, or reduced as they go by."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.survey.das.description import Description
+from solver.survey.das.lowpass import taps_of
+from solver.survey.das.record import ranges
+from solver.survey.das.reduced import Values, filter_of, gain_of, reduce, slabs
+from solver.survey.das.rounding import Rounding, rounding_of
+from solver.survey.das.setting import logger
+from solver.survey.das.size import require_room_for_record
+from solver.survey.das.units import Unit, across_gauge, to_strain_rate
+from solver.survey.das.values import check_size, clipped
+from solver.survey.das.watch import Watch
+from vision.contract import InputError, progress
+
+Array = NDArray[np.float64]
+
+AT_ONCE = 64  # channels that are converted
+LOOKED_AT = 4000  # rows at least by which rounding is told
+
+
+def converted(values: Array, unit: Unit, sampling_rate: float, gauge_length: float) -> Array:
+    """Convert `values` [time, channel], NaN rows in gaps, in place to strain rate, 1/s; each run between gaps alone."""
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+    for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
+        span = slice(run[0], run[-1] + 1)
+        # A derivative takes ten times the memory of what it is of.
+        for first in range(0, values.shape[1], AT_ONCE):
+            part = slice(first, first + AT_ONCE)
+            values[span, part] = to_strain_rate(values[span, part], unit, sampling_rate, gauge_length)
+    return values
+
+
+def without_dead(strain_rate: NDArray[Any], still: NDArray[np.bool_], told: Sequence[int], where: Path) -> None:
+    """Set channels that never change, `still`, to NaN, in place: what does not move is not measured."""
+    if still.all():
+        raise InputError(f"{where}: no channel holds a signal; check channels and exclude in [das] of site.toml")
+    swing = np.nanmax(strain_rate[:, ~still], axis=0) - np.nanmin(strain_rate[:, ~still], axis=0)
+    check_size(swing.astype(np.float64), where)
+    if len(told):
+        logger.warning(
+            "%s: %d channels never change, so they are left out: %s", where, len(told), ranges(np.asarray(told))
+        )
+    strain_rate[:, still] = np.nan
+
+
+def check_finite(bad: NDArray[np.int64], channel: NDArray[np.int64], where: Path) -> None:
+    """Raise InputError where channels [channel] hold `bad` numbers, NaN or infinite."""
+    if bad.any():
+        names = ranges(channel[bad > 0])
+        raise InputError(
+            f"{where}: NaN or infinite samples in {(bad > 0).sum()} of {len(channel)} channels ({names}); "
+            "give channels = [first, last] without them, or exclude = [...], in [das] of site.toml"
+        )
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was read: strain rate [row, channel] of the grid's rows `begin` to `end`, every `factor`-th of them."""
+
+    values: NDArray[Any]
+    begin: int
+    end: int
+    factor: int
+    rounding: Rounding | None
+    cautions: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Some channels and spans of rows of a record, being read."""
+
+    known: Description
+    channel: NDArray[np.int64]
+    columns: slice
+    excluded: NDArray[np.bool_]
+    spans: list[tuple[int, int]]
+
+    def stored(self) -> Unit:
+        """What is filtered: of velocity its difference is the strain rate."""
+        stored = self.known.stored
+        return Unit("strain_rate", stored.factor) if self.known.pair else stored
+
+    def narrowed(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Velocity [time, column] differenced to strain rate [time, channel]; anything else as it is."""
+        if not self.known.pair:
+            return values
+        return across_gauge(values, self.known.channel_spacing, self.known.gauge_length)[0]
+
+    def paired(self, told: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """What holds for both columns [column] that a channel [channel] is made from."""
+        n = self.known.pair
+        return told[2 * n :] & told[: len(told) - 2 * n] if n else told
+
+    def whole(self) -> Found:
+        """Every sample, in double precision."""
+        known, grid = self.known, self.known.grid
+        begin, end = self.spans[0][0], self.spans[-1][1]
+        grid.check_dense(begin, end)
+        require_room_for_record(end - begin, len(self.channel), known.where)
+        values, faults = np.full((end - begin, len(self.channel)), np.nan), list[str]()
+        with progress("reading DAS", end - begin) as advance:
+            for low, high in self.spans:
+                for row, some in slabs(grid, self.columns, low, high, faults):
+                    part = self.narrowed(some.astype(np.float64))
+                    part[:, self.excluded] = 0.0
+                    check_finite((~np.isfinite(part)).sum(0), self.channel, known.where)
+                    values[row - begin : row - begin + len(part)] = part
+                    advance(len(part))
+        if not np.isfinite(values).any():
+            raise InputError(faults[0] if faults else f"{known.where}: no samples; check the clocks")
+        cut_off = clipped(values)
+        rounding = rounding_of(values, self.stored(), grid.sampling_rate, known.gauge_length)
+        rate = converted(values, self.stored(), grid.sampling_rate, known.gauge_length)
+        still = np.nanmax(rate, axis=0) == np.nanmin(rate, axis=0)
+        without_dead(rate, still, self.channel[still & ~self.excluded].tolist(), known.where)
+        return Found(rate, begin, end, 1, rounding, (*([cut_off] if cut_off else []), *faults))
+
+    def reduced(self, factor: int) -> Found:
+        """Filtered, every `factor`-th sample, in single precision."""
+        known, grid, stored = self.known, self.known.grid, self.stored()
+        low = filter_of(grid, factor, stored)
+        spans = [(-(-begin // factor), (end - 1) // factor + 1) for begin, end in self.spans]
+        begin, end = spans[0][0], spans[-1][1]
+        grid.check_dense(begin * factor, end * factor)
+        require_room_for_record(end - begin, len(self.channel), known.where)
+        rate = np.full((end - begin, len(self.channel)), np.nan, np.float32)
+        gain = gain_of(stored, grid.sampling_rate, known.gauge_length)
+        watch, faults = Watch(max(1, (end - begin) * factor // LOOKED_AT)), list[str]()
+        with progress("reading DAS", end - begin) as advance:
+
+            def take(row: int, values: Values) -> None:
+                rate[row - begin : row - begin + len(values)] = gain * self.narrowed(values)
+                advance(len(values))
+
+            for span in spans:
+                reduce(grid, self.columns, low, span, watch.look, take, faults)
+        if watch.bad is None or not len(watch.kept):
+            raise InputError(faults[0] if faults else f"{known.where}: no samples; check the clocks")
+        n = known.pair
+        bad = watch.bad[n : len(watch.bad) - n] + (watch.bad[2 * n :] + watch.bad[: len(watch.bad) - 2 * n]) * (n > 0)
+        check_finite(np.where(self.excluded, 0, bad), self.channel, known.where)
+        if not np.isfinite(rate).any():
+            raise InputError(f"{known.where}: too few samples without a gap to reduce; give a longer record")
+        cut_off = watch.clipped()
+        rounding = rounding_of(self.narrowed(watch.looked_at), stored, grid.sampling_rate, known.gauge_length)
+        still = self.paired(watch.still) | self.excluded
+        without_dead(rate, still, self.channel[still & ~self.excluded].tolist(), known.where)
+        taps = taps_of(factor)
+        return Found(
+            rate,
+            begin * factor,
+            min((end - 1) * factor + 1, grid.rows),
+            factor,
+            rounding and rounding.filtered(taps / taps.sum(), factor),
+            (*([cut_off] if cut_off else []), *faults),
+        )

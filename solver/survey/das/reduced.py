@@ -1,0 +1,90 @@
+"""Samples of a record, a slab at a time: as they are, or filtered and decimated once as they go by."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.survey.das.grid import FELT, Grid, Placed
+from solver.survey.das.lowpass import Lowpass, taps_of
+from solver.survey.das.units import Unit, to_strain_rate
+from vision.contract import InputError
+
+#: Bytes of a slab of single precision: larger ones are no faster.
+SLAB = 1 << 25
+#: Quantities whose derivative in time is strain rate.
+DERIVED = ("strain", "phase")
+
+Values = NDArray[Any]
+Take = Callable[[int, Values], None]
+
+
+def slabs(grid: Grid, columns: slice, begin: int, end: int, faults: list[str]) -> Iterator[tuple[int, Values]]:
+    """Stored numbers [row, column] of the rows `begin` to `end` of a grid that have any, with the first row of each.
+
+    What cannot be read is left out, and told in `faults`, a line each.
+    """
+    rows = max(1, SLAB // (4 * max(1, columns.stop - columns.start)))
+    for one in grid.placed:
+        for first in range(max(one.row, begin), min(one.stop, end), rows):
+            try:
+                yield first, one.values(first, min(first + rows, one.stop, end), columns)
+            except InputError as error:
+                faults.append(str(error))
+                break
+
+
+def filter_of(grid: Grid, factor: int, unit: Unit) -> Lowpass:
+    """The low pass before decimation; of strain and phase it differentiates too."""
+    taps = taps_of(factor)
+    if unit.quantity not in DERIVED:
+        return Lowpass(taps, factor, np.float32)
+    impulse = np.zeros((2 * FELT + 1, 1))
+    impulse[FELT] = 1.0
+    # Phase runs to thousands of radians, of which neighbors differ by thousandths: double precision.
+    rate = to_strain_rate(impulse, Unit("strain"), grid.sampling_rate, 1.0)[:, 0]
+    return Lowpass(np.convolve(taps, rate), factor, np.float64)
+
+
+def gain_of(unit: Unit, sampling_rate: float, gauge_length: float) -> float:
+    """Strain rate, 1/s, of a stored number, or of its derivative in time."""
+    rate = {"strain": "strain_rate", "phase": "phase_rate"}.get(unit.quantity, unit.quantity)
+    rated = Unit(rate, unit.factor, unit.per_length)
+    return float(to_strain_rate(np.ones((1, 1)), rated, sampling_rate, gauge_length)[0, 0])
+
+
+def reduce(
+    grid: Grid, columns: slice, low: Lowpass, span: tuple[int, int], look: Take, take: Take, faults: list[str]
+) -> None:
+    """Filter and decimate.
+
+    Parameters
+    ----------
+    grid, columns : what is read
+    low : the filter; output row k lies on row k q of the grid
+    span : first output row, and the one after the last
+    look : is given each slab of stored numbers and its first row of the grid
+    take : is given output [row, column] and its first row; rows whose filter touches a gap are never given
+    faults : what could not be read, a line each
+    """
+    half, q = low.half, low.factor
+    held, start = np.empty((0, columns.stop - columns.start), low.dtype), 0
+    for row, values in slabs(grid, columns, span[0] * q - half, (span[1] - 1) * q + half + 1, faults):
+        look(row, values)
+        values = values.astype(low.dtype, copy=False)
+        if row == start + len(held) and len(held):
+            held = np.concatenate([held, values])
+        else:
+            held, start = values, row
+        first = max(span[0], -(-(start + half) // q))
+        stop = min(span[1], (start + len(held) - 1 - half) // q + 1)
+        if stop > first:
+            take(first, low(held, first * q - half - start, stop - first))
+            done = stop * q - half - start
+            held, start = held[done:].copy(), start + done
+
+
+def touched(grid: Grid, spans: Sequence[tuple[int, int]]) -> list[Placed]:
+    """Files' samples in any of some spans of rows of the grid."""
+    return [one for one in grid.placed if any(one.row < end and one.stop > begin for begin, end in spans)]

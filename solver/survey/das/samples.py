@@ -1,0 +1,112 @@
+"""Numbers of a DAS file that stay on the disk until some of them are asked for."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.survey.das.units import dascore
+from solver.survey.das.unreadable import why_unreadable
+from vision.contract import InputError
+
+
+@dataclass(frozen=True)
+class OnDisk:
+    """Numbers [time, channel] of one file, read through DASCore a part at a time.
+
+    Parameters
+    ----------
+    path : of the file
+    format, version : as DASCore names them
+    time : datetime64 of the rows as DASCore has them [time]
+    distance : of the columns as DASCore has it, in its unit [channel]
+    dtype : of the numbers
+
+    `numbers[first:stop, first:stop]` reads, without steps; `numpy.asarray` reads all.
+    """
+
+    path: Path
+    format: str
+    version: str
+    time: Any
+    distance: NDArray[np.float64]
+    dtype: np.dtype[Any]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return len(self.time), len(self.distance)
+
+    @property
+    def size(self) -> int:
+        """Numbers in all."""
+        return len(self.time) * len(self.distance)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """All of them."""
+        return self[:, :].astype(dtype or self.dtype, copy=False)
+
+    def __getitem__(self, at: tuple[slice, slice]) -> NDArray[Any]:
+        rows, columns = (range(*part.indices(count)) for part, count in zip(at, self.shape, strict=True))
+        if not len(rows) or not len(columns):
+            return np.empty((len(rows), len(columns)), self.dtype)
+        # Half a step less or more: what is stored in single precision is found, too.
+        step = float(np.median(np.diff(self.distance))) / 4 if len(self.distance) > 1 else 0.0
+        chosen = {
+            "time": (self.time[rows[0]], self.time[rows[-1]]),
+            "distance": (self.distance[columns[0]] - step, self.distance[columns[-1]] + step),
+        }
+        try:
+            found = next(series(self.path, self.format, self.version, **chosen), None)
+            if found is None or found.data.shape != (len(rows), len(columns)):
+                whole = next(series(self.path, self.format, self.version))
+                return np.asarray(whole.data)[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+            return np.asarray(found.data)
+        except Exception as error:  # a parser fed with damaged bytes fails in ways nobody lists
+            raise InputError(f"{self.path}: {why_unreadable(error)}") from error
+
+
+def is_series(attributes: Any, dims: Any) -> bool:
+    """Whether a patch of these attributes and dimensions holds samples over time and distance.
+
+    PRODML carries energies in frequency bands beside the samples; those have a `start_frequency`.
+    """
+    dims = dims.split(",") if isinstance(dims, str) else dims
+    return {"time", "distance"} <= set(dims) and "start_frequency" not in dict(attributes)
+
+
+def series(path: Path, name: str, version: str, **chosen: Any) -> Iterator[Any]:
+    """The patches [time, distance] of a file, or of a part of it."""
+    for patch in dascore().read(path, file_format=name, file_version=version, **chosen):
+        if is_series(patch.attrs, patch.dims):
+            yield patch.transpose("time", "distance")
+
+
+def described(path: Path, name: str, version: str) -> tuple[Any, OnDisk] | None:
+    """A patch with the first row of a file, and its numbers, not yet read; None where DASCore cannot tell its times.
+
+    The header says when rows were recorded, one row where along the fiber columns are.
+    """
+    try:
+        found = [
+            one for one in dascore().scan(path, file_format=name, file_version=version) if is_series(one, one.dims)
+        ]
+        if len(found) != 1:
+            return None
+        time = dict(found[0].coords)["time"].to_coord().data
+        heads = list(series(path, name, version, time=(time[0], time[0])))
+    except Exception:  # times that are not even, or damage: what it is shows when all is read
+        return None
+    if len(heads) != 1 or heads[0].data.shape[0] != 1:
+        return None
+    head = heads[0]
+    distance = np.asarray(head.get_array("distance"), float)
+    if len(distance) > 1 and np.diff(distance).min() <= 0:
+        return None
+    return head, OnDisk(path, name, version, time, distance, head.data.dtype)
