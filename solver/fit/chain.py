@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from solver.cable.fiber import SplineBasis
+from solver.fit.convoy import Sums, best_amplitudes, glances, jacobians, settled, weighed, whitened
 from solver.fit.links import Link, linked
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Assembly, Block, Normal, Part
@@ -25,7 +26,7 @@ from solver.fit.parameter_space import ParameterSpace
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER, SPIKE
 from solver.fit.state import Linearized, State, Weights
-from solver.fit.stretches import parts
+from solver.fit.stretches import is_long, parts
 
 T = TypeVar("T")
 THREADS = 2
@@ -33,23 +34,27 @@ THREADS = 2
 
 @dataclass(frozen=True)
 class Looked:
-    """One link near a state.
+    """Some convoys near a state, weighed together.
 
     Parameters
     ----------
-    amplitude : [pass], that fit best
+    amplitudes : [pass] of each link, that fit best
     cost : misfit by the weights given
-    misfit : by the new `weights`
-    model : [sample, channel], 1/s
-    equations : as `Assembly.add` takes them
+    weights, models, residuals : of each link
+    equations : of each convoy, as `Assembly.add` takes them
     """
 
-    amplitude: Tensor
+    amplitudes: list[Tensor]
     cost: float
-    misfit: float
-    weights: Weights
-    model: Tensor
-    equations: tuple[Block, np.ndarray, Part]
+    weights: list[Weights]
+    models: list[Tensor]
+    residuals: list[Tensor]
+    equations: list[tuple[Block, np.ndarray, Part]]
+
+    @property
+    def misfit(self) -> float:
+        """Chi2 by the new weights."""
+        return sum(float((one**2).sum()) for one in self.residuals)
 
 
 @dataclass(frozen=True)
@@ -62,9 +67,10 @@ class Visit:
     cost : misfit by the weights of the visit before, and priors
     misfit : chi2 of the whitened residual by its own weights
     normal : equations there
-    border, own : which of the shared parameters beside the route, and of each link's own, are at a bound and would
+    border, own : which of the shared parameters beside the route, and of each convoy's own, are at a bound and would
         leave it
     weights, models : of each link
+    residuals : of each link, whitened and weighted, [sample, channel]
     """
 
     state: State
@@ -75,6 +81,7 @@ class Visit:
     own: list[np.ndarray]
     weights: list[Weights]
     models: list[Tensor]
+    residuals: list[Tensor]
 
     @cached_property
     def open(self) -> Normal:
@@ -128,18 +135,38 @@ class Chain(ParameterSpace):
 
     @property
     def long(self) -> bool:
-        """Whether there is more than one link."""
-        return len(self.links) > 1
+        """Whether stretches of the route stand for themselves: vehicles, weights and noise of each are its own."""
+        return len({link.stretch for link in self.links}) > 1 or (len(self.links) > 1 and is_long(self.problem))
 
-    def each(self, work: Callable[[int], T]) -> Iterator[T]:
-        """Results of a work on each link, in order; links of a long chain side by side."""
-        numbers = range(len(self.links))
+    @cached_property
+    def convoys(self) -> list[list[int]]:
+        """Links whose noise hangs together."""
+        found: list[list[int]] = []
+        for number, link in enumerate(self.links):
+            if len(link.back):
+                found[-1].append(number)
+            else:
+                found.append([number])
+        return found
+
+    @cached_property
+    def groups(self) -> list[list[int]]:
+        """Numbers of convoys that are weighed together: all, but on a long fiber each by itself."""
+        every = list(range(len(self.convoys)))
+        return [[one] for one in every] if self.long else [every]
+
+    def each(self, work: Callable[[list[int]], T]) -> Iterator[T]:
+        """Results of a work on each group of convoys, in order; those of a long chain side by side."""
         with one_thread_each(self.long):
             if not self.long:
-                yield from map(work, numbers)
+                yield from map(work, self.groups)
                 return
             with ThreadPoolExecutor(THREADS) as pool:
-                yield from pool.map(work, numbers)
+                yield from pool.map(work, self.groups)
+
+    def links_of(self, group: Sequence[int]) -> list[int]:
+        """Numbers of the links of some convoys."""
+        return [number for convoy in group for number in self.convoys[convoy]]
 
     def part_of(self, state: State, link: Link) -> State:
         """The state of one link."""
@@ -150,7 +177,21 @@ class Chain(ParameterSpace):
 
         To look twice at all stretches would be slow.
         """
-        return state if self.long else self.links[0].fit.begun(state)
+        return state if self.long else self.settled(state)[0]
+
+    def settled(self, state: State) -> tuple[State, float]:
+        """A state with the amplitudes that fit best where every sample counts, and its cost then."""
+        links = self.links
+        every = [Weights(one, one) for one in (link.fit.measured.double() for link in links)]
+        if len(links) == 1:
+            state = links[0].fit.settled(state, every[0])
+            return state, links[0].fit.cost(state, every[0])
+        states = [self.part_of(state, link) for link in links]
+        rows = ((link.fit, link.fit.values(one), one) for link, one in zip(links, states, strict=True))
+        maps = (fit.alone(fit.unit_rows(one, values), values) for fit, values, one in rows)
+        amplitudes, left = best_amplitudes(links, maps, every)
+        state = self.with_amplitudes(state, amplitudes)
+        return state, sum(float((one**2).sum()) for one in left) + self.prior.total(state)
 
     def unsettled(self, state: State) -> list[Weights] | None:
         """Weights to settle the amplitudes of a start by; None where they are settled."""
@@ -196,23 +237,20 @@ class Chain(ParameterSpace):
         return torch.nonzero(shared & self.free).flatten()
 
     @cached_property
-    def _places(self) -> list[tuple[Tensor, Tensor, np.ndarray]]:
-        """Of each link: its own free parameters, those it shares in the order of its block, and which of the border."""
-        rank = torch.full((self.layout.size,), -1)
-        rank[self.border] = torch.arange(len(self.border))
+    def _places(self) -> list[tuple[Tensor, Tensor]]:
+        """Of each convoy: free parameters that no other has, and those that it shares in the order of its block."""
         places = []
-        for link in self.links:
-            free = self.free[link.where]
-            own = torch.nonzero(link.own & free).flatten()
-            shared = torch.nonzero(~link.own & free).flatten()
-            border = rank[link.where[shared]]
-            places.append((own, shared, border[border >= 0].numpy()))
+        for convoy in self.convoys:
+            links = [self.links[number] for number in convoy]
+            own = torch.cat([link.where[link.own & self.free[link.where]] for link in links])
+            shared = links[0].where[~links[0].own & self.free[links[0].where]]
+            places.append((own, shared))
         return places
 
     @property
     def own_places(self) -> list[Tensor]:
-        """Of each link, where the chain holds the free parameters that no other link has."""
-        return [link.where[own] for link, (own, _, _) in zip(self.links, self._places, strict=True)]
+        """Of each convoy, where the chain holds the free parameters that no other has."""
+        return [own for own, _ in self._places]
 
     @cached_property
     def slots(self) -> list[Tensor]:
@@ -223,53 +261,63 @@ class Chain(ParameterSpace):
             places.append(torch.unique(torch.cat(every)) - first)
         return places
 
-    def _block(self, number: int, matrix: np.ndarray) -> Block:
-        link, border = self.links[number], self._places[number][2]
-        return Block(of_route(link.first, 0).start if self.size else 0, len(matrix) - len(border), border, matrix)
-
-    def look(self, number: int, state: State, before: Weights | None, precision: Tensor, shift: Tensor) -> Looked:
-        """One link near the chain's `state` [parameter]; with its amplitudes settled by the weights `before`."""
-        link = self.links[number]
-        fit, here = link.fit, self.part_of(state, link)
-        evaluation = fit.evaluate(here)
-        if before is not None:
-            here, evaluation = fit.resettled(here, evaluation, before)
-        at = fit.linearized(here, evaluation)
-        cost = at.misfit if before is None else float((fit.whitened_of(evaluation.model, before) ** 2).sum())
-        equations = self.equations_of(number, at, precision, shift)
-        weights = Weights(at.weights.good.bool(), at.weights.soft.float()) if self.long else at.weights
-        model = evaluation.model.float() if self.long else evaluation.model
-        return Looked(here.vehicles.amplitude, cost, at.misfit, weights, model, equations)
-
-    def equations_of(
-        self, number: int, at: Linearized, precision: Tensor, shift: Tensor
-    ) -> tuple[Block, np.ndarray, Part]:
-        """Normal equations of one link that is linearized, as `Assembly.add` takes them.
+    def look(
+        self, group: Sequence[int], state: State, before: Sequence[Weights] | None, precision: Tensor, shift: Tensor
+    ) -> Looked:
+        """Some convoys near the chain's `state` [parameter]; amplitudes settled by the weights `before` of all links.
 
         Parameters
         ----------
         precision, shift : [parameter], of the priors, and from the state to their means
         """
-        link, (own, shared, _) = self.links[number], self._places[number]
-        jacobian = at.jacobian.index_select(1, torch.cat([own, shared]))
-        matrix, right = (jacobian.T @ jacobian).numpy(), (jacobian.T @ at.residual).numpy()
-        count, mine = len(own), link.where[own]
-        known = precision[mine].numpy()
-        part = Part(
-            matrix[:count, :count] + np.diag(known),
-            matrix[:count, count:],
-            right[:count] + known * shift[mine].numpy(),
-            known,
-            link.stretch,
-        )
-        return self._block(number, matrix[count:, count:]), right[count:], part
+        numbers = self.links_of(group)
+        links = [self.links[number] for number in numbers]
+        seen = glances(links, [self.part_of(state, link) for link in links])
+        cost = 0.0
+        if before is not None:
+            old = [before[number] for number in numbers]
+            seen = settled(seen, old)
+            maps = [one.link.fit.unexplained(one.evaluation.model) for one in seen]
+            left = whitened(links, (one * w.good for one, w in zip(maps, old, strict=True)))
+            cost = sum(float((one**2 * w.soft).sum()) for one, w in zip(left, old, strict=True))
+        weights, residuals = weighed(links, seen)
+        if before is None:
+            cost = sum(float((one**2).sum()) for one in residuals)
+        every = zip(jacobians(seen, weights, self.free), residuals, strict=True)
+        equations = []
+        for convoy in group:
+            sums = Sums(*self._places[convoy])
+            for _ in self.convoys[convoy]:
+                (where, jacobian), residual = next(every)
+                sums.add(where, jacobian, residual.flatten())
+            equations.append(self.equations_of(convoy, sums, precision, shift))
+        models = [one.evaluation.model for one in seen]
+        if self.long:
+            weights = [Weights(w.good.bool(), w.soft.float()) for w in weights]
+            models = [one.float() for one in models]
+        return Looked([one.state.vehicles.amplitude for one in seen], cost, weights, models, residuals, equations)
+
+    def equations_of(self, convoy: int, sums: Sums, precision: Tensor, shift: Tensor) -> tuple[Block, np.ndarray, Part]:
+        """Normal equations of a convoy, priors on what is its own included, as `Assembly.add` takes them."""
+        link = self.links[self.convoys[convoy][0]]
+        known = precision[sums.own].numpy()
+        right = sums.right + known * shift[sums.own].numpy()
+        part = Part(sums.matrix + np.diag(known), sums.cross, right, known, link.stretch)
+        border = self.rank(sums.shared[sums.shared >= self.layout["route"].stop])
+        first = of_route(link.first, 0).start if self.size else 0
+        return Block(first, len(sums.shared) - len(border), border, sums.block), sums.shared_right, part
 
     def dense(self, state: State, at: Sequence[Linearized]) -> tuple[Tensor, Tensor]:
-        """Normal matrix [free, free] and right-hand side [free] at a state, from its links' linearizations there."""
+        """Normal matrix [free, free] and right-hand side [free] at a state, from its links' linearizations there.
+
+        No link may look back at another.
+        """
         precision, shift = self.prior.precision(state), self.mean - state.vector()
         assembly = Assembly(self.size, len(self.border))
-        for number, one in enumerate(at):
-            assembly.add(*self.equations_of(number, one, precision, shift))
+        for number, (link, one) in enumerate(zip(self.links, at, strict=True)):
+            sums, free = Sums(*self._places[number]), self.free[link.where]
+            sums.add(link.where[free], one.jacobian[:, free], one.residual)
+            assembly.add(*self.equations_of(number, sums, precision, shift))
         matrix, right = assembly.normal(*self.priors(state, precision)).dense()
         where = torch.cat([torch.arange(self.size), self.border, *self.own_places])
         order = torch.argsort(where).numpy()
@@ -280,23 +328,25 @@ class Chain(ParameterSpace):
         precision, shift = self.prior.precision(state), self.mean - state.vector()
         cost, misfit = 0.0, 0.0
         assembly = Assembly(self.size, len(self.border))
-        weights, models, amplitudes = [], [], []
+        weights, models, residuals, amplitudes = [], [], [], []
 
-        def work(number: int) -> Looked:
-            return self.look(number, state, None if before is None else before[number], precision, shift)
+        def work(group: list[int]) -> Looked:
+            return self.look(group, state, before, precision, shift)
 
         for seen in self.each(work):
             cost, misfit = cost + seen.cost, misfit + seen.misfit
-            assembly.add(*seen.equations)
-            weights.append(seen.weights)
-            models.append(seen.model)
-            amplitudes.append(seen.amplitude)
+            for equations in seen.equations:
+                assembly.add(*equations)
+            weights += seen.weights
+            models += seen.models
+            residuals += seen.residuals
+            amplitudes += seen.amplitudes
         state = self.with_amplitudes(state, amplitudes)
         normal = assembly.normal(*self.priors(state, precision))
         border = self.stopped(state, self.border, normal.right[self.size :])
         places = zip(self.own_places, normal.parts, strict=True)
         stopped = [self.stopped(state, where, part.right) for where, part in places]
-        return Visit(state, cost + self.prior.total(state), misfit, normal, border, stopped, weights, models)
+        return Visit(state, cost + self.prior.total(state), misfit, normal, border, stopped, weights, models, residuals)
 
     def rows(self, state: State) -> list[RouteRows]:
         """Rows of the priors on the route: its shape and its anchors; none where it is held."""
@@ -333,6 +383,6 @@ class Chain(ParameterSpace):
         vector, (shared, own) = state.vector().clone(), step
         vector[: self.size] += torch.from_numpy(shared[: self.size])
         vector[self.border] += torch.from_numpy(shared[self.size :])
-        for link, (mine, _, _), part in zip(self.links, self._places, own, strict=True):
-            vector[link.where[mine]] += torch.from_numpy(part)
+        for mine, part in zip(self.own_places, own, strict=True):
+            vector[mine] += torch.from_numpy(part)
         return self.bounded(state.moved(vector))

@@ -170,9 +170,9 @@ class Fold:
         end = solve(held, start)
         # What held-out passes are shifted or changed by is misfit too: a clock that is off shows there.
         misfit, freedom, every = held.prior.cost(end.state), -float(held.free.sum()), 0.0
-        for link, model, weights in zip(held.links, end.at.models, end.at.weights, strict=True):
+        for link, residual, weights in zip(held.links, end.at.residuals, end.at.weights, strict=True):
             alone = own_samples(link, self.rest)
-            misfit += float((link.fit.whitened_of(model, weights)[alone] ** 2).sum())
+            misfit += float((residual[alone] ** 2).sum())
             counts = weights.good * weights.soft
             freedom, every = freedom + float(counts[alone].sum()), every + float(counts.sum())
         share = np.clip(freedom / max(every, 1.0), 0.0, 1.0)

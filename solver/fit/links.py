@@ -1,11 +1,12 @@
 """Where the small problems along a route have their parameters among those of the whole."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.cable.fiber import GaugeEnds, SplineBasis
@@ -14,7 +15,8 @@ from solver.fit.numbers import Numbers
 from solver.fit.parameter_layout import PER_PASS, of_route
 from solver.fit.parameter_prior import ParameterPrior
 from solver.fit.problem import Problem
-from solver.fit.stretches import reach_of
+from solver.fit.stretches import is_long, looked_back_at, reach_of
+from solver.noise.whitening import Whitener
 
 
 @dataclass(frozen=True)
@@ -27,12 +29,23 @@ class Link:
     stretch : which stretch of fiber it is on
     first : number of its first coefficient in the whole route
     where : [parameter], its parameters among those of the chain
+    back : [sample], samples before its own, of the links before, that its noise is told from
     """
 
     fit: MapFit
     stretch: int
     first: int
     where: Tensor
+    back: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    @cached_property
+    def whiten(self) -> Whitener:
+        """Makes the noise of [sample, channel] white, samples looked back at before its own."""
+        if not len(self.back):
+            return self.fit.whiten
+        problem = self.fit.problem
+        samples = np.concatenate([self.back, problem.traffic.samples])
+        return Whitener(problem.noise, samples, problem.channel, problem.law, len(self.back))
 
     @cached_property
     def own(self) -> Tensor:
@@ -85,12 +98,14 @@ def linked(
 ) -> tuple[ParameterPrior, list[Link]]:
     """Prior of a whole survey and its links, from the small problems of each stretch; `held`: route and ground are."""
     fits = [fit for number, group in enumerate(groups) for fit in along(basis, group, number)]
+    alone = [np.zeros(0, np.int64)] * len(fits)
+    backs = alone if is_long(problem) else looked_back_at(problem, groups[0])
     passes = [one for _, _, fit in fits for one in fit.problem.passes]
     which, numbers = numbered(fits, problem)
     prior = ParameterPrior(basis, problem.prior, passes, problem.anchors, problem.anchor_distance, numbers, held)
     every = torch.arange(prior.layout.size)
     links, leg = [], 0
-    for (stretch, first, fit), mine in zip(fits, which, strict=True):
+    for (stretch, first, fit), mine, back in zip(fits, which, backs, strict=True):
         legs = slice(leg, leg + len(fit.passes))
         leg = legs.stop
         where = [
@@ -99,5 +114,5 @@ def linked(
             every[prior.layout["poisson_ratio"]],
             every[prior.layout["numbers"]][mine],
         ]
-        links.append(Link(fit, stretch, first, torch.cat(where)))
+        links.append(Link(fit, stretch, first, torch.cat(where), back))
     return prior, links

@@ -18,7 +18,7 @@ from solver.fit.parameter_prior import ParameterPrior
 from solver.fit.parameter_space import ParameterSpace
 from solver.fit.problem import Problem
 from solver.fit.residual import unexplained
-from solver.fit.robust import huber, near_noise
+from solver.fit.robust import felt, huber, near_noise, scale_of
 from solver.fit.state import Evaluation, Linearized, State, Weights
 from solver.signal_path.derivatives import derivative, observed_tangents
 from solver.signal_path.extension import Values
@@ -114,17 +114,17 @@ class MapFit(ParameterSpace):
         if self.path.described(values).nonlinear and bool((state.vehicles.amplitude != 1).any()):
             # What clips is not linear; the steps themselves find the amplitudes.
             return state
+        rows = self.unit_rows(state, values)
+        return replace(state, vehicles=replace(state.vehicles, amplitude=self.amplitudes(rows, values, weights)))
+
+    def unit_rows(self, state: State, values: Values) -> Tensor:
+        """What each vehicle of a state does alone with unit amplitude, [row, channel]."""
         unit = replace(state.vehicles, amplitude=torch.ones_like(state.vehicles.amplitude))
         fiber = self.fiber(state, values)
-        rows = self.path.rows(fiber, unit.rows(self.path.traffic), state.poisson_ratio, values)
-        return replace(state, vehicles=replace(unit, amplitude=self.amplitudes(rows, values, weights)))
+        return self.path.rows(fiber, unit.rows(self.path.traffic), state.poisson_ratio, values)
 
-    def resettled(self, state: State, evaluation: Evaluation, weights: Weights) -> tuple[State, Evaluation]:
-        """`settled`, and the evaluation there, from what the vehicles do with other amplitudes."""
-        if self.path.described(evaluation.values).nonlinear:
-            return state, evaluation
-        alone = evaluation.local.by["amplitude"]
-        amplitude = self.amplitudes(alone, evaluation.values, weights)
+    def strengthened(self, state: State, evaluation: Evaluation, amplitude: Tensor) -> tuple[State, Evaluation]:
+        """The same state with other amplitudes [pass], and the evaluation there, from that with the old ones."""
         share = (amplitude / state.vehicles.amplitude)[self.path.traffic.pass_index]
         by = {
             name: part if name == "amplitude" else part * share.reshape(-1, *[1] * (part.ndim - 1))
@@ -135,19 +135,20 @@ class MapFit(ParameterSpace):
         new = replace(state, vehicles=replace(state.vehicles, amplitude=amplitude))
         return new, Evaluation(evaluation.values, Sensitivities(rate, by), model)
 
-    def amplitudes(self, rows: Tensor, values: Values, weights: Weights) -> Tensor:
-        """Amplitudes [pass] that fit best, by what each vehicle of unit amplitude does alone, [row, channel]."""
+    def alone(self, rows: Tensor, values: Values) -> Tensor:
+        """Maps [sample, channel, pass] of each vehicle, by what each of unit amplitude does alone, [row, channel]."""
         traffic = self.path.traffic
         alone = torch.zeros(traffic.passes, len(traffic.samples), rows.shape[1], dtype=torch.float64)
         alone[traffic.pass_index, traffic.sample_index] = rows
-        alone = self.path.described(values).linear.observed(alone, traffic.samples) * weights.good
+        return self.path.described(values).linear.observed(alone, traffic.samples).permute(1, 2, 0)
+
+    def amplitudes(self, rows: Tensor, values: Values, weights: Weights) -> Tensor:
+        """Amplitudes [pass] that fit best, by what each vehicle of unit amplitude does alone, [row, channel]."""
         scale = weights.soft.sqrt()
-        columns = (self.whiten(alone.permute(1, 2, 0)) * scale[..., None]).flatten(0, 1)
+        columns = self.whiten(self.alone(rows, values) * weights.good[..., None])
+        columns = (columns * scale[..., None]).flatten(0, 1)
         data = (self.whiten(self.data * weights.good) * scale).flatten()
-        matrix = columns.T @ columns
-        # A vehicle that is not felt at all keeps an amplitude near zero.
-        matrix += 1e-12 * matrix.diagonal().max() * torch.eye(traffic.passes, dtype=torch.float64)
-        return torch.linalg.solve(matrix, columns.T @ data)
+        return felt(columns.T @ columns, columns.T @ data)
 
     def unexplained(self, model: Tensor) -> Tensor:
         """Measured - model [sample, channel], 1/s; 0 where not measured."""
@@ -226,12 +227,16 @@ class MapFit(ParameterSpace):
 
     def weighted(self, evaluation: Evaluation) -> tuple[Weights, Tensor]:
         """Weights of the samples, and the whitened residual [sample, channel] of those that are no spikes."""
-        difference = self.unexplained(evaluation.model)
-        variance = 1 + self.added_variance(evaluation.local, evaluation.model)
-        good = self.measured * near_noise(difference / self.problem.noise / variance.sqrt(), self.measured)
+        difference, variance = self.compared(evaluation)
+        size = difference / self.problem.noise / variance.sqrt()
+        good = self.measured * near_noise(size, scale_of(size, self.measured))
         residual = self.whiten(difference * good)
         soft = self.measured / variance
         return Weights(good, soft * huber(residual * soft.sqrt(), self.measured)), residual
+
+    def compared(self, evaluation: Evaluation) -> tuple[Tensor, Tensor]:
+        """Measured - model, 1/s, and the variance of that in noise units, both [sample, channel]."""
+        return self.unexplained(evaluation.model), 1 + self.added_variance(evaluation.local, evaluation.model)
 
     def linearized(self, state: State, evaluation: Evaluation | None = None) -> Linearized:
         """The problem near a state: whitened, weighted residual and derivatives; `evaluation` there if known."""

@@ -238,13 +238,14 @@ def parameters(posterior: Posterior) -> dict[str, Parameter]:
 def maps(chain: Chain, visit: Visit) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Model, 1/s, and weight of each sample [sample, channel] of a survey; NaN and 0 where nothing was fitted."""
     problem = chain.problem
-    if not chain.long:
+    if len(chain.links) == 1:
         weights = visit.weights[0]
         whole = torch.where(problem.measured, visit.models[0], torch.nan)
         return whole.numpy(), (weights.good * weights.soft).numpy()
     shape = len(problem.traffic.samples), len(problem.channel)
-    model: NDArray = np.full(shape, np.nan, np.float32)
-    weight: NDArray = np.zeros(shape, np.float32)
+    kind = np.float32 if chain.long else np.float64
+    model: NDArray = np.full(shape, np.nan, kind)
+    weight: NDArray = np.zeros(shape, kind)
     for link, part, weights in zip(chain.links, visit.models, visit.weights, strict=True):
         row = np.searchsorted(problem.traffic.samples, link.fit.problem.traffic.samples)
         column = np.searchsorted(problem.channel, link.fit.problem.channel)

@@ -1,4 +1,6 @@
-"""Weights that keep bad samples from deciding."""
+"""Weights that keep bad samples from deciding, and vehicles that hardly show from amplitudes out of all measure."""
+
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -13,19 +15,36 @@ def scale_of(residual: Tensor, measured: Tensor) -> Tensor:
     return torch.clamp(1.4826 * residual[measured].abs().median(), min=1.0)
 
 
-def huber(residual: Tensor, measured: Tensor) -> Tensor:
-    """Weights [...] that bound the pull of single bad samples (Huber 1964), on the scale of the residual itself.
+def huber(residual: Tensor, measured: Tensor, scale: Tensor | None = None) -> Tensor:
+    """Weights [...] that bound the pull of single bad samples (Huber 1964), on a scale, the residual's own where None.
 
     >>> huber(torch.tensor([0.5, -1.0, 40.0]), torch.ones(3, dtype=torch.bool)).tolist()[:2]
     [1.0, 1.0]
     """
-    return (HUBER * scale_of(residual, measured) / residual.abs().clamp_min(1e-12)).clamp(max=1.0)
+    scale = scale_of(residual, measured) if scale is None else scale
+    return (HUBER * scale / residual.abs().clamp_min(1e-12)).clamp(max=1.0)
 
 
-def near_noise(residual: Tensor, measured: Tensor) -> Tensor:
-    """1 where a residual [...] may be noise, 0 for spikes: a filter must not smear them over their neighbors.
+def near_noise(residual: Tensor, scale: Tensor) -> Tensor:
+    """1 where a residual [...] of some scale may be noise, 0 for spikes: a filter must not smear them around.
 
-    >>> near_noise(torch.tensor([0.5, -1.0, 40.0]), torch.ones(3, dtype=torch.bool)).tolist()
+    >>> near_noise(torch.tensor([0.5, -1.0, 40.0]), torch.tensor(1.0)).tolist()
     [1.0, 1.0, 0.0]
     """
-    return (residual.abs() < SPIKE * scale_of(residual, measured)).double()
+    return (residual.abs() < SPIKE * scale).double()
+
+
+def joint_scale(residuals: Sequence[Tensor], measured: Sequence[Tensor]) -> Tensor:
+    """`scale_of` several residuals together, each where it was measured.
+
+    >>> all_there = torch.ones(2, dtype=torch.bool)
+    >>> round(float(joint_scale([torch.tensor([3.0, -3.0]), torch.tensor([3.0, 3.0])], [all_there, all_there])), 4)
+    4.4478
+    """
+    together = torch.cat([residual[there] for residual, there in zip(residuals, measured, strict=True)])
+    return scale_of(together, torch.ones_like(together, dtype=torch.bool))
+
+
+def felt(matrix: Tensor, right: Tensor) -> Tensor:
+    """Amplitudes [pass] from their normal equations; a vehicle that is not felt at all keeps one near zero."""
+    return torch.linalg.solve(matrix + 1e-12 * matrix.diagonal().max() * torch.eye(len(matrix)).double(), right)

@@ -12,7 +12,7 @@ from solver.fit.least_squares import solve
 from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
-from solver.fit.state import State, Weights
+from solver.fit.state import State
 from solver.fit.stretches import FIRST, parts, some
 
 #: Shifts of the tracks along their way, m rms, that no camera makes; and times, s, by which clocks may be apart.
@@ -79,10 +79,8 @@ def laid_elsewhere(chain: Chain, state: State) -> State | None:
 
 def better_start(chain: Chain, begun: State, others: Iterable[State]) -> State | None:
     """That of other states at which vehicles of the best amplitudes fit best; None where none beats the first start."""
-    fit = chain.links[0].fit
-    every = Weights(fit.measured, fit.measured.double())
-    best = min((fit.settled(one, every) for one in others), key=lambda one: fit.cost(one, every))
-    return best if fit.cost(best, every) < fit.cost(fit.settled(begun, every), every) else None
+    best, cost = min((chain.settled(one) for one in others), key=lambda end: end[1])
+    return best if cost < chain.settled(begun)[1] else None
 
 
 def fit_spline(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.fit.problem import MARGIN, Problem
+from solver.noise.whitening import blocks_of
 from solver.signal_path.traffic import Traffic
 from solver.survey.limits import VEHICLE_REACH
 from solver.trajectory.vehicle_pass import Pass
@@ -19,6 +20,8 @@ ONE_STRETCH = 200.0
 STRETCH = 60.0
 #: Passes of each stretch that a long fiber is fitted to first: they lead near, and all then need few steps.
 FIRST = 12
+#: Passes of one stretch whose noise is taken to hang together, however close they follow one another.
+TOGETHER = 60
 
 
 def nearby(one: Pass, route: NDArray[np.float64], reach: float = VEHICLE_REACH) -> Pass | None:
@@ -102,6 +105,46 @@ def some(group: Sequence[Problem], most: int) -> list[Problem]:
     return chosen
 
 
+def one_by_one(problem: Problem) -> list[Problem]:
+    """A survey of one stretch crowd by crowd, each with its share of the samples: together they are the whole.
+
+    Only the problem itself where effects may mix what vehicles do, or where they are not in the order of time.
+    """
+    first = [int(one.rows[0]) for one in problem.passes]
+    groups = crowds(problem.passes)
+    if len(groups) < 2 or first != sorted(first) or not all(one.slow_error for one in problem.effects):
+        return [problem]
+    samples = problem.traffic.samples
+    begin = np.array([min(one.rows[0] for one in group) for group in groups])
+    # Samples before the first crowd of a gapless run are that crowd's.
+    run = samples[[block.start for block in blocks_of(samples)]]
+    opening = run[np.searchsorted(run, begin, side="right") - 1]
+    begin = np.where(np.append(True, opening[1:] != opening[:-1]), opening, begin)
+    owner = np.maximum(np.searchsorted(begin, samples, side="right") - 1, 0)
+    return [
+        replace(problem, passes=group, traffic=Traffic.of(group, samples[owner == number]), anchors=())
+        for number, group in enumerate(groups)
+    ]
+
+
+def looked_back_at(problem: Problem, group: Sequence[Problem]) -> list[NDArray[np.int64]]:
+    """Samples before each of a survey's crowds that its noise is told from: as many as the noise remembers.
+
+    None where a gap in the samples, or very many passes, part it from those before.
+    """
+    samples, memory = problem.traffic.samples, len(problem.law.own) - 1
+    found, passes = [], 0
+    opening = np.concatenate([np.full(b.stop - b.start, b.start) for b in blocks_of(samples)])
+    for one in group:
+        first = int(np.searchsorted(samples, one.traffic.samples[0]))
+        back = samples[max(int(opening[first]), first - memory) : first]
+        passes = passes + len(one.passes) if len(back) else len(one.passes)
+        if passes > TOGETHER:
+            back, passes = back[:0], len(one.passes)
+        found.append(back)
+    return found
+
+
 def parts(problem: Problem) -> list[list[Problem]]:
     """The survey of each stretch, crowd by crowd: small problems that together are the whole.
 
@@ -109,7 +152,7 @@ def parts(problem: Problem) -> list[list[Problem]]:
     """
     cuts = stretches(problem)
     if len(cuts) == 1:
-        return [[problem]]
+        return [one_by_one(problem)]
     found = []
     for cut in cuts:
         start = problem.start[cut]

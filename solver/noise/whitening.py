@@ -198,11 +198,11 @@ class Filter:
     pieces: list[tuple[int, int, int, Tensor]]
 
     @classmethod
-    def of(cls, rows: list[Array], blocks: list[slice]) -> "Filter":
-        """Filter with whitening coefficients of order 0, 1, ... as `levinson` gives them."""
+    def of(cls, rows: list[Array], blocks: list[slice], lead: int = 0) -> "Filter":
+        """Filter with whitening coefficients of order 0, 1, ... as `levinson` gives them; from sample `lead` on."""
         order, pieces = len(rows) - 1, []
         for block in blocks:
-            for first in range(block.start, block.stop, CHUNK):
+            for first in range(max(block.start, lead), block.stop, CHUNK):
                 last = min(first + CHUNK, block.stop)
                 begin = max(block.start, first - order)
                 matrix = np.zeros((last - first, last - begin))
@@ -216,8 +216,8 @@ class Filter:
     def __call__(self, values: Tensor) -> Tensor:
         """Filter values [sample, ...]."""
         flat = values.reshape(len(values), -1)
-        parts = [matrix @ flat[begin:last] for _, last, begin, matrix in self.pieces]
-        return torch.cat(parts).reshape(values.shape)
+        whole = torch.cat([matrix @ flat[begin:last] for _, last, begin, matrix in self.pieces])
+        return whole.reshape(len(whole), *values.shape[1:])
 
 
 @dataclass(frozen=True)
@@ -230,12 +230,14 @@ class Whitener:
     samples : [sample], rows of the record, ascending
     position : [channel], number of each channel: neighbors differ by 1
     law : of the noise
+    lead : how many of the first samples are there for the others' sake only, and not in what it gives
     """
 
     level: Tensor
     samples: NDArray[np.int64]
     position: NDArray[np.int64]
     law: NoiseLaw
+    lead: int = 0
 
     @property
     def memory(self) -> int:
@@ -252,7 +254,8 @@ class Whitener:
         ones = spatial @ torch.ones(len(self.level), dtype=torch.float64)
         size, blocks = float(ones.norm()), blocks_of(self.samples)
         both = levinson(self.law.own + size**2 * self.law.common)
-        return spatial, ones / size, Filter.of(levinson(self.law.own), blocks), Filter.of(both, blocks)
+        own = Filter.of(levinson(self.law.own), blocks, self.lead)
+        return spatial, ones / size, own, Filter.of(both, blocks, self.lead)
 
     def _spatial(self) -> Array:
         """Inverse square root [channel, channel] of the correlation between channels."""
@@ -265,7 +268,10 @@ class Whitener:
         return np.asarray(vectors / np.sqrt(np.maximum(values, 0.02)) @ vectors.T)
 
     def __call__(self, values: Tensor) -> Tensor:
-        """Whiten [sample, channel] or [sample, channel, column], in the record's unit; 0 where not measured."""
+        """Whiten [sample, channel] or [sample, channel, column], in the record's unit; 0 where not measured.
+
+        The first `lead` samples are looked at, and left out of what is returned.
+        """
         spatial, direction, own, both = self._parts
         scaled = values / self.level.reshape(-1, *[1] * (values.ndim - 2))
         if len(self.law.across) > 1:

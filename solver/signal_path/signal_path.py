@@ -218,3 +218,8 @@ class Sensitivities:
 
     rate: Tensor
     by: dict[str, Tensor] = field(repr=False)
+
+    @property
+    def bytes(self) -> int:
+        """What they take in memory."""
+        return sum(one.numel() * one.element_size() for one in (self.rate, *self.by.values()))

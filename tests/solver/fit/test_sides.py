@@ -47,12 +47,11 @@ def test_the_misfit_alone_does_not_choose_the_side(survey, two_sides):
 def test_samples_that_are_trusted_less_cost_their_weight(case):
     chain = Chain.of(case.problem)
     visit = chain.visit(chain.start())
-    (weights,) = visit.weights
-    half = replace(visit, misfit=visit.misfit / 2, weights=[Weights(weights.good, weights.soft / 2)])
-    samples = float(weights.good.sum())
+    half = replace(visit, misfit=visit.misfit / 2, weights=[Weights(w.good, w.soft / 2) for w in visit.weights])
+    samples = float(sum(w.good.sum() for w in visit.weights))
     assert visit.misfit > 1.5 * samples, "not at the end of the fit"
     assert chain.cost(half) - chain.cost(visit) == pytest.approx(samples * np.log(2) - visit.misfit / 2, rel=1e-6)
-    none = replace(visit, misfit=0.0, weights=[Weights(0 * weights.good, weights.soft)])
+    none = replace(visit, misfit=0.0, weights=[Weights(0 * w.good, w.soft) for w in visit.weights])
     assert chain.cost(none) > 20 * samples
 
 

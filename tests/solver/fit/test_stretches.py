@@ -157,7 +157,8 @@ def test_prior_parts_are_shares_of_the_whole(case, cut_short: None) -> None:
 
 
 def test_a_chain_of_one_is_the_problem_itself(case) -> None:
-    chain, fit = Chain.of(case.problem), MapFit(case.problem)
+    fit = MapFit(case.problem)
+    chain = Chain.single(fit)
     assert len(chain.links) == 1
     torch.testing.assert_close(chain.start().vector(), fit.start().vector())
     state = chain.start()

@@ -1,12 +1,15 @@
 """Work that does not fit into memory is refused before it begins, with what would fit."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from solver.catalogue.trial_survey import trial_survey
-from solver.fit.room import fit_memory, require_room_to_fit
+from solver.fit.room import BY_CELL_AND_PASS, BY_SAMPLE, fit_memory, require_room_to_fit
+from solver.fit.stretches import part
+from solver.signal_path.traffic import Traffic
 from solver.survey import memory
 from solver.survey.das import read_das
 from vision.contract import InputError
@@ -54,8 +57,8 @@ def test_fewer_channels_fit(tmp_path, room):
 
 def test_a_fit_that_does_not_fit_says_what_would(room):
     problem = trial_survey()[0].problem
-    rows, channels, passes = len(problem.traffic.pass_index), len(problem.channel), len(problem.passes)
-    needed = fit_memory(rows, channels, passes)
+    channels, passes = len(problem.channel), len(problem.passes)
+    needed = fit_memory(problem, channels)
     room(needed)
     require_room_to_fit(problem)
     room(0.95 * needed)
@@ -67,9 +70,21 @@ def test_a_fit_that_does_not_fit_says_what_would(room):
         r"of (\d+) passes",
         str(caught.value),
     )
-    assert fit_memory(rows, int(told[1]), passes) <= 0.95 * needed < fit_memory(rows, int(told[1]) + 1, passes)
+    assert fit_memory(problem, int(told[1])) <= 0.95 * needed < fit_memory(problem, int(told[1]) + 1)
     kept = int(told[2])
-    assert 0 < kept < passes and fit_memory(rows * kept // passes, channels, kept) <= 0.95 * needed
+    assert 0 < kept < passes and fit_memory(part(problem, np.arange(kept)), channels) <= 0.95 * needed
+
+
+def test_many_vehicles_one_after_the_other_take_little_more_than_two(room):
+    """What is kept of each sample, and no derivative of all passes."""
+    problem = trial_survey()[0].problem
+    first = min(int(one.rows[0]) for one in problem.passes)
+    apart = [replace(one, rows=one.rows - first + 1000 * k) for k in range(40) for one in problem.passes[:1]]
+    many = replace(problem, passes=apart, traffic=Traffic.of(apart), effects=())
+    few = part(many, np.arange(2))
+    more = len(many.traffic.samples) - len(few.traffic.samples)
+    grown = fit_memory(many, 80) - fit_memory(few, 80)
+    assert 0 < grown < 80 * more * (BY_SAMPLE + 1.01 * BY_CELL_AND_PASS) < 0.1 * 80 * more * BY_CELL_AND_PASS * 40
 
 
 def test_a_container_s_limit_counts(tmp_path, monkeypatch):
