@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from solver.survey.das.block import Block
 from solver.survey.das.das_files import read_blocks
-from solver.survey.das.grid import Grid, part_of
-from solver.survey.das.setting import agreed, check_alike, check_excluded, chosen, file_spacing, logger
+from solver.survey.das.faults import LeftOut, of_one_setting, without_overlaps
+from solver.survey.das.grid import Grid, Part, on_grid, part_of, sampling_interval
+from solver.survey.das.setting import agreed, check_excluded, chosen, file_spacing, logger
 from solver.survey.das.units import Unit, resolve
 from solver.survey.limits import CHANNEL_SPACINGS, GAUGE_LENGTHS
 from vision.contract import InputError, progress
@@ -32,6 +33,8 @@ class Description:
     pair : channels to either side whose velocity is differenced; 0 where the files hold no velocity
     spaced : whether the user gave the channel spacing
     notes : what was decided, a line each
+    files : how many there are
+    left_out : files, and parts of files, that are not used
     """
 
     blocks: tuple[Block, ...]
@@ -45,6 +48,8 @@ class Description:
     pair: int
     spaced: bool
     notes: tuple[str, ...]
+    files: int
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def where(self) -> Path:
@@ -72,16 +77,30 @@ class Description:
         return slice(channels[0] - self.pair - first, channels[1] + self.pair - first + 1)
 
 
-def read_headers(files: Sequence[Path]) -> list[Block]:
-    """Describe every file; blocks sorted by time."""
+def read_headers(files: Sequence[Path]) -> tuple[list[Part], list[LeftOut]]:
+    """Describe every file; parts sorted by time, and the files that cannot be read.
+
+    Raises
+    ------
+    InputError
+        If none can be read: why the first cannot.
+    """
     if not files:
         raise InputError("no DAS files; give at least one")
-    blocks = list[Block]()
+    parts, left_out, errors = list[Part](), list[LeftOut](), list[InputError]()
     with progress("reading DAS headers", len(files)) as advance:
         for path in files:
-            blocks += read_blocks(Path(path))
+            try:
+                for part in map(part_of, read_blocks(Path(path))):
+                    file_spacing(part.block)
+                    parts.append(part)
+            except InputError as error:
+                errors.append(error)
+                left_out.append(LeftOut(Path(path), str(error).removeprefix(f"{path}: ")))
             advance(1)
-    return sorted(blocks, key=lambda block: int(block.time[0]))
+    if not parts:
+        raise errors[0]
+    return sorted(parts, key=lambda part: part.runs[0][2]), left_out
 
 
 def describe(
@@ -95,8 +114,10 @@ def describe(
     scale: float | None = None,
 ) -> Description:
     """Describe the record of some files from their headers; arguments and errors are those of `read_das`."""
+    parts, left_out = read_headers(files)
     return description_of(
-        read_headers(files),
+        parts,
+        left_out=left_out,
         gauge_length=gauge_length,
         channel_spacing=channel_spacing,
         quantity=quantity,
@@ -107,8 +128,9 @@ def describe(
 
 
 def description_of(
-    blocks: Sequence[Block],
+    parts: Sequence[Part],
     *,
+    left_out: Sequence[LeftOut] = (),
     gauge_length: float | None = None,
     channel_spacing: float | None = None,
     quantity: str | None = None,
@@ -116,10 +138,11 @@ def description_of(
     exclude: Sequence[int] = (),
     scale: float | None = None,
 ) -> Description:
-    """Describe the record of blocks, sorted by time."""
+    """Describe the record of parts, sorted by time."""
     notes = list[str]()
-    check_alike(blocks)
-    first = blocks[0]
+    files = len({part.block.path for part in parts}) + len(left_out)
+    parts, others = of_one_setting(parts)
+    first = parts[0].block
     whole = bool(np.issubdtype(first.data.dtype, np.integer))
     stored = resolve(first.unit, first.stated, quantity, scale, first.path, whole=whole)
     spacing = agreed("channel spacing", CHANNEL_SPACINGS, file_spacing(first), channel_spacing, first.path, notes)
@@ -133,8 +156,9 @@ def description_of(
         notes.append(f"strain rate is the difference of velocity over {gauge:g} m, an even number of channels")
         logger.info("%s: %s", first.path, notes[-1])
     held = first.first_channel + pair, first.first_channel + count - 1 - pair
-    parts = [part_of(block) for block in blocks]
-    grid = Grid.of(parts)
+    interval = sampling_interval(parts)
+    placed, twice = without_overlaps(on_grid(parts, interval), interval)
+    grid = Grid(parts[0].runs[0][2], interval, tuple(placed))
     asked = chosen(first.path, held, channels)
     check_excluded(first.path, held, exclude)
     return Description(
@@ -149,4 +173,6 @@ def description_of(
         pair=pair,
         spaced=channel_spacing is not None,
         notes=tuple(notes),
+        files=files,
+        left_out=(*left_out, *others, *twice),
     )

@@ -95,17 +95,17 @@ class Placed:
         return moved
 
 
-def placed(part: Part, origin: int, interval: float) -> list[Placed]:
-    """Place the runs of a part on the grid of `interval`, ns, that begins at `origin`, ns."""
-    found = []
-    for first, count, start in part.runs:
+def on_grid(parts: Sequence[Part], interval: float) -> list[Placed]:
+    """Place the runs of parts, sorted by time, on the grid of `interval`, ns, that begins with the first; by row."""
+    origin, found = parts[0].runs[0][2], []
+    for block, first, count, start in ((part.block, *run) for part in parts for run in part.runs):
         position = (start - origin) / interval
         row, rows, ahead = round(position), count, 0.0
         if abs(position - row) * interval > ALIGNED and count > 1:
             row = int(np.ceil(position))
             rows, ahead = int(np.floor(position + count - 1)) + 1 - row, row - position
-        found.append(Placed(part.block, first, count, row, rows, ahead))
-    return found
+        found.append(Placed(block, first, count, row, rows, ahead))
+    return sorted(found, key=lambda one: one.row)
 
 
 def file_interval(block: Block) -> float:
@@ -127,20 +127,8 @@ def sampling_interval(parts: Sequence[Part]) -> float:
 
     The starts of adjoining files say it better than the nominal rate in one file: with a clock that is off by 1e-5,
     500 Hz are a sample off after 200 s.
-
-    Raises
-    ------
-    InputError
-        If the sampling rates of the files differ by over 0.1 %.
     """
-    nominal = np.array([part.interval for part in parts])
-    odd = int(np.abs(nominal - nominal[0]).argmax())
-    if abs(nominal[odd] / nominal[0] - 1) > 1e-3:
-        raise InputError(
-            f"{parts[odd].block.path}: {1e9 / nominal[odd]:g} samples/s, but {1e9 / nominal[0]:g} in "
-            f"{parts[0].block.path.name}; give files of one recording"
-        )
-    interval = float(np.median(nominal))
+    interval = float(np.median([part.interval for part in parts]))
     lengths = np.array([ends_of(part)[1] for part in parts[:-1]])
     steps = np.diff([ends_of(part)[0] for part in parts])
     adjoining = np.abs(steps - lengths * interval) < interval / 2
@@ -167,24 +155,6 @@ class Grid:
     origin: int
     interval: float
     placed: tuple[Placed, ...]
-
-    @classmethod
-    def of(cls, parts: Sequence[Part]) -> "Grid":
-        """Put parts, sorted by time, on one grid.
-
-        Raises
-        ------
-        InputError
-            If sampling rates differ, two parts overlap, or nearly all of the record would be gap.
-        """
-        interval, origin = sampling_interval(parts), parts[0].runs[0][2]
-        found = [one for part in parts for one in placed(part, origin, interval)]
-        for before, after in pairwise(found):
-            if after.row < before.stop:
-                raise InputError(
-                    f"{after.block.path}: overlaps {before.block.path.name} in time; give each recording once"
-                )
-        return cls(origin, interval, tuple(found))
 
     @property
     def sampling_rate(self) -> float:

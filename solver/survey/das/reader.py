@@ -8,6 +8,8 @@ import numpy as np
 
 from solver.survey.das.block import Block
 from solver.survey.das.description import Description, describe, description_of
+from solver.survey.das.faults import left_out_line
+from solver.survey.das.grid import part_of
 from solver.survey.das.lowpass import factor_of
 from solver.survey.das.reading import Reading
 from solver.survey.das.record import DASRecord, Extent
@@ -61,8 +63,9 @@ def read_das(
     Raises
     ------
     InputError
-        If a file is missing, damaged or of no known format, files overlap or differ in their setting, unit or gauge
-        length are absent, channels are out of range or hold NaN, or no channel holds a signal.
+        If no file can be read, most of the record has no one setting or overlaps, unit or gauge length are absent,
+        channels are out of range or hold NaN, or no channel holds a signal. Single files that are missing, damaged or
+        of another setting are left out, which the record's cautions say.
     """
     known = describe(
         files,
@@ -78,7 +81,7 @@ def read_das(
 
 def record_of(blocks: Sequence[Block], *, rate: float | None = None, **said: Any) -> DASRecord:
     """Put blocks, sorted by time, together to one record; `said` is as of `read_das`, `rate` as of `record_from`."""
-    return record_from(description_of(blocks, **said), rate=rate)
+    return record_from(description_of([part_of(block) for block in blocks], **said), rate=rate)
 
 
 def spans_of(known: Description, times: Sequence[tuple[np.datetime64, np.datetime64]] | None) -> list[tuple[int, int]]:
@@ -132,8 +135,11 @@ def record_from(
     holes = [(max(a, begin), min(b, found.end - 1)) for a, b in grid.holes if a < found.end and b >= begin]
     gaps = tuple(((a - begin) * grid.interval * 1e-9, (b - begin) * grid.interval * 1e-9) for a, b in holes)
     start = grid.time_of(begin)
-    said = [gap_line(start, *gap, grid.interval * 1e-9) for gap in gaps]
+    said = left_out_line(known.files, known.left_out)
+    said += [gap_line(start, *gap, grid.interval * 1e-9) for gap in gaps]
     provenance = provenance_of(files, known.stored, list(known.notes))
+    if known.left_out:
+        provenance["left_out"] = [f"{one.path.name}: {one.why}" for one in known.left_out]
     if found.factor > 1:
         provenance |= {"decimated": f"from {grid.sampling_rate:g} Hz by {factor}"}
     partly = spans != [(0, grid.rows)] or (first, last) != known.held

@@ -19,24 +19,6 @@ TOLERANCE = 0.01  # between what the file and the user say
 logger = logging.getLogger("roadfiber")
 
 
-def check_alike(blocks: Sequence[Block]) -> None:
-    """Raise InputError where two files cannot be parts of one record."""
-    first = blocks[0]
-    for block in blocks[1:]:
-        for name, one, other in (
-            ("channels", first.data.shape[1], block.data.shape[1]),
-            ("first channel", first.first_channel, block.first_channel),
-            ("quantity and scale", first.unit, block.unit),
-            ("gauge length", first.gauge_length, block.gauge_length),
-            ("channel spacing", file_spacing(first), file_spacing(block)),
-        ):
-            alike = np.isclose(one, other) if isinstance(one, float) and isinstance(other, float) else one == other
-            if not alike:
-                raise InputError(
-                    f"{block.path}: {name} {other}, but {one} in {first.path.name}; give files of one recording"
-                )
-
-
 def file_spacing(block: Block) -> float | None:
     """Return the spacing of a block's channels, m; None where the file does not say it."""
     if block.distance is None or len(block.distance) < 2:

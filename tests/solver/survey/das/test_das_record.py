@@ -125,12 +125,14 @@ def test_constant_channels_are_dead(tmp_path, caplog):
         ({"gauge_length": 8.0}, "gauge length 8.0, but 10.0 in a.h5"),
         ({"channel_spacing": 2.0}, "channel spacing 2.0, but 1.02"),
         ({"first_channel": 5}, "first channel 5, but 0"),
-        ({"sampling_rate": 10.0}, "10 samples/s, but 5 in a.h5"),
-        ({"row": 39}, "overlaps a.h5 in time"),
+        ({"sampling_rate": 2.5}, "2.5 samples/s, but 5 in a.h5"),
+        ({"row": 30}, "overlaps a.h5 in time for 2 s, with other numbers; give each recording once"),
     ],
 )
 def test_files_of_two_recordings_are_refused(tmp_path, changes, says):
-    paths = [das_file(tmp_path / "a.h5", noise()), das_file(tmp_path / "b.h5", noise(), **({"row": 40} | changes))]
+    rows = 20 if "sampling_rate" in changes else 40
+    other = noise(rows, seed=1)
+    paths = [das_file(tmp_path / "a.h5", noise()), das_file(tmp_path / "b.h5", other, **({"row": 40} | changes))]
     with pytest.raises(InputError, match=says):
         read_das(paths)
 
