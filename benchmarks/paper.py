@@ -39,7 +39,7 @@ from vision.contract import InputError, progress, writing
 
 METHODS = ("spline", "network", "geometric")
 DRAWS = 200
-BELIEVED_RATIO = 0.25  # what every simulated site.toml says
+ASSUMED_RATIO = 0.25  # what every simulated site.toml says
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Setting:
     track_noise : standard deviation of every fix, independent, known to the fit, m
     track_offset : standard deviation of a constant error of each whole track, unknown to the fit, m
     anchors : how many, over the 100 m view, with 5 cm of error
-    poisson_error : true minus believed Poisson ratio
+    poisson_error : true minus assumed Poisson ratio
     passes : vehicles
     loads : "point", as in the paper, or "wheels"
     """
@@ -122,7 +122,7 @@ def survey_of(setting: Setting) -> Survey:
             passes=setting.passes,
             snr_db=setting.snr_db,
             fix_sigma=setting.track_noise,
-            poisson_ratio=BELIEVED_RATIO + setting.poisson_error,
+            poisson_ratio=ASSUMED_RATIO + setting.poisson_error,
             effects=effects,
         )
     )

@@ -32,7 +32,7 @@ class Candidate:
     evidence : ln of the Bayes factor
     p_value : of the score test, for the shapes tried
     estimate, sigma, unit : of its first number, or of many alike: their root mean square (mean, where one number is
-        told for all passes) and the median of their sigmas, without those of which the survey hears nothing
+        told for all passes) and the median of their sigmas, without those that leave no trace in the survey
     numbers : how many it adds
     shape : values of its shape parameters
     retained_share : of its signal that the fit leaves visible
@@ -121,7 +121,7 @@ def idle_candidate(effect: Effect) -> Candidate:
 
 
 def first_kind(score: Score) -> tuple[Parameter, NDArray[np.bool_]]:
-    """The first parameter that the survey hears of, and which numbers [number] that it hears are of its kind."""
+    """The first parameter with a trace in the survey, and which numbers [number] with a trace are of its kind."""
     heard = np.isfinite(score.sigma)
     owners = [p for p, count in zip(score.effect.amplitudes, score.counts, strict=True) for _ in range(count)]
     first = owners[int(heard.argmax())]

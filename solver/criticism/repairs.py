@@ -21,7 +21,7 @@ from solver.fit.robust import HUBER
 from solver.fit.state import State
 from solver.noise.whitening import Whitener
 from solver.signal_path.traffic import Traffic, Vehicles
-from solver.survey.dead_channels import hears_nothing
+from solver.survey.dead_channels import is_nearly_silent
 from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
@@ -257,7 +257,7 @@ def find_faded_channels(fit: MapFit, state: State) -> Fault | None:
     power = (data**2).sum(0) / np.maximum(use.sum(0), 1) - fit.problem.noise.numpy() ** 2
     silent = power < QUIET * percentile_filter(power, QUIETEST, AROUND, mode="nearest")
     with np.errstate(divide="ignore"):
-        dead = hears_nothing(gain, heard**-0.5, around) & silent
+        dead = is_nearly_silent(gain, heard**-0.5, around) & silent
     count = int(dead.sum())
     if count == 0:
         return None

@@ -25,7 +25,7 @@ from vision.contract import InputError
 Array = NDArray[np.float64]
 
 REACH = 25.0  # m that a node may move from its start
-BELIEVED_DEPTH = 0.9  # m
+ASSUMED_DEPTH = 0.9  # m
 SOFT = 2.0  # standard deviations beyond which a circle pulls no harder
 BESIDE = 1.0  # m; standard deviation along the fiber of the channel that a vehicle is beside
 ITERATIONS = 500
@@ -198,7 +198,7 @@ def geometric_route(
         If no vehicle was seen in the active channels.
     """
     if depth is None:
-        depth = float(np.mean([a.z for a in anchors])) if anchors else BELIEVED_DEPTH
+        depth = float(np.mean([a.z for a in anchors])) if anchors else ASSUMED_DEPTH
     ground = {"depth": depth, "gauge_length": record.gauge_length, "poisson_ratio": poisson_ratio}
     curves = [coupling_curve(one.vehicle_class, **ground) for one in passes]
     spacing = record.channel_spacing

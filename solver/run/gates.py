@@ -53,7 +53,7 @@ def trust_of(
             anchor_gate(result, problem.anchors, disputed),
             *track_gates(result, problem),
             *side_gates(result),
-            *stand_in_gates(problem),
+            *discrepancy_gates(problem),
         ]
     )
 
@@ -200,17 +200,18 @@ def track_gates(result: FitResult, problem: Problem) -> list[Gate]:
 
 
 def side_gates(result: FitResult) -> list[Gate]:
-    """That the side of the road is known, where it is not."""
+    """That the side of the road is open; nothing where it is known."""
     if not result.ambiguous_side:
         return []
     words = "the mirror route on the other side of the traffic is not ruled out"
     return [Gate("side of the road", "failed", words, ("survey one anchor, or traffic in a second lane",))]
 
 
-def stand_in_gates(problem: Problem) -> list[Gate]:
-    """That the model is one of known effects, where it is not."""
+def discrepancy_gates(problem: Problem) -> list[Gate]:
+    """That the model holds a discrepancy model, which names no cause; nothing where it holds none."""
     names = [one.name for one in problem.effects if one.generic]
     if not names:
         return []
-    words = f"{', '.join(names)} stands in for something unknown and names no cause"
-    return [Gate("named effects", "failed", words, ("find what it is: it founds the route no better",))]
+    are = "is a discrepancy model" if len(names) == 1 else "are discrepancy models"
+    words = f"{', '.join(names)} {are}: fitted to what no known effect explains"
+    return [Gate("named effects", "failed", words, ("find the cause: a discrepancy model makes no route better",))]

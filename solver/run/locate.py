@@ -132,12 +132,12 @@ def fit_agreeing(result: FitResult, problem: Problem, method: str, disputed: lis
     return result, problem
 
 
-def other_unit(record: DASRecord, passes: Sequence[Pass], believed: Mapping[str, float]) -> str:
+def other_unit(record: DASRecord, passes: Sequence[Pass], priors: Mapping[str, float]) -> str:
     """Say in which unit tracks would follow a record that they do not follow, as the end of a sentence; empty: in none.
 
     Parameters
     ----------
-    believed : prior means of depth, m, and Poisson's ratio
+    priors : prior means of depth, m, and Poisson's ratio
     """
     for factor, words in ((FOOT, "x and y of the trajectories"), (1 / FOOT, "gauge_length and channel_spacing")):
         scaled = [
@@ -145,7 +145,7 @@ def other_unit(record: DASRecord, passes: Sequence[Pass], believed: Mapping[str,
             for one in passes
         ]
         try:
-            find_first_routes(record, scaled, [], **believed, warnings=[])
+            find_first_routes(record, scaled, [], **priors, warnings=[])
         except InputError:
             continue
         return f"; they would follow if {words} were in feet: give them in m"
@@ -200,11 +200,11 @@ def locate(
     if slow := slow_line(record, passes):
         warnings.append(slow)
     with timed(timings, "match"):
-        believed = {"depth": ground.depth[0], "poisson_ratio": ground.poisson_ratio}
+        priors = {"depth": ground.depth[0], "poisson_ratio": ground.poisson_ratio}
         try:
-            found = find_first_routes(shown, passes, anchors, **believed, warnings=warnings)
+            found = find_first_routes(shown, passes, anchors, **priors, warnings=warnings)
         except InputError as error:
-            why = other_unit(shown, passes, believed) or suspicions(record, passes)
+            why = other_unit(shown, passes, priors) or suspicions(record, passes)
             raise InputError(f"{error}{why}") from error
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
     dead = dead_channels(heard, found.channel)

@@ -100,7 +100,7 @@ def active_range(share: Array, view: tuple[float, float], bridge: int) -> tuple[
     ----------
     share : see `seen_share` [channel]
     view : channel indices at the ends of the view, ascending
-    bridge : how many unseen channels within a stretch do not end it, and how many a stretch must have to be believed
+    bridge : how many unseen channels within a stretch do not end it, and how many a stretch must have to count
 
     >>> active_range(np.array([0, 1, 1, 0, 1, 1, 1, 0, 0, 0, 1.0]), (0, 10), 2)
     (1, 6)
@@ -114,8 +114,8 @@ def active_range(share: Array, view: tuple[float, float], bridge: int) -> tuple[
         raise InputError(f"DAS record: no channel sees the vehicles in most frames (under 7 dB); {CLOCK_MEND}")
     stretches = np.split(seen, np.flatnonzero(np.diff(seen) > bridge + 1) + 1)
     longest = max(len(stretch) for stretch in stretches)
-    believed = [stretch for stretch in stretches if len(stretch) >= min(bridge, longest)]
-    return int(believed[0][0]), int(believed[-1][-1])
+    counted = [stretch for stretch in stretches if len(stretch) >= min(bridge, longest)]
+    return int(counted[0][0]), int(counted[-1][-1])
 
 
 def direction_residual(line: FiberLine, detections: Sequence[Detections]) -> dict[int, float]:

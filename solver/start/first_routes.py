@@ -77,7 +77,7 @@ def find_first_routes(
     for end in sorted({int(rough.channel[0]), int(rough.channel[-1])} - set(rough.channel[keep][[0, -1]].tolist())):
         warnings.append(
             f"vehicles are not felt beyond channel {end}, though the view and the record go on: the fiber leaves the "
-            "road there, or hears nothing; it is not located beyond"
+            "road there, or records nothing; it is not located beyond"
         )
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     routes = [start_route(rough, y, used)[keep] for y in sides]

@@ -38,7 +38,7 @@ class Initialization:
     side_evidence : by how much the mirror fits the widths worse, summed over passes, in standard deviations; 0 = the
         passes cannot tell, above about 3 the side is decided
     width_factor : measured over modeled widths; far from 1 the ground, the gauge length or the wheels are not as
-        believed
+        assumed
     clock_ahead : how far the clock of the trajectories is ahead of the DAS's, s; 0 where all vehicles go one way.
         Loads that are not in the middle of the wheelbase count as a few hundredths
     direction_residual : median of x of the vehicle minus x of the channel that feels it, m, for vehicles going along
@@ -87,12 +87,12 @@ def quieter_when_crowded(passes: Sequence[Pass], detections: Sequence[Detections
     place = np.full((len(passes), last), np.inf)
     for index, one in enumerate(passes):
         place[index, one.rows] = one.position[:, 0]
-    believed = []
+    lowered = []
     for index, seen in enumerate(detections):
         others = np.delete(place, index, axis=0)[:, seen.row]
         crowded = (np.abs(others - seen.x) < APART).any(0)
-        believed.append(replace(seen, snr_db=seen.snr_db - CROWDED_DB * crowded))
-    return believed
+        lowered.append(replace(seen, snr_db=seen.snr_db - CROWDED_DB * crowded))
+    return lowered
 
 
 def curves_by_depth(
@@ -155,8 +155,8 @@ def initialize(
     seen = visible(thin, frames.shape[1])
     thin = [thin[index] for index in seen]
     curves = [curves_by_depth(one.vehicle_class, depth, record.gauge_length, poisson_ratio) for one in thin]
-    believed = [curve[1.0] for curve in curves]
-    matched = MatchedFilter(quieted(frames), thin, bank_scales(believed, spacing))
+    expected = [curve[1.0] for curve in curves]
+    matched = MatchedFilter(quieted(frames), thin, bank_scales(expected, spacing))
     gauge = record.gauge_length / spacing
     found = align(matched, thin, spacing, gauge)
     check_clocks(found.line)
@@ -169,7 +169,7 @@ def initialize(
     lateral, mirror = (np.interp(index, sides.channel, y) for y in (sides.y, sides.mirror))
     detections = [matched.nothing] * len(passes)
     snr_db, offset = np.full(len(passes), -np.inf), np.full(len(passes), np.nan)
-    for number, curve, one in zip(seen, believed, found.detections, strict=True):
+    for number, curve, one in zip(seen, expected, found.detections, strict=True):
         detections[number] = replace(one, row=one.row * stride + stride // 2, channel=one.channel + origin)
         if len(one):
             snr_db[number] = np.median(one.snr_db)

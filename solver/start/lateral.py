@@ -14,7 +14,7 @@ GRID = 0.1  # m, of the lateral positions tried
 REACH = 15.0  # m to either side of the lanes
 SLACK = 0.1  # meters to the side per meter of fiber that cost one standard deviation
 SHAPE_ERROR = 0.02  # of a width: what the curve, made for one depth and a straight fiber, cannot follow
-WIDTH_ERROR = 0.05  # of all widths together: ground, gauge length, wheels not as believed
+WIDTH_ERROR = 0.05  # of all widths together: ground, gauge length, wheels not as assumed
 DEPTH_ERROR = 0.33  # of the depth
 WORST = 4.0  # standard deviations that one width may cost at most
 FARTHER = 0.02  # standard deviations per meter off the traffic's middle: what decides where widths tell nothing
@@ -50,7 +50,7 @@ class Sides:
     evidence : by how much the widths fit the mirror worse, summed over passes and averaged over bins, in standard
         deviations; 0 where all vehicles use one lane
     width_factor : measured over modeled widths
-    depth_factor : best depth over believed depth
+    depth_factor : best depth over the prior mean
     """
 
     channel: Array
@@ -81,7 +81,7 @@ def binned_widths(edges: Array, detections: Sequence[Detections], scales: Array,
     Parameters
     ----------
     edges : of the bins [bin + 1], channel numbers
-    detections : of each pass, with the SNR to believe
+    detections : of each pass, with the SNR to weigh them by
     scales : of the bank, in channels
     channel_spacing : m
     """

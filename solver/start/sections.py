@@ -22,7 +22,7 @@ from vision.contract import InputError, progress
 ONE_SECTION = 400.0
 #: Length of a section and distance between their middles, m.
 LENGTH, STEP = 300.0, 240.0
-#: Passes that are looked at in a section: the fit hears all.
+#: Passes that are looked at in a section: the fit uses all.
 HEARD = 10
 #: Channels to either side of where a section is expected, as m of fiber.
 SPARE = 60.0

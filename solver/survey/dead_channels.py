@@ -3,7 +3,7 @@
 Channels of one number only are NaN in a record, as excluded ones are (`DASRecord.dead`). `repeating` ones hold the same
 number most of the time; their noise is 0, so that no fit takes them. `dead_channels` are nearly silent where those
 on either side hear: faded, muted, or hanging in the air. A fit would take their silence for a fiber far away, and the
-more so the quieter they are. `hears_nothing` is the rule; criticism applies it to a model.
+more so the quieter they are. `is_nearly_silent` is the rule; criticism applies it to a model.
 """
 
 import numpy as np
@@ -32,15 +32,15 @@ def repeating(record: DASRecord, channel: Integers) -> Integers:
     return np.asarray(channel[~(np.concatenate(changing) > 0.5)])
 
 
-def hears_nothing(gain: Array, sigma: Array, usual: Array | float = 1.0) -> NDArray[np.bool_]:
-    """Which channels [channel] surely hear a small share only of what is usual.
+def is_nearly_silent(gain: Array, sigma: Array, usual: Array | float = 1.0) -> NDArray[np.bool_]:
+    """Which channels [channel] surely record only a small share of the usual signal.
 
     Parameters
     ----------
-    gain, sigma : [channel], share that a channel hears, and its standard deviation
-    usual : what others hear
+    gain, sigma : [channel], share of the signal that a channel records, and its standard deviation
+    usual : share that other channels record
 
-    >>> hears_nothing(np.array([0.1, 0.1, 0.5]), np.array([0.01, 0.2, 0.01])).tolist()
+    >>> is_nearly_silent(np.array([0.1, 0.1, 0.5]), np.array([0.01, 0.2, 0.01])).tolist()
     [True, False, False]
     """
     return np.asarray((np.abs(gain) < DEAD * usual) & (gain + SURE * sigma < usual))
@@ -81,11 +81,11 @@ def dead(values: Array, reach: int) -> NDArray[np.bool_]:
     loudest = np.argsort(-np.minimum(scaled, 1e3).mean(1))[:LOUDEST]
     here = values[loudest]
     gains = [heard(here, level, way * np.arange(1, reach + 1)) for way in (-1, 1)]
-    return np.asarray(np.all([hears_nothing(gain, sigma) for gain, sigma in gains], 0))
+    return np.asarray(np.all([is_nearly_silent(gain, sigma) for gain, sigma in gains], 0))
 
 
 def heard(values: Array, level: Array, steps: Integers) -> tuple[Array, Array]:
-    """Share of what neighbors some steps away hear that each channel hears [channel], and its sigma; inf: unknown."""
+    """Each channel's signal [channel] as a share of that of neighbors some steps away, and its sigma; inf: unknown."""
     channels = values.shape[1]
     at = np.arange(channels)[:, None] + steps
     inside = (at >= 0) & (at < channels)

@@ -195,10 +195,10 @@ def smooth_passes(
     Notes
     -----
     Each axis of each track is smoothed on its own with a Singer model of the motion and a first-order autoregressive
-    error of the fixes (`solver.trajectory.kalman`). How restless the vehicle is and how long the error lasts are the
-    values of highest likelihood, so steady drives are smoothed hard; the sigmas of the table are believed. An error
-    that lasts through the whole view (a calibration a meter off, a box that is always too long) leaves no trace in one
-    track and is not in `sigma`. Left out, and counted in the log: tracks of under 3 fixes or 5 m of travel.
+    error of the fixes (`solver.trajectory.kalman`). The vehicle's acceleration and the memory of the error are those of
+    highest likelihood, so steady drives are smoothed hard; the sigmas of the table are taken as they are. An error that
+    lasts through the whole view (a calibration a meter off, a box that is always too long) leaves no trace in one track
+    and is not in `sigma`. Tracks of under 3 fixes or 5 m of travel are left out, and counted in the log.
     """
     warnings = [] if warnings is None else warnings
     tracks = list(tracks_of(table, record.start, warnings))

@@ -1,4 +1,4 @@
-"""Every fitted sample as a cell: whose vehicle it hears, how far away, what is left and what could explain it."""
+"""Every fitted sample as a cell: the nearest vehicle, its distance, the residual, and what could explain that."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

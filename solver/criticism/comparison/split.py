@@ -75,7 +75,7 @@ def kernel_columns(drive: Array, cells: Cells, block: slice, skip: int) -> Array
 
     A column is the strength of the lane's vehicles times a hat of the distance ahead.
 
-    A fiber beside one lane hears another shape than beside the other, so each lane has a kernel of its own.
+    One lane leaves another shape in the fiber than the other, so each lane has a kernel of its own.
     """
     lane, names = lanes(cells.approach)
     owner, strong = cells.approach.owner[block], drive[block]

@@ -32,7 +32,7 @@ def check_size(swing: Array, where: Path) -> None:
     if size > LOUDEST:
         fault = f"strain rates of {size:.1g} 1/s, but the ground never strains faster than {LOUDEST:g} 1/s"
     elif size < FAINTEST:
-        fault = f"strain rates of {size:.1g} 1/s at most, but no interrogator hears less than {FAINTEST:g} 1/s"
+        fault = f"strain rates of {size:.1g} 1/s at most, but no interrogator resolves less than {FAINTEST:g} 1/s"
     else:
         return
     raise InputError(f"{where}: {fault}; check the file's unit, and quantity and scale in [das] of site.toml")

@@ -64,7 +64,7 @@ def test_a_rung_that_leaves_too_much_and_moves_the_route_says_so_first(run) -> N
     assert said(before, run("gauge_length", aside=0.62)) == ()
 
 
-def test_a_stand_in_never_founds_a_route_better(run) -> None:
+def test_a_discrepancy_model_is_never_called_a_better_route(run) -> None:
     before, name = run(), generic()
     (line,) = said(before, run(name))
     assert line.startswith(f"{name} is a discrepancy model: it names no cause")

@@ -80,7 +80,7 @@ ASKED = Asked(list(built_in().values()), held_out=False, advance=lambda n: None)
     ],
 )
 @pytest.mark.parametrize("many_first", [False, True])
-def test_two_strict_laws_that_explain_more_than_a_stand_in(
+def test_two_strict_laws_that_explain_more_than_a_discrepancy_model(
     monkeypatch: pytest.MonkeyPatch,
     second: float,
     numbers: int,
@@ -138,7 +138,7 @@ def test_what_did_not_show_before_is_asked_where_the_winner_leaves_much(
     ("winner", "again"),
     [("generic_train", ["gibson_soil", "long_vehicle"]), ("generic_delay", ["clock_offset"]), ("lowpass", [])],
 )
-def test_what_a_stand_in_may_stand_in_for_is_fitted_before_the_unknown_is_told(
+def test_what_a_discrepancy_model_may_imitate_is_fitted_before_the_verdict_is_unknown(
     monkeypatch: pytest.MonkeyPatch, winner: str, again: list[str]
 ) -> None:
     """Five axles over 14 m showed a fifth of what a train did, and explain more: 1009 of the blind trials."""

@@ -124,11 +124,11 @@ def test_what_did_not_converge_is_poor_whatever_its_misfit(trust):
     assert trust(chi2_per_dof=4.0).grade == trust(chi2_per_dof=float("nan")).grade == "poor"
 
 
-def test_an_open_side_and_a_stand_in_fail(survey, trust):
+def test_an_open_side_and_a_discrepancy_model_fail(survey, trust):
     assert failed(trust(ambiguous_side=True)) == ["side of the road"]
     name, generic = next((name, one) for name, one in built_in().items() if one.generic)
     found = trust(problem=replace(survey.problem, effects=(generic,)))
-    assert failed(found) == ["named effects"] and f"{name} stands in for something unknown" in found.sentence
+    assert failed(found) == ["named effects"] and f"{name} is a discrepancy model" in found.sentence
 
 
 def test_without_quiet_samples_no_misfit_is_judged(trust):

@@ -118,7 +118,7 @@ def test_a_rounded_record_is_located_and_its_step_said(street: Survey, command: 
 
 
 @pytest.mark.parametrize(("more", "seed"), [(0.15, 11), (0.2, 3)])
-def test_ground_of_another_poisson_ratio_than_believed(
+def test_ground_of_another_poisson_ratio_than_the_prior_says(
     more: float, seed: int, command: Command, tmp_path: Path
 ) -> None:
     """From a ratio of .4 on the waves beside a fiber have four crests: from .25 fits ended .5 m off and further."""

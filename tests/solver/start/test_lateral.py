@@ -49,7 +49,7 @@ def test_one_lane_cannot_tell_the_side():
 
 
 @pytest.mark.parametrize("depth", [0.675, 1.125])
-def test_a_depth_unlike_the_believed_one_is_borne(depth: float):
+def test_a_depth_other_than_the_prior_mean_does_no_harm(depth: float):
     kinds = ["car"] * 6
     sides = locate_sides(widths_of(4.5, [0.0, -3.5, 0.1, -3.4, 0.0, -3.6], kinds, 0.01, depth), curves(*kinds), 1.0)
     assert np.abs(sides.y - 4.5).max() < 0.7

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from solver.survey.das import DASRecord
-from solver.survey.dead_channels import dead_channels, hears_nothing, repeating
+from solver.survey.dead_channels import dead_channels, is_nearly_silent, repeating
 
 
 def listened(record: DASRecord, **changes: np.ndarray) -> DASRecord:
@@ -27,8 +27,8 @@ def test_channels_that_repeat_a_number_most_of_the_time_are_dead_and_gaps_do_not
 def test_only_what_surely_hears_less_than_a_third_is_dead() -> None:
     gain, usual = np.array([0.29, 0.31, -0.29, 0.1, 0.1]), np.array([1.0, 1.0, 1.0, 0.3, 1.0])
     sigma = np.array([0.01, 0.01, 0.01, 0.01, np.inf])
-    assert hears_nothing(gain, sigma, usual).tolist() == [True, False, True, False, False]
-    assert hears_nothing(gain * usual, sigma * usual, usual).tolist()[:4] == [True, False, True, True]
+    assert is_nearly_silent(gain, sigma, usual).tolist() == [True, False, True, False, False]
+    assert is_nearly_silent(gain * usual, sigma * usual, usual).tolist()[:4] == [True, False, True, True]
 
 
 def test_a_muffled_channel_among_others_is_found_wherever_lots_are_cut(survey, monkeypatch) -> None:

@@ -309,7 +309,7 @@ def changed(path, name, value):
             lambda v: 1e12 * v,
             "strain rates of 2e[+]04 1/s, but the ground never strains faster than 0.1 1/s",
         ),
-        ("RawData", lambda v: 1e-9 * v, "but no interrogator hears less than 1e-13 1/s; check the file's unit"),
+        ("RawData", lambda v: 1e-9 * v, "but no interrogator resolves less than 1e-13 1/s; check the file's unit"),
     ],
 )
 def test_files_that_contradict_themselves_or_nature(tmp_path, name, value, says):
