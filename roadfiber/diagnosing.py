@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from solver.criticism.diagnosis import Diagnosis as Finding
 from solver.criticism.diagnosis import diagnose as diagnose_problem
 from solver.criticism.diagnosis import steps
+from solver.criticism.diagnosis_figures import support_figure
 from solver.criticism.diagnosis_files import diagnosis_facts, write_diagnosis
-from solver.criticism.pages import diagnosis_page, evidence_figure
+from solver.criticism.pages import diagnosis_page
 from solver.criticism.plain_verdict import details, headline, size_words
 from solver.effect import Effect
 from solver.run.fitted import fitted
@@ -69,12 +70,12 @@ class Diagnosis:
         return diagnosis_facts(self.finding)
 
     def plot(self) -> "Figure":
-        """Draw by how much chi2 falls with each effect."""
-        return evidence_figure(self.finding.candidates)
+        """Draw how much of the misfit each explanation takes away."""
+        return support_figure(self.finding.candidates)
 
     def save(self, folder: Path | str) -> None:
         """Write diagnosis.json and diagnosis.html into a folder, such as the run's."""
-        write_diagnosis(Path(folder), self.finding, self.run.name)
+        write_diagnosis(Path(folder), self.finding, self.run.name, self.run)
 
     def lines(self) -> list[str]:
         """What a terminal shows."""
@@ -91,7 +92,7 @@ class Diagnosis:
         return f"<Diagnosis {self.run.name}: {self.verdict}: {self.headline}>"
 
     def _repr_html_(self) -> str:
-        return framed(diagnosis_page(self.finding, self.run.name))
+        return framed(diagnosis_page(self.finding, self.run.name, self.run))
 
 
 def diagnose(run: Run, *, effects: Iterable[Effect] = ()) -> Diagnosis:

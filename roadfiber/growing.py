@@ -18,6 +18,7 @@ from solver.fit.track_trust import strict_tracks
 from solver.run.fitted import fitted
 from solver.run.ladder import climbed, rungs_of
 from solver.run.ladder_file import ladder_facts, write_ladder
+from solver.run.report.joined import join
 from solver.run.report.ladder_page import ladder_figure, ladder_page
 from solver.run.run import Run
 from solver.run.rung import Rung
@@ -190,8 +191,9 @@ class Story:
         with writing(folder) as temporary:
             replace(self.run, rungs=self.rungs).save(temporary)
             write_ladder(temporary, self.rungs, self.run.name, seen_from=folder)
-            write_diagnosis(temporary, self.chapters[-1].diagnosis, self.run.name)
+            write_diagnosis(temporary, self.chapters[-1].diagnosis, self.run.name, self.run)
             write_story(temporary, self.chapters, self.rungs, self.run.name)
+            join(temporary, called=folder.resolve().name)
 
     def __repr__(self) -> str:
         return "\n".join([f"<Story {self.run.name}", *(f"  {chapter.done}" for chapter in self.chapters)]) + ">"
@@ -219,16 +221,19 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
         found = diagnose(run)
         say(f"{found.verdict}: {found.headline} ({found.words})")
         if found.verdict != "missing-effect" or found.effect is None or len(chapters) == most:
-            chapters.append(Chapter(found.finding, "Nothing more was added."))
+            chapters.append(Chapter(found.finding, "Nothing more was added.", run))
             break
         begun = time.perf_counter()
         step: Grown = grow(*fitted(run), found.effect, run.known)
         if not step.better:
-            chapters.append(Chapter(found.finding, f"{found.effect} was tried, and passes held out fit no better."))
+            chapters.append(
+                Chapter(found.finding, f"{found.effect} was tried, and passes held out fit no better.", run)
+            )
             break
         after = with_growth(run, step, [*run.effects, found.effect], time.perf_counter() - begun)
         rung = after.rungs[-1]
-        chapters.append(Chapter(found.finding, f"{found.effect} was added; the route moved {rung.route_change:.2f} m."))
+        done = f"{found.finding.candidates[0].title} was added; the route moved {rung.route_change:.2f} m."
+        chapters.append(Chapter(found.finding, done, run))
         for line in rung.words:
             say(line)
         misfit = f"{after.rungs[-2].chi2_per_dof:.3f} -> {rung.chi2_per_dof:.3f}"

@@ -10,6 +10,7 @@ from solver.criticism.pages import Chapter, diagnosis_page, story_page
 from solver.criticism.plain_verdict import headline
 from solver.run.folder import check_target
 from solver.run.ladder_file import ladder_facts
+from solver.run.report.joined import join
 from solver.run.run import Run
 from solver.run.rung import Rung
 from solver.run.strict_json import strict
@@ -29,16 +30,18 @@ def diagnosis_facts(diagnosis: "Diagnosis") -> dict[str, Any]:
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write files into a folder, all or none."""
+    """Write files into a folder, all or none, and join the pages of a run folder."""
     with writing_into(folder) as scratch:
         for name, text in texts.items():
             (scratch / name).write_text(text, encoding="utf-8")
+    if (folder / "fit.json").is_file():
+        join(folder)
 
 
-def write_diagnosis(folder: Path, diagnosis: "Diagnosis", name: str) -> None:
-    """Write diagnosis.json and diagnosis.html into a run folder."""
+def write_diagnosis(folder: Path, diagnosis: "Diagnosis", name: str, run: Run | None = None) -> None:
+    """Write diagnosis.json and diagnosis.html into a run folder; `run` is the one that it is of."""
     facts = json.dumps(diagnosis_facts(diagnosis), allow_nan=False, indent=1)
-    write_texts(folder, {DIAGNOSIS: facts, "diagnosis.html": diagnosis_page(diagnosis, name)})
+    write_texts(folder, {DIAGNOSIS: facts, "diagnosis.html": diagnosis_page(diagnosis, name, run)})
 
 
 def check_out(out: Path, run: Run) -> None:

@@ -1,22 +1,20 @@
 """Pages of a diagnosis, of the error ladder and of the story of both; they open offline."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
-import numpy as np
-from matplotlib.figure import Figure
-
 from solver.criticism.candidate import Candidate
+from solver.criticism.diagnosis_figures import before_after, route_section, signatures, support_figure, wave_section
 from solver.criticism.plain_verdict import details, headline, hidden_change, least_words, size_words, titles
 from solver.criticism.score import FOUND
 from solver.criticism.verdict_words import left_open
 from solver.run.report.ladder_page import ladder_body
-from solver.run.report.parts import page
+from solver.run.report.parts import next_section, page
+from solver.run.run import Run
 from solver.run.rung import Rung
-from vision.contract.drawing import canvas, place
-from vision.contract.figures import styled, svg
+from vision.contract.figures import svg
 
 if TYPE_CHECKING:
     from solver.criticism.diagnosis import Diagnosis
@@ -35,11 +33,13 @@ def distance(length: float | None) -> str:
     return "-" if length is None else f"{length:.2f}"
 
 
-def row(candidate: Candidate, listed: Sequence[Candidate]) -> str:
+def row(candidate: Candidate, listed: Sequence[Candidate], pictures: Mapping[str, str]) -> str:
     """A line of the table of effects."""
     gain = candidate.held_out_gain
+    source = pictures.get(candidate.effect)
     cells = [
         f"{escape(candidate.title)}<br><code>{escape(candidate.effect)}</code>",
+        "" if source is None else f'<img class="signature" alt="what it changes" src="{source}">',
         candidate.stage,
         candidate.verdict,
         f"{candidate.delta_chi2:.0f}" + ("" if candidate.refitted else "*"),
@@ -55,6 +55,7 @@ def row(candidate: Candidate, listed: Sequence[Candidate]) -> str:
 
 HEAD = (
     "effect",
+    "what it changes",
     "stage",
     "verdict",
     "fall of chi2 (*&nbsp;predicted)",
@@ -67,28 +68,11 @@ HEAD = (
 )
 
 
-def table(candidates: Sequence[Candidate]) -> str:
-    """The best effects."""
+def table(candidates: Sequence[Candidate], pictures: Mapping[str, str] | None = None) -> str:
+    """The best effects, with pictures of what they change in one pass."""
     head = "".join(f"<th>{name}</th>" for name in HEAD)
-    rows = "\n".join(row(c, candidates) for c in candidates[:SHOWN])
+    rows = "\n".join(row(c, candidates, pictures or {}) for c in candidates[:SHOWN])
     return f'<div class="wide-table"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
-
-
-@styled
-def evidence_figure(candidates: Sequence[Candidate]) -> Figure:
-    """Bars of the fall of chi2, best effects first."""
-    best = [c for c in candidates if c.delta_chi2 > 0][:SHOWN]
-    figure = canvas(720, 70 + 22 * max(len(best), 1))
-    axes = place(figure, "evidence", 210, 10, 480, 22 * max(len(best), 1))
-    places = np.arange(len(best))
-    colors = ["0.6" if c.generic else "C0" for c in best]
-    axes.barh(places, [max(c.delta_chi2, 1.0) for c in best], color=colors, height=0.62)
-    axes.set_yticks(places, [c.title for c in best])
-    axes.invert_yaxis()
-    axes.set_xscale("log")
-    axes.axvline(2 * FOUND, color="C3", linewidth=1)
-    axes.set_xlabel("fall of chi2 (log); right of the line it is more than chance; gray: discrepancy models")
-    return figure
 
 
 def power_table(candidates: Sequence[Candidate]) -> str:
@@ -125,46 +109,83 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     return escape(start.rstrip(".") + ".")
 
 
-def diagnosis_body(diagnosis: "Diagnosis", name: str) -> str:
-    """A diagnosis as a part of a page."""
-    words = verdict_sentence(diagnosis)
-    lines = " ".join(map(escape, details(diagnosis)))
-    separate = ""
+def next_words(diagnosis: "Diagnosis") -> list[str]:
+    """What to do next, with commands between backticks."""
+    first = diagnosis.candidates[0] if diagnosis.candidates else None
+    if diagnosis.verdict == "missing-effect" and first is not None:
+        return [
+            f"`roadfiber add RUN {first.effect} --out RUN-2` puts it into the model, fits everything again and shows "
+            "how the error falls and how far the route moves."
+        ]
+    if diagnosis.verdict == "adequate":
+        return ["`RUN/route.geojson` opens in any GIS: the route with its corridor."]
+    lines = ["`roadfiber compare RUN` shows where, when and how model and measurement differ."]
     if diagnosis.separate:
-        separate = f"<p>What would tell them apart: {escape(diagnosis.separate)}.</p>"
-    verdict = VERDICTS[diagnosis.verdict].lower()
-    return f"""<header><p>{escape(name)}: {verdict}</p><h1>{escape(headline(diagnosis))}</h1>
-<p>{lines}</p>{separate}<p>In the terms of the commands: {words}</p></header>
-<section><h2>Candidates</h2>{svg(evidence_figure(diagnosis.candidates))}{table(diagnosis.candidates)}</section>
-<section><h2>Noise</h2><p>{audit_words(diagnosis)}</p></section>"""
+        lines.append(f"A survey that could tell needs {diagnosis.separate}.")
+    elif diagnosis.verdict == "unknown-effect":
+        lines.append("`roadfiber diagnose RUN --plugin mine.py` tests an effect of your own beside the catalogue.")
+    return lines
 
 
-def diagnosis_page(diagnosis: "Diagnosis", name: str) -> str:
-    """diagnosis.html."""
-    power = f"<section><h2>What could have hidden</h2>{power_table(diagnosis.candidates)}</section>"
-    return page(f"{name}: diagnosis", diagnosis_body(diagnosis, name) + power)
+def diagnosis_body(diagnosis: "Diagnosis", run: Run | None = None) -> str:
+    """What a diagnosis found as a part of a page: support, before and after, candidates."""
+    pair = None if run is None else before_after(run, diagnosis)
+    moved = diagnosis.candidates[0].route_change if diagnosis.candidates else None
+    title = diagnosis.candidates[0].title if diagnosis.candidates else ""
+    shown = "" if pair is None else wave_section(pair, title) + route_section(pair, moved)
+    pictures = {} if pair is None else signatures(pair, diagnosis)
+    support = (
+        "<section><h2>What supports which explanation</h2><p>Orange is the one that the verdict names, blue are other "
+        "known effects, each alone in the model and everything fitted again; gray stands for something unknown, which "
+        "bends to anything and so always takes away much. Effects whose bars are as long are told apart by what is "
+        f"known of their laws and sizes.</p>{svg(support_figure(diagnosis.candidates))}</section>"
+    )
+    effects = f"<section><h2>Candidates</h2>{table(diagnosis.candidates, pictures)}</section>"
+    return support + shown + effects
+
+
+def lead(diagnosis: "Diagnosis", name: str) -> str:
+    """The verdict as a sentence, and what follows from it."""
+    lines = "".join(f"<p>{escape(line)}</p>" for line in details(diagnosis))
+    separate = f"<p>What would tell them apart: {escape(diagnosis.separate)}.</p>" if diagnosis.separate else ""
+    verdict = VERDICTS[diagnosis.verdict]
+    return (
+        f"<header><p>{escape(name)} · {verdict}</p><h1>{escape(headline(diagnosis))}</h1>"
+        f'<div class="lead">{lines}{separate}</div></header>'
+    )
+
+
+def diagnosis_page(diagnosis: "Diagnosis", name: str, run: Run | None = None) -> str:
+    """diagnosis.html; with the run that it is of, one vehicle and the route before and after too."""
+    body = lead(diagnosis, name) + next_section(next_words(diagnosis)) + diagnosis_body(diagnosis, run)
+    body += f"<section><h2>Noise</h2><p>{audit_words(diagnosis)}</p></section>"
+    body += f"<section><h2>What could have hidden</h2>{power_table(diagnosis.candidates)}</section>"
+    body += f"<footer>In the terms of the commands: {verdict_sentence(diagnosis)}</footer>"
+    return page(f"{name}: diagnosis", body)
 
 
 @dataclass(frozen=True)
 class Chapter:
-    """A diagnosis and what was done about it."""
+    """A diagnosis and what was done about it; `run` is the one that it is of."""
 
     diagnosis: "Diagnosis"
     done: str
+    run: Run | None = None
 
 
 def story_page(chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) -> str:
     """explain.html: every diagnosis, what was done about it, and the ladder."""
     still = escape(left_open(one.diagnosis.candidates[0] for one in chapters if one.diagnosis.candidates))
     body = f"<header><p>{escape(name)}</p><h1>What the model lacked</h1><p>{still}</p></header>"
-    body += f"<section><h2>Error ladder</h2>{ladder_body(rungs)}</section>"
+    body += ladder_body(rungs)
     for number, chapter in enumerate(chapters, 1):
         diagnosis = chapter.diagnosis
-        words = verdict_sentence(diagnosis)
-        body += (
-            f"<section><h2>{number}. {escape(headline(diagnosis))}</h2><p>{words}</p>"
-            f"<p>{escape(chapter.done)}</p>{table(diagnosis.candidates[:6])}</section>"
-        )
+        lines = "".join(f"<p>{escape(line)}</p>" for line in (*details(diagnosis), chapter.done))
+        pair = None if chapter.run is None else before_after(chapter.run, diagnosis)
+        body += f"<section><h2>{number}. {escape(headline(diagnosis))}</h2>{lines}{table(diagnosis.candidates[:6])}"
+        body += f"<p>In the terms of the commands: {verdict_sentence(diagnosis)}</p></section>"
+        if pair is not None:
+            body += wave_section(pair, diagnosis.candidates[0].title)
     if still:
         body += f"<section><h2>What is still open</h2><p>{still}</p></section>"
     return page(f"{name}: what the model lacked", body)

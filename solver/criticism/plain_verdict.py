@@ -108,7 +108,7 @@ def size_words(c: Candidate) -> str:
     if c.told is None or not np.isfinite(c.told.sigma):
         return "-"
     number = rounded(c.told.size, c.told.sigma, 4)
-    return with_unit(f"{number} ± {rounded(c.told.sigma, most=2)}", c.told.unit)
+    return with_unit(f"{number} ± {c.told.sigma:.2g}", c.told.unit)
 
 
 def least_words(c: Candidate) -> str:

@@ -16,6 +16,7 @@ from solver.run.arrays import Arrays, read_arrays
 from solver.run.code import check_plugins, finder
 from solver.run.ladder_file import read_ladder, write_ladder
 from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, problem_from
+from solver.run.report.joined import join
 from solver.run.route_table import route_csv
 from solver.run.run import Run
 from solver.run.soundness import check_agreement, check_arrays
@@ -64,9 +65,9 @@ def check_target(folder: Path) -> None:
 def write_run(folder: Path, run: Run) -> None:
     """Write a run folder, whole or not at all; an earlier run there is replaced.
 
-    `route.csv`, `route.geojson`, `fit.json`, `report.html` and `data.npz` go there. Where a video was tracked for this
-    run, `trajectories.csv` and what it leaves out too; where effects were added to an earlier run, `ladder.json` and
-    `ladder.html`.
+    `route.csv`, `route.geojson`, `fit.json`, `report.html`, `index.html` and `data.npz` go there. Where a video was
+    tracked for this run, `trajectories.csv` and what it leaves out too; where effects were added to an earlier run,
+    `ladder.json` and `ladder.html`.
 
     Raises
     ------
@@ -90,6 +91,7 @@ def write_run(folder: Path, run: Run) -> None:
             run.dropped.to_csv(temporary / "trajectories.csv.dropped", index=False, float_format="%.10g")
         if run.rungs:
             write_ladder(temporary, run.rungs, run.name, seen_from=folder)
+        join(temporary, called=folder.resolve().name)
 
 
 def read_facts(folder: Path) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from solver.fit.result import FitResult
+from solver.run.glimpse import glimpse_of
 from solver.run.run import Run
 from solver.run.rung import Route, Rung
 
@@ -44,7 +45,8 @@ def first_rung(run: Run) -> Rung:
     facts = run.facts
     held_out, floor = facts["held_out_chi2_per_dof"], facts["noise_floor"]
     route = known_route(run.result)
-    return Rung(tuple(facts["effects"]), run.result.chi2_per_dof, held_out, floor, 0.0, 0.0, run.folder, route)
+    effects, misfit = tuple(facts["effects"]), run.result.chi2_per_dof
+    return Rung(effects, misfit, held_out, floor, 0.0, 0.0, run.folder, route, glimpse=glimpse_of(run))
 
 
 def rungs_of(run: Run) -> tuple[Rung, ...]:
@@ -58,7 +60,9 @@ def climbed(before: Run, after: Run) -> tuple[Rung, ...]:
     change = apart(known_route(before.result), rung.route)
     since = apart(below[0].route, rung.route)
     words = tuple(doubts(before, after, change))
-    return *below, replace(rung, route_change=change, route_change_from_first=since, words=words)
+    # The same pass all the way up.
+    glimpse = glimpse_of(after, "" if below[0].glimpse is None else below[0].glimpse.track)
+    return *below, replace(rung, route_change=change, route_change_from_first=since, words=words, glimpse=glimpse)
 
 
 def doubts(before: Run, after: Run, change: float) -> list[str]:

@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
+from solver.run.report.joined import join
 from solver.run.report.ladder_page import ladder_page
-from solver.run.rung import Rung
+from solver.run.rung import Glimpse, Rung
 from solver.run.stored import Maybe, Stored, Text, read_model
 from solver.run.strict_json import strict
 from vision.contract import writing_into
@@ -18,6 +19,14 @@ from vision.contract import writing_into
 LADDER = "ladder.json"
 Format = Literal["roadfiber ladder 2"]
 (FORMAT,) = get_args(Format)
+
+
+class GlimpseFile(Stored):
+    """`glimpse`; fields as those of `Glimpse`."""
+
+    track: Text
+    residual: Annotated[tuple[Annotated[tuple[float | None, ...], Field(max_length=64)], ...], Field(max_length=64)]
+    anchors: tuple[tuple[Text, float, float], ...]
 
 
 class RungFile(Stored):
@@ -32,6 +41,7 @@ class RungFile(Stored):
     run: Text | None
     route: tuple[tuple[float, float, float, float], ...]
     words: tuple[Text, ...]
+    glimpse: GlimpseFile | None = None
 
 
 class LadderFile(Stored):
@@ -74,6 +84,8 @@ def write_ladder(folder: Path, rungs: Sequence[Rung], name: str, seen_from: Path
     with writing_into(folder) as scratch:
         (scratch / LADDER).write_text(facts, encoding="utf-8")
         (scratch / "ladder.html").write_text(ladder_page(rungs, name), encoding="utf-8")
+    if (folder / "fit.json").is_file():
+        join(folder)
 
 
 def read_ladder(folder: Path) -> list[Rung]:
@@ -91,5 +103,7 @@ def read_ladder(folder: Path) -> list[Rung]:
     here = Path(folder).resolve()
     rows = [rung.model_dump() for rung in ladder.rungs]
     runs = [row.pop("run") for row in rows]
+    for row in rows:
+        row["glimpse"] = None if row["glimpse"] is None else Glimpse(**row["glimpse"])
     folders = [None if run is None else Path(os.path.normpath(here / run)) for run in runs]
     return [Rung(**row, folder=there) for row, there in zip(rows, folders, strict=True)]

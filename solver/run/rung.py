@@ -8,6 +8,22 @@ Route = tuple[tuple[float, float, float, float], ...]
 
 
 @dataclass(frozen=True)
+class Glimpse:
+    """What of a rung is drawn on the rungs above it.
+
+    Parameters
+    ----------
+    track : of the pass whose residual it is; "" where there is none
+    residual : [row][column], coarse, in noise sigmas; None where nothing was measured
+    anchors : name, way from the route, m, and the same in its sigmas, of each anchor
+    """
+
+    track: str
+    residual: tuple[tuple[float | None, ...], ...]
+    anchors: tuple[tuple[str, float, float], ...]
+
+
+@dataclass(frozen=True)
 class Rung:
     """One model on the error ladder.
 
@@ -20,6 +36,7 @@ class Rung:
     folder : of its run: a label, nothing is read there; None where it was not kept
     route : channel number and x, y, z, m, of every channel that is constrained
     words : what must be said of it first; nothing where the route is better founded than that of the rung before
+    glimpse : what is drawn of it; None where its ladder was written before there were any
     """
 
     effects: tuple[str, ...]
@@ -31,3 +48,4 @@ class Rung:
     folder: Path | None
     route: Route
     words: tuple[str, ...] = ()
+    glimpse: Glimpse | None = None

@@ -12,6 +12,7 @@ from solver.criticism.comparison.figures import figures_of
 from solver.criticism.comparison.map_figure import map_figure
 from solver.criticism.comparison.power import Powers
 from solver.criticism.comparison.split import SOURCES
+from solver.run.report.joined import join
 from solver.run.run import Run
 from solver.run.strict_json import strict
 from vision.contract import progress, writing_into
@@ -106,3 +107,5 @@ def write_comparison(folder: Path, comparison: Comparison, run: Run) -> None:
         for name, figure in (figures | {"maps": map_figure(comparison, run, WIDE)}).items():
             figure.savefig(scratch / f"compare_{name}.png", dpi=144, facecolor="white")
         advance(1)
+    if (folder / "fit.json").is_file():
+        join(folder)

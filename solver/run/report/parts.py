@@ -1,6 +1,7 @@
 """What the pages of a run share: the frame of a page, its style, and commands within a sentence."""
 
 import re
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 
@@ -17,6 +18,7 @@ PAGE = """<!doctype html>
 </head>
 <body>
 <main>
+<!-- pages --><!-- /pages -->
 {body}
 </main>
 </body>
@@ -32,6 +34,16 @@ def resource(name: str) -> str:
 def page(title: str, body: str) -> str:
     """A whole page."""
     return PAGE.format(title=escape(title), style=resource("style.css"), body=body)
+
+
+def next_section(lines: Sequence[str]) -> str:
+    """What to do next, commands between backticks; nothing where there is nothing."""
+    items = "".join(f"<li>{with_commands(line)}</li>" for line in lines)
+    return (
+        f'<section class="next"><h2>Next <small>(RUN is the folder of this page)</small></h2><ul>{items}</ul></section>'
+        if items
+        else ""
+    )
 
 
 def with_commands(text: str) -> str:

@@ -68,9 +68,13 @@ def diagnosis(folder: Path, *options: object) -> dict:
 @pytest.mark.parametrize("name", HIDDEN)
 def test_a_hidden_effect_is_named(tmp_path: Path, name: str) -> None:
     effects, right = HIDDEN[name]
-    found = diagnosis(located(tmp_path, effects))
+    folder = located(tmp_path, effects)
+    found = diagnosis(folder)
     first = found["candidates"][0]
     assert found["verdict"] == "missing-effect", found["words"]
+    page = (folder / "diagnosis.html").read_text(encoding="utf-8")
+    assert first["told"]["title"] in page and "One vehicle, before and after" in page and 'href="report.html"' in page
+    assert page.count('class="signature"') > 1 and len(page) < 8e6
     assert {first["effect"], *first["confounded_with"]} & right, found["words"]
     assert first["evidence"] > FOUND
 

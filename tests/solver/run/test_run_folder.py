@@ -30,11 +30,11 @@ def strict(path: Path) -> dict:
     return json.loads(path.read_text(encoding="utf-8"), parse_constant=no_constant)
 
 
-def test_folder_holds_the_five_files_and_nothing_beside_it(survey, tmp_path):
+def test_folder_holds_its_six_files_and_nothing_beside_it(survey, tmp_path):
     run_of(survey.result, **survey.arguments).save(tmp_path / "runs" / "a")
     assert (tmp_path / "runs" / "a" / "report.html").read_text(encoding="utf-8").endswith("</html>\n")
     names = {path.name for path in (tmp_path / "runs" / "a").iterdir()}
-    assert names == {"route.csv", "route.geojson", "fit.json", "report.html", "data.npz"}
+    assert names == {"route.csv", "route.geojson", "fit.json", "report.html", "index.html", "data.npz"}
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["a"]
 
 

@@ -125,7 +125,7 @@ def test_a_run_keeps_its_plugin_as_text(held, mine, grip):
     plugin = grip.plugin_of["grip"]
     assert facts["plugins"] == [{"file": "mine.py", "sha256": plugin.sha256, "effects": ["grip"], "text": GRIP}]
     assert {path.name for path in held.iterdir()} == {
-        *("route.csv", "route.geojson", "fit.json", "report.html", "data.npz")
+        *("route.csv", "route.geojson", "fit.json", "report.html", "index.html", "data.npz")
     }
 
 
