@@ -191,7 +191,7 @@ def main() -> None:
             flush()
     except SystemExit as end:
         if end.code == INTERRUPTED:
-            tell("interrupted; what was being made is not written")
+            tell("interrupted; the unfinished output is discarded")
         raise
     except BrokenPipeError:  # whoever reads has enough
         sys.exit(1)

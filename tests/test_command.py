@@ -31,7 +31,7 @@ def test_version():
 @pytest.mark.parametrize(
     ("error", "status", "line"),
     [
-        (KeyboardInterrupt(), 130, "roadfiber: interrupted; what was being made is not written\n"),
+        (KeyboardInterrupt(), 130, "roadfiber: interrupted; the unfinished output is discarded\n"),
         (MemoryError(), 2, "roadfiber: not enough memory; name fewer channels in [das] of site.toml, "),
         (OSError(5, "Input/output error", "a.h5"), 2, "roadfiber: a.h5: Input/output error\n"),
     ],

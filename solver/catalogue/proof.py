@@ -73,7 +73,7 @@ def verdict(folder: Path, source: object, status: int) -> str:
     if stack := (folder / HUNG).read_text(encoding="utf-8") if (folder / HUNG).is_file() else "":
         own = re.search(rf'File "[^"]*{re.escape(Path(str(source)).name)}", line (\d+)', stack)
         place = f" (line {own[1]})" if own else ""
-        return f"not done after {LIMIT:g} s{place}; let every loop end, and compute nothing long"
+        return f"not done after {LIMIT:g} s{place}; see that every loop ends and that nothing takes long"
     how = f"signal {-status}" if status < 0 else f"exit status {status}"
     return f"ends the process that runs it ({how}), as os._exit does; raise an exception instead"
 

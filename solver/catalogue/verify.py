@@ -112,7 +112,7 @@ def check_declaration(effect: Effect) -> None:
     for p in effect.parameters:
         where = f"effect {effect.name}, {p.name}"
         if not p.plausible > 0:
-            raise InputError(f"{where}: plausible size {p.plausible:g}; give one above 0, that would surprise nobody")
+            raise InputError(f"{where}: plausible size {p.plausible:g}; give a typical one, above 0")
         if p.is_shape and not all(p.lower <= value <= p.upper for value in p.grid):
             raise InputError(f"{where}: the grid leaves the bounds {p.lower:g} to {p.upper:g}; widen them")
         if not p.is_shape and not (p.null + p.plausible <= p.upper or p.null - p.plausible >= p.lower):

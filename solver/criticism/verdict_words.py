@@ -112,7 +112,7 @@ def as_well_words(first: Candidate, rival: Candidate, physics: str) -> str:
 def like(physics: str) -> str:
     """What a discrepancy model does, within a sentence.
 
-    >>> like("Each channel holds shares of the channels before and after it.")
+    >>> like("Each channel mixes with the channels before and after it.")
     'each channel holds shares of the channels before and after it'
     """
     return physics[0].lower() + physics[1:].rstrip(".")

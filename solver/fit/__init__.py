@@ -1,4 +1,4 @@
-"""Fits of a fiber route: the problem, what was known before, the spline fit, and what every fit gives back."""
+"""Fits of a fiber route: the problem, its priors, the spline fit, and the result that every fit returns."""
 
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem

@@ -1,4 +1,4 @@
-"""Anchors that contradict each other, or what all else says of the route: which one, and by how much."""
+"""Anchors that contradict each other or the rest of the survey: which one, and by how much."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -31,8 +31,8 @@ class HeldOut:
     ----------
     chi2 : misfit, the cost of each pass's own numbers included
     freedom : degrees of freedom
-    blurred, blur : part of `chi2`, and its variance beyond the noise's own, that comes of the others not telling the
-        route and the ground exactly: few passes do so badly, however right the model
+    blurred, blur : part of `chi2` that the uncertainty of route and ground adds, and its variance beyond that of noise;
+        few passes leave much, however right the model
     """
 
     chi2: float
@@ -78,7 +78,7 @@ def shared_numbers(chain: Chain, state: State, new: Chain) -> torch.Tensor:
 
 
 def unshown(chain: Chain, end: Solution) -> list[str]:
-    """Effects, the same for all passes, that a fit cannot tell from none (test of Wald 1943, Trans. AMS 54, 426)."""
+    """Effects common to all passes that a fit cannot tell from zero (Wald 1943, Trans. AMS 54, 426)."""
     every = zip(slots_of(chain), chain.slots, strict=True)
     sizes = [(slot, where) for slot, where in every if not slot.parameter.is_shape]
     covariance, numbers = Posterior(chain, end.at).border_covariance, chain.layout.where("numbers")
@@ -107,7 +107,7 @@ def legs(chain: Chain) -> list[tuple[int, str, int]]:
 
 
 def carried(chain: Chain, state: State, new: Chain) -> State:
-    """A state as a start for a fit of some of its passes; what is smooth along a pass begins at null."""
+    """The start that a state is for a fit of some of its passes; smooth parameters of a pass begin at null."""
     known = {leg: number for number, leg in enumerate(legs(chain))}
     keep = torch.tensor([known[leg] for leg in legs(new)])
     numbers = shared_numbers(chain, state, new)
@@ -130,9 +130,9 @@ def by_direction(passes: Sequence[Pass]) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Fold:
-    """Chains of the passes that are seen, of those held out with the ground as it is, and the same with it free.
+    """Chains of the fitted passes, of those held out with the ground fixed, and of the latter with the ground free.
 
-    `rest` are the passes that are seen where they share samples with those held out.
+    `rest` are fitted passes that share samples with those held out.
     """
 
     seen: Chain
@@ -150,7 +150,7 @@ class Fold:
 
     @classmethod
     def dealt(cls, problem: Problem) -> "Fold":
-        """Of a long fiber: crowds of each stretch are dealt by turns, and some of either half are enough."""
+        """Of a long fiber: the crowds of each stretch are dealt out in turn, and some of each half suffice."""
         seen, held = (
             [some(mine, FIRST) for stretch in parts(problem) if (mine := stretch[first::FOLDS])] for first in (1, 0)
         )
@@ -162,7 +162,7 @@ class Fold:
         return solve(self.seen, carried(*whole, self.seen) if whole else self.seen.start())
 
     def judged(self, ground: Solution, whole: tuple[Chain, State] | None) -> HeldOut:
-        """Misfit of those held out where the others put route and ground."""
+        """Misfit of the held-out passes on the route and ground that the others found."""
         at, held = ground.state, self.held
         start = held.start_at(at.coefficients, at.poisson_ratio, shared_numbers(self.seen, at, held))
         if whole:
@@ -181,10 +181,11 @@ class Fold:
 
 
 def blur(ground: Solution, seen: Chain, free: Chain, at: State) -> tuple[float, float]:
-    """Misfit of held-out passes that comes of the uncertain ground: mean, and variance beyond that of the noise.
+    """Misfit that the uncertain ground adds to held-out passes: mean, and variance beyond that of the noise.
 
     With the covariance C that the passes `seen` leave, and the information A that the others have of the same numbers,
-    their own taken out: tr(A C), and 2 tr(A C A C) + 4 tr(A C) (Seber and Lee 2003, Linear Regression Analysis, 1.5).
+    after eliminating their own: tr(A C), and 2 tr(A C A C) + 4 tr(A C) (Seber and Lee 2003, Linear Regression Analysis,
+    1.5).
 
     Parameters
     ----------
@@ -217,10 +218,10 @@ def held_out(
     """Misfit of held-out passes, each refitting only its own amplitude, shift and wheels.
 
     Passes are dealt to `folds` groups; each group is left out once, the route and all that is common to passes fitted
-    to the others and then held. Effects that these do not show are left out of the model: they can say nothing of the
-    group. Tracks are trusted by how much they differ (`strict_tracks`): such that may be off by anything would take up
-    what shifts them all, held-out ones too. A long fiber has samples enough in one group. `advance` is called with 1
-    after each.
+    to the others and then held. Effects that these do not show are left out of the model: they predict nothing about
+    the group. Tracks may be off by as much as they differ (`strict_tracks`): free to be off by more, they would absorb
+    a shift common to all, in held-out passes too. On a long fiber one group has enough samples. `advance` is called
+    with 1 after each.
 
     Parameters
     ----------
@@ -245,7 +246,7 @@ def held_out(
         fold = Fold.dealt(problem) if group is None else Fold.of(problem, group)
         ground = fold.fitted(whole)
         if group is not None and (silent := unshown(fold.seen, ground)):
-            # What does not show in the passes that are seen can say nothing of the others.
+            # An effect that the fitted passes do not show predicts nothing about the others.
             effects = tuple(one for one in problem.effects if one.name not in silent)
             fold = Fold.of(replace(problem, effects=effects), group)
             ground = fold.fitted(whole)

@@ -59,7 +59,7 @@ def solve(
     start : a state, or where an earlier call ended
     iterations : at most
     advance : called with 1 before each step
-    hopeless : chi2; a fit that is not about to come below it is given up
+    hopeless : chi2; a fit that does not approach it is given up
     """
     chain = fit if isinstance(fit, Chain) else Chain.single(fit)
     if isinstance(start, Solution):

@@ -1,4 +1,4 @@
-"""From a survey that is read, smoothed and matched to the problem that a fit is given."""
+"""The fitting problem of a survey that has been read, smoothed and matched."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,7 +21,7 @@ from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import Pass, track_sigma
 from vision.contract import InputError
 
-#: How long before and after each pass the record is looked at, s: what filters leave behind shows there.
+#: Time before and after each pass that is fitted too, s: filters leave traces there.
 TAIL = 4.0
 
 #: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times

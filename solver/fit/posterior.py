@@ -1,4 +1,4 @@
-"""From the end of a fit to what is reported: covariance, what data and not priors decided, parameters."""
+"""What a fit reports: covariance, the share that data and not priors decided, parameters."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -111,7 +111,7 @@ class Posterior:
 
     @cached_property
     def decided(self) -> float:
-        """How many numbers data and anchors decide: all that are free, less what the priors decide of them."""
+        """Number of parameters that data and anchors decide: the free ones, less the priors' share of them."""
         normal = self.visit.normal
         free = len(normal.right) + sum(len(part.own) for part in normal.parts)
         prior = sum(
@@ -139,7 +139,7 @@ class Posterior:
 
     @cached_property
     def scale(self) -> float:
-        """What all covariances are times: unmodeled physics is at least as wrong as the misfit it leaves.
+        """Factor of all covariances: unmodeled physics errs at least by the misfit that it leaves.
 
         In the data or at the anchors (Birge ratio).
         """
@@ -265,7 +265,7 @@ def assemble(
     converged: bool,
     near: Visit | None = None,
 ) -> FitResult:
-    """What a fit that ended in `state` reports; `near` is the visit there, where that is known."""
+    """Result of a fit that ended in `state`; `near` is the visit there, if known."""
     chain = fit if isinstance(fit, Chain) else Chain.single(fit)
     posterior = Posterior(chain, near or chain.visit(state))
     state, channel = posterior.visit.state, problem.route_channel

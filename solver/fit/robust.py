@@ -1,4 +1,4 @@
-"""Weights that keep bad samples from deciding, and vehicles that hardly show from amplitudes out of all measure."""
+"""Weights that limit the pull of bad samples, and amplitudes of vehicles that hardly show."""
 
 from collections.abc import Sequence
 

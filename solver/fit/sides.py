@@ -1,4 +1,4 @@
-"""Whether the side of the road is known: what fits that began on either side of the traffic say of it."""
+"""Whether the side of the road is known, by fits that began on either side of the traffic."""
 
 from collections.abc import Sequence
 
@@ -56,7 +56,7 @@ def is_open(best: End, other: End, steps: int) -> bool:
 def best_of(ends: Sequence[End], steps: int) -> tuple[End, bool]:
     """The best of some fits of one record, and whether another side is still open.
 
-    The misfit alone does not tell: on the wrong side all tracks may be moved aside by meters, and samples trusted less.
+    The misfit alone does not decide: on the wrong side a fit may move all tracks by meters and weight samples down.
     """
     best, *others = sorted(ends, key=lambda end: end[0].cost)
     return best, any(is_open(best, other, steps) for other in others)
@@ -65,6 +65,6 @@ def best_of(ends: Sequence[End], steps: int) -> tuple[End, bool]:
 def reopened(before: bool, result: FitResult, problem: Problem) -> bool:
     """Whether the side is open after a later fit; `before`: it was so.
 
-    Without anchors that fit must have converged: what told the sides apart was the model before.
+    Without anchors that fit must have converged too: the sides were told apart by the model before it.
     """
     return before or not (result.converged or problem.anchors)

@@ -35,8 +35,8 @@ def initial_state(problem: Problem, chain: Chain, advance: Callable[[int], None]
 def shifted_in_time(chain: Chain, state: State) -> State | None:
     """Where to begin again if all tracks were shifted far: every vehicle early or late by the one time that fits best.
 
-    Clocks that are apart by so much that vehicles are told a wavelength of the signal away let each track end in a
-    different wrong place. None where they did not, or no time fits better than none.
+    Where clocks differ by so much that vehicles are a wavelength of the signal off, each track ends in another wrong
+    place. None where tracks were not shifted far, or no time fits better than zero.
     """
     if chain.long or state.vehicles.along.square().mean().sqrt() < MISLED:
         return None
@@ -78,7 +78,7 @@ def laid_elsewhere(chain: Chain, state: State) -> State | None:
 
 
 def better_start(chain: Chain, begun: State, others: Iterable[State]) -> State | None:
-    """That of other states at which vehicles of the best amplitudes fit best; None where none beats the first start."""
+    """Whichever of other states fits best with its best amplitudes; None where none beats the first start."""
     best, cost = min((chain.settled(one) for one in others), key=lambda end: end[1])
     return best if cost < chain.settled(begun)[1] else None
 
@@ -92,7 +92,7 @@ def fit_spline(
     ----------
     problem : the survey
     advance : called with 1 after each step
-    hopeless : chi2 that a fit must be about to reach, or it is given up
+    hopeless : chi2; a fit that does not approach it is given up
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""How far tracks are trusted where models are compared: what all of them are off by alike is an effect, not chance."""
+"""How far tracks are trusted when models are compared: an error common to all tracks is an effect, not chance."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,9 +20,9 @@ ENOUGH = 3
 
 
 def strict_tracks(problem: Problem, along: float = ALONG) -> Problem:
-    """The problem with tracks trusted as they should be, to be off by `along` travel, m.
+    """The problem with tracks that may be off by `along` in the direction of travel, m.
 
-    A size of the tracks' errors that is fitted takes up whatever shifts all passes.
+    Fitted freely, the size of the tracks' errors would absorb any shift of all passes.
     """
     return replace(problem, prior=replace(problem.prior, along=along, across=ACROSS, track_freedom=1e3))
 

@@ -157,7 +157,7 @@ def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="The ground has inertia: a load that moves fast against shear waves makes a narrower trough.",
     plain=Plain(
         "Soft ground under fast wheels",
-        "The ground is so soft that shear waves run at {size} only.",
+        "The ground is so soft that shear waves run at only {size}.",
         size=shear_speed,
         unit="m/s",
     ),
@@ -182,7 +182,7 @@ def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         Parameter("creep", "1", 0.2, lower=0, upper=3),
         Parameter("time", "s", 0.3, lower=0.01, upper=60, grid=(0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4, 12.8)),
     ],
-    physics="Part of the strain comes later: a standard linear solid that creeps.",
+    physics="Part of the strain is delayed: the ground creeps as a standard linear solid.",
     plain=Plain(
         "Creeping ground", "A part of the strain, {size} of the rest, comes late, over {time}.", size=percent, unit="%"
     ),

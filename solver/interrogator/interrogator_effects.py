@@ -83,7 +83,7 @@ def time_averaging(interrogator: Interrogator, p: Values, survey: Surroundings) 
     "highpass",
     "interrogator",
     [Parameter("corner", "Hz", 0.03, lower=0, upper=2)],
-    physics="The interrogator is AC-coupled: what lasts is lost.",
+    physics="The interrogator is AC-coupled: it loses slow changes.",
     plain=Plain("AC coupling", "The interrogator loses what changes more slowly than {size}."),
     source="First-order RC filter.",
     told_from="a Maxwell ground",
@@ -101,9 +101,12 @@ def highpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Int
         Parameter("share", "1", 1.0, lower=0, upper=1.3),
         Parameter("corner", "Hz", 0.1, lower=0.3, upper=5, grid=(0.7, 1.0, 1.4, 2.0)),
     ],
-    physics="An anti-alias filter took the fast part and delayed the rest.",
+    physics="An anti-alias filter removed fast changes and delayed the rest.",
     plain=Plain(
-        "Anti-alias filter", "A filter took what is faster than {corner}, and delayed the rest.", size=percent, unit="%"
+        "Anti-alias filter",
+        "A filter removed what is faster than {corner} and delayed the rest.",
+        size=percent,
+        unit="%",
     ),
     source="Butterworth 1930, of fourth order.",
     told_from="a layered ground; the delay from a clock offset",
@@ -126,9 +129,9 @@ def lowpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Inte
         Parameter("share", "1", 1.0, lower=0, upper=1.3),
         Parameter("corner", "Hz", 0.1, lower=0.3, upper=5, grid=(0.7, 1.0, 1.4, 2.0)),
     ],
-    physics="A zero-phase anti-alias filter took the fast part.",
+    physics="A zero-phase anti-alias filter removed fast changes.",
     plain=Plain(
-        "Filter without delay", "A filter without delay took what is faster than {corner}.", size=percent, unit="%"
+        "Filter without delay", "A filter without delay removed what is faster than {corner}.", size=percent, unit="%"
     ),
     source="Butterworth 1930, of fourth order, forward and backward (Gustafsson 1996).",
     told_from="a layered ground and other blurs",

@@ -21,9 +21,9 @@ FILTERED, REPEATED = 5.0, 0.05
     "common_mode",
     "processing",
     [Parameter("share", "1", 0.5, lower=-0.5, upper=1.5)],
-    physics="The mean over all channels was taken off, and with it a part of the signal.",
+    physics="The mean over all channels was subtracted, and part of the signal with it.",
     plain=Plain(
-        "Removed mean", "{size} of the mean over all channels was taken off the record.", size=percent, unit="%"
+        "Removed mean", "{size} of the mean over all channels was subtracted from the record.", size=percent, unit="%"
     ),
     source="Lindsey et al. 2020, JGR Solid Earth 125: removal of laser phase noise.",
 )

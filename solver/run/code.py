@@ -1,4 +1,4 @@
-"""Users' effects in a run: what it keeps of their files, and what to give where its model is evaluated again.
+"""Users' effects in a run: what it keeps of their files, and which files its model needs to be evaluated again.
 
 A run folder is data. It holds the text of users' files for people to read; no command runs it.
 """
@@ -15,7 +15,7 @@ from vision.contract import InputError
 
 
 class Absent:
-    """An effect of a run whose code is not at hand: it has a name; what else is asked of it says what to give."""
+    """An effect of a run whose code is missing: it has a name; any other attribute says which file to give."""
 
     def __init__(self, name: str, advice: str) -> None:
         self.name, self.advice = name, advice

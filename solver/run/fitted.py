@@ -1,4 +1,4 @@
-"""The fit of a run, to be taken up again."""
+"""The fit of a run, ready to be continued."""
 
 import torch
 

@@ -1,7 +1,7 @@
 """The checks that a fit can pass or fail.
 
-Each compares what was found with what noise, or stated uncertainties, would leave, and fails where chance would do so
-less often than `ALARM`.
+Each compares a number with what noise or stated uncertainties would make it, and fails where chance alone would exceed
+it less often than `ALARM`.
 """
 
 from collections.abc import Sequence
@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 
 #: Chance that a check fails where nothing is wrong.
 ALARM = 1e-3
-#: Standard deviations beyond which chance leads as rarely.
+#: Standard deviations that chance exceeds as rarely.
 BEYOND = float(-ndtri(ALARM))
-#: Share of what a check would show that the fit takes up, from which passing it says little.
+#: Share of an error that the fit may take up before a check that passes says little.
 TAKEN_UP = 0.9
 
 DIAGNOSE = "`roadfiber diagnose RUN` says what the model lacks"
@@ -85,7 +85,7 @@ def misfit_gate(result: FitResult, floor: Floor | None) -> Gate:
 
 
 def held_out_gate(held_out: HeldOut | None, floor: Floor | None) -> Gate:
-    """The misfit of passes that the fit has not seen; the others tell the route only so well, which adds to it."""
+    """The misfit of passes that the fit has not seen, with what the uncertainty of the route adds to it."""
     if held_out is None or floor is None:
         why = "the noise is not known" if held_out else "there are none"
         return Gate("held-out passes", "open", f"passes held out, since {why}")
@@ -98,7 +98,7 @@ def held_out_gate(held_out: HeldOut | None, floor: Floor | None) -> Gate:
 
 
 def with_share(fitted: Gate, unseen: Gate) -> Gate:
-    """The misfit's gate with the share of the excess of passes held out that their own fit takes up."""
+    """The misfit's gate with the share of the held-out passes' excess that a fit of them takes up."""
     excess = unseen.found - unseen.expected
     if not unseen.failed or not excess > 0:
         return fitted
@@ -115,13 +115,13 @@ def misses(result: FitResult, anchors: Sequence[Anchor]) -> tuple[Array, Array]:
 
 
 def birge(result: FitResult, anchors: Sequence[Anchor]) -> float:
-    """What the covariances of a result are times already, see `solver.fit.posterior.Posterior.scale`."""
+    """The factor that a result's covariances already have, see `solver.fit.posterior.Posterior.scale`."""
     miss, sigma = misses(result, anchors) if anchors else (np.zeros(1), np.ones(1))
     return max(1.0, result.chi2_per_dof, float(np.mean((miss / sigma) ** 2)))
 
 
 def left_of(result: FitResult, anchors: Sequence[Anchor]) -> tuple[Array, Array]:
-    """Squared distance [anchor] of the route from each anchor, in what is due, and the share the route takes up.
+    """Squared distance [anchor] of the route from each anchor in units of what is expected, and the share taken up.
 
     The route is drawn to an anchor: of the anchor's error, variance s^2, only s^2 - c is left to see, with the route's
     own variance c there (Cook 1977, Technometrics 19, 15). Chi-square of 3 degrees of freedom.
@@ -131,13 +131,13 @@ def left_of(result: FitResult, anchors: Sequence[Anchor]) -> tuple[Array, Array]
     followed = result.covariance[near] / birge(result, anchors) / (sigma[:, :, None] * sigma[:, None, :])
     values, axes = np.linalg.eigh(np.eye(3) - np.nan_to_num(followed))
     turned = np.einsum("aji,aj->ai", axes, miss / sigma)
-    # Never quite nothing: a route may follow an anchor to rounding.
+    # Never exactly zero: a route may follow an anchor to within rounding.
     square = (turned**2 / np.maximum(values, 1e-3)).sum(1)
     return square, np.clip(np.diagonal(followed, axis1=1, axis2=2), 0.0, 1.0)
 
 
 def anchor_gate(result: FitResult, anchors: Sequence[Anchor], disputed: Sequence[str]) -> Gate:
-    """The route at each anchor, drawn to it as it is, against the anchor's sigmas."""
+    """The route at each anchor against the anchor's sigmas, given that the anchor draws the route to itself."""
     mend = ("check the channels and coordinates of the anchors",)
     if disputed:
         return Gate("anchors", "failed", "; ".join(line.split("; ")[0] for line in disputed), mend)
@@ -157,14 +157,14 @@ def anchor_gate(result: FitResult, anchors: Sequence[Anchor], disputed: Sequence
 
 
 def little(gate: Gate, why: str) -> Gate:
-    """A gate that was passed, but open where the fit takes up nearly all that it would show."""
+    """A gate that passed, or an open one where the fit takes up nearly all that it would show."""
     if not gate.taken_up > TAKEN_UP:
         return gate
     return replace(gate, verdict="open", words=f"{gate.name}, since {why} ({100 * gate.taken_up:.0f} %)")
 
 
 def stated(one: Pass) -> float:
-    """Uncertainty of a track by its own account, m: the root mean square over its fixes in view."""
+    """Uncertainty that a track states of itself, m: the root mean square over its fixes in view."""
     seen = one.sigma[one.in_view]
     return float(np.sqrt((seen**2).mean())) if len(seen) else 0.0
 

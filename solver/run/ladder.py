@@ -1,4 +1,4 @@
-"""The error ladder: how far the route moves from model to model, and whether it is better founded for that."""
+"""The error ladder: how far the route moves from model to model, and whether it is the better for it."""
 
 from dataclasses import replace
 
@@ -55,7 +55,7 @@ def rungs_of(run: Run) -> tuple[Rung, ...]:
 
 
 def climbed(before: Run, after: Run) -> tuple[Rung, ...]:
-    """The ladder of a run with that of another, which has grown out of it, and what must be said of it first."""
+    """The ladder of a run with a rung for the run that grew out of it, and the caveats of that rung."""
     below, rung = rungs_of(before), first_rung(after)
     change = apart(known_route(before.result), rung.route)
     since = apart(below[0].route, rung.route)
@@ -66,7 +66,7 @@ def climbed(before: Run, after: Run) -> tuple[Rung, ...]:
 
 
 def doubts(before: Run, after: Run, change: float) -> list[str]:
-    """Why the route of a rung is no better founded than that of the one before; none where nothing speaks against it.
+    """Why the route of a rung is not better than that of the rung before; empty where nothing speaks against it.
 
     Parameters
     ----------

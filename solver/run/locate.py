@@ -116,7 +116,7 @@ def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitRes
 
 
 def fit_agreeing(result: FitResult, problem: Problem, method: str, disputed: list[str]) -> tuple[FitResult, Problem]:
-    """Fit again without anchors that all others and the tracks contradict; where nothing tells which, say so.
+    """Fit again without anchors that all others and the tracks contradict; where it is not clear which, say so.
 
     What is said of them is added to `disputed`. Where the model does not explain the data, it and not an anchor may be
     wrong: all anchors stay, and what they miss widens the sigmas.
@@ -167,8 +167,8 @@ def locate(
     method : "spline" (default) or "network" (the paper's)
     effects : names out of the catalogue, or effects of the user's own; empty = the paper's point loads and straight
         gauges
-    filters : "fk" or "median", one after the other, of what the matched filter looks at. Fits know the noise: to them a
-        filter is but a loss, and they take the record as it came
+    filters : "fk" or "median", one after the other, of what the matched filter looks at. Fits model the noise, so a
+        filter would only lose signal: they take the record as it came
 
     Raises
     ------
@@ -214,7 +214,7 @@ def locate(
             "the route there depends on their neighbors"
         )
     begun = pose(record, passes, found.anchors, found.routes[0], found.channel, prior, dead)
-    # From wherever a fit begins, noise and samples are the same: misfits compare.
+    # All starts share noise and samples, so that their misfits compare.
     alive = np.isin(found.channel, begun.channel)
     posed = [replace(begun, start=start[alive]) for start in found.routes]
     more, curved = tuple(one for one in asked if not one.base_part), "bends" in parts
@@ -232,8 +232,8 @@ def locate(
     if len(problem.passes) < FEW:
         count = "one pass" if len(problem.passes) == 1 else f"{len(problem.passes)} passes"
         warnings.append(
-            f"{count} only: an error of a track goes into the route, and no vehicle is left to check it by; "
-            "survey at least four, both ways"
+            f"{count} only: an error of a track goes straight into the route, and no other vehicle checks it; "
+            "survey at least four passes, in both directions"
         )
     with timed(timings, "held_out"), progress("fitting without some passes", FOLDS) as advance:
         again = shortened(problem, slice(None), result)

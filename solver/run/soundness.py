@@ -1,4 +1,4 @@
-"""Whether what a run folder holds can be one run's: its numbers are finite, in order, and agree with each other."""
+"""Whether the content of a run folder can be that of one run: numbers are finite, in order, and agree."""
 
 import unicodedata
 from collections.abc import Sequence
@@ -105,7 +105,7 @@ def check_passes(arrays: Arrays, prefix: str, moments: int) -> None:
 
 
 def check_agreement(problem: Problem, arrays: Arrays, anchors: Sequence[Anchor], sampling_rate: float) -> None:
-    """Refuse numbers of fit.json that contradict the arrays: what is made of them would be of any size.
+    """Refuse numbers of fit.json that contradict the arrays: what is computed from them could be of any size.
 
     Parameters
     ----------

@@ -174,7 +174,7 @@ class TrustFile(Stored):
 
 
 class AnyRun(Stored):
-    """What of fit.json says that it is of a run, of whatever version of roadfiber."""
+    """The key of fit.json that marks a run of any version of roadfiber."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -227,7 +227,7 @@ Model = TypeVar("Model", bound=Stored)
 
 
 def printable(text: str, most: int = PLACE) -> str:
-    r"""Text of a stranger's in so many characters, none of which does anything to a terminal.
+    r"""At most so many characters of untrusted text, none of which controls a terminal.
 
     >>> printable("a\x1b[2Jb"), printable("abc", 2)
     ('a?[2Jb', 'ab...')

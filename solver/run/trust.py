@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-#: Times what is due from which a misfit is no longer that of a model with a flaw.
+#: Multiple of the expected misfit beyond which no route was found.
 POOR = 3.0
 
 Verdict = Literal["passed", "failed", "open"]
@@ -20,7 +20,7 @@ class Gate:
     verdict : passed, failed, or open where it could not be checked
     words : what was found, as a clause
     mend : what to do where it failed, step by step
-    found, expected, scatter : the number, what is due, and how far chance leads from that; NaN where there is none
+    found, expected, scatter : the number, what is expected, and by how much chance scatters it; NaN where there is none
     taken_up : share of what is wrong that the fit takes up before it shows here; NaN where it is not known
     """
 

@@ -53,7 +53,7 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
         return line, polarity
     if loudest < NOISE_DB:
         raise InputError(
-            f"DAS record: no vehicle is seen in it (as noise, half of the frames stay under {NOISE_DB:g} dB); "
+            f"DAS record: no vehicle is seen in it (half of the frames are under {NOISE_DB:g} dB, as noise is); "
             f"{CLOCK_MEND}, filter what the matched filter sees (--filter fk), or give more and heavier vehicles"
         )
     raise InputError(f"DAS record: what moves in it does not follow the trajectories; {CLOCK_MEND}")
@@ -91,10 +91,10 @@ def seen_share(
 
 
 def active_range(share: Array, view: tuple[float, float], bridge: int) -> tuple[int, int]:
-    """First and last channel index in view that see their vehicles, single finds far off the longest stretch aside.
+    """First and last channel index in view that see their vehicles, without single finds far from the longest stretch.
 
-    A stretch between that feels nothing, as in a conduit where the fiber slips, is part of the fiber: the same line
-    leads on behind it.
+    A silent stretch between, as in a conduit where the fiber slips, is part of the fiber: the same line continues
+    beyond it.
 
     Parameters
     ----------

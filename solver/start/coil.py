@@ -9,7 +9,7 @@ from solver.start.wavelets import Array
 
 #: Shortest and longest coil that is looked for, m: a shorter one is within the tolerance of one line.
 LENGTHS = (6.0, 60.0)
-#: Share of the detections on a line by which a coil must add to them, and how many at least.
+#: Share by which a coil must raise the number of detections on a line, and by how many at least.
 MORE, FEWEST = 0.2, 20
 
 

@@ -21,8 +21,8 @@ class CouplingCurve:
     """Width and strength of the response against lateral offset, the paper's sigma(Y; Z).
 
     The width is the scale (m) of the derivative-of-Ricker wavelet that matches the response best; the distance between
-    its two lobes is 1.484 times that. Nearer than `nearest` the response is no such wavelet and its width tells
-    nothing: the fiber is as good as under the wheels. From there on the width grows with the offset.
+    its two lobes is 1.484 times that. Nearer than `nearest` the response is no such wavelet and its width says nothing:
+    the fiber is practically under the wheels. From there on the width grows with the offset.
 
     Parameters
     ----------

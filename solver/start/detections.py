@@ -15,7 +15,7 @@ THRESHOLD_DB = 7.0
 FRAME_RATE = 10.0  # Hz; a vehicle moves less than its response is wide between two frames
 SPIKE = 6.0  # noise standard deviations off its neighbors
 ROWS_FOR_NOISE = 2000
-#: Times the usual level of a channel above which it is brought down to it.
+#: Multiple of the usual level above which a channel is scaled down to that.
 LOUD = 4.0
 
 
@@ -112,7 +112,7 @@ def mended(strain_rate: Array) -> Array:
 def quieted(strain_rate: Array) -> Array:
     """Strain rate [frame, channel] whose loudest channels are brought down to the usual level.
 
-    A machine beside the fiber, a splice or a fading point would else be all that is detected in every frame.
+    Otherwise a machine beside the fiber, a splice or a fading point would be the detection of every frame.
 
     >>> loud = np.random.default_rng(0).normal(size=(300, 20)) * np.where(np.arange(20) == 3, 30.0, 1.0)
     >>> [round(float(one.std())) for one in (loud[:, 3], quieted(loud)[:, 3], quieted(loud)[:, 4])]

@@ -102,8 +102,8 @@ def coiled(rough: Initialization, route: Array, record: DASRecord, warnings: lis
         return None
     channel, length = rough.coil
     warnings.append(
-        f"about {length:.0f} m of fiber seem to lie coiled near channel {channel}: beyond it vehicles are felt that "
-        "much later; no model has that by itself, so do not rely on this route: roadfiber add RUN slack_spool"
+        f"about {length:.0f} m of fiber seem to lie coiled near channel {channel}: beyond it vehicles appear that "
+        "much later. The base model has no coil, so do not rely on this route: roadfiber add RUN slack_spool"
     )
     zero = float(record.distance[0] - record.channel[0] * record.channel_spacing)
     x0, slope = rough.x_of_channel[0], rough.x_of_channel[1] / record.channel_spacing
@@ -131,7 +131,8 @@ def along_road(
     gaps = np.flatnonzero(np.diff(channel) > 1)
     for gap in gaps:
         warnings.append(
-            f"no vehicle is felt between channels {channel[gap]} and {channel[gap + 1]}; the rest alone tells the route"
+            f"no vehicle is felt between channels {channel[gap]} and {channel[gap + 1]}; the route there follows from "
+            "the rest alone"
         )
     routes = [route] if used or evidence > TOLD * len(found) else [route, joined(found, other)[1]]
     return FirstRoutes(channel, routes, used, [misplaced_line(one, channel, route[:, 0]) for one in wrong])

@@ -69,7 +69,7 @@ class Initialization:
 
 
 def bank_scales(curves: Sequence[CouplingCurve], channel_spacing: float) -> Array:
-    """Scales of the bank, in channels: the paper's, stretched where its 2 to 20 do not hold the widths to expect.
+    """Scales of the bank, in channels: the paper's 2 to 20, stretched where they do not hold the expected widths.
 
     >>> curve = coupling_curve("car", depth=0.9, gauge_length=10.0, poisson_ratio=0.25)
     >>> bank_scales([curve], 1.02)[[0, -1]].tolist(), bank_scales([curve], 0.25)[[0, -1]].round(1).tolist()

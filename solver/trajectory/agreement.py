@@ -101,8 +101,8 @@ def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, war
     far = [f"{a.name} (channel {a.channel:g})" for a in anchors if a not in used]
     if far:
         warnings.append(
-            f"anchors with over {ANCHOR_REACH:g} m of fiber to the channels that feel vehicles ({active[0]} to "
-            f"{active[1]}) say nothing of these: {', '.join(far)}"
+            f"more than {ANCHOR_REACH:g} m of fiber from the channels that feel vehicles ({active[0]} to {active[1]}), "
+            f"so not used: anchors {', '.join(far)}"
         )
     return used
 
@@ -128,7 +128,7 @@ def check_apart(anchors: Sequence[Anchor], spacing: float) -> None:
     >>> check_apart([Anchor("a", 74, 12600, 0, 1, 0.1, 0.1), Anchor("b", 147, 87, 0, 1, 0.1, 0.1)], 1.0)
     Traceback (most recent call last):
     vision.contract.errors.InputError: anchors a and b are 12513.0 m apart, but from channel 74 to 147 it is 73.0 m of \
-fiber; check their channels and places
+fiber; check their channels and places, in m
     """
     for one, other in combinations(anchors, 2):
         distance = float(np.hypot(one.x - other.x, one.y - other.y))
@@ -138,7 +138,7 @@ fiber; check their channels and places
         if distance > (1 + SPACING_OFF) * (fiber + spacing) + SURE * sigma:
             raise InputError(
                 f"anchors {one.name} and {other.name} are {distance:.1f} m apart, but from channel {one.channel:g} to "
-                f"{other.channel:g} it is {fiber:.1f} m of fiber; check their channels and places"
+                f"{other.channel:g} it is {fiber:.1f} m of fiber; check their channels and places, in m"
             )
 
 

@@ -22,7 +22,7 @@ Values = Mapping[str, Tensor]
         "The DAS clock is {size} ahead of the vehicles' clock.",
         "The DAS clock is {size} behind the vehicles' clock.",
     ),
-    source="Video and DAS are stamped by clocks of their own; two speeds tell it from a shift of the fiber.",
+    source="Video and DAS have clocks of their own; two speeds tell their offset from a shift of the fiber.",
     told_from="other lags: the vehicle's reference point, an averaging interval, a viscous ground",
     families=("lag",),
     shifts=True,
@@ -54,7 +54,7 @@ def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
     "track_bias",
     "trajectory",
     [Parameter("ahead", "m", 1.0, lower=-5, upper=5)],
-    physics="The point that was tracked is not the middle of the load, but a fixed way before or behind it.",
+    physics="The tracked point is a constant distance ahead of the middle of the load, or behind it.",
     plain=Plain(
         "Tracked point",
         "Vehicles are {size} farther ahead than tracks say.",
@@ -74,7 +74,7 @@ def track_bias(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     "track_offset",
     "trajectory",
     [Parameter("x", "m", 0.5, lower=-10, upper=10), Parameter("y", "m", 0.5, lower=-10, upper=10)],
-    physics="The camera's meters are shifted as a whole.",
+    physics="All tracks are shifted as a whole.",
     plain=Plain("Shifted tracks", "All tracks are shifted by about {size} as a whole.", size=absolute),
     source="Rigid motion; the route moves along with the tracks, so that anchors alone can tell.",
     told_from="the route itself; only anchors tell",
@@ -90,7 +90,7 @@ def track_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
     "track_rotation",
     "trajectory",
     [Parameter("angle", "degree", 1.0, lower=-20, upper=20)],
-    physics="The camera's meters are turned about the middle of the view.",
+    physics="All tracks are turned about the middle of the view.",
     plain=Plain(
         "Turned tracks", "All tracks are turned by {size} about the middle of the view.", size=absolute, unit="degrees"
     ),
@@ -115,7 +115,7 @@ def track_rotation(driven: Trajectory, p: Values, survey: Surroundings) -> Traje
     "track_scale",
     "trajectory",
     [Parameter("scale", "1", 0.02, lower=-0.3, upper=0.3)],
-    physics="The camera's meters are too short or too long.",
+    physics="Lengths in the tracks are too short or too long.",
     plain=Plain(
         "Scale of the tracks",
         "Lengths in the tracks are {size} too short.",
@@ -153,7 +153,7 @@ def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     "track_jitter",
     "trajectory",
     [Parameter("along", "m", 0.3, scope="track"), Parameter("across", "m", 0.3, scope="track")],
-    physics="Each track is wrong in a way of its own that lasts for seconds.",
+    physics="Each track has an error of its own that lasts for seconds.",
     plain=Plain("Wandering tracks", "Each track wanders off by about {size} for some seconds.", size=absolute),
     source="Correlated errors of detections: Bar-Shalom, Li and Kirubarajan 2001, section 8.",
     told_from="the route, if there is one pass only",

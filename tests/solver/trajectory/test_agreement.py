@@ -40,7 +40,10 @@ def test_an_anchor_on_a_channel_that_is_not_in_the_record_is_said_to_be(survey) 
 def test_anchors_far_along_the_fiber_are_named_with_their_channels() -> None:
     said: list[str] = []
     assert near([anchor("a", 10, 0.0)], (100, 200), 1.0, said) == []
-    assert "over 50 m of fiber to the channels that feel vehicles (100 to 200) say nothing of these: a (ch" in said[0]
+    assert (
+        "more than 50 m of fiber from the channels that feel vehicles (100 to 200), so not used: anchors a (ch"
+        in said[0]
+    )
 
 
 @pytest.mark.parametrize(
