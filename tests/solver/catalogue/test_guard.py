@@ -89,7 +89,7 @@ def test_what_pytorch_loads_late_is_not_the_plugins_doing(plugin, monkeypatch):
 def test_an_endless_loop_is_ended_and_its_line_told(plugin, monkeypatch, place, line):
     monkeypatch.setattr(proof, "LIMIT", 0.3)
     monkeypatch.setattr(proof, "verify", lambda one: one.change(None, {}, None))
-    with pytest.raises(InputError, match=rf"mine\.py: not done after 0\.3 s \(line {line}\); let every loop end"):
+    with pytest.raises(InputError, match=rf"mine\.py: not done after 0\.3 s \(line {line}\); see that every loop ends"):
         catalogue([plugin(**{place: "while True: pass"})])
 
 
