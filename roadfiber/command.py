@@ -74,6 +74,10 @@ def locate(
         list[str] | None,
         typer.Option("--filter", help="fk or median, for the matched filter in much noise; may be given twice."),
     ] = None,
+    all_passes: Annotated[
+        bool,
+        typer.Option("--all-passes", help="Fit all vehicles; of more than 30, the 10 to 20 that tell most otherwise."),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of words.")] = False,
 ) -> None:
     """Locate the fiber of a survey: DAS files and trajectories, or a video, to a route on a map.
@@ -90,7 +94,7 @@ def locate(
     check_target(out)
     asked = EFFECTS if effects is None else [name.strip() for name in effects.split(",")]
     chosen = [name for name in asked if name not in ("", "none")]
-    run = rf.locate(site, method=method, effects=chosen, filters=filters or ())
+    run = rf.locate(site, method=method, effects=chosen, filters=filters or (), all_passes=all_passes)
     run.save(out)
     print((out / "fit.json").read_text(encoding="utf-8") if as_json else summary(run, out))
 

@@ -47,6 +47,7 @@ def locate(
     method: str = "spline",
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
+    all_passes: bool = False,
 ) -> Run:
     """Locate the fiber of a survey.
 
@@ -60,6 +61,8 @@ def locate(
     effects : names out of the catalogue (`roadfiber effects`), or effects of your own; `[]` is the paper's model, point
         loads and straight gauges
     filters : "fk" or "median", for the matched filter in much noise
+    all_passes : fit all vehicles; else of more than 30 those ten to twenty that tell most of route, depth and ground,
+        and the rest test the route
 
     Returns
     -------
@@ -78,10 +81,10 @@ def locate(
     """
     whole = survey if isinstance(survey, Survey) else read(survey)
     if whole.tracks is not None:
-        return locate_fiber(whole, method=method, effects=effects, filters=filters)
+        return locate_fiber(whole, method=method, effects=effects, filters=filters, all_passes=all_passes)
     tracked = followed(whole)
     ready = whole.with_tracks(tracked.table, cautions=[tracked.placed])
-    run = locate_fiber(ready, method=method, effects=effects, filters=filters)
+    run = locate_fiber(ready, method=method, effects=effects, filters=filters, all_passes=all_passes)
     return replace(run, tracked=tracked.table, dropped=tracked.dropped)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -157,6 +158,13 @@ class Fold:
         free = Chain.of(problem, groups=held)
         return cls(Chain.of(problem, groups=seen), Chain.of(problem, known_ground=True, groups=held), free, [])
 
+    @classmethod
+    def apart(cls, problem: Problem, rest: Problem) -> "Fold":
+        """Of passes that no fit was ever given: a problem of its own, over the same channels."""
+        basis = problem.basis
+        held, free = Chain.of(rest, known_ground=True, basis=basis), Chain.of(rest, basis=basis)
+        return cls(Chain.of(problem), held, free, problem.passes)
+
     def fitted(self, whole: tuple[Chain, State] | None) -> Solution:
         """Fit the passes that are seen, from where the fit of all ended."""
         return solve(self.seen, carried(*whole, self.seen) if whole else self.seen.start())
@@ -165,7 +173,7 @@ class Fold:
         """Misfit of the held-out passes on the route and ground that the others found."""
         at, held = ground.state, self.held
         start = held.start_at(at.coefficients, at.poisson_ratio, shared_numbers(self.seen, at, held))
-        if whole:
+        if whole and set(legs(held)) <= set(legs(whole[0])):
             start = replace(start, vehicles=carried(*whole, held).vehicles)
         end = solve(held, start)
         # What held-out passes are shifted or changed by is misfit too: a clock that is off shows there.
@@ -214,6 +222,7 @@ def held_out(
     *,
     folds: int = FOLDS,
     at: tuple[MapFit | Chain, State] | None = None,
+    rest: Problem | None = None,
 ) -> HeldOut | None:
     """Misfit of held-out passes, each refitting only its own amplitude, shift and wheels.
 
@@ -227,28 +236,34 @@ def held_out(
     ----------
     problem : the survey
     at : where the fit of all passes ended, to begin from; from the rough route where None
+    rest : the survey with passes that were never fitted, over the same channels: they alone are the test
 
     Returns
     -------
     None where there are fewer than two passes, or never one vehicle alone
     """
     count = len(problem.passes)
-    if count < 2:
+    if count < 2 and rest is None:
         return None
     whole = at and (at[0] if isinstance(at[0], Chain) else Chain.single(at[0]), at[1])
-    if whole:
-        problem = strict_tracks(problem, track_spread(whole[0].passes, whole[1].vehicles.along.numpy()))
-    else:
-        problem = strict_tracks(problem)
+    spread = (track_spread(whole[0].passes, whole[1].vehicles.along.numpy()),) if whole else ()
+    problem = strict_tracks(problem, *spread)
     every, folds = by_direction(problem.passes), min(folds, count)
+    groups = [np.sort(every[first::folds]) for first in range(folds)]
+    made: list[Callable[[Problem], Fold]] = [partial(Fold.of, group=group) for group in groups]
+    if rest is not None:
+        strict = strict_tracks(rest, *spread)
+        made = [lambda seen: Fold.apart(seen, replace(strict, effects=seen.effects))]
+    elif is_long(problem):
+        made = [Fold.dealt]
     found = []
-    for group in [None] if is_long(problem) else [np.sort(every[first::folds]) for first in range(folds)]:
-        fold = Fold.dealt(problem) if group is None else Fold.of(problem, group)
+    for make in made:
+        fold = make(problem)
         ground = fold.fitted(whole)
-        if group is not None and (silent := unshown(fold.seen, ground)):
+        if make is not Fold.dealt and (silent := unshown(fold.seen, ground)):
             # An effect that the fitted passes do not show predicts nothing about the others.
             effects = tuple(one for one in problem.effects if one.name not in silent)
-            fold = Fold.of(replace(problem, effects=effects), group)
+            fold = make(replace(problem, effects=effects))
             ground = fold.fitted(whole)
         found.append(fold.judged(ground, whole))
         advance(1)

@@ -8,7 +8,7 @@ import torch
 
 from solver.fit import FitResult, Prior, Problem
 from solver.fit.map_fit import SPLINE_VARIANCE
-from solver.fit.stretches import is_long, nearby
+from solver.fit.stretches import TAIL, around, is_long, nearby
 from solver.noise.quiet_windows import noise_level, quiet, rounded_level
 from solver.noise.whitening import NoiseLaw, noise_law
 from solver.signal_path.traffic import Traffic
@@ -20,9 +20,6 @@ from solver.survey.limits import VEHICLE_REACH
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import Pass, track_sigma
 from vision.contract import InputError
-
-#: Time before and after each pass that is fitted too, s: filters leave traces there.
-TAIL = 4.0
 
 #: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times
 #: that of the other channels, is a bend that the model does not hold for.
@@ -119,17 +116,6 @@ def with_slow_errors(problem: Problem) -> Problem:
         return problem
     prior = replace(problem.prior, jitter=sigma / SPLINE_VARIANCE**0.5)
     return replace(problem, effects=(*problem.effects, SLOW_ERROR), prior=prior)
-
-
-def around(passes: Sequence[Pass], samples: int, margin: int) -> np.ndarray:
-    """Rows up to `margin` before and after each pass, within a record of so many samples.
-
-    >>> around([], 10, 2)
-    array([], dtype=int64)
-    """
-    rows = [np.arange(one.rows[0] - margin, one.rows[-1] + margin + 1) for one in passes]
-    every = np.unique(np.concatenate(rows)) if rows else np.empty(0, np.int64)
-    return every[(every >= 0) & (every < samples)]
 
 
 def mean_square(result: FitResult, block: np.ndarray) -> np.ndarray:

@@ -13,6 +13,8 @@ from solver.signal_path.traffic import Traffic
 from solver.survey.limits import VEHICLE_REACH
 from solver.trajectory.vehicle_pass import Pass
 
+#: How long before and after each pass the record is looked at, s: what filters leave behind shows there.
+TAIL = 4.0
 #: A fiber up to this length is one stretch, m: what a camera sees, where one shift and one weight do for a pass.
 ONE_STRETCH = 200.0
 #: Stretches of a longer fiber, m. A vehicle has numbers of its own in each: over some seconds of driving tracks err
@@ -36,6 +38,17 @@ def nearby(one: Pass, route: NDArray[np.float64], reach: float = VEHICLE_REACH) 
     return replace(
         one, **{name: getattr(one, name)[keep] for name in ("rows", "position", "velocity", "sigma", "in_view")}
     )
+
+
+def around(passes: Sequence[Pass], samples: int, margin: int) -> np.ndarray:
+    """Rows up to `margin` before and after each pass, within a record of so many samples.
+
+    >>> around([], 10, 2)
+    array([], dtype=int64)
+    """
+    rows = [np.arange(one.rows[0] - margin, one.rows[-1] + margin + 1) for one in passes]
+    every = np.unique(np.concatenate(rows)) if rows else np.empty(0, np.int64)
+    return every[(every >= 0) & (every < samples)]
 
 
 def part(problem: Problem, chosen: NDArray[np.int64]) -> Problem:

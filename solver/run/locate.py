@@ -14,6 +14,7 @@ from solver.effect import Effect
 from solver.fit import FitResult, Prior, Problem, fit_spline
 from solver.fit.anchor_check import contradiction
 from solver.fit.chain import Chain
+from solver.fit.choice import MANY, Choice, choose, only
 from solver.fit.held_out import FOLDS, held_out
 from solver.fit.pose import bent_ends, pose, shortened, with_slow_errors
 from solver.fit.room import require_room_to_fit
@@ -21,6 +22,7 @@ from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.stretches import is_long
 from solver.load.wheel_layout import not_known
 from solver.processing import filtered
+from solver.run.chosen import choice_facts, choice_line
 from solver.run.methods import METHODS
 from solver.run.run import Run, run_of
 from solver.start.first_routes import find_first_routes
@@ -158,6 +160,7 @@ def locate(
     method: str = "spline",
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
+    all_passes: bool = False,
 ) -> Run:
     """Locate the fiber of a survey.
 
@@ -169,6 +172,8 @@ def locate(
         gauges
     filters : "fk" or "median", one after the other, of what the matched filter looks at. Fits model the noise, so a
         filter would only lose signal: they take the record as it came
+    all_passes : fit them all; else of more than `solver.fit.choice.MANY` those that tell most, and the rest test the
+        route
 
     Raises
     ------
@@ -219,9 +224,15 @@ def locate(
     posed = [replace(begun, start=start[alive]) for start in found.routes]
     more, curved = tuple(one for one in asked if not one.base_part), "bends" in parts
     recorded = (int(record.channel[0]), int(record.channel[-1]))
-    if method == "spline":
-        require_room_to_fit(posed[0])
     problems = [with_slow_errors(replace(one, effects=more, curved=curved, coil=found.coil)) for one in posed]
+    whole, choice = problems[0], None
+    if not all_passes and len(whole.passes) > MANY and not is_long(whole):
+        with timed(timings, "choose"), progress("choosing passes", len(whole.passes)) as advance:
+            choice = choose(whole, advance)
+        if choice.taken:
+            problems = [only(one, choice.numbers) for one in problems]
+    if method == "spline":
+        require_room_to_fit(problems[0])
     if record.rounding:
         warnings += told(record.rounding.at(posed[0].channel - record.channel[0]), posed[0].noise.numpy())
     disputed = list(found.disputed)
@@ -239,7 +250,13 @@ def locate(
         again = shortened(problem, slice(None), result)
         chain = Chain.of(again)
         ended = (chain, chain.state_of(torch.from_numpy(result.vector)))
-        unseen = held_out(again, advance, at=ended) if method == "spline" else None
+        rest = untaken(again, whole, choice)
+        unseen = held_out(again, advance, at=ended, rest=rest) if method == "spline" else None
+    told_choice = None
+    if choice is not None and choice.taken:
+        passes = [one for one in passes if one.track_id in {mine.track_id for mine in problem.passes}]
+        told_choice = choice_facts(choice, 0 if rest is None else len(rest.passes))
+        warnings.append(choice_line(told_choice))
     if all(one.vehicle_class == "vehicle" for one in passes):
         asked = [one for one in asked if one.base_part != "wheels"]
     return run_of(
@@ -254,4 +271,14 @@ def locate(
         warnings=warnings + disputed,
         disputed=disputed,
         known=known,
+        choice=told_choice,
     )
+
+
+def untaken(problem: Problem, whole: Problem, choice: Choice | None) -> Problem | None:
+    """The survey of passes that were not chosen, over the channels of the problem that was fitted; None without any."""
+    if choice is None or not choice.taken or not choice.others:
+        return None
+    columns = np.isin(whole.channel, problem.channel)
+    every = replace(problem, record=whole.record[:, columns], passes=whole.passes, traffic=whole.traffic)
+    return only(every, choice.others)

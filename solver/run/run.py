@@ -150,6 +150,7 @@ def run_of(
     warnings: Sequence[str] = (),
     disputed: Sequence[str] = (),
     known: Catalogue | None = None,
+    choice: dict[str, Any] | None = None,
 ) -> Run:
     """The run that a fit of a survey is.
 
@@ -165,12 +166,14 @@ def run_of(
     warnings : lines for the user, beside those that `solver.run.report.report_words.cautions` finds
     disputed : sentences on anchors that contradict the others
     known : effects that its model may be given; built-in and installed ones where None
+    choice : what is told of the passes that were chosen, `solver.run.chosen.choice_facts`; None where all were fitted
     """
     from solver.run.facts import facts_of
     from solver.run.report import told
 
     record = survey.record
     facts = facts_of(result, survey, anchors, problem, timings, held_out, effects, warnings, disputed)
+    facts |= {} if choice is None else {"choice": choice}
     return told(
         Run(
             result=result,

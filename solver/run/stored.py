@@ -173,6 +173,32 @@ class TrustFile(Stored):
     gates: tuple[GateFile, ...]
 
 
+class TakenFile(Stored):
+    """One of `choice.taken`: a pass, m/s, m, and the share by which each sigma was expected to fall with it."""
+
+    track_id: Text
+    vehicle_class: Text
+    speed: Place
+    lane: Place
+    narrower: dict[Text, float]
+
+
+class MissingFile(Stored):
+    """One of `choice.missing`: a kind of pass in words."""
+
+    kind: Text
+    narrower: dict[Text, float]
+
+
+class ChoiceFile(Stored):
+    """`choice`: what `solver.run.chosen.choice_facts` makes."""
+
+    of: Count
+    tested: Count
+    taken: tuple[TakenFile, ...]
+    missing: tuple[MissingFile, ...]
+
+
 class AnyRun(Stored):
     """The key of fit.json that marks a run of any version of roadfiber."""
 
@@ -209,6 +235,7 @@ class FitFile(Stored):
     anchors: tuple[AnchorFile, ...]
     settings: SettingsFile
     problem: ProblemFile
+    choice: ChoiceFile | None = None
     plugins: tuple[PluginFile, ...]
     record: dict[Text, Text | float | int | bool | tuple[Text, ...] | None]
     inputs: tuple[InputFile, ...]

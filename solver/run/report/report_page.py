@@ -297,6 +297,34 @@ def check_section(run: Run) -> str:
     )
 
 
+def choice_section(run: Run) -> str:
+    """Which of many passes were fitted, what each was expected to add, and what kind is missing."""
+    choice = run.facts.get("choice")
+    if not choice:
+        return ""
+    names = list(choice["taken"][0]["narrower"])
+
+    def row(words: list[str], narrower: dict[str, float]) -> str:
+        cells = [f"<td>{escape(word)}</td>" for word in words]
+        return f"<tr>{''.join(cells)}{''.join(f'<td>{100 * narrower[name]:.1f} %</td>' for name in names)}</tr>"
+
+    taken = "".join(
+        row(
+            [one["track_id"], one["vehicle_class"], f"{3.6 * one['speed']:+.0f}", f"{one['lane']:.1f}"], one["narrower"]
+        )
+        for one in choice["taken"]
+    )
+    missing = "".join(row([f"a pass {one['kind']}", "", "", ""], one["narrower"]) for one in choice["missing"])
+    head = "".join(f"<th>{escape(name)}</th>" for name in names)
+    return (
+        f"<details><summary>Passes fitted: {len(choice['taken'])} of {choice['of']}</summary><p>Each was taken since "
+        "it was expected to narrow the sigmas most, with those above it known; by how much, the columns say. The last "
+        "rows are what a pass of a kind that was not recorded would add.</p>"
+        f'<div class="wide-table"><table><tr><th>pass</th><th>class</th><th>km/h</th><th>y, m</th>{head}</tr>'
+        f"{taken}{missing}</table></div></details>"
+    )
+
+
 def share_words(share: float | None) -> str:
     """A share as a page shows it."""
     return "-" if share is None else f"{100 * share:.0f} %"
@@ -341,6 +369,7 @@ def render(run: Run) -> str:
         failure_wide=svg(failure_figure(run, misfit, WIDE)),
         failure_narrow=svg(failure_figure(run, misfit, NARROW)),
         facts=terms(fit_facts(run)),
+        choice=choice_section(run),
         parameters=parameter_tables(run.result.parameters),
         inputs=terms(inputs(run)),
         version=escape(run.facts["versions"]["roadfiber"]),
