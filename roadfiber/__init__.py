@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from roadfiber.growing import clock_offset as clock_offset
     from roadfiber.growing import explain as explain
     from roadfiber.growing import ladder as ladder
+    from roadfiber.ingesting import Ingested as Ingested
+    from roadfiber.ingesting import ingest as ingest
+    from roadfiber.ingesting import view as view
     from roadfiber.locating import locate as locate
     from roadfiber.locating import open as open
     from roadfiber.locating import read as read
@@ -57,6 +60,7 @@ _HOMES = {
     "Comparison": "roadfiber.comparing",
     "Diagnosis": "roadfiber.diagnosing",
     "Effect": "solver.effect",
+    "Ingested": "roadfiber.ingesting",
     "InputError": "vision.contract.errors",
     "Ladder": "roadfiber.growing",
     "LocalFrame": "vision.contract.frame",
@@ -74,6 +78,7 @@ _HOMES = {
     "diagnose": "roadfiber.diagnosing",
     "effect": "solver.effect",
     "explain": "roadfiber.growing",
+    "ingest": "roadfiber.ingesting",
     "ladder": "roadfiber.growing",
     "locate": "roadfiber.locating",
     "open": "roadfiber.locating",
@@ -81,6 +86,7 @@ _HOMES = {
     "read": "roadfiber.locating",
     "simulate": "roadfiber.simulating",
     "track": "roadfiber.cameras",
+    "view": "roadfiber.ingesting",
 }
 
 __all__ = sorted(_HOMES)

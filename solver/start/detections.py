@@ -60,12 +60,12 @@ def thinned(strain_rate: Array, passes: Sequence[Pass], stride: int) -> tuple[Ar
     [[2.0], [4.0]]
     """
     if stride == 1:
-        return strain_rate, list(passes)
+        return strain_rate.astype(np.float64, copy=False), list(passes)
     frames = len(strain_rate) // stride
     blocks = strain_rate[: frames * stride].reshape(frames, stride, -1)
     finite = np.isfinite(blocks)
     count = finite.sum(1)
-    total = np.where(finite, blocks, 0.0).sum(1)
+    total = np.where(finite, blocks, 0.0).sum(1, dtype=np.float64)
     mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
     return mean, [thinned_pass(one, stride, frames) for one in passes]
 

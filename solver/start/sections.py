@@ -164,7 +164,7 @@ def sought(record: DASRecord, passes: Sequence[Pass]) -> tuple[float, int]:
     maps = []
     for one in passes:
         rows = one.rows[one.in_view][:: max(1, int(one.in_view.sum()) // 40)]
-        data = mended(record.strain_rate[rows])
+        data = mended(record.strain_rate[rows].astype(np.float64))
         level = 1.4826 * np.median(np.abs(data)) or 1.0
         loud = np.array([np.correlate(row, shape, "same") for row in np.clip(data / level, -20, 20)])
         maps.append((np.sign(one.speed) * loud, one.position[np.isin(one.rows, rows), 0]))

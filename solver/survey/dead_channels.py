@@ -61,7 +61,7 @@ def dead_channels(record: DASRecord, channel: Integers) -> Integers:
     for run in np.split(channel, np.flatnonzero(np.diff(channel) != 1) + 1) if reach else ():
         for first in range(0, len(run), TOGETHER):
             lot = run[max(0, first - reach) : first + TOGETHER + reach]
-            values = record.strain_rate[:, np.searchsorted(record.channel, lot)][record.measured]
+            values = record.strain_rate[:, np.searchsorted(record.channel, lot)][record.measured].astype(np.float64)
             found.append(lot[dead(values, reach) & np.isin(lot, run[first : first + TOGETHER])])
     return np.concatenate(found)
 

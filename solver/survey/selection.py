@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.survey.anchors import Anchor
-from solver.survey.das.description import Description
+from solver.survey.das.opened import Raw
+from solver.survey.das.store import Store
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,8 +70,8 @@ def near_road(
     return (first, last) if first < last else held
 
 
-def wanted(known: Description, tracks: "pd.DataFrame | None", anchors: Sequence[Anchor]) -> dict[str, Any]:
-    """The part of a described record that a survey needs, as arguments of `solver.survey.das.reader.record_from`."""
+def wanted(known: Store | Raw, tracks: "pd.DataFrame | None", anchors: Sequence[Anchor]) -> dict[str, Any]:
+    """The part of a record that a survey needs, as arguments of its `record`."""
     if tracks is None or not len(tracks):
         return {}
     times = [(a, b) for a, b in times_around(tracks) if a <= known.end and b >= known.start]

@@ -23,13 +23,14 @@ from solver.survey.limits import VEHICLE_REACH
 from solver.survey.patterns import files_matching
 from vision.contract import InputError, LocalFrame, read_toml
 
+STORE_FILE = "store.json"  # by which the folder of a store is known
 DETECTORS = ("nanodet", "street")  # that come along, the default first
 
 
 def folder_of(info: ValidationInfo) -> Path:
     """Return the site file's folder, which `read_site` passes along."""
-    context: dict[str, Path] = info.context or {}
-    return context["folder"]
+    context: dict[str, Any] = info.context or {}
+    return Path(context["folder"])
 
 
 def existing(path: Path, info: ValidationInfo) -> Path:
@@ -40,6 +41,11 @@ def existing(path: Path, info: ValidationInfo) -> Path:
     return full
 
 
+def beside(path: Path, info: ValidationInfo) -> Path:
+    """Return `path` taken from the site file's folder, whether it is there or not."""
+    return folder_of(info) / path
+
+
 def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
     """Return the files that name patterns match in the site file's folder, sorted, each once."""
     patterns = [patterns] if isinstance(patterns, str) else patterns
@@ -48,7 +54,8 @@ def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
     folder = folder_of(info)
     found: set[Path] = set()
     for pattern in patterns:
-        hits = files_matching(pattern, folder)
+        # What was made from the files is none of them.
+        hits = {path for path in files_matching(pattern, folder) if not (path.parent / STORE_FILE).is_file()}
         if not hits:
             raise ValueError(f"no file matches {pattern!r} beside the site file")
         found.update(hits)
@@ -81,7 +88,7 @@ class FrameSection(Section):
 
 
 class DASSection(Section):
-    """`[das]`: the files, and what they do not say themselves."""
+    """`[das]`: the files, what they do not say themselves, and the folder of their store, where one is made."""
 
     files: Files
     gauge_length: Positive | None = None
@@ -90,6 +97,13 @@ class DASSection(Section):
     scale: Annotated[float, Field(allow_inf_nan=False)] | None = None
     channels: tuple[int, int] | None = None
     exclude: tuple[int, ...] = ()
+    store: Annotated[Path, Field(validate_default=True), AfterValidator(beside)] = Path("das-store")
+
+    @property
+    def said(self) -> dict[str, Any]:
+        """What is said of the files, as `solver.survey.das.description.describe` takes it."""
+        names = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
+        return {name: getattr(self, name) for name in names}
 
     @model_validator(mode="after")
     def ordered(self) -> "DASSection":
@@ -163,9 +177,10 @@ class Site(Section):
         return LocalFrame(self.frame_section.origin, self.frame_section.x_azimuth)
 
     @model_validator(mode="after")
-    def moving(self) -> "Site":
-        """Refuse a survey without any source of trajectories."""
-        if self.camera is None and self.trajectories is None:
+    def moving(self, info: ValidationInfo) -> "Site":
+        """Refuse a survey without any source of trajectories, where such are needed."""
+        needed = (info.context or {}).get("moving", True)
+        if needed and self.camera is None and self.trajectories is None:
             raise ValueError("neither [camera] nor [trajectories]; give one of them")
         return self
 
@@ -205,12 +220,13 @@ def first_problem(error: ValidationError) -> str:
     return f"{place}: {message}" if place else message
 
 
-def read_site(path: Path) -> Site:
+def read_site(path: Path, *, moving: bool = True) -> Site:
     r"""Read and check `site.toml`.
 
     Parameters
     ----------
     path : the file; the paths in it are relative to its folder and may be patterns for `files`
+    moving : whether it must say where vehicles are known from
 
     Returns
     -------
@@ -234,7 +250,7 @@ def read_site(path: Path) -> Site:
     content = read_toml(path, "the path of a survey's site.toml")
     folder = path.resolve().parent
     try:
-        site = Site.model_validate(content, context={"folder": folder})
+        site = Site.model_validate(content, context={"folder": folder, "moving": moving})
     except ValidationError as error:
         raise InputError(f"{path}: {first_problem(error)}") from error
     return site if site.name else site.model_copy(update={"name": folder.name})

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from solver.survey.anchors import Anchor, anchors_of, read_anchors
 from solver.survey.das.block import checksum
-from solver.survey.das.description import describe
 from solver.survey.das.in_memory import block_of
 from solver.survey.das.lowpass import FIT_RATE
-from solver.survey.das.reader import record_from, record_of
+from solver.survey.das.opened import opened
+from solver.survey.das.reader import record_of
 from solver.survey.das.record import DASRecord
 from solver.survey.selection import wanted
 from solver.survey.site import CameraSection, GroundSection, Site, read_site
@@ -167,22 +167,20 @@ class Survey:
         """Read the files that a checked site.toml names; see `read`."""
         begun = clock.perf_counter()
         tracks = None if site.trajectories is None else read_trajectories(site.trajectories.files, site.frame)
-        said = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
-        known = describe(site.das.files, **{name: getattr(site.das, name) for name in said})
         anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
-        record = record_from(known, **wanted(known, tracks, anchors), rate=FIT_RATE)
+        source = opened(site.das.files, site.das.said, site.das.store)
         return cls.of(
             name=site.name,
             frame=site.frame,
-            record=record,
             tracks=tracks,
             anchors=anchors,
             ground=site.ground,
             camera=site.camera,
-            sources=(*das_sources(record), *file_sources(site)),
+            sources=file_sources(site),
             seconds=clock.perf_counter() - begun,
             cautions=(),
-        )
+            _source=source,
+        )._read()
 
     @classmethod
     def of(cls, **fields: Any) -> "Survey":
@@ -193,7 +191,33 @@ class Survey:
 
     def with_tracks(self, tracks: "pd.DataFrame", cautions: Sequence[str] = ()) -> "Survey":
         """The survey with a trajectory table in place of its own, and what must be known of that."""
-        return Survey.of(**vars(self) | {"tracks": trajectories_of(tracks, self.frame), "cautions": tuple(cautions)})
+        changes = {"tracks": trajectories_of(tracks, self.frame), "cautions": tuple(cautions)}
+        return Survey.of(**vars(self) | changes)._read()
+
+    def _read(self) -> "Survey":
+        """The survey with that part of its record read that its tracks need; until there are tracks, nothing."""
+        held = vars(self)
+        source = held.get("_source")
+        if source is None or self.tracks is None:
+            return self
+        part = wanted(source, self.tracks, self.anchors)
+        return self if held.get("_part") == part else self._with_record(part)
+
+    def _with_record(self, part: dict[str, Any]) -> "Survey":
+        """The survey with a part of its record read."""
+        begun = clock.perf_counter()
+        record = vars(self)["_source"].record(**part)
+        others = [one for one in self.sources if one.role != "das"]
+        taken = self.seconds + clock.perf_counter() - begun
+        changes = {"record": record, "sources": (*das_sources(record), *others), "seconds": taken, "_part": part}
+        return Survey.of(**vars(self) | changes)
+
+    def __getattr__(self, name: str) -> Any:
+        # Before a video is tracked nothing tells which part of the record is needed: whoever looks at it gets all.
+        if name == "record" and "_source" in vars(self):
+            self._hold(**vars(self._with_record({})))
+            return vars(self)["record"]
+        raise AttributeError(f"'Survey' object has no attribute {name!r}")
 
     def plot(self) -> "Figure":
         """Draw the survey: the record in noise sigmas, tracks, anchors, and what is left out and why."""
@@ -234,7 +258,7 @@ def das_sources(record: DASRecord) -> list[Source]:
     return [Source("das", str(path), digest) for path, digest in both]
 
 
-def file_sources(site: Site) -> list[Source]:
+def file_sources(site: Site) -> tuple[Source, ...]:
     """The files of a site but those of its record."""
     files: list[tuple[str, Path]] = []
     if site.trajectories:
@@ -244,7 +268,7 @@ def file_sources(site: Site) -> list[Source]:
         files += [(role, path) for role, path in roles.items() if isinstance(path, Path)]
     if site.anchors:
         files.append(("anchors", site.anchors.file))
-    return [Source(role, str(path), checksum(path)) for role, path in files]
+    return tuple(Source(role, str(path), checksum(path)) for role, path in files)
 
 
 def table_source(role: str, table: "pd.DataFrame") -> Source:

@@ -14,6 +14,7 @@ from vision.contract.drawing import BACKWARD, FORWARD, ROUTE, canvas, coarse, co
 from vision.contract.figures import INK, MUTED, styled, svg
 
 if TYPE_CHECKING:
+    from solver.survey.das.record import DASRecord
     from solver.survey.survey import Survey
 
 WIDTH, WATERFALL, ROAD = 960, 320, 150  # px
@@ -61,10 +62,8 @@ def left_out(survey: "Survey") -> list[str]:
     return [*lines, *record.cautions, *record.provenance["notes"]]
 
 
-def draw_record(axes: Axes, survey: "Survey") -> None:
-    """The waterfall: time to the right, channels upward."""
-    record = survey.record
-    sigmas = in_sigmas(record.strain_rate)
+def draw_record(axes: Axes, record: "DASRecord", sigmas: Array) -> None:
+    """The waterfall of a record [time, channel] in sigmas of its noise: time to the right, channels upward."""
     step = float(np.median(np.diff(record.time)))
     extent = (record.time[0], record.time[-1] + step, float(record.channel[0]) - 0.5, float(record.channel[-1]) + 0.5)
     image = axes.imshow(
@@ -111,7 +110,7 @@ def survey_figure(survey: "Survey") -> Figure:
     figure = canvas(WIDTH, TOP + WATERFALL + BETWEEN + ROAD + 50 + LINE * len(lines))
     across = WIDTH - LEFT - 34
     upper = place(figure, "record", LEFT, TOP, across, WATERFALL)
-    draw_record(upper, survey)
+    draw_record(upper, survey.record, in_sigmas(survey.record.strain_rate))
     room = upper.get_position()
     lower = place(figure, "road", LEFT, TOP + WATERFALL + BETWEEN, WIDTH * room.width, ROAD)
     first, last = survey.record.channel[[0, -1]]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from solver.survey.das.block import Block
 from solver.survey.das.das_files import read_blocks
-from solver.survey.das.faults import LeftOut, of_one_setting, without_overlaps
+from solver.survey.das.faults import LeftOut, left_out_line, of_one_setting, without_overlaps
 from solver.survey.das.grid import Grid, Part, on_grid, part_of, sampling_interval
 from solver.survey.das.setting import agreed, check_excluded, chosen, file_spacing, logger
 from solver.survey.das.units import Unit, resolve
@@ -70,6 +70,11 @@ class Description:
     def channel(self) -> NDArray[np.int64]:
         """Numbers of the channels asked for [channel]."""
         return np.arange(self.channels[0], self.channels[1] + 1)
+
+    @property
+    def lines(self) -> list[str]:
+        """What a user should read of files that are left out."""
+        return left_out_line(self.files, self.left_out)
 
     def columns(self, channels: tuple[int, int]) -> slice:
         """Columns of the files that channels, first and last, are made from."""

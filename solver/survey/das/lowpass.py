@@ -32,9 +32,11 @@ def taps_of(factor: int) -> Array:
 
     Oppenheim and Schafer 2010, section 7.6.
 
-    >>> len(taps_of(25)), round(float(taps_of(25).sum()), 12)
-    (501, 1.0)
+    >>> len(taps_of(25)), round(float(taps_of(25).sum()), 12), taps_of(1).tolist()
+    (501, 1.0, [1.0])
     """
+    if factor == 1:
+        return np.ones(1)
     from scipy.signal import firwin
 
     return np.asarray(firwin(2 * HALF_LENGTH * factor + 1, 0.9 / factor, window=("kaiser", 5.0)))
@@ -80,5 +82,7 @@ class Lowpass:
         for done in range(0, count, TOGETHER):
             some = min(TOGETHER, count - done)
             begin, width = first + done * self.factor, (some - 1) * self.factor + len(self.taps)
-            np.matmul(self.product[:some, :width], values[begin : begin + width], out=out[done : done + some])
+            # Numbers that are none stay in their channel, and are counted elsewhere.
+            with np.errstate(invalid="ignore"):
+                np.matmul(self.product[:some, :width], values[begin : begin + width], out=out[done : done + some])
         return out

@@ -1,6 +1,8 @@
 """Write strain rate as a PRODML 2.0 file, the exchange format of DAS."""
 
 import uuid
+from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,6 +41,8 @@ def write_prodml(
     channel_spacing: float,
     first_channel: int = 0,
     vendor: str = "roadfiber",
+    packed: bool = True,
+    more: "Callable[[h5py.File], None] | None" = None,
 ) -> None:
     """Write one PRODML 2.0 HDF5 file, whole or not at all.
 
@@ -51,6 +55,8 @@ def write_prodml(
     gauge_length, channel_spacing : m
     first_channel : number of the first column (`StartLocusIndex`)
     vendor : name of what made the data
+    packed : whether numbers are compressed; that takes longer than all else
+    more : puts into the file what else it shall hold
 
     Examples
     --------
@@ -67,10 +73,12 @@ def write_prodml(
     import h5py
 
     path = Path(path)
-    values = (np.asarray(strain_rate, np.float64) / STORED).astype(np.float32)
+    values = np.divide(strain_rate, STORED, dtype=np.float64).astype(np.float32)
     first = int(start.astype("datetime64[us]").astype(np.int64))
     time = first + np.round(np.arange(len(values)) * 1e6 / sampling_rate).astype(np.int64)
-    with writing(path) as temporary, h5py.File(temporary, "w") as file:
+    # Made in memory: HDF5 does not bear a disk that is full.
+    content = BytesIO()
+    with h5py.File(content, "w") as file:
         file.attrs["uuid"] = np.bytes_(identity(path, "file"))
         acquisition = file.create_group("Acquisition")
         acquisition.attrs.update(
@@ -102,17 +110,22 @@ def write_prodml(
             StartLocusIndex=np.int64(first_channel),
             NumberOfLoci=np.int64(values.shape[1]),
         )
-        write_arrays(raw, values, time)
+        write_arrays(raw, values, time, packed)
+        if more is not None:
+            more(file)
+    with writing(path) as temporary:
+        temporary.write_bytes(content.getbuffer())
 
 
-def write_arrays(raw: "h5py.Group", values: NDArray[np.float32], time: NDArray[np.int64]) -> None:
+def write_arrays(raw: "h5py.Group", values: NDArray[np.float32], time: NDArray[np.int64], packed: bool) -> None:
     """Write values [time, channel] and their times, us since 1970 UTC [time], with the times of their ends."""
     ends = {
         "PartStartTime": np.bytes_(time_text(int(time[0]))),
         "PartEndTime": np.bytes_(time_text(int(time[-1]))),
         "StartIndex": np.int64(0),
     }
-    data = raw.create_dataset("RawData", data=values, compression="gzip", shuffle=True)
+    how = {"compression": "gzip", "shuffle": True} if packed else {"chunks": (len(values), min(values.shape[1], 64))}
+    data = raw.create_dataset("RawData", data=values, **how)
     data.attrs.update(ends, Count=np.int64(values.size), Dimensions=np.array([b"time", b"locus"]))
     times = raw.create_dataset("RawDataTime", data=time)
     times.attrs.update(ends, Count=np.int64(time.size), StartTime=ends["PartStartTime"], EndTime=ends["PartEndTime"])

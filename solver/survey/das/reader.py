@@ -8,28 +8,13 @@ import numpy as np
 
 from solver.survey.das.block import Block
 from solver.survey.das.description import Description, describe, description_of
-from solver.survey.das.faults import left_out_line
 from solver.survey.das.grid import part_of
 from solver.survey.das.lowpass import factor_of
 from solver.survey.das.reading import Reading
-from solver.survey.das.record import DASRecord, Extent
+from solver.survey.das.record import DASRecord, Extent, gap_line
 from solver.survey.das.reduced import touched
 from solver.survey.das.setting import distance_of, provenance_of
 from vision.contract import InputError
-
-
-def gap_line(start: np.datetime64, first: float, last: float, interval: float) -> str:
-    """Say when a record has no samples: the first and last missing one, s after `start`, and their interval, s.
-
-    >>> gap_line(np.datetime64("2025-08-11T06:00:00", "ns"), 128.0, 727.8, 0.2)
-    'the record has a gap of 10 min 0 s, from 2025-08-11T06:02:08Z to 06:12:08Z; what lies on either side is used'
-    """
-    ends = start + np.round(np.array([first, last + interval]) * 1e9).astype("timedelta64[ns]")
-    begin, end = np.datetime_as_string(ends, unit="s")
-    minutes, seconds = divmod(last - first + interval, 60)
-    length = f"{minutes:.0f} min {seconds:.0f} s" if minutes else f"{seconds:.1f} s"
-    end = end.partition("T")[2] if end[:10] == begin[:10] else end
-    return f"the record has a gap of {length}, from {begin}Z to {end}Z; what lies on either side is used"
 
 
 def read_das(
@@ -135,7 +120,7 @@ def record_from(
     holes = [(max(a, begin), min(b, found.end - 1)) for a, b in grid.holes if a < found.end and b >= begin]
     gaps = tuple(((a - begin) * grid.interval * 1e-9, (b - begin) * grid.interval * 1e-9) for a, b in holes)
     start = grid.time_of(begin)
-    said = left_out_line(known.files, known.left_out)
+    said = list(known.lines)
     said += [gap_line(start, *gap, grid.interval * 1e-9) for gap in gaps]
     provenance = provenance_of(files, known.stored, list(known.notes))
     if known.left_out:

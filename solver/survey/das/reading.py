@@ -83,6 +83,12 @@ class Reading:
     excluded: NDArray[np.bool_]
     spans: list[tuple[int, int]]
 
+    @classmethod
+    def all_of(cls, known: Description) -> "Reading":
+        """All channels and rows of a record."""
+        excluded = np.isin(known.channel, known.exclude)
+        return cls(known, known.channel, known.columns(known.channels), excluded, [(0, known.grid.rows)])
+
     def stored(self) -> Unit:
         """What is filtered: of velocity its difference is the strain rate."""
         stored = self.known.stored

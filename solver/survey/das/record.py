@@ -81,3 +81,17 @@ def ranges(numbers: NDArray[np.int64]) -> str:
     """
     runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
+
+
+def gap_line(start: np.datetime64, first: float, last: float, interval: float) -> str:
+    """Say when a record has no samples: the first and last missing one, s after `start`, and their interval, s.
+
+    >>> gap_line(np.datetime64("2025-08-11T06:00:00", "ns"), 128.0, 727.8, 0.2)
+    'the record has a gap of 10 min 0 s, from 2025-08-11T06:02:08Z to 06:12:08Z; what lies on either side is used'
+    """
+    ends = start + np.round(np.array([first, last + interval]) * 1e9).astype("timedelta64[ns]")
+    begin, end = np.datetime_as_string(ends, unit="s")
+    minutes, seconds = divmod(last - first + interval, 60)
+    length = f"{minutes:.0f} min {seconds:.0f} s" if minutes else f"{seconds:.1f} s"
+    end = end.partition("T")[2] if end[:10] == begin[:10] else end
+    return f"the record has a gap of {length}, from {begin}Z to {end}Z; what lies on either side is used"

@@ -32,7 +32,10 @@ class End:
         if top > self.extreme:
             self.next, self.next_count = self.extreme, int(self.count.sum())
             self.extreme, self.count = top, np.zeros(values.shape[1], np.int64)
-        near = np.flatnonzero(self.sign * largest >= max(self.next, -np.finfo(float).max))
+        # Only channels that reach the largest number but one are looked at.
+        others = self.sign * largest[self.sign * largest < self.extreme]
+        least = max(self.next, float(others.max(initial=-np.inf)), -np.finfo(float).max)
+        near = np.flatnonzero(self.sign * largest >= least)
         if not len(near):
             return
         some = self.sign * values[:, near].astype(np.float64)

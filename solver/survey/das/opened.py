@@ -1,0 +1,86 @@
+"""A record ready to be read in part: from its store where that is of the same files, else from the files."""
+
+import json
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solver.survey.das.description import Description, describe
+from solver.survey.das.lowpass import FIT_RATE
+from solver.survey.das.reader import record_from
+from solver.survey.das.record import DASRecord
+from solver.survey.das.store import FILE, Store
+from vision.contract import InputError
+
+logger = logging.getLogger("roadfiber")
+
+Times = Sequence[tuple[np.datetime64, np.datetime64]]
+
+
+@dataclass(frozen=True)
+class Raw:
+    """Files that are reduced as they are read; attributes and `record` as of `Store`."""
+
+    known: Description
+
+    @property
+    def start(self) -> np.datetime64:
+        """Time of the first sample, UTC."""
+        return self.known.start
+
+    @property
+    def end(self) -> np.datetime64:
+        """Time of the last sample, UTC."""
+        return self.known.end
+
+    @property
+    def channels(self) -> tuple[int, int]:
+        """First and last channel."""
+        return self.known.channels
+
+    @property
+    def channel_spacing(self) -> float:
+        """Of the channels, m."""
+        return self.known.channel_spacing
+
+    def record(self, *, channels: tuple[int, int] | None = None, times: Times | None = None) -> DASRecord:
+        """Read the record, or a part of it, at the rate of the fit."""
+        return record_from(self.known, channels=channels, times=times, rate=FIT_RATE)
+
+
+def plain(said: dict[str, Any]) -> dict[str, Any]:
+    """Settings as JSON holds them."""
+    found: dict[str, Any] = json.loads(json.dumps(said))
+    return found
+
+
+def opened(files: Sequence[Path], said: dict[str, Any], folder: Path | None = None) -> Store | Raw:
+    """Open a record.
+
+    Parameters
+    ----------
+    files, said : as of `solver.survey.das.description.describe`
+    folder : of its store, where there may be one; one of other files or settings is not used, which is told
+
+    Raises
+    ------
+    InputError
+        As of `describe`.
+    """
+    if folder is not None and (folder / FILE).is_file():
+        try:
+            store = Store.open(folder)
+            why = store.stale(files, plain(said))
+        except InputError as error:
+            logger.warning("%s; the DAS files are read instead", error)
+        else:
+            if why is None:
+                return store
+            logger.warning(
+                "%s: %s since it was made; the DAS files are read instead, roadfiber ingest renews it", folder, why
+            )
+    return Raw(describe(files, **said))
