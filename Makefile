@@ -1,11 +1,12 @@
 # make demo: from a fresh clone to a located fiber and its report, with nothing but Python 3.11 or newer.
+# make demo-hidden: the same with something hidden in the record, which is found; SEED=7 is another street and secret.
 # make test: every check that a change must pass.
 # make coverage: the tests again, with the lines that none of them reaches; a quarter slower.
 PYTHON ?= python3
 BIN := .venv/bin
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
-.PHONY: demo test coverage clean
+.PHONY: demo demo-hidden test coverage clean
 
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -15,6 +16,10 @@ PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
 demo: .venv/installed
 	$(BIN)/roadfiber demo --out runs/demo
+
+SEED ?= 4
+demo-hidden: .venv/installed
+	$(BIN)/roadfiber demo --hide any --seed $(SEED) --out runs/demo-hidden
 
 test: .venv/installed
 	$(BIN)/ruff check .

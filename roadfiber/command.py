@@ -121,6 +121,13 @@ def demo(
         "roadfiber-demo"
     ),
     seed: Annotated[int, typer.Option(min=0, help="Another seed is another street.")] = 4,
+    hide: Annotated[
+        str | None,
+        typer.Option(
+            metavar="EFFECT",
+            help="Hide an effect in the record and find it: NAME, NAME=AMOUNT, or `any`, told at the end.",
+        ),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the error as JSON; what the commands print goes to standard error.")
     ] = False,
@@ -130,10 +137,16 @@ def demo(
     Renders a video of moving vehicles and simulates the DAS record they make (the simulator shares no code with the
     solver), writes both as files, and runs the commands a user would run on them. Takes two or three minutes.
 
-    Example: `roadfiber demo --out runs/demo`
+    With `--hide` something is hidden in the DAS record. The run is compared and diagnosed, what is found is added, and
+    `index.html` tells the story and ends with the envelope: what was hidden, and the route's true error.
+
+    Examples: `roadfiber demo --out runs/demo`, `roadfiber demo --hide any --seed 7 --out runs/hidden`
     """
     from solver.simulator import read_scenario, route_error
 
+    if hide is not None:
+        demo_hidden(out, seed, hide, as_json)
+        return
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
         run = run_demo(out, read_scenario("street-filmed", seed=seed))
     error, report = route_error(run / "route.csv", out / "truth.json"), run / "report.html"
@@ -145,6 +158,21 @@ def demo(
         f"{error.largest:.2f} m at most ({error.largest_lateral:.2f} on the map, {error.largest_depth:.2f} in depth)"
     )
     print(f"report: {report}")
+
+
+def demo_hidden(out: Path, seed: int, hide: str, as_json: bool) -> None:
+    """The demo with something hidden in its record, and the story of how that is found."""
+    from roadfiber.hidden_demo import answer, hidden, question, told, write_story
+    from solver.simulator import read_scenario
+
+    with redirect_stdout(sys.stderr) if as_json else nullcontext():
+        run_demo(out, read_scenario("street-filmed", seed=seed, effects=hidden(hide, seed)))
+        undone = question(out, run_command)
+        write_story(out, undone)
+    if as_json:
+        print(json.dumps(told(out, undone), indent=1))
+        return
+    print("\n".join([*([undone] if undone else []), f"\nthe envelope: {answer(out)}", f"story: {out / 'index.html'}"]))
 
 
 def run_demo(out: Path, scenario: "Scenario") -> Path:

@@ -10,9 +10,12 @@ from solver.run.folder import read_run
 from solver.run.locate import EFFECTS
 from solver.run.locate import locate as locate_fiber
 from solver.run.run import Run
+from solver.run.scene import CALIBRATION, PICTURE
 from solver.survey.survey import Survey
+from vision.contract.errors import InputError
 
 if TYPE_CHECKING:
+    from solver.run.scene import Scene
     from vision.tracked import Tracked
 
 
@@ -81,11 +84,24 @@ def locate(
     """
     whole = survey if isinstance(survey, Survey) else read(survey)
     if whole.tracks is not None:
-        return locate_fiber(whole, method=method, effects=effects, filters=filters, all_passes=all_passes)
+        run = locate_fiber(whole, method=method, effects=effects, filters=filters, all_passes=all_passes)
+        return replace(run, scene=scene_of(whole))
     tracked = followed(whole)
     ready = whole.with_tracks(tracked.table, cautions=[tracked.placed])
     run = locate_fiber(ready, method=method, effects=effects, filters=filters, all_passes=all_passes)
-    return replace(run, tracked=tracked.table, dropped=tracked.dropped)
+    return replace(run, tracked=tracked.table, dropped=tracked.dropped, scene=scene_of(whole))
+
+
+def scene_of(survey: Survey) -> "Scene | None":
+    """What the survey's camera saw of the street; None where it has none, or its video gives no picture."""
+    from vision.street_picture import StreetPicture
+
+    if survey.camera is None:
+        return None
+    try:
+        return StreetPicture.of_video(survey.camera.video, survey.camera.calibration)
+    except InputError:
+        return None  # The route does not need it.
 
 
 def followed(survey: Survey) -> "Tracked":
@@ -128,4 +144,7 @@ def open(
     >>> rf.open(folder / "run").name
     'street-paper'
     """
-    return read_run(Path(folder), plugins=[Path(path) for path in plugins], effects=effects, changed=changed)
+    from vision.street_picture import StreetPicture
+
+    run = read_run(Path(folder), plugins=[Path(path) for path in plugins], effects=effects, changed=changed)
+    return replace(run, scene=StreetPicture.read(Path(folder) / PICTURE, Path(folder) / CALIBRATION))

@@ -7,10 +7,15 @@ from typer.testing import CliRunner
 
 import roadfiber.command
 from calib.control_points import read_control_points
+from roadfiber.hidden_demo import CHOICE, hidden, told
+from solver.run.ladder_file import write_ladder
+from solver.run.rung import Rung
 from solver.simulator import read_scenario
 from solver.survey.das import read_das
 from vision.contract import InputError
 from vision.video import open_video
+
+NAME = ("gauge_length",)
 
 
 @pytest.fixture
@@ -69,3 +74,70 @@ def test_the_demo_leaves_other_folders_alone(tmp_path):
     result = CliRunner().invoke(roadfiber.command.app, ["demo", "--out", str(tmp_path)])
     assert isinstance(result.exception, InputError) and "no simulated survey" in str(result.exception)
     assert (tmp_path / "thesis.tex").read_text() == "precious"
+
+
+def test_what_is_hidden_is_given_or_drawn_by_the_seed() -> None:
+    assert hidden("gauge_length=-0.1", 4) == {"gauge_length": -0.1}
+    assert hidden("pulse_width", 4) == hidden("pulse_width", 4) != hidden("pulse_width", 5)
+    chosen = {name for seed in range(20) for name in hidden("any", seed)}
+    assert chosen == set(CHOICE)
+    for wrong, mend in (("nosuch", "no such effect; give one of"), ("gauge_length=x", "must be NAME or NAME=NUMBER")):
+        with pytest.raises(InputError, match=mend):
+            hidden(wrong, 4)
+
+
+@pytest.mark.parametrize("refused", [False, True])
+def test_a_hidden_effect_is_told_as_a_story_that_ends_with_the_envelope(tmp_path, monkeypatch, refused) -> None:
+    """The commands' files are given; the story is of them alone."""
+    out, commands = tmp_path / "demo", []
+
+    def write_demo(out, scenario):
+        out.mkdir()
+        route = [[float(k), 4.0, 1.0] for k in range(60)]
+        facts = {"switches": dict(scenario.effects), "active_channels": [10, 50], "route_xyz": route}
+        (out / "truth.json").write_text(json.dumps(facts))
+
+    monkeypatch.setattr(roadfiber.command, "write_demo", write_demo)
+
+    def run_command(*words):
+        commands.append(words[0])
+        folder = out / ("run-2" if words[0] == "add" else "run")
+        if words[0] == "add" and refused:
+            raise InputError("gauge_length: held-out <passes> fit no better")
+        if words[0] in ("locate", "add"):
+            folder.mkdir()
+            known = json.loads((out / "truth.json").read_text())
+            off = 0.5 if words[0] == "locate" else 0.05
+            rows = [f"{k},{x},{y + off},{z}" for k, (x, y, z) in enumerate(known["route_xyz"])]
+            (folder / "route.csv").write_text("\n".join(["channel,x,y,z", *rows]))
+            trust = {"grade": "poor", "sentence": "Do not rely: `roadfiber diagnose RUN`."}
+            (folder / "fit.json").write_text(json.dumps({"name": "s", "headline": "It runs <here>.", "trust": trust}))
+        if words[0] == "compare":
+            (folder / "compare.json").write_text(json.dumps({"verdict": "They differ."}))
+        if words[0] == "diagnose":
+            first = {"effect": "gauge_length", "route_change": 0.45}
+            facts = {"verdict": "missing-effect", "headline": "Gauge length.", "candidates": [first]}
+            (folder / "diagnosis.json").write_text(json.dumps(facts))
+        if words[0] == "add":
+            route = ((7.0, 0.0, 4.0, 1.0), (8.0, 1.0, 4.0, 1.0))
+            rungs = [Rung(names, chi2, None, 1.0, 0.0, 0.0, None, route) for names, chi2 in (((), 2.0), (NAME, 1.0))]
+            write_ladder(folder, rungs, "s")
+
+    monkeypatch.setattr(roadfiber.command, "run_command", run_command)
+    words = ["demo", "--hide", "gauge_length=0.2", "--out", str(out)]
+    result = CliRunner().invoke(roadfiber.command.app, words, catch_exceptions=False)
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert commands[3:] == ["compare", "diagnose", "add", *([] if refused else ["ladder"])]
+    assert "hidden was: gauge length (gauge_length = 0.2)" in result.output and "0.50 m on average" in result.output
+    assert "It runs &lt;here&gt;." in page and "<code>roadfiber diagnose run</code>" in page
+    before, envelope = page.split("<summary>Open it</summary>")
+    assert "gauge_length = 0.2" in envelope and "gauge_length = 0.2" not in before and "<td>0.50</td>" in envelope
+    if refused:
+        assert "held-out &lt;passes&gt; fit no better" in page and "run-2" not in page
+    else:
+        assert (
+            'href="run-2/ladder.html"' in page and "<td>0.05</td>" in envelope and "0.05 m on average" in result.output
+        )
+        told_out = told(out, "")
+        assert told_out["hidden"] == {"gauge_length": 0.2} and told_out["named"] == "gauge_length"
+        assert [round(one["mean"], 2) for one in told_out["errors"].values()] == [0.5, 0.05]

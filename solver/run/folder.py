@@ -19,6 +19,7 @@ from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, 
 from solver.run.report.joined import join
 from solver.run.route_table import route_csv
 from solver.run.run import Run
+from solver.run.scene import CALIBRATION, PICTURE
 from solver.run.soundness import check_agreement, check_arrays
 from solver.run.stored import AnyRun, FitFile, read_model
 from solver.survey.anchors import Anchor
@@ -65,8 +66,9 @@ def check_target(folder: Path) -> None:
 def write_run(folder: Path, run: Run) -> None:
     """Write a run folder, whole or not at all; an earlier run there is replaced.
 
-    `route.csv`, `route.geojson`, `fit.json`, `report.html`, `index.html` and `data.npz` go there. Where a video was
-    tracked for this run, `trajectories.csv` and what it leaves out too; where effects were added to an earlier run,
+    `route.csv`, `route.geojson`, `fit.json`, `report.html`, `index.html` and `data.npz` go there. Where there was a
+    camera, `street.jpg` and its `calibration.json` too, to draw the route into its picture. Where a video was tracked
+    for this run, `trajectories.csv` and what it leaves out too; where effects were added to an earlier run,
     `ladder.json` and `ladder.html`.
 
     Raises
@@ -85,6 +87,9 @@ def write_run(folder: Path, run: Run) -> None:
         (temporary / "fit.json").write_text(json.dumps(facts, allow_nan=False, indent=1), encoding="utf-8")
         write_arrays(temporary / "data.npz", run)
         (temporary / "report.html").write_text(report.render(run), encoding="utf-8")
+        if run.scene is not None:
+            (temporary / PICTURE).write_bytes(run.scene.jpeg)
+            (temporary / CALIBRATION).write_text(run.scene.text, encoding="utf-8")
         if run.tracked is not None:
             write_trajectories(run.tracked, temporary / "trajectories.csv")
         if run.dropped is not None:

@@ -13,6 +13,7 @@ from solver.catalogue.plugins import Catalogue, catalogue
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.run.rung import Rung
+from solver.run.scene import Scene
 from solver.survey.anchors import Anchor
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import LocalFrame
@@ -45,6 +46,7 @@ class Run:
     rungs : of its error ladder, itself last; none where no effect was added to it
     tracked, dropped : trajectory table, and fixes that it leaves out, where a video was tracked for this run
     folder : that it was opened from; None where it was not
+    scene : what a camera saw of the street; None where there was none
     """
 
     result: FitResult
@@ -60,6 +62,7 @@ class Run:
     tracked: "pd.DataFrame | None" = None
     dropped: "pd.DataFrame | None" = None
     folder: Path | None = None
+    scene: Scene | None = None
 
     @property
     def name(self) -> str:

@@ -28,6 +28,7 @@ from solver.run.report.misfit_figure import (
 )
 from solver.run.report.parts import resource, with_commands
 from solver.run.report.route_figure import along_x, route_figure
+from solver.run.report.street_view import street_section
 from solver.run.run import Run
 from solver.run.strict_json import strict
 from solver.trajectory.vehicle_pass import Pass
@@ -361,6 +362,7 @@ def render(run: Run) -> str:
         key_figures=key_figures,
         cautions=caution_section(run),
         sides=escape(sides(run)),
+        street=street_section(run),
         legend=legend(run),
         panels_wide=json_text(panels_of(wide, run)),
         panels_narrow=json_text(panels_of(narrow, run)),

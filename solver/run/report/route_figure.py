@@ -96,6 +96,27 @@ def draw_north(axes: Axes, x_azimuth: float) -> None:
     axes.text(letter[0], letter[1], "N", transform=axes.transAxes, ha="center", va="center", weight="bold")
 
 
+def draw_scale(axes: Axes) -> None:
+    """A bar of a round length above the upper left corner, about a sixth of the panel or less."""
+    low, high = axes.get_xlim()
+    most = (high - low) / 6
+    step = 10.0 ** np.floor(np.log10(most))
+    length = next(step * times for times in (5, 2, 1) if step * times <= most)
+    across = axes.transAxes.inverted().transform(axes.transAxes.transform((0.0, 1.0)) + np.array([0.0, 18.0]))[1]
+    last = 0.86
+    first = last - length / (high - low)
+    axes.annotate(
+        "",
+        (last, across),
+        (first, across),
+        "axes fraction",
+        "axes fraction",
+        arrowprops={"arrowstyle": "|-|, widthA=.25, widthB=.25", "color": INK, "lw": 1.4, "shrinkA": 0, "shrinkB": 0},
+        annotation_clip=False,
+    )
+    axes.text(first - 0.008, across, f"{length:g} m", transform=axes.transAxes, ha="right", va="center")
+
+
 def draw_plan(axes: Axes, run: Run, window: Limits) -> None:
     """The road from above; y grows downward, as it does to the right of +x."""
     result = run.result
@@ -113,6 +134,7 @@ def draw_plan(axes: Axes, run: Run, window: Limits) -> None:
         away = (0, -11 if anchor.y > traffic else 11)
         axes.annotate(anchor.name, (anchor.x, anchor.y), away, textcoords="offset points", ha="center", va="center")
     draw_north(axes, run.frame.x_azimuth)
+    draw_scale(axes)
     axes.set_ylabel("y, m")
 
 

@@ -1,0 +1,192 @@
+"""The demo with something hidden in its record: which physics, what the commands make of it, and the envelope."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from solver.run.ladder_file import read_ladder
+from solver.run.report.ladder_page import headline as ladder_headline
+from solver.run.report.ladder_page import ladder_figure, thumbnails, title
+from solver.run.report.parts import page, with_commands
+from solver.simulator import route_error
+from solver.simulator.check import RouteError
+from solver.simulator.effects import EFFECTS, effect_rng
+from solver.simulator.survey_files import TRUTH
+from vision.contract import InputError, writing
+from vision.contract.figures import svg
+
+#: What is chosen from where no effect is given; `ANY` asks for that.
+CHOICE = ("gauge_length", "pulse_width", "stiffness_contrast", "time_averaging")
+ANY = "any"
+#: Of the range of plausible amounts, the part that amounts are drawn from: what is too small shows nothing.
+LEAST = 0.6
+#: Run folders: as located, and with what was found.
+FIRST, SECOND = "run", "run-2"
+
+
+def hidden(wanted: str, seed: int) -> dict[str, float]:
+    """What to hide: name and amount.
+
+    Parameters
+    ----------
+    wanted : NAME, NAME=AMOUNT, or "any", which the seed chooses and nobody is told
+    seed : draws what is not given
+
+    Raises
+    ------
+    InputError
+        If the simulator knows no such effect, or the amount is no number.
+
+    >>> hidden("gauge_length=0.15", 4)
+    {'gauge_length': 0.15}
+    """
+    name, given, number = wanted.partition("=")
+    rng = effect_rng(seed, "hidden demo")
+    if name == ANY:
+        name = str(rng.choice(CHOICE))
+    if name not in EFFECTS:
+        raise InputError(f"--hide {wanted}: no such effect; give one of {', '.join(EFFECTS)}, or {ANY}")
+    if given:
+        try:
+            return {name: float(number)}
+        except ValueError as error:
+            raise InputError(f"--hide {wanted}: must be NAME or NAME=NUMBER, such as gauge_length=0.15") from error
+    low, high = EFFECTS[name].plausible
+    return {name: round(float(rng.uniform(low + LEAST * (high - low), high)), 3)}
+
+
+def facts_in(path: Path) -> dict[str, Any]:
+    """What a JSON file that a command wrote says."""
+    facts: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return facts
+
+
+def question(out: Path, run: Callable[..., None]) -> str:
+    """Compare, diagnose, add what is found, and draw the ladder, each by its command; what was not done, in words.
+
+    Parameters
+    ----------
+    out : folder of the demo, whose `run` is located
+    run : runs a command, given its words
+    """
+    first, second = out / FIRST, out / SECOND
+    run("compare", first)
+    run("diagnose", first)
+    found = facts_in(first / "diagnosis.json")
+    if found["verdict"] != "missing-effect":
+        return f"Nothing was added: the verdict is {found['verdict']}."
+    try:
+        run("add", first, found["candidates"][0]["effect"], "--out", second)
+    except InputError as error:
+        return f"Nothing was added: {error}."
+    run("ladder", second)
+    return ""
+
+
+def errors(out: Path) -> dict[str, RouteError]:
+    """How far the route of each rung is from the true one, by what its model has."""
+    found = {"as located": route_error(out / FIRST / "route.csv", out / TRUTH)}
+    if (out / SECOND / "route.csv").is_file():
+        names = ", ".join(map(title, read_ladder(out / SECOND)[-1].effects[-1:]))
+        found[f"with {names}"] = route_error(out / SECOND / "route.csv", out / TRUTH)
+    return found
+
+
+def answer(out: Path) -> str:
+    """What was hidden, and how far from the truth each rung was, in a sentence."""
+    effects = facts_in(out / TRUTH)["switches"]
+    names = ", ".join(f"{title(name).lower()} ({name} = {effects[name]:g})" for name in effects if name in EFFECTS)
+    far = ", ".join(f"{one.mean:.2f} m on average {where}" for where, one in errors(out).items())
+    return f"hidden was: {names}; the route was off by {far}"
+
+
+def told(out: Path, undone: str) -> dict[str, Any]:
+    """The same for machines."""
+    diagnosis, known = facts_in(out / FIRST / "diagnosis.json"), facts_in(out / TRUTH)
+    named = diagnosis["candidates"][0]["effect"] if diagnosis["candidates"] else None
+    return {
+        "hidden": {name: known["switches"][name] for name in known["switches"] if name in EFFECTS},
+        "verdict": diagnosis["verdict"],
+        "named": named,
+        "undone": undone,
+        "errors": {name: {"unit": "m", **asdict(one)} for name, one in errors(out).items()},
+        "story": str(out / "index.html"),
+    }
+
+
+def section(number: int, heading: str, text: str, link: str = "", more: str = "") -> str:
+    """A chapter of the story."""
+    there = f'<p><a href="{link}">Look at it</a></p>' if link else ""
+    return f"<section><h2>{number}. {escape(heading)}</h2><p>{text}</p>{more}{there}</section>"
+
+
+def envelope(out: Path) -> str:
+    """What was hidden, and the true error of each rung; closed until it is opened."""
+    known = facts_in(out / TRUTH)
+    lines = "".join(
+        f"<p><b>{escape(title(name))}</b>: <code>{escape(name)} = {known['switches'][name]:g}</code> "
+        f"({escape(EFFECTS[name].meaning)}).</p>"
+        for name in known["switches"]
+        if name in EFFECTS
+    )
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{one.mean:.2f}</td><td>{one.largest:.2f}</td>"
+        f"<td>{one.largest_lateral:.2f}</td><td>{one.largest_depth:.2f}</td></tr>"
+        for name, one in errors(out).items()
+    )
+    head = "".join(f"<th>{name}</th>" for name in ("route", "mean", "largest", "on the map", "in depth"))
+    return (
+        "<section><h2>The envelope</h2><p>Only the simulator knew this. Guess first.</p><details><summary>Open it"
+        f"</summary>{lines}<p>How far the route was from the true one, over all channels in view, m:</p>"
+        f"<table><tr>{head}</tr>{rows}</table></details></section>"
+    )
+
+
+def story_page(out: Path, undone: str) -> str:
+    """index.html of a demo with something hidden."""
+    fit, found = facts_in(out / FIRST / "fit.json"), facts_in(out / FIRST / "diagnosis.json")
+    compared: Mapping[str, Any] = facts_in(out / FIRST / "compare.json")
+    trust = with_commands(fit["trust"]["sentence"].replace("RUN", FIRST))
+    said = f"{escape(found['headline'])} {found_words(found)}"
+    parts = [
+        section(
+            1,
+            "A street was filmed, and its fiber recorded",
+            "A camera saw vehicles go by, a fiber under the street felt them. Into the record went physics that the "
+            "model does not have; which is in the envelope at the end.",
+        ),
+        section(2, "The fiber was located", f"{escape(fit['headline'])} {trust}", f"{FIRST}/report.html"),
+        section(3, "Model and measurement were compared", escape(compared["verdict"]), f"{FIRST}/compare.html"),
+        section(4, "What is missing was asked", said, f"{FIRST}/diagnosis.html"),
+    ]
+    if undone:
+        parts.append(section(5, "It was left at that", escape(undone)))
+    else:
+        rungs = read_ladder(out / SECOND)
+        figure = svg(ladder_figure(rungs))
+        text = f"{escape(ladder_headline(rungs))}."
+        parts.append(section(5, "It was put in, and the error fell", text, f"{SECOND}/ladder.html", figure))
+        parts.append(thumbnails(rungs))
+    head = (
+        "<header><p>roadfiber demo</p><h1>A street with something hidden in it</h1><p>The same commands that work on a "
+        "real street, on one whose answer is known.</p></header>"
+    )
+    return page("roadfiber demo: something hidden", head + "".join(parts) + envelope(out))
+
+
+def found_words(found: Mapping[str, Any]) -> str:
+    """What ignoring the first candidate does to the route."""
+    first = found["candidates"][0] if found["candidates"] else {}
+    moved = first.get("route_change")
+    named = found["verdict"] == "missing-effect" and moved is not None
+    return f"Ignored, it moves the route by up to {moved:.2f} m." if named else ""
+
+
+def write_story(out: Path, undone: str) -> None:
+    """Write index.html into the folder of a demo."""
+    text = story_page(out, undone)
+    with writing(out / "index.html") as temporary:
+        temporary.write_text(text, encoding="utf-8")
