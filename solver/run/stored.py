@@ -273,7 +273,7 @@ def of_another_version(written: object) -> str | None:
     >>> of_another_version("a letter")
     """
     found = re.match(ANY_FORMAT, written) if isinstance(written, str) else None
-    if found is None:
+    if found is None or written == FORMAT:
         return None
     if int(found[1]) > int(FORMAT.split()[-1]):
         return f'written by a newer roadfiber (format "{written}"); update roadfiber to open it'

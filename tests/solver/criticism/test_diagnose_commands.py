@@ -1,6 +1,10 @@
-"""Hidden effects end to end: simulated with other code than the effect's own, found through the public commands."""
+"""Hidden effects end to end, from the simulator's files through the public commands.
+
+Which effects are found is tested in memory, see `test_hidden_effects`.
+"""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,38 +12,19 @@ import pytest
 from typer.testing import CliRunner
 
 import roadfiber.command
+from solver.catalogue import plugins
+from solver.catalogue.catalogue import built_in
 from solver.criticism.score import FOUND
 from vision.contract import InputError
 
 STREET = """
-passes = {passes}
-snr_db = 20.0
+passes = 3
+snr_db = 25.0
 noise = "street"
-view = [0.0, 45.0]
-{more}
+view = [0.0, 30.0]
 [effects]
 {effects}
 """
-
-#: Hidden effect -> amounts, and the names that count as finding it.
-HIDDEN = {
-    "gauge_length": ({"gauge_length": 0.15}, {"gauge_length"}),
-    "clock_offset": ({"clock_offset": 0.2}, {"clock_offset"}),
-    "clocks far apart": ({"clock_offset": -0.45}, {"clock_offset"}),
-    "lowpass": ({"lowpass": 1.1}, {"lowpass"}),
-    "shear_lag": ({"shear_lag": 2.4}, {"shear_lag"}),
-    "channel_wander": ({"channel_wander": 0.6}, {"channel_wander"}),
-    "track_bias": ({"track_bias": 1.0}, {"track_bias"}),
-    "highpass": ({"highpass": 0.1}, {"highpass"}),
-    "saturation": ({"saturation": 0.5}, {"saturation"}),
-    "channel_coupling": ({"channel_coupling": 0.3}, {"channel_coupling"}),
-    "stiffness_contrast": ({"stiffness_contrast": 0.6}, {"stiffness_contrast"}),
-    "conduit_slip": ({"conduit_slip": 12.0}, {"conduit_slip"}),
-    "viscoelastic_lag": ({"viscoelastic_lag": 0.35}, {"viscoelastic_lag"}),
-    "road_bump": ({"road_bump": 0.35}, {"road_bump"}),
-    "unseen_vehicle": ({"unseen_vehicle": 0.8}, {"unseen_vehicle"}),
-    "cycle_skips": ({"cycle_skips": 0.01}, {"cycle_skips"}),
-}
 
 
 def run(*words: object) -> str:
@@ -49,12 +34,12 @@ def run(*words: object) -> str:
     return result.output
 
 
-def located(folder: Path, effects: dict[str, float], *, passes: int = 4, seed: int = 11, more: str = "") -> Path:
+def located(folder: Path, effects: dict[str, float]) -> Path:
     """Run folder of a simulated survey with these hidden effects."""
     scenario = folder / "street.toml"
     lines = "\n".join(f"{name} = {amount}" for name, amount in effects.items())
-    scenario.write_text(STREET.format(passes=passes, effects=lines, more=more), encoding="utf-8")
-    run("simulate", scenario, "--seed", seed, "--out", folder / "survey")
+    scenario.write_text(STREET.format(effects=lines), encoding="utf-8")
+    run("simulate", scenario, "--seed", 11, "--out", folder / "survey")
     run("locate", folder / "survey", "--out", folder / "run")
     return folder / "run"
 
@@ -65,61 +50,36 @@ def diagnosis(folder: Path, *options: object) -> dict:
     return json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("name", HIDDEN)
-def test_a_hidden_effect_is_named(tmp_path: Path, name: str) -> None:
-    effects, right = HIDDEN[name]
-    folder = located(tmp_path, effects)
+def rungs(folder: Path) -> list[dict]:
+    """Of a run folder's ladder."""
+    return json.loads((folder / "ladder.json").read_text(encoding="utf-8"))["rungs"]
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A catalogue of a few effects, where it is not the point that one is told from all others."""
+    names = ("gauge_length", "saturation", "camber", "generic_neighbors")
+    some = {name: one for name, one in built_in().items() if one.base_part or name in names}
+    monkeypatch.setattr(plugins, "built_in", lambda: some)
+
+
+@pytest.fixture(scope="module")
+def stretched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run of a survey whose gauges are longer than told; not to be changed."""
+    return located(tmp_path_factory.mktemp("stretched"), {"gauge_length": 0.15})
+
+
+def test_a_hidden_effect_is_named_of_the_whole_catalogue(stretched: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(stretched, tmp_path / "run")
     found = diagnosis(folder)
     first = found["candidates"][0]
     assert found["verdict"] == "missing-effect", found["words"]
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
     assert first["told"]["title"] in page and "One vehicle, before and after" in page and 'href="report.html"' in page
     assert page.count('class="signature"') > 1 and len(page) < 8e6
-    assert {first["effect"], *first["confounded_with"]} & right, found["words"]
-    assert first["evidence"] > FOUND
-
-
-@pytest.mark.parametrize(("seed", "idle"), [(11, {"long_vehicle"}), (12, set())])
-def test_nothing_hidden_is_adequate_and_says_what_could_have_hidden(tmp_path: Path, seed: int, idle: set[str]) -> None:
-    """Where no truck drives, trucks' length is among what could not have shown."""
-    found = diagnosis(located(tmp_path, {}, seed=seed))
-    assert found["verdict"] == "adequate", found["words"]
-    assert all(c["verdict"] != "present" for c in found["candidates"])
-    gauge = next(c for c in found["candidates"] if c["effect"] == "gauge_length")
-    assert gauge["verdict"] == "excluded"
-    assert 0 < gauge["detectable_size"] < 0.05
-    assert {c["effect"] for c in found["candidates"] if c["numbers"] == 0} == idle
-    blind = found["words"].split("It could not have shown: ")[1].rstrip(".").split(", ")
-    assert set(blind) == {
-        c["effect"] for c in found["candidates"] if c["verdict"] == "inconclusive" and not c["generic"]
-    }
-    assert idle <= set(blind)
-    assert all(abs(c["estimate"]) < 1e6 for c in found["candidates"])
-    assert found["audit"]["faults"] == []
-
-
-@pytest.mark.parametrize(
-    ("name", "amount"),
-    [("unknown_echo", 0.2), ("unknown_quadratic", 0.4), ("unknown_equalized", 0.6), ("unknown_twin_path", 0.5)],
-)
-def test_what_is_in_no_catalogue_is_called_unknown(tmp_path: Path, name: str, amount: float) -> None:
-    found = diagnosis(located(tmp_path, {name: amount}))
-    assert found["verdict"] in ("unknown-effect", "inconclusive"), found["words"]
-    assert not any(c["verdict"] == "present" and not c["generic"] for c in found["candidates"]), found["words"]
-
-
-@pytest.mark.parametrize(
-    ("name", "amount", "stage"),
-    [
-        ("unknown_hysteresis", 0.35, "ground"),
-        ("unknown_wave_packet", 0.15, "ground"),
-        ("unknown_skewed_kernel", 0.4, "interrogator"),
-    ],
-)
-def test_the_unknown_is_placed_at_its_stage(tmp_path: Path, name: str, amount: float, stage: str) -> None:
-    """The ground's friction and waves are told from curves and loads, what is fixed to the fiber from vehicles."""
-    found = diagnosis(located(tmp_path, {name: amount}))
-    assert (found["verdict"], found["candidates"][0]["stage"]) == ("unknown-effect", stage), found["words"]
+    assert "gauge_length" in {first["effect"], *first["confounded_with"]}, found["words"]
+    assert first["evidence"] > FOUND and first["held_out_gain"] > 0
+    assert len(found["candidates"]) > 50
 
 
 def test_the_clocks_offset_is_estimated_and_kept_where_it_is_added(tmp_path: Path) -> None:
@@ -129,7 +89,7 @@ def test_the_clocks_offset_is_estimated_and_kept_where_it_is_added(tmp_path: Pat
     assert 0 < found["sigma"] < 0.03
     # Every track is off by as much: passes held out, which may shift a little by themselves, fit better all the same.
     run("add", folder, "clock_offset", "--out", tmp_path / "second")
-    before, after = json.loads((tmp_path / "second" / "ladder.json").read_text(encoding="utf-8"))["rungs"]
+    before, after = rungs(tmp_path / "second")
     assert after["held_out_chi2_per_dof"] < before["held_out_chi2_per_dof"]
 
 
@@ -137,7 +97,7 @@ def test_a_length_that_slips_is_fitted_to_the_noise(tmp_path: Path) -> None:
     """Between its ends it tells no place: the route stays where the rest of the fiber and its smoothness have it."""
     folder = located(tmp_path, {"conduit_slip": 16.0})
     run("add", folder, "conduit_slip", "--out", tmp_path / "second")
-    before, after = json.loads((tmp_path / "second" / "ladder.json").read_text(encoding="utf-8"))["rungs"]
+    before, after = rungs(tmp_path / "second")
     assert before["chi2_per_dof"] > 1.5 and after["chi2_per_dof"] < 1.03 * after["noise_floor"]
     route = np.array(json.loads((tmp_path / "survey" / "truth.json").read_text(encoding="utf-8"))["route_xyz"])
     found = np.genfromtxt(tmp_path / "second" / "route.csv", delimiter=",", names=True)
@@ -145,32 +105,18 @@ def test_a_length_that_slips_is_fitted_to_the_noise(tmp_path: Path) -> None:
     assert np.linalg.norm(off, axis=1).max() < 0.2
 
 
-def test_a_bias_of_all_tracks_is_told_from_chance(tmp_path: Path) -> None:
-    found = diagnosis(located(tmp_path, {"track_bias": 0.4}, passes=8, seed=5))
-    first = found["candidates"][0]
-    assert found["verdict"] == "missing-effect", found["words"]
-    assert "track_bias" in {first["effect"], *first["confounded_with"]}, found["words"]
-
-
-def test_two_effects_are_found_one_after_the_other(tmp_path: Path) -> None:
-    folder = located(tmp_path, {"gauge_length": 0.15, "highpass": 0.1})
+def test_two_effects_are_found_one_after_the_other(tmp_path: Path, few: None) -> None:
+    folder = located(tmp_path, {"gauge_length": 0.15, "saturation": 0.5})
     said = run("explain", folder, "--out", tmp_path / "explained")
-    rungs = json.loads((tmp_path / "explained" / "ladder.json").read_text(encoding="utf-8"))["rungs"]
-    assert {"gauge_length", "highpass"} <= set(rungs[-1]["effects"]), said
-    held_out = [rung["held_out_chi2_per_dof"] for rung in rungs]
+    climbed = rungs(tmp_path / "explained")
+    assert {"gauge_length", "saturation"} <= set(climbed[-1]["effects"]), said
+    held_out = [rung["held_out_chi2_per_dof"] for rung in climbed]
     assert held_out == sorted(held_out, reverse=True)
-    assert rungs[-1]["chi2_per_dof"] < 1.05 * rungs[-1]["noise_floor"]
+    assert climbed[-1]["chi2_per_dof"] < 1.05 * climbed[-1]["noise_floor"]
     page = (tmp_path / "explained" / "explain.html").read_text(encoding="utf-8")
     assert "gauge_length was added" in page
-    (first,) = set(rungs[1]["effects"]) - set(rungs[0]["effects"])
+    (first,) = set(climbed[1]["effects"]) - set(climbed[0]["effects"])
     assert f"<p>{first} is missing at the" in page
-
-
-def test_a_vehicle_that_the_camera_missed_hides_no_other_effect(tmp_path: Path) -> None:
-    found = diagnosis(located(tmp_path, {"unseen_vehicle": 0.8, "gauge_length": 0.15}))
-    present = [c["effect"] for c in found["candidates"] if c["verdict"] == "present"]
-    assert found["verdict"] == "missing-effect", found["words"]
-    assert set(present) == {"unseen_vehicle", "gauge_length"}, found["words"]
 
 
 PLUGIN = """
@@ -185,12 +131,13 @@ def wide_gauge(interrogator, p, survey):
 """
 
 
-def test_add_extends_the_ladder_refuses_what_does_not_help_and_takes_a_user_effect(tmp_path: Path) -> None:
-    folder = located(tmp_path, {"gauge_length": 0.15})
+def test_add_extends_the_ladder_refuses_what_does_not_help_and_takes_a_user_effect(
+    stretched: Path, tmp_path: Path, few: None
+) -> None:
     plugin = tmp_path / "mine.py"
     plugin.write_text(PLUGIN, encoding="utf-8")
-    run("add", folder, "wide_gauge", "--plugin", plugin, "--out", tmp_path / "second")
-    ladder = json.loads((tmp_path / "second" / "ladder.json").read_text(encoding="utf-8"))["rungs"]
+    run("add", stretched, "wide_gauge", "--plugin", plugin, "--out", tmp_path / "second")
+    ladder = rungs(tmp_path / "second")
     assert [rung["effects"][-1] for rung in ladder] == ["curved_gauge", "wide_gauge"]
     assert ladder[1]["held_out_chi2_per_dof"] < ladder[0]["held_out_chi2_per_dof"]
     facts = json.loads((tmp_path / "second" / "fit.json").read_text(encoding="utf-8"))
@@ -210,10 +157,8 @@ def test_add_extends_the_ladder_refuses_what_does_not_help_and_takes_a_user_effe
     assert "chi2/dof" in run("ladder", tmp_path / "second")
 
 
-def test_noise_that_is_not_understood_ends_inconclusive(tmp_path: Path) -> None:
-    import numpy as np
-
-    folder = located(tmp_path, {"gauge_length": 0.15})
+def test_noise_that_is_not_understood_ends_inconclusive(stretched: Path, tmp_path: Path, few: None) -> None:
+    folder = shutil.copytree(stretched, tmp_path / "run")
     with np.load(folder / "data.npz") as file:
         arrays = {name: file[name] for name in file.files}
     # The second half of the record is four times as loud: no law of stationary noise holds for both.
