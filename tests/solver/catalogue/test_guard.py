@@ -87,6 +87,7 @@ def test_what_pytorch_loads_late_is_not_the_plugins_doing(plugin, monkeypatch):
 
 @pytest.mark.parametrize(("place", "line"), [("at_import", 8), ("in_function", 12)])
 def test_an_endless_loop_is_ended_and_its_line_told(plugin, monkeypatch, place, line):
+    proof.warm()  # with the true `verify`: alone, this test is the first to call it
     monkeypatch.setattr(proof, "LIMIT", 0.3)
     monkeypatch.setattr(proof, "verify", lambda one: one.change(None, {}, None))
     with pytest.raises(InputError, match=rf"mine\.py: not done after 0\.3 s \(line {line}\); see that every loop ends"):
