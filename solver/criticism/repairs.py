@@ -14,6 +14,7 @@ from scipy.ndimage import median_filter, percentile_filter
 from scipy.optimize import minimize
 
 from solver.cable.fiber import Fiber
+from solver.fit.carried import carried
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
@@ -289,5 +290,4 @@ TAKEN_OUT = ("cycle_skips", "faded_channels")
 def mended(fit: MapFit, state: State, fault: Fault) -> tuple[MapFit, Solution]:
     """The survey with a fault mended, fitted again."""
     new = MapFit(fault.mend(fit.problem))
-    numbers = state.numbers if len(state.numbers) == new.extension.size else None
-    return new, solve(new, new.start_at(state.coefficients, state.poisson_ratio, numbers), iterations=60)
+    return new, solve(new, carried((fit, state), new), iterations=60)

@@ -1,22 +1,22 @@
 """How well a route found from some passes explains the passes it never saw."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 import torch
 
+from solver.fit.carried import carried, carried_with_vehicles, legs, slots_of
 from solver.fit.chain import Chain, Link
 from solver.fit.least_squares import Solution, solve
-from solver.fit.map_fit import MapFit, vehicles_of
+from solver.fit.map_fit import MapFit
 from solver.fit.numbers import SINGLE
 from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
 from solver.fit.state import State
 from solver.fit.stretches import FIRST, is_long, nearby, part, parts, some
 from solver.fit.track_trust import strict_tracks, track_spread
-from solver.signal_path.extension import Slot
 from solver.trajectory.vehicle_pass import Pass
 
 FOLDS = 2
@@ -56,28 +56,6 @@ def own_samples(link: Link, others: Sequence[Pass]) -> torch.Tensor:
     return torch.from_numpy(~np.isin(problem.traffic.samples, rest))
 
 
-def in_both(chain: Chain, new: Chain) -> Iterator[tuple[Slot, torch.Tensor, torch.Tensor]]:
-    """Parameters of the effects that two chains share, and where the numbers of each hold them."""
-    known = {(s.effect.name, s.parameter.name): at for s, at in zip(slots_of(chain), chain.slots, strict=True)}
-    for slot, here in zip(slots_of(new), new.slots, strict=True):
-        if (old := known.get((slot.effect.name, slot.parameter.name))) is not None:
-            yield slot, old, here
-
-
-def slots_of(chain: Chain) -> Sequence[Slot]:
-    """Parameters of the effects in a chain."""
-    return chain.links[0].fit.extension.slots
-
-
-def shared_numbers(chain: Chain, state: State, new: Chain) -> torch.Tensor:
-    """Numbers of the effects that all passes share, for a fit of other passes; those of single passes at their null."""
-    numbers = new.prior.numbers.mean.clone()
-    for slot, old, here in in_both(chain, new):
-        if slot.parameter.scope not in SINGLE and len(old) == len(here):
-            numbers[here] = state.numbers[old]
-    return numbers
-
-
 def unshown(chain: Chain, end: Solution) -> list[str]:
     """Effects common to all passes that a fit cannot tell from zero (Wald 1943, Trans. AMS 54, 426)."""
     every = zip(slots_of(chain), chain.slots, strict=True)
@@ -96,26 +74,6 @@ def unshown(chain: Chain, end: Solution) -> list[str]:
         if wald < len(off) + SHOWN * (2 * len(off)) ** 0.5:
             found.append(effect.name)
     return found
-
-
-def legs(chain: Chain) -> list[tuple[int, str, int]]:
-    """What tells a vehicle in a stretch from all others: first channel, track, first row."""
-    return [
-        (int(link.fit.problem.channel[0]), one.track_id, int(one.rows[0]))
-        for link in chain.links
-        for one in link.fit.problem.passes
-    ]
-
-
-def carried(chain: Chain, state: State, new: Chain) -> State:
-    """The start that a state is for a fit of some of its passes; smooth parameters of a pass begin at null."""
-    known = {leg: number for number, leg in enumerate(legs(chain))}
-    keep = torch.tensor([known[leg] for leg in legs(new)])
-    numbers = shared_numbers(chain, state, new)
-    for slot, old, here in in_both(chain, new):
-        if slot.parameter.scope == "pass":
-            numbers[here] = state.numbers[old][keep]
-    return State(state.coefficients, vehicles_of(state.vehicles, keep), state.poisson_ratio, numbers)
 
 
 def by_direction(passes: Sequence[Pass]) -> np.ndarray:
@@ -167,14 +125,14 @@ class Fold:
 
     def fitted(self, whole: tuple[Chain, State] | None) -> Solution:
         """Fit the passes that are seen, from where the fit of all ended."""
-        return solve(self.seen, carried(*whole, self.seen) if whole else self.seen.start())
+        return solve(self.seen, carried_with_vehicles(whole, self.seen) if whole else self.seen.start())
 
     def judged(self, ground: Solution, whole: tuple[Chain, State] | None) -> HeldOut:
         """Misfit of the held-out passes on the route and ground that the others found."""
-        at, held = ground.state, self.held
-        start = held.start_at(at.coefficients, at.poisson_ratio, shared_numbers(self.seen, at, held))
+        held = self.held
+        start = carried((self.seen, ground.state), held)
         if whole and set(legs(held)) <= set(legs(whole[0])):
-            start = replace(start, vehicles=carried(*whole, held).vehicles)
+            start = replace(start, vehicles=carried_with_vehicles(whole, held).vehicles)
         end = solve(held, start)
         # What held-out passes are shifted or changed by is misfit too: a clock that is off shows there.
         misfit, freedom, every = held.prior.cost(end.state), -float(held.free.sum()), 0.0

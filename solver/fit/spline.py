@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from solver.fit.carried import carried
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.posterior import assemble
@@ -29,7 +30,7 @@ def initial_state(problem: Problem, chain: Chain, advance: Callable[[int], None]
         return chain.start()
     few = Chain.of(problem, groups=[some(group, FIRST) for group in parts(problem)])
     end = solve(few, few.start(), advance=advance).state
-    return chain.start_at(end.coefficients, end.poisson_ratio)
+    return carried((few, end), chain)
 
 
 def shifted_in_time(chain: Chain, state: State) -> State | None:
