@@ -7,7 +7,7 @@ from functools import cache
 from typing import TypeVar
 
 from solver.cable import cable_effects as cable
-from solver.catalogue import discrepancy_models as generic
+from solver.catalogue import ground_discrepancies, record_discrepancies, vehicle_discrepancies
 from solver.effect import Effect, Plain, percent
 from solver.ground import ground_effects as ground
 from solver.interrogator import interrogator_effects as interrogator
@@ -18,7 +18,10 @@ from vision.contract import InputError
 
 Known = TypeVar("Known")
 
-STAGE_MODULES = (trajectory, load, ground, cable, interrogator, processing, generic)
+STAGE_MODULES = (trajectory, load, ground, cable, interrogator, processing)
+#: Discrepancy models for the unknown: flexible changes of every stage that compete with the physical effects. Where one
+#: of them explains the residual better than any effect of the catalogue, something acts there that the catalogue lacks.
+DISCREPANCY_MODULES = (vehicle_discrepancies, ground_discrepancies, record_discrepancies)
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,7 @@ FAULTS = {
 @cache
 def built_in() -> dict[str, Effect]:
     """Effects of the catalogue by name, in the order of the stages; generic ones last."""
-    return {one.name: one for module in STAGE_MODULES for one in module.EFFECTS}
+    return {one.name: one for module in STAGE_MODULES + DISCREPANCY_MODULES for one in module.EFFECTS}
 
 
 def family(kind: str, effects: Iterable[Effect]) -> tuple[str, ...]:

@@ -1,0 +1,185 @@
+"""Discrepancy models of the ground: its response, softening, friction, waves."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from solver.catalogue.sieve import SOURCE
+from solver.effect import Discrepancy, Parameter, Plain, Surroundings, effect
+from solver.ground.ground import Ground
+from solver.ground.ground_effects import TROUGH
+
+Values = Mapping[str, Tensor]
+#: Scales of the distance from a wheel, m.
+SCALES = (1.5, 4.0, 10.0)
+#: Slacks of strain, in thousandths of what the largest rate adds in 1 s: a truck's strain reaches some hundreds.
+SLACKS = (10, 20, 50, 100)
+#: m aside at which a wave that follows a vehicle has lost a third.
+ASIDE = 10.0
+
+
+@effect(
+    "generic_kernel",
+    "ground",
+    [
+        *(Parameter(f"near_{scale:g}", "1", 0.2) for scale in SCALES),
+        *(Parameter(f"ahead_{scale:g}", "1", 0.2) for scale in SCALES),
+        *(Parameter(f"beside_{scale:g}", "1", 0.2) for scale in SCALES),
+    ],
+    physics="The ground's response falls off differently with distance, along the road and beside it.",
+    plain=Plain("Unknown response of the ground"),
+    source=SOURCE,
+    families=("blur",),
+    discrepancy=Discrepancy(),
+)
+def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Response times one plus Gaussians of the distance from the wheel, even, odd along travel, and even across."""
+
+    def response(offset: Tensor, velocity: Tensor, nu: Tensor | float) -> Tensor:
+        base = ground.displacement_rate(offset, velocity, nu)
+        speed = velocity.norm(dim=-1).clamp_min(1e-3)
+        ahead = (offset[..., :2] * velocity).sum(-1) / speed
+        square = (offset[..., :2] ** 2).sum(-1)
+        factor = torch.ones_like(square)
+        for scale in SCALES:
+            bell = torch.exp(-square / (2 * scale**2))
+            beside = 1 - ahead**2 / square.clamp_min(1e-6)
+            even = p[f"near_{scale:g}"] + p[f"ahead_{scale:g}"] * ahead / scale + p[f"beside_{scale:g}"] * beside
+            factor = factor + even * bell
+        return base * factor[..., None]
+
+    return replace(ground, response=response)
+
+
+@effect(
+    "generic_softening",
+    "ground",
+    [Parameter("softer", "1", 1.0), Parameter("uneven", "1", 1.0)],
+    physics="The ground softens or stiffens where it is strained more.",
+    plain=Plain("Unknown softening of the ground"),
+    source=SOURCE,
+    discrepancy=Discrepancy(),
+)
+def generic_softening(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Compliance that changes with the strain, either sign alike and not; in what the largest rate adds in 1 s."""
+
+    def factor(strain: Tensor) -> Tensor:
+        x = strain / survey.largest
+        return 1 + p["softer"] * x.abs() + p["uneven"] * x
+
+    return ground.yielding(factor)
+
+
+class Engaged(torch.autograd.Function):
+    """Share of a strain's change [..., sample, channel] that is left beyond some slack: 0 or 1 but where it turns.
+
+    The play operator (Krasnosel'skii and Pokrovskii 1989, Systems with Hysteresis, section 2): what is pulled along
+    stays where it is until the slack is taken up. It changes with the strain at single samples only: no derivative.
+    """
+
+    @staticmethod
+    def forward(strain: Tensor, slack: float) -> Tensor:
+        """Follow the strain sample by sample."""
+        drive = strain.movedim(-2, 0).numpy()
+        low, high, pulled = drive - slack, drive + slack, np.empty_like(drive)
+        last = np.zeros_like(drive[0])
+        for row in range(len(drive)):
+            last = np.clip(last, low[row], high[row], out=pulled[row])
+        change = np.diff(drive, axis=0, prepend=0.0)
+        share = np.diff(pulled, axis=0, prepend=0.0) / np.where(change == 0, 1.0, change)
+        return torch.from_numpy(share).movedim(0, -2)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        """Nothing is kept."""
+
+    @staticmethod
+    def jvp(ctx: Any, strain: Tensor, slack: None) -> Tensor:
+        """No derivative."""
+        return torch.zeros_like(strain)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
+        """No derivative."""
+        return torch.zeros_like(gradient), None
+
+
+@effect(
+    "generic_friction",
+    "ground",
+    [Parameter(f"slack_{slack}", "1", 0.2) for slack in SLACKS],
+    physics="Friction holds strain back where it reverses, however slowly the ground is strained.",
+    plain=Plain("Unknown friction in the ground"),
+    source="Prandtl-Ishlinskii model of hysteresis: Krasnosel'skii and Pokrovskii 1989, Systems with Hysteresis.",
+    discrepancy=Discrepancy(),
+)
+def generic_friction(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Strain plus shares of what it pulls along beyond some slacks (of what the largest rate adds in 1 s)."""
+
+    def factor(strain: Tensor) -> Tensor:
+        shares = (p[f"slack_{slack}"] * Engaged.apply(strain, 1e-3 * slack * survey.largest) for slack in SLACKS)
+        return 1 + sum(shares)
+
+    return ground.yielding(factor)
+
+
+@effect(
+    "generic_wave",
+    "ground",
+    [
+        Parameter("sine", "1", 0.1, scope="pass"),
+        Parameter("cosine", "1", 0.1, scope="pass"),
+        Parameter("behind", "m", 4.0, lower=4, upper=40, grid=(9.0, 16.0, 23.0)),
+        Parameter("wavelength", "m", 4.0, lower=5, upper=40, grid=(9.0, 15.0)),
+    ],
+    physics="A packet of waves follows each vehicle at a constant distance.",
+    plain=Plain("Unknown waves"),
+    source="Gabor 1946, J. Inst. Electr. Eng. 93, 429: the packet; steady in the vehicle's frame.",
+    discrepancy=Discrepancy(),
+)
+def generic_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Motion along travel, half a wavelength wide (sd); 1 strains the ground as the trough does nearby."""
+    k = 2 * torch.pi / p["wavelength"]
+
+    def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
+        (x, y, _), (along, across) = offset.unbind(-1), velocity.unbind(-1)
+        speed = (along**2 + across**2).sqrt().clamp_min(1e-3)
+        along, across = along / speed, across / speed
+        behind = -(x * along + y * across) - p["behind"]
+        aside = (x * across - y * along) / ASIDE
+        sine, cosine = (p[name].reshape(time.shape) for name in ("sine", "cosine"))
+        wave = sine * torch.sin(k * behind) + cosine * torch.cos(k * behind)
+        moved = speed / TROUGH**3 / k * torch.exp(-2 * (behind / p["wavelength"]) ** 2) * (1 + aside**2) ** -0.5 * wave
+        return torch.stack([moved * along, moved * across, torch.zeros_like(moved)], -1)
+
+    return replace(ground, radiation=radiation)
+
+
+@effect(
+    "generic_wake",
+    "ground",
+    [
+        Parameter("share", "1", 0.2, lower=-3, upper=3),
+        Parameter("delay", "s", 0.2, lower=0.2, upper=8, grid=(0.6, 1.2, 2.4, 4.0)),
+    ],
+    physics="Each vehicle is followed by a copy of its signal.",
+    plain=Plain("Unknown followers of vehicles"),
+    source=SOURCE,
+    discrepancy=Discrepancy(),
+)
+def generic_wake(ground: Ground, p: Values, survey: Surroundings) -> Ground:
+    """Response plus a share of it, later."""
+    return ground.filtered(lambda s: 1 + p["share"] * torch.exp(-s * p["delay"]))
+
+
+EFFECTS = (
+    generic_kernel,
+    generic_softening,
+    generic_friction,
+    generic_wave,
+    generic_wake,
+)
