@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 from solver.criticism.bench import Asked, Bench, racers, scorable
 from solver.criticism.candidate import Candidate
-from solver.criticism.refit import Refit, race
+from solver.criticism.race import race
+from solver.criticism.refit import Refit
 from solver.criticism.score import FOUND, Score
 from solver.criticism.scorer import score_all
 from solver.effect import Effect

@@ -17,7 +17,8 @@ from solver.criticism.beside import BESIDE, CLOSE, FEW, MANY, Beside, akin, both
 from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.placing import stage_of
 from solver.criticism.plain_verdict import spoken
-from solver.criticism.refit import HOPE, Refit, as_located, elsewhere, race
+from solver.criticism.race import elsewhere, race
+from solver.criticism.refit import HOPE, Refit, as_located
 from solver.criticism.repairs import mended
 from solver.criticism.route_change import with_moves
 from solver.criticism.score import FOUND, Score

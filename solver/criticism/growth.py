@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solver.catalogue.catalogue import find
-from solver.criticism.refit import Refit, elsewhere, race
+from solver.criticism.race import elsewhere, race
+from solver.criticism.refit import Refit
 from solver.criticism.repairs import SEARCHES, TAKEN_OUT, mended
 from solver.criticism.scorer import Scorer
 from solver.effect import Effect

@@ -1,6 +1,5 @@
 """Refits with a candidate in the model: what the score test predicts, confirmed in full."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,36 +8,22 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.criticism.score import FOUND, Score, evidence
-from solver.criticism.scorer import Scorer, score_all
-from solver.criticism.side_by_side import side_by_side
-from solver.effect import Effect, Fitted, Parameter
+from solver.criticism.score import Score, evidence
+from solver.criticism.scorer import Scorer
+from solver.effect import Effect, Parameter
 from solver.fit.chain import Chain
-from solver.fit.least_squares import Solution, solve
+from solver.fit.least_squares import Solution
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
 from solver.signal_path.extension import Slot
-from solver.signal_path.traffic import Vehicles
 
-#: Steps of each round of the race, of the first one from far away, and rounds.
-PACE, FAR_PACE, ROUNDS = 2, 3, 12
 #: Times the fall that the next step predicts which a fit may still hope for.
 HOPE = 2.0
-#: ln of the Bayes factor beyond which one pass may speak for all, as the heaviest vehicle alone may clip.
-CLEAR = 36.0
-#: Share of the leader's evidence that one must have, or may hope for, to go on.
-STAY = 0.75
 #: Times its size from where a known effect of one number is fitted a second time.
 FARTHER = 2.0
-#: Shifts of the tracks, times what was expected, that a delay may be behind.
-SHIFTED = 1.0
-#: Share of the best one's evidence that an effect must have to start with unshifted tracks.
-LATE = 0.25
-#: What is raised where steps led to where the model has no numbers: who gets there stops, and the rest goes on.
-UNSOLVED = (ValueError, np.linalg.LinAlgError, torch.linalg.LinAlgError)
 #: Root mean square of numbers, in standard deviations of their prior, that is none of its draws any more.
 EXTREME = 3.0
 
@@ -177,162 +162,3 @@ def as_located(problem: Problem) -> Problem:
 def with_effect(problem: Problem, effect: Effect) -> Problem:
     """The same survey with one more effect in its model."""
     return replace(problem, effects=(*problem.effects, effect))
-
-
-def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> State:
-    """The state without the candidate, moved with all that was fitted toward the score's estimate, if the misfit falls.
-
-    Parameters
-    ----------
-    fit : with the candidate
-    scorer : without it
-    score : of the candidate
-    weights : of the samples
-    """
-    state = scorer.state
-    extension = fit.extension
-    slots = [slot for slot in extension.slots if slot.effect is score.effect]
-    base = extension.numbers({score.effect.name: score.shape})
-    base[: len(state.numbers)] = state.numbers
-    change = torch.zeros_like(base)
-    estimate = torch.from_numpy(score.estimate)
-    first = 0
-    for slot in slots:
-        if slot.parameter.is_shape:
-            continue
-        count = slot.where.stop - slot.where.start
-        change[slot.where] = estimate[first : first + count]
-        first += count
-    change = torch.nan_to_num(change).clamp(-1e6, 1e6)
-    moved = torch.zeros_like(scorer.fit.mean)
-    moved[scorer.fit.free] = scorer.following(score)
-    best, cost = replace(state, numbers=base), np.inf
-    # What is told and not predicted may raise the misfit until all else has followed.
-    for step in (1.0, 0.5, 0.2, 0.05) if score.fall > 0 else (1.0,):
-        there = state.moved(state.vector() + step * moved)
-        numbers = base + step * change
-        numbers[: len(there.numbers)] = there.numbers
-        trial = fit.bounded(replace(there, numbers=numbers))
-        if not fit.buried(trial):
-            continue
-        trial = fit.settled(trial, weights)
-        new = fit.cost(trial, weights)
-        if new < cost:
-            best, cost = trial, new
-    return best
-
-
-def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """What effects that are the same for all passes alone would explain, were no track shifted; only where tracks were.
-
-    Whatever delays the record shifts all vehicles, and once they are shifted the better explanation is out of sight.
-    All else about the vehicles is as it was before the fit, too.
-    """
-    few = [one for one in effects if not one.generic and all(p.scope == "one" for p in one.amplitudes)]
-    along = scorer.state.vehicles.along
-    if along.square().mean().sqrt() < SHIFTED * scorer.fit.problem.prior.along:
-        return []
-    fit, state = scorer.fit, scorer.state
-    # Vehicles told half a wavelength away would come to no weight at all: it is that of the fit.
-    fresh = replace(Vehicles.of(fit.problem.passes), amplitude=state.vehicles.amplitude)
-    alone = Scorer(fit, replace(fit.start_at(state.coefficients, state.poisson_ratio), vehicles=fresh), alone=True)
-    found = score_all(alone, few)
-    most = max((one.evidence for one in found), default=0.0)
-    return [(alone, score) for score in found if score.evidence > LATE * most]
-
-
-def elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """Candidates that start elsewhere than the fit: where they say themselves, or with unshifted tracks."""
-    told = (started_elsewhere(scorer, one) for one in effects)
-    return [one for one in told if one is not None] + unshifted(scorer, effects)
-
-
-def started_elsewhere(scorer: Scorer, effect: Effect) -> tuple[Scorer, Score] | None:
-    """A candidate where it says that a fit with it may start; None where it says nothing."""
-    fit, state = scorer.fit, scorer.state
-    problem = fit.problem
-    classes = tuple(one.vehicle_class for one in problem.passes)
-    known = Fitted(problem.distance, classes, np.abs(state.vehicles.amplitude.numpy()), problem.coil)
-    start = None if effect.start is None else effect.start(known)
-    if start is None:
-        return None
-    nu = torch.tensor(problem.prior.poisson_ratio[0]).double()
-    if start.route is None:
-        begun = replace(fit.start_at(state.coefficients, nu, state.numbers), vehicles=state.vehicles)
-    else:
-        distance = problem.distance_of(problem.route_channel)
-        begun = fit.start_at(torch.from_numpy(fit.basis.interpolate(distance, start.route(distance))), nu)
-    counts, numbers = tuple(len(one) for one in start.numbers), np.concatenate(start.numbers)
-    # A score in form only: nothing is predicted.
-    signal, sigma = torch.zeros(fit.measured.numel(), dtype=torch.float64), np.ones(len(numbers))
-    score = Score(effect, dict(start.shape), False, 0.0, len(numbers), 1, counts, numbers, sigma, 1.0, signal)
-    return Scorer(fit, begun, alone=True), score
-
-
-def race(
-    scorer: Scorer,
-    scores: Sequence[Score],
-    advance: Callable[[int], None] = lambda n: None,
-    others: Sequence[tuple[Scorer, Score]] = (),
-) -> dict[str, Refit]:
-    """Fit everything again with each candidate in the model; those that fall behind stop early.
-
-    The score test says how the misfit falls at first; where an effect is large, or the route has absorbed it, only full
-    fits tell. Who can no longer come near the leader leaves; the favorite of the score test, which with many numbers
-    starts slowly, runs to the end. Known effects of one number that end near the leader are fitted once more from
-    farther off: where the ground's and the route's numbers have absorbed a part, a fit may end short of it.
-
-    Parameters
-    ----------
-    scorer : at the converged fit without the candidates
-    scores : of the candidates
-    advance : called with 1 after the first steps from each start
-    others : candidates that start elsewhere too, see `elsewhere`
-    """
-    counts = counted(scorer.fit, scorer.at)
-    weights, before = Weights((counts > 0).double(), counts**2), loss(scorer.fit, scorer.state, counts)
-    starts = [*((scorer, one) for one in scores), *others]
-    with_it = {one.effect.name: one.effect for _, one in starts}
-    fits = {name: MapFit(with_effect(scorer.fit.problem, effect)) for name, effect in with_it.items()}
-
-    def run(fit: MapFit, start: State | Solution, pace: int) -> tuple[Solution, float] | None:
-        try:
-            end = solve(fit, start, iterations=pace)
-        except UNSOLVED:
-            return None
-        return end, before - loss(fit, end.state, counts)
-
-    def begin(start: tuple[Scorer, Score]) -> tuple[Solution, float] | None:
-        at, score = start
-        fit = fits[score.effect.name]
-        return run(fit, started(fit, at, score, weights), PACE if at is scorer else FAR_PACE)
-
-    def onward(one: Refit) -> tuple[Solution, float]:
-        return run(one.fit, one.solution, PACE) or (replace(one.solution, converged=True), one.fall)
-
-    begun = zip(starts, side_by_side(begin, starts, advance), strict=True)
-    running = [Refit(score, fits[score.effect.name], *end) for (_, score), end in begun if end is not None]
-    for _ in range(ROUNDS - 1):
-        least = STAY * max((one.evidence for one in running), default=0.0)
-        unended = [n for n, one in enumerate(running) if not one.solution.converged]
-        going = [n for n in unended if n == 0 or running[n].hoped > least]
-        for n, (end, fall) in zip(going, side_by_side(onward, [running[n] for n in going]), strict=True):
-            running[n] = replace(running[n], solution=end, fall=fall)
-    near = STAY * max((one.evidence for one in running), default=0.0)
-    again = [one for one in running if one.single and one.evidence > max(near, FOUND)]
-    ends = side_by_side(lambda one: run(one.fit, one.farther(weights), PACE * ROUNDS), again)
-    running += [replace(one, solution=end[0], fall=end[1]) for one, end in zip(again, ends, strict=True) if end]
-    best: dict[str, Refit] = {}
-    for one in running:
-        name = one.effect.name
-        if name not in best or one.fall > best[name].fall:
-            best[name] = one
-    return {name: replace(one, lone=rests_on_one(scorer, one, counts)) for name, one in best.items()}
-
-
-def rests_on_one(scorer: Scorer, refit: Refit, counts: Tensor) -> bool:
-    """Whether little is left of an effect's evidence, where there is not much, without the pass that gains most."""
-    alike = all(p.scope == "one" for p in refit.effect.amplitudes)
-    if not alike or not FOUND < refit.evidence < CLEAR:
-        return False
-    return refit.standing(-largest_share(scorer, refit, counts)) < FOUND / 2

@@ -21,7 +21,7 @@ from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.catalogue.verify import check_stage
 from solver.criticism.bench import scorable
 from solver.criticism.placing import stage_of
-from solver.criticism.refit import started_elsewhere
+from solver.criticism.race import started_elsewhere
 from solver.criticism.scorer import Scorer
 from solver.effect import Effect, Parameter, effect
 from solver.fit.map_fit import MapFit

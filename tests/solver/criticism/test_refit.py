@@ -14,7 +14,8 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism import refit
 from solver.criticism.candidate import score_candidate
-from solver.criticism.refit import Refit, race, rests_on_one, with_effect
+from solver.criticism.race import race, rests_on_one
+from solver.criticism.refit import Refit, with_effect
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
 from solver.criticism.verdict_words import ADVICE
