@@ -149,7 +149,7 @@ def frames_of(place: Path) -> list[tuple[float, np.ndarray, np.ndarray]]:
 
 
 def write_tracks(path: Path, tracks: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> None:
-    """Write (numbers, boxes, scores) of every frame; numbers below 1 are no tracks."""
+    """Write (numbers, boxes, scores) of every frame; numbers below 1 are not tracks."""
     fixes = np.bincount(np.concatenate([np.maximum(found[0], 0) for found in tracks]).astype(int))
     rows = [
         [frame, number, *box[:2], *(box[2:] - box[:2]), score, -1, -1]

@@ -73,7 +73,7 @@ def read_control_points(path: str | Path, frame: LocalFrame | None = None, crs: 
     Raises
     ------
     InputError
-        If the file is missing, empty or lacks a column, a value is no number, a sigma is not positive, a name or a
+        If the file is missing, empty or lacks a column, a value is not a number, a sigma is not positive, a name or a
         point is there twice, coordinates look swapped, or there are latitudes and no frame.
 
     Examples

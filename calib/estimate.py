@@ -38,7 +38,7 @@ class Estimate:
 
     @property
     def excess(self) -> float:
-        """Misfit, chi^2 per degree of freedom; 1 where it is no surprise."""
+        """Misfit, chi^2 per degree of freedom; 1 where chance explains it."""
         from scipy.stats import chi2
 
         surprising = self.freedom > 0 and chi2.sf(self.chi2, self.freedom) < DOUBT

@@ -57,7 +57,7 @@ def read_lengths(path: Path) -> Lengths:
     Raises
     ------
     InputError
-        If the file is missing, empty, lacks a column, or a value is no number or not above zero.
+        If the file is missing, empty, lacks a column, or a value is not a number or not above zero.
     """
     table = read_csv(path, ["name"], comment="#")
     if missing := [name for name in COLUMNS if name not in table]:

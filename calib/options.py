@@ -84,7 +84,7 @@ def picture_size(video: Path | None, image_size: str | None) -> tuple[tuple[int,
     Raises
     ------
     InputError
-        Neither is given, both and they differ, the text is no size, or the video cannot be read.
+        Neither is given, both and they differ, the text is not a size, or the video cannot be read.
 
     >>> picture_size(None, "1280x720")
     ((1280, 720), None)

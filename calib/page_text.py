@@ -42,7 +42,7 @@ def with_place(texts: dict[str, str], frame: LocalFrame | None) -> dict[str, str
 
     Raises
     ------
-    ValueError, for people: there is no local frame, or the two are no place near its origin.
+    ValueError, for people: there is no local frame, or the two are not a place near its origin.
 
     >>> here = LocalFrame((32.0, 34.8), 90.0)
     >>> with_place({"x": "32.0, 34.801", "y": ""}, here)
@@ -61,7 +61,7 @@ def with_place(texts: dict[str, str], frame: LocalFrame | None) -> dict[str, str
 
 
 def typed_mark(mark: Mark, texts: dict[str, str]) -> Mark:
-    """Change a mark to what was typed, place left empty being unknown; ValueError, for people, where it is no number.
+    """Change a mark to what was typed, where an empty place is unknown; ValueError, for people, if it is not a number.
 
     >>> typed_mark(Mark("p1", 5.0, 6.0), {"name": "curb", "x": "12.5", "y": ""})
     Mark(name='curb', px=5.0, py=6.0, x=12.5, y=nan, sigma=1.0, sigma_xy=0.0)
@@ -74,7 +74,7 @@ def typed_mark(mark: Mark, texts: dict[str, str]) -> Mark:
         try:
             values[name] = float(text) if text.strip() else float("nan")
         except ValueError as error:
-            raise ValueError(f"{FIELDS[name]}: {text} is no number") from error
+            raise ValueError(f"{FIELDS[name]}: {text} is not a number") from error
         if not np.isfinite(values[name]) and (text.strip() or name not in ("x", "y")):
             raise ValueError(f"{FIELDS[name]}: give a number")
     return replace(mark, **values)

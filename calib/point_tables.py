@@ -101,7 +101,7 @@ def with_meters(table: "pd.DataFrame", frame: LocalFrame | None, crs: str | None
     Raises
     ------
     InputError
-        If no pair of columns is whole, a value is no number or out of range (swapped columns look so), or the frame
+        If no pair of columns is whole, a value is not a number or out of range (swapped columns look so), or the frame
         or the coordinate reference system is missing.
     """
     names = place_columns(table, path)
@@ -176,7 +176,7 @@ def _unprojected(table: "pd.DataFrame", system: str, path: Path) -> Array:
     try:
         transformer = Transformer.from_crs(CRS.from_user_input(system), CRS.from_epsg(4326), always_xy=True)
     except CRSError as error:
-        raise InputError(f"--crs {system}: no coordinate reference system; give one as EPSG:25832") from error
+        raise InputError(f"--crs {system}: not a coordinate reference system; give one as EPSG:25832") from error
     longitude, latitude = transformer.transform(table["easting"].to_numpy(float), table["northing"].to_numpy(float))
     places = np.array([latitude, longitude], float)
     if not np.isfinite(places).all():

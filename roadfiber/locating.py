@@ -136,7 +136,7 @@ def open(
     Raises
     ------
     InputError
-        If it is no run folder, a part of it is missing or corrupt, or a plugin cannot be used.
+        If it is not a run folder, a part of it is missing or corrupt, or a plugin cannot be used.
 
     Examples
     --------

@@ -90,7 +90,7 @@ def test_a_full_disk_is_no_end_of_compiling(monkeypatch):
     assert compiled(lambda x: x + 2)(2) == 4
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="there the cache's place is no variable")
+@pytest.mark.skipif(sys.platform == "win32", reason="there the cache's place is not a variable")
 def test_units_are_read_where_no_cache_can_be_written(monkeypatch, tmp_path):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file" / "cache"))

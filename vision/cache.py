@@ -127,7 +127,7 @@ def prune(folder: Path, limit: int) -> int:
 
 
 def allowed() -> int:
-    """Bytes that may be kept: `LIMIT`, or what `ROADFIBER_CACHE_MB` says; InputError where that is no number."""
+    """Bytes that may be kept: `LIMIT`, or what `ROADFIBER_CACHE_MB` says; InputError where that is not a number."""
     stated = os.environ.get("ROADFIBER_CACHE_MB")
     if not stated:
         return LIMIT

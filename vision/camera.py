@@ -41,7 +41,7 @@ def _covariance(value: ArrayLike) -> Array:
     if (np.abs(matrix) > np.outer(deviation, deviation) * (1 + 1e-6) + 1e-300).any() or not np.allclose(
         matrix, matrix.T, rtol=1e-6
     ):
-        raise ValueError("is no covariance: it must be symmetric, with no correlation above 1")
+        raise ValueError("is not a covariance: it must be symmetric, with no correlation above 1")
     return matrix
 
 

@@ -57,7 +57,7 @@ def moving(table: "pd.DataFrame") -> "pd.Series":
     """Whether each fix [fix] is of a track that ends elsewhere than it began: an edge by more than half its box's size.
 
     Parked vehicles, and what only looks like one, would else be the longest tracks of all. The ends are medians of up
-    to five fixes, so that a box that slips is no motion; one that grows comes nearer.
+    to five fixes, so that a box that slips is not motion; one that grows comes nearer.
 
     >>> import pandas as pd
     >>> frame = np.arange(9)

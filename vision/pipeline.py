@@ -232,7 +232,9 @@ def start_time(start: datetime | str | None, video: Video) -> np.datetime64:
     try:
         moment = datetime.fromisoformat(start) if isinstance(start, str) else start
     except ValueError as error:
-        raise InputError(f"--start {start!r}: is no time; write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z") from error
+        raise InputError(
+            f"--start {start!r}: is not a time; write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z"
+        ) from error
     if moment.tzinfo is None:
         raise InputError(f"--start {start}: has no time zone; write UTC with a Z, as 2025-08-11T06:00:00.25Z")
     return np.datetime64(round(moment.timestamp() * 1e6), "us").astype("datetime64[ns]")

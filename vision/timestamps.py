@@ -30,7 +30,7 @@ def frame_times(path: Path) -> tuple[Array, tuple[int, int]]:
 
     Raises
     ------
-    InputError, where the file is no video.
+    InputError, where the file is not a video.
     """
     import cv2
 

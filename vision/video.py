@@ -119,7 +119,7 @@ def _require_whole(path: Path, decoded: float, duration: float) -> None:
 def movie_header(path: str | Path) -> tuple[np.datetime64 | None, float | None]:
     """Read (creation time in UTC, duration in s) from an MP4 or QuickTime file, None where it does not say.
 
-    `moov/mvhd` of ISO 14496-12, 8.2.2. The duration honors edit lists, so a trimmed clip is no damaged one.
+    `moov/mvhd` of ISO 14496-12, 8.2.2. The duration honors edit lists, so a trimmed clip is not a damaged one.
     Cameras differ in whether they keep UTC and whether they write the recording's start or its end.
     """
     with Path(path).open("rb") as file:

@@ -26,7 +26,7 @@ DISCREPANCY_MODULES = (vehicle_discrepancies, ground_discrepancies, record_discr
 
 @dataclass(frozen=True)
 class FaultKind:
-    """What may be wrong with a survey and is no change to a stage: it is found and mended in the survey itself.
+    """What may be wrong with a survey and is not a change to a stage: it is found and mended in the survey itself.
 
     Parameters
     ----------

@@ -164,7 +164,7 @@ def console() -> Console:
 
 
 def name_of(row: Row) -> Text:
-    """Name of an effect, marked where it is no physical one."""
+    """Name of an effect, marked where it is not a physical one."""
     text = Text(row["name"], "bold")
     if row["kind"] != "physical":
         text.append(f"\n({row['kind']})", "italic not bold")

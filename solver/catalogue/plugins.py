@@ -80,7 +80,7 @@ def read_plugin(path: Path) -> Plugin:
     Raises
     ------
     InputError
-        If there is no such file, or it is no text of at most `LARGEST` bytes.
+        If there is no such file, or it is not text of at most `LARGEST` bytes.
     """
     path = Path(path)
     if not path.is_file():
@@ -92,7 +92,7 @@ def read_plugin(path: Path) -> Plugin:
     except OSError as error:
         raise InputError(f"--plugin {path}: cannot be read ({error.strerror}); mend its permissions") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"--plugin {path}: no UTF-8 text ({error.reason}); give a Python file") from error
+        raise InputError(f"--plugin {path}: not UTF-8 text ({error.reason}); give a Python file") from error
     if len(content) > LARGEST:
         raise InputError(f"--plugin {path}: over {LARGEST >> 20} MiB; give a Python file with an @effect function")
     return Plugin(path, text)

@@ -47,7 +47,9 @@ class Declared(dict[str, Tensor]):
 
     def __missing__(self, name: str) -> Tensor:
         known = ", ".join(self)
-        raise InputError(f"effect {self.effect}: looks up {name!r}, which is no parameter of it; declared are {known}")
+        raise InputError(
+            f"effect {self.effect}: looks up {name!r}, which is not a parameter of it; declared are {known}"
+        )
 
 
 def watched(effect: Effect) -> Effect:

@@ -1,4 +1,4 @@
-"""Noise audit: whether the noise is what the whitening takes it for. Without that no test means what it says."""
+"""Noise audit: whether the noise is what the whitening assumes, without which no test is valid."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,8 +14,8 @@ from solver.noise.whitening import Whitener, reach_of
 
 #: Fewer quiet samples than this say too little about the noise to rank effects by it.
 ENOUGH = 400
-#: What whitened noise may be off white: variance, correlation in time and between all channels, that between channels
-#: some apart, variance over time.
+#: How far whitened noise may be from white: variance, correlation in time, between all channels and between channels
+#: some apart, and ratio of variances over time.
 VARIANCE, CORRELATION, NEARBY, UNSTEADY = (0.8, 1.25), 0.06, 0.1, 1.8
 #: Variance of the noise, loud over quiet, below which a gain follows the signal.
 LEVELED = 0.7

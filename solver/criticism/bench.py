@@ -1,4 +1,4 @@
-"""A converged fit of a survey with the scores of all that it may lack."""
+"""A converged fit of a survey with the scores of every effect that it may lack."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Asked:
     ----------
     effects : the catalogue
     held_out : whether to confirm the winner on passes that its fit has not seen
-    advance : called with 1 after each effect scored and each candidate begun to be fitted
+    advance : called with 1 after each effect is scored and after the first fit of each candidate
     """
 
     effects: Sequence[Effect]
@@ -71,7 +71,7 @@ class Bench:
         return next(one for one in every if one.name == candidate.effect)
 
     def is_fault(self, candidate: Candidate) -> bool:
-        """Whether a candidate is a fault of the survey, and no effect."""
+        """Whether a candidate is a fault of the survey rather than an effect."""
         return any(fault.name == candidate.effect for fault in self.faults)
 
 

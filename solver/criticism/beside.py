@@ -1,4 +1,4 @@
-"""What shows beside a known effect once it is in the model, and whether that casts doubt on it."""
+"""What else shows once a known effect is in the model, and whether that casts doubt on it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,14 +12,14 @@ from solver.criticism.scorer import score_all
 from solver.effect import Effect
 from solver.fit.least_squares import solve
 
-#: How many enter the race for what the winner leaves.
+#: Number of candidates fitted in full to what the winner leaves.
 BESIDE = 6
-#: What another must explain more, as ln of the Bayes factor, to be told apart.
+#: Evidence, as ln of the Bayes factor, by which another must lead to be told apart.
 CLOSE = 6.0
 #: Share of a discrepancy model's evidence at which a known effect, whose law is stricter, is preferred to it; and the
 #: same where that model has as few numbers.
 STRICTER, AS_STRICT = 0.95, 0.98
-#: Numbers of an effect whose law is strict, and above which it is as flexible as a discrepancy model.
+#: Most numbers of an effect with a strict law, and the number above which one is as flexible as a discrepancy model.
 FEW, MANY = 3, 20
 #: Share of the winner's fall of chi2 left to a discrepancy model of its own kind, whose law may be a bit off
 #: (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
@@ -30,7 +30,7 @@ HALF = 0.5
 
 @dataclass
 class Beside:
-    """What the fit with a known effect in it still lacks.
+    """What a fit with a known effect in its model still lacks.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Beside:
         return beside if beside.doubt(first) is None else beside.widened(asked)
 
     def widened(self, asked: Asked) -> "Beside":
-        """The same with known effects that did not show before: the winner may have outshone them."""
+        """The same with known effects that did not show before: the winner may have masked them."""
         scorer, seen = self.bench.scorer, {s.effect.name for s in self.bench.table}
         unseen = [one for one in scorable(scorer.fit.problem, asked.effects) if one.name not in seen]
         shown = [s for s in score_all(scorer, unseen, asked.advance) if s.evidence > FOUND]
@@ -77,7 +77,7 @@ class Beside:
         return max((r for r in self.tried.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
 
     def doubt(self, first: Candidate) -> Refit | None:
-        """The discrepancy model to which the first candidate leaves more than its own law may be off by."""
+        """The discrepancy model that explains more of what the first leaves than an error of its law could."""
         best = self.discrepancy
         if best is None or not outdone(self.known, best.evidence, best.score.freedom):
             return None
@@ -90,9 +90,9 @@ class Beside:
 def both_known(
     bench: Bench, first: Candidate, discrepancy: Candidate, tried: Mapping[str, Refit], asked: Asked
 ) -> Beside | None:
-    """What shows beside a known effect if it and a second one explain more than a discrepancy model; else None.
+    """What shows beside a known effect where the two explain more than a discrepancy model; else None.
 
-    Laws that are about as flexible as the discrepancy model explain a part of anything: they do not count.
+    Laws about as flexible as the discrepancy model can explain part of anything and do not count.
     """
     winner, most = tried.get(first.effect), max(MANY, discrepancy.numbers / 2)
     if winner is None or winner.pushed or first.numbers > most or first.evidence < HALF * discrepancy.evidence:
@@ -109,16 +109,16 @@ def outdone(known: float, discrepancy: float, numbers: int) -> bool:
 
 
 def akin(first: Candidate, discrepancy: Effect) -> bool:
-    """Whether a discrepancy model takes up what the first candidate's law leaves, by its stage or its family."""
+    """Whether a discrepancy model is of the first candidate's stage or family, and so absorbs an error of its law."""
     return discrepancy.stage == first.stage or of_family(first, discrepancy)
 
 
 def of_family(first: Candidate, discrepancy: Effect) -> bool:
-    """Whether a discrepancy model takes up what the laws of the first candidate's family leave."""
+    """Whether a discrepancy model absorbs errors of the laws of the first candidate's family."""
     return not set(discrepancy.families).isdisjoint(first.families)
 
 
 def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:
-    """Effects that may be missing beside the winner: those that showed, and the discrepancy models for the unknown."""
+    """Effects that may be missing too: those that showed, and the discrepancy models for the unknown."""
     shown = {s.effect.name for s in table if s.evidence > FOUND}
     return [one for one in effects if one.name in shown or one.generic]

@@ -1,4 +1,4 @@
-"""What is said of one effect, or of one fault of the survey."""
+"""The finding on one effect, or on one fault of the survey."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from solver.criticism.repairs import Fault
 from solver.criticism.score import FOUND, Score, evidence
 from solver.effect import Effect, Parameter
 
-#: Share of its plausible size below which an effect may be there and explains nothing.
+#: Share of its plausible size below which an effect is negligible even if present.
 NEGLIGIBLE = 0.1
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """What is said of one effect.
+    """The finding on one effect.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class Candidate:
 
 
 def fault_candidate(fault: Fault) -> Candidate:
-    """What is said of a fault of the survey."""
+    """The finding on a fault of the survey."""
     strength = evidence(fault.fall, fault.freedom, fault.trials)
     least = NEGLIGIBLE * FAULTS[fault.name].plausible[0]
     found = strength > FOUND and (fault.name != "unseen_vehicle" or fault.estimate > max(5 * fault.sigma, least))
@@ -98,7 +98,7 @@ def fault_candidate(fault: Fault) -> Candidate:
 
 
 def idle_candidate(effect: Effect) -> Candidate:
-    """What is said of an effect that finds nothing to act on in a survey, as one of trucks where none drives."""
+    """The finding on an effect that has nothing to act on, as one of trucks where none drives."""
     parameter = effect.amplitudes[0]
     return Candidate(
         effect=effect.name,
@@ -129,16 +129,16 @@ def first_kind(score: Score) -> tuple[Parameter, NDArray[np.bool_]]:
 
 
 def score_candidate(score: Score, tried: Refit | None) -> Candidate:
-    """What is said of an effect by its score and, where there was one, its full fit."""
+    """The finding on an effect by its score and, where there was one, its full fit."""
     parameter, alike = first_kind(score)
     numbers = (score.estimate if tried is None else tried.estimate)[alike]
     one = score.freedom == 1 or len(numbers) == 1
     estimate = float(numbers.mean() if one else np.sqrt(np.mean(numbers**2)))
-    # What was fitted in full has the sigma of that fit; what would have shown is said by the score.
+    # A full fit gives the sigma; the score gives the size that would have shown.
     predicted = float(np.median(score.sigma[alike]))
     sigma = predicted if tried is None else float(np.median(tried.sigma[alike]))
     strength = score.evidence if tried is None else tried.evidence
-    # Where nothing is left of an effect no size of it would show.
+    # Where the fit absorbs an effect entirely, no size of it would show.
     detectable = 5 * predicted if predicted < 1e3 * parameter.plausible else float("inf")
     if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible:
         verdict = "negligible"

@@ -17,7 +17,7 @@ def stage_of(discrepancy: Effect, scorer: Scorer, check: NoiseAudit) -> str:
     """Stage at which what a discrepancy model explains acts.
 
     What mixes or levels the channels' noise too comes after the reading; what is the same along the fiber, whichever
-    way vehicles drive, is no matter of the vehicles.
+    way vehicles drive, is not a matter of the vehicles.
 
     Parameters
     ----------

@@ -75,9 +75,9 @@ def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> Stat
 
 
 def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """What effects that are the same for all passes alone would explain, were no track shifted; only where tracks were.
+    """What effects common to all passes would explain if no track were shifted; empty unless tracks were.
 
-    Whatever delays the record shifts all vehicles, and once they are shifted the better explanation is out of sight.
+    An effect that delays the record looks like a shift of all vehicles; once they are shifted it no longer shows.
     All else about the vehicles is as it was before the fit, too.
     """
     few = [one for one in effects if not one.generic and all(p.scope == "one" for p in one.amplitudes)]
@@ -85,7 +85,7 @@ def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
     if along.square().mean().sqrt() < SHIFTED * scorer.fit.problem.prior.along:
         return []
     fit, state = scorer.fit, scorer.state
-    # Vehicles told half a wavelength away would come to no weight at all: it is that of the fit.
+    # Vehicles half a wavelength off would get no amplitude at all, so they keep that of the fit.
     fresh = replace(Vehicles.of(fit.problem.passes), amplitude=state.vehicles.amplitude)
     alone = Scorer(fit, replace(fit.start_at(state.coefficients, state.poisson_ratio), vehicles=fresh), alone=True)
     found = score_all(alone, few)
@@ -130,9 +130,9 @@ def race(
     """Fit everything again with each candidate in the model; those that fall behind stop early.
 
     The score test says how the misfit falls at first; where an effect is large, or the route has absorbed it, only full
-    fits tell. Who can no longer come near the leader leaves; the favorite of the score test, which with many numbers
-    starts slowly, runs to the end. Known effects of one number that end near the leader are fitted once more from
-    farther off: where the ground's and the route's numbers have absorbed a part, a fit may end short of it.
+    fits tell. A candidate that can no longer come near the leader stops; the favorite of the score test, which with
+    many numbers starts slowly, runs to the end. Known effects of one number that end near the leader are fitted once
+    more from farther off: where the ground's and the route's numbers have absorbed a part, a fit may end short of it.
 
     Parameters
     ----------

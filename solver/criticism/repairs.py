@@ -1,4 +1,4 @@
-"""Faults of a survey that are no change to a stage: a vehicle the trajectories lack, jumped samples, dead channels.
+"""Faults of a survey that change no stage: a vehicle the trajectories lack, jumped samples, dead channels.
 
 Each is searched for in the residual, and mended in the survey itself: a pass more, samples or channels taken out.
 """

@@ -1,4 +1,4 @@
-"""Independent tasks on all cores: forward derivatives hold Python's lock and are no business of threads."""
+"""Independent tasks on all cores: in processes, since forward derivatives hold Python's lock."""
 
 import multiprocessing
 import pickle

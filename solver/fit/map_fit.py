@@ -226,7 +226,7 @@ class MapFit(ParameterSpace):
         return float((self.whitened(state, weights) ** 2).sum()) + self.prior.total(state)
 
     def weighted(self, evaluation: Evaluation) -> tuple[Weights, Tensor]:
-        """Weights of the samples, and the whitened residual [sample, channel] of those that are no spikes."""
+        """Weights of the samples, and the whitened residual [sample, channel] of those that are not spikes."""
         difference, variance = self.compared(evaluation)
         size = difference / self.problem.noise / variance.sqrt()
         good = self.measured * near_noise(size, scale_of(size, self.measured))

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 HUBER = 4.0
-#: Times the scale of the residual beyond which a sample is no noise.
+#: Times the scale of the residual beyond which a sample is not noise.
 SPIKE = 7.0
 
 

@@ -30,7 +30,7 @@ def strict_tracks(problem: Problem, along: float = ALONG) -> Problem:
 def track_spread(passes: Sequence[Pass], along: Array) -> float:
     """What tracks of `passes` may be off along travel, m, by how much their shifts `along` [pass], m, differ.
 
-    What they have in common by an effect (a bias, a clock, an offset of the camera) is no chance error: a constant, a
+    What they have in common by an effect (a bias, a clock, an offset of the camera) is not chance error: a constant, a
     part that grows with the speed and one by direction are taken out first.
 
     >>> from types import SimpleNamespace

@@ -33,7 +33,7 @@ class Tables:
         return self._at[poisson_ratio]
 
     def around(self, poisson_ratio: Tensor) -> RatioTable:
-        """For ratios that vary about one, scalar, that is no variable; built once."""
+        """For ratios about one scalar that is not a variable; built once."""
         key = float(poisson_ratio)
         if key not in self._around:
             below, at, above = (self.build(poisson_ratio + SPREAD * i) for i in (-1, 0, 1))

@@ -130,7 +130,7 @@ def declared(file: ZipFile, info: ZipInfo | None) -> Declared:
         length = int.from_bytes(start[len(MAGIC) :], "little")
         header = HEADER.fullmatch(stream.read(length))
     if not start.startswith(MAGIC) or header is None:
-        raise UnfitError(f"{name} is no array of plain numbers or text")
+        raise UnfitError(f"{name} is not an array of plain numbers or text")
     shape = tuple(int(size) for size in header[2].decode().replace(",", " ").split())
     return Declared(header[1].decode(), shape, len(start) + length)
 

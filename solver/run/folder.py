@@ -139,8 +139,8 @@ def read_run(
     Raises
     ------
     InputError
-        If it is no run folder, a part of it is missing or corrupt, a plugin cannot be used, or is not the one that the
-        run was made with.
+        If it is not a run folder, a part of it is missing or corrupt, a plugin cannot be used, or is not the one that
+        the run was made with.
     """
     facts = read_facts(folder)
     known = catalogue(plugins).extended(effects)

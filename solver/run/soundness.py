@@ -81,9 +81,11 @@ def check_arrays(arrays: Arrays) -> None:
     variance = np.diagonal(arrays["covariance"], axis1=1, axis2=2)
     require((np.isnan(variance) | (variance >= 0)).all(), "covariance has a negative variance")
     own, across = arrays["law_own"], arrays["law_across"]
-    require(own[0] > 0 and (np.abs(own) <= 1.001 * own[0]).all() and across[0] > 0, "law_own is no covariance of noise")
+    require(
+        own[0] > 0 and (np.abs(own) <= 1.001 * own[0]).all() and across[0] > 0, "law_own is not a covariance of noise"
+    )
     hidden, whole = arrays["law_hidden"], own[0] + arrays["law_common"][0]
-    require(len(hidden) <= moments and (np.abs(hidden) <= hidden[0]).all(), "law_hidden is no covariance of noise")
+    require(len(hidden) <= moments and (np.abs(hidden) <= hidden[0]).all(), "law_hidden is not a covariance of noise")
     require(hidden[0] <= 1.001 * whole, "law_hidden is more than all noise")
     for prefix in ("pass", "fitted_pass"):
         check_passes(arrays, prefix, moments)
@@ -101,7 +103,7 @@ def check_passes(arrays: Arrays, prefix: str, moments: int) -> None:
     for name in ("track_id", "class"):
         text = "".join(arrays[f"{prefix}_{name}"].tolist())
         plain = not any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text)
-        require(plain, f"{prefix}_{name} has a character that is no text")
+        require(plain, f"{prefix}_{name} has a character that is not text")
 
 
 def check_agreement(problem: Problem, arrays: Arrays, anchors: Sequence[Anchor], sampling_rate: float) -> None:

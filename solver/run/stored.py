@@ -113,7 +113,7 @@ class CoilFile(Stored):
 
 
 class ProblemFile(Stored):
-    """`problem`: what is no array of `solver.fit.problem.Problem`; `added` are the names of its effects."""
+    """`problem`: what of `solver.fit.problem.Problem` are not arrays; `added` are the names of its effects."""
 
     recorded: Count
     zero_distance: Place
@@ -292,7 +292,7 @@ def read_model(path: Path, model: type[Model], mend: str) -> Model:
     Raises
     ------
     InputError
-        If it is no file, too large, no JSON, of another version's format, or something else than `model`.
+        If it is not a file, too large, not JSON, of another version's format, or something else than `model`.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file; {mend}")
@@ -311,5 +311,5 @@ def read_model(path: Path, model: type[Model], mend: str) -> Model:
         place = printable(".".join(map(str, problem["loc"]))) or "all of it"
         said = printable(problem["msg"].removeprefix("Value error, "))
         if problem["type"] == "json_invalid":
-            raise InputError(f"{path}: no valid JSON ({said}); {mend}") from error
+            raise InputError(f"{path}: invalid JSON ({said}); {mend}") from error
         raise InputError(f"{path}: {place}: {said[:1].lower()}{said[1:]}; {mend}") from error

@@ -52,7 +52,7 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     Raises
     ------
     InputError
-        If the file is missing, empty or lacks a column, a value is no number, a sigma is not positive, a name or a
+        If the file is missing, empty or lacks a column, a value is not a number, a sigma is not positive, a name or a
         channel is there twice, a depth is none, or latitude and longitude are out of range or swapped.
 
     Examples

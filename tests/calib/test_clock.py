@@ -57,7 +57,7 @@ def test_gaps_are_counted(site):
         ("02.5Z", "02.5", "start is 2025-08-11 06:00:02.500000; give a time with Z"),
         ("0.25", '"soon"', "clock_offset is soon; give seconds"),
         ("street.mp4", "absent.mp4", "absent.mp4: no such file"),
-        ("start =", "start ?", "no valid TOML"),
+        ("start =", "start ?", "invalid TOML"),
     ],
 )
 def test_bad_files_are_one_line(site, old, new, message):

@@ -100,7 +100,7 @@ def test_utm_goes_through_the_frame(tmp_path):
     ("zone", "crs", "message"),
     [
         ("", None, "need a column zone"),
-        ("", "EPSG:nowhere", "--crs EPSG:nowhere: no coordinate reference system"),
+        ("", "EPSG:nowhere", "--crs EPSG:nowhere: not a coordinate reference system"),
         (",67N", None, "row 1: zone is '67N'"),
         (",12N", None, "km from the frame's origin"),
     ],

@@ -29,7 +29,7 @@ def clip(tmp_path_factory):
 
 def assert_finds_the_bus(detector, atol=0.02):
     found = detector.detect(IMAGE)
-    assert found.label.tolist() == ["bus"], "the person is no vehicle"
+    assert found.label.tolist() == ["bus"], "the person is not a vehicle"
     np.testing.assert_allclose(found.box, [BOX], atol=atol)
     np.testing.assert_allclose(found.score, [0.8], atol=1e-6 if atol < 0.1 else 1e-3)
 

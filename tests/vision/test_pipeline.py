@@ -211,7 +211,7 @@ def test_start_comes_from_the_header(survey, tmp_path):
 BAD = {
     "no start": ([], "does not say when it was recorded; give --start"),
     "no zone": (["--start", "2025-08-11T06:00:00"], "has no time zone"),
-    "no time": (["--start", "yesterday"], "is no time"),
+    "no time": (["--start", "yesterday"], "is not a time"),
     "no video": (["--start", START, "VIDEO:none.mp4"], "no such file"),
     "no detector": (["--start", START, "--detector", "none.onnx"], "no such file"),
     "layout": (["--start", START, "--layout", "yolo99"], "layout 'yolo99' is unknown"),

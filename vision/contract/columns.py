@@ -51,7 +51,7 @@ def finite(table: "pd.DataFrame", names: Sequence[str], path: Path) -> "pd.DataF
     Raises
     ------
     InputError
-        At the first value that is no finite number; the message says row and column.
+        At the first value that is not a finite number; the message says row and column.
     """
     import pandas as pd
 

@@ -41,7 +41,7 @@ class Form:
 
 
 def encoding_of(start: bytes, path: Path) -> str:
-    """Tell how text is encoded from its first bytes; InputError where it is no text."""
+    """Tell how text is encoded from its first bytes; InputError where it is not text."""
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     if start.startswith(b"PK"):
@@ -51,7 +51,7 @@ def encoding_of(start: bytes, path: Path) -> str:
         if high and not any(high):
             return encoding
     if b"\0" in start:
-        raise InputError(f"{path}: is no text; {SAVE}")
+        raise InputError(f"{path}: is not text; {SAVE}")
     return "utf-8-sig"
 
 
@@ -132,7 +132,7 @@ def read_csv(path: Path, text_columns: Collection[str] = (), comment: str | None
         raise InputError(f"{path}: no such file; give the path of a table") from error
     except UnicodeDecodeError as error:
         byte = error.object[error.start]
-        raise InputError(f"{path}: no UTF-8 text (byte 0x{byte:02x}); {SAVE}") from error
+        raise InputError(f"{path}: not UTF-8 text (byte 0x{byte:02x}); {SAVE}") from error
     except (OSError, pd.errors.ParserError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path}: cannot be read ({reason}); check that the file is whole") from error

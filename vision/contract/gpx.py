@@ -59,7 +59,7 @@ def read_gpx(path: Path) -> "pd.DataFrame":
     Raises
     ------
     InputError
-        If the file is no well-formed XML.
+        If the file is not well-formed XML.
     """
     import pandas as pd
 

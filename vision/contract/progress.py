@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 def progress(label: str, total: int | None = None) -> Iterator[Callable[[int], None]]:
     """Show a progress bar on standard error; yield `advance(n)`.
 
-    Silent where the `roadfiber` logger is set above INFO (`--quiet`) or standard error is no terminal.
+    Silent where the `roadfiber` logger is set above INFO (`--quiet`) or standard error is not a terminal.
 
     >>> with progress("counting", total=3) as advance:
     ...     for _ in range(3):

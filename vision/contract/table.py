@@ -94,7 +94,7 @@ def to_utc(column: "pd.Series", path: Path) -> "pd.Series":
     Raises
     ------
     InputError
-        At the first value that is no time or has no zone.
+        At the first value that is not a time or has no zone.
 
     >>> import pandas as pd
     >>> str(to_utc(pd.Series(["2025-08-11T08:00:00.5+02:00"]), Path("a.csv"))[0])
@@ -114,7 +114,7 @@ def to_utc(column: "pd.Series", path: Path) -> "pd.Series":
             raise InputError(f"{path}: row 1: time {text.iloc[0]!r} is a day number of a spreadsheet; {TIME_MEND}")
         times = pd.to_datetime(text, utc=True, format="ISO8601", errors="coerce")
         naive = ~text.str.contains(ZONED, regex=True)
-    for bad, problem in ((times.isna(), "is no time"), (naive, "has no time zone")):
+    for bad, problem in ((times.isna(), "is not a time"), (naive, "has no time zone")):
         if bad.any():
             row = first_row(bad)
             raise InputError(f"{path}: row {row}: time {str(column.iloc[row - 1])!r} {problem}; {TIME_MEND}")
@@ -143,7 +143,7 @@ def with_wheelbase(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
     Raises
     ------
     InputError
-        Where one is given without the other, is no number, or is not above 0.
+        Where one is given without the other, is not a number, or is not above 0.
     """
     import pandas as pd
 
@@ -233,7 +233,7 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
     ------
     InputError
         If a file is missing, empty, corrupt or of an unknown kind, a column or the frame is missing, a time has no
-        zone, a position is no number or far off the frame, a sigma is not positive, or a track is at two places at
+        zone, a position is not a number or far off the frame, a sigma is not positive, or a track is at two places at
         once.
 
     Examples

@@ -42,8 +42,8 @@ def read_text(path: Path, wanted: str) -> str:
 
 
 def read_toml(path: Path, wanted: str) -> dict[str, Any]:
-    """Read a TOML file; arguments and errors are those of `read_text`, and a line that is no TOML is told."""
+    """Read a TOML file; arguments and errors are those of `read_text`, and a line that is not TOML is named."""
     try:
         return tomllib.loads(read_text(path, wanted))
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: no valid TOML ({error}); mend that line") from error
+        raise InputError(f"{path}: invalid TOML ({error}); mend that line") from error

@@ -51,7 +51,7 @@ class Graph:
         return tuple(np.shape(value) for value in self.values)
 
     def table(self) -> NDArray[np.floating]:
-        """The one output without its batch axis, [rows, columns]; empty where there are several, or it is no table.
+        """The one output without its batch axis, [rows, columns]; empty where there are several, or it is not a table.
 
         Maps of five axes beside it (the undecoded heads that old YOLOv5 exports add) do not count.
         """

@@ -22,7 +22,7 @@ from vision.detectors.layout import (
     pyramid_of,
 )
 
-LARGEST_LOGARITHM = 16.0  # of a width in cells; e^16 cells are no vehicle, and decoded widths in px are larger
+LARGEST_LOGARITHM = 16.0  # of a width in cells; no vehicle is e^16 cells wide, and decoded widths in px are larger
 
 
 def decode_yolov5(outputs: Outputs, size: Size, wanted: NDArray[np.intp], floor: float) -> Candidates:

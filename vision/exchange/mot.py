@@ -32,7 +32,7 @@ def write_mot(tracks: "pd.DataFrame", path: Path | str) -> None:
     Parameters
     ----------
     tracks : [fix] with track_id, frame, the box (px) and, if it is there, confidence
-    path : file to write; names of tracks that are no whole numbers are numbered from 1
+    path : file to write; names of tracks that are not whole numbers are numbered from 1
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which classes are compared: a person of the truth whom no table of vehicles shows is no missed vehicle."""
+"""Which classes are compared: a person of the truth whom no table of vehicles shows is not a missed vehicle."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING

@@ -34,7 +34,7 @@ class Measures:
     switches : changes of the detected class inside tracks
     switching : tracks that have any
     missed : share of fixes that no detection is behind
-    not_placed : detected fixes that could not be placed on the road, by cause; they are no misses
+    not_placed : detected fixes that could not be placed on the road, by cause; they are not misses
     before, after : jitter by bin of moving vehicles, before and after missed frames are interpolated
     floor : jitter of parked vehicles, None where there is none
     parked : how many there are

@@ -137,7 +137,7 @@ def not_placed(found: Sequence[Measures]) -> list[tuple[str, str, Callable[[Meas
     def text(wanted: Sequence[str]) -> Callable[[Measures], str]:
         return lambda m: "–" if m.setting.dropped is None else str(sum(m.not_placed.get(cause, 0) for cause in wanted))
 
-    total = ("Not placed", "detected fixes; they are no misses", text(causes))
+    total = ("Not placed", "detected fixes; they are not misses", text(causes))
     return [total, *(("", cause, text([cause])) for cause in causes)]
 
 

@@ -64,7 +64,7 @@ def check_rows(table: "pd.DataFrame", path: Path) -> None:
     frame = table["frame"]
     bad = {
         "names no track or class; fill it in": table["track_id"].isna() | table["class"].isna(),
-        "has a frame that is no whole number from 0 on; give the frame's place in the video": (frame < 0)
+        "has a frame that is not a whole number from 0 on; give the frame's place in the video": (frame < 0)
         | (frame % 1 != 0),
     }
     if all(name in table for name in BOX):
@@ -81,7 +81,7 @@ def tidy(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
     detected = table["detected_class"].fillna("").astype(str).map(plain_name) if "detected_class" in table else named
     interpolated = table["interpolated"] if "interpolated" in table else table["frame"] < 0
     flags = interpolated.astype(str).str.lower().isin(TRUE)
-    # What was detected and could not be placed is no miss of the detector.
+    # What was detected and could not be placed is not a miss of the detector.
     missed = flags & (detected == "") if "detected_class" in table else flags
     table = table.assign(
         track_id=table["track_id"].astype(str),

@@ -144,14 +144,14 @@ def same_classes(
 
 
 def check_target(out: Path) -> None:
-    """Raise InputError where `out` is there and is no report of this kind, or cannot be written."""
+    """Raise InputError where `out` is there and is not a report of this kind, or cannot be written."""
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         try:
             mine = json.loads((out / FACTS).read_text(encoding="utf-8")).get("format") == FORMAT
         except (OSError, ValueError, AttributeError):
             mine = False
         if not mine:
-            raise InputError(f"{out}: is there and is no earlier report of tracks; give another --out")
+            raise InputError(f"{out}: is there and is not an earlier report of tracks; give another --out")
     require_writable(out)
 
 

@@ -39,7 +39,7 @@ def write_video(scene: Scene, path: str | Path, fps: float = 12.5, duration: flo
                 writer.write(render(scene, k / fps))
                 advance(1)
         writer.release()
-        # A full disk is no error to OpenCV.
+        # A full disk is not an error to OpenCV.
         if cv2.VideoCapture(str(part)).get(cv2.CAP_PROP_FRAME_COUNT) != frames:
             raise InputError(f"{path}: cannot be written to its end; make room, or write elsewhere")
         note_rendered(part)

@@ -116,7 +116,7 @@ def traffic(rng: np.random.Generator, street: Street, middle: float) -> tuple[Sc
 
 
 def parked(rng: np.random.Generator, street: Street, middle: float) -> tuple[SceneVehicle, ...]:
-    """Draw up to eight cars parked on the sidewalks: they never move, so they are no truth."""
+    """Draw up to eight cars parked on the sidewalks: they never move, so they are not truth."""
     found = []
     for _ in range(int(rng.integers(0, 9)) * int(rng.uniform() < 0.5)):
         pose = (middle + rng.uniform(-60, 60), rng.choice([-1, 1]) * (street.curb + 1.3), rng.choice([0, np.pi]))

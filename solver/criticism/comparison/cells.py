@@ -139,7 +139,7 @@ def lanes(approach: Approach) -> tuple[NDArray[np.int64], list[str]]:
 
 @dataclass(frozen=True)
 class Cells:
-    """The residual and the simplest things that could explain it, whitened and weighted alike, [sample, channel].
+    """The residual and the simplest changes that could explain it, whitened and weighted alike, [sample, channel].
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def noise_of(
     level = max(middle(square), 0.5)
     spread = max(1.0, float((high - low) / level / BETWEEN) ** 2)
     own = np.array([own_level(column[use], level) for column, use in zip((residual**2).T, quiet.T, strict=True)])
-    # The level is an estimate too, which widens what it is compared with.
+    # The level is estimated too, which adds to the scatter.
     near = max(int((there & ~far).sum()), 1)
     return own, spread * (1 + near / (near + len(square)))
 

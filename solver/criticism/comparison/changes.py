@@ -1,4 +1,4 @@
-"""What could be wrong with a model: the derivative at no change, and the whole of a change of some size."""
+"""Simple changes of a model's prediction: their derivatives at zero, and their effect at any size."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,9 +34,9 @@ def linear(field: Array) -> Change:
 
 
 def shifted(values: Array, at: Array, blocks: list[slice]) -> Change:
-    """A shift toward larger `at` [point] of smooth values [point, ...], in blocks that are smooth for themselves.
+    """A shift toward larger `at` [point] of values [point, ...] that are smooth within each block.
 
-    Nothing comes in at a block's end but what is there; blocks of fewer than four points are left as they are.
+    Ends of blocks keep their values; blocks of fewer than four points stay as they are.
 
     >>> at = np.arange(6.0)
     >>> shifted(at[:, None] ** 2, at, [slice(0, 6)]).by(1.0)[2:, 0].round(6).tolist()

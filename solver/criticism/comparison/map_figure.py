@@ -1,4 +1,4 @@
-"""Measured, model and residual of a pass with what else went by, and where the regions that fail are in it."""
+"""Measured, model and residual of a pass and its neighbors in time, with the regions that fail."""
 
 from dataclasses import replace
 

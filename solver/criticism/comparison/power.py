@@ -62,7 +62,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Power:
-    """Power of the residual by everything it may depend on; by channel and pass over all samples, else near vehicles.
+    """Power of the residual by every property; by channel and pass over all samples, otherwise near vehicles.
 
     Parameters
     ----------

@@ -130,14 +130,14 @@ class Search:
         return summed(score, self.groups), summed(information, self.groups)
 
     def change(self) -> tuple[str, Window] | None:
-        """The change that stands out most, if noise would not make it."""
+        """The change that stands out most; None where noise could have made it."""
         fields = {name: getattr(self.cells, name) for name in ("gain", "late", "place", "offset")}
         limit = threshold(2 * len(fields) * looked_at(len(self.groups), self.residual.shape[1]), FALSE_ALARM / 3)
         found = {}
         for name, field in fields.items():
             sums = self.change_sums(field)
             if name == "place":
-                # In one direction a shift along the fiber is a delay, and is called that.
+                # For traffic in one direction a shift along the fiber equals a delay, and is reported as one.
                 sums = sums[0] * self.both_ways, sums[1]
             if name == "offset":
                 sums = sums[0], sums[1] * self.slow  # larger information, smaller statistic
@@ -154,7 +154,7 @@ class Search:
 
     @cached_property
     def slow(self) -> float:
-        """Variance of offsets beyond what the noise's law says, as a ratio: no noise is quite stationary.
+        """Variance of offsets over what the noise's law predicts: no noise is quite stationary.
 
         From the quartiles over channels, of all passes together and of each.
         """
@@ -228,7 +228,7 @@ class Search:
         return replace(region, ahead=ends)
 
     def closed(self, region: Region, where: NDArray[np.bool_]) -> Region:
-        """The region with its power; its cells are counted no more."""
+        """The region with its power; its cells no longer count."""
         number = int((where & self.cells.there).sum())
         energy = float((self.residual[where] ** 2).sum())
         self.open = self.open & ~where

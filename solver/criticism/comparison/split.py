@@ -1,4 +1,4 @@
-"""Whose the misfit is: the channels', the passes', the kernel's, nobody's, or the noise's."""
+"""How the misfit divides among channels, passes, a common kernel, noise, and the rest."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -133,7 +133,7 @@ def explained_by(matrix: Array, right: Array, use: NDArray[np.int64]) -> float:
     """Chi2 that least squares on the columns `use` explains."""
     scale = np.sqrt(matrix.diagonal()[use])
     normal = matrix[np.ix_(use, use)] / scale[:, None] / scale
-    # Sources that say the same, as gains of all channels and of all passes do, are told apart by this little.
+    # A slight ridge separates sources that explain the same, as gains of all channels and of all passes do.
     factor = cho_factor(normal + 1e-7 * np.eye(len(use)))
     half = right[use] / scale
     return float(half @ cho_solve(factor, half)) if len(use) else 0.0
@@ -179,7 +179,7 @@ def split_of(run: Run, cells: Cells) -> Split:
     explained = {name: max(0.0, float(share)) for name, share in zip(SOURCES, shares, strict=True)}
     noise = min(chi2, cells.floor * samples)
     total = sum(explained.values())
-    # Noise is what it is; the sources cannot explain more than lies above it.
+    # The sources cannot explain more than the misfit above the noise.
     scale = min(1.0, (chi2 - noise) / total) if total > 0 else 0.0
     explained = {name: scale * value for name, value in explained.items()}
     freedom = {name: len(c) for name, c in zip(SOURCES, columns, strict=True)}

@@ -72,7 +72,7 @@ def load_array(path: Path) -> NDArray[Any]:
     except (OSError, ValueError, EOFError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: no readable numpy file ({error}); save it again with numpy.save") from error
+        raise InputError(f"{path}: not a readable numpy file ({error}); save it again with numpy.save") from error
 
 
 def read_numpy(path: Path) -> Iterator[Block]:

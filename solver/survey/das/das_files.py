@@ -71,7 +71,7 @@ def from_febus(block: Block) -> Block:
         file.visititems(lambda name, node: names.append(name) if isinstance(node, h5py.Dataset) else None)
     product = next(name.rpartition("/")[2] for name in names if not name.endswith("/time"))
     if product.startswith("PSD") or "dB" in product:
-        raise InputError(f"{block.path}: holds {product!r}, a spectrum and no time series; export StrainRate instead")
+        raise InputError(f"{block.path}: holds {product!r}, a spectrum, not a time series; export StrainRate instead")
     return block if "rate" in product.lower() else replace(block, unit=None, stated=product)
 
 

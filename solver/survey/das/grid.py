@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 # A vehicle at 30 m/s moves 6 cm in this time, ns: files that are off the common grid by less are not shifted.
 ALIGNED = 2_000_000
-SPARSEST = 20  # a record of more than so many times the samples there are is no record of one survey
+SPARSEST = 20  # a record that spans more than so many times its samples is not one survey's
 #: Samples on either side over which a cubic spline through samples is felt: beyond, by less than 1e-11.
 FELT = 20
 

@@ -141,7 +141,7 @@ def ingest(
 def prepare(folder: Path, said: StoreFile) -> None:
     """Make the folder ready for a store: what a killed run left of a part goes, and parts of another record."""
     if folder.exists() and (not folder.is_dir() or (any(folder.iterdir()) and not (folder / FILE).is_file())):
-        raise InputError(f"{folder}: holds something that is no store; name another folder with --out")
+        raise InputError(f"{folder}: holds something that is not a store; name another folder with --out")
     same = False
     if (folder / FILE).is_file():
         try:

@@ -11,7 +11,7 @@ from solver.survey.das.lowpass import Lowpass, taps_of
 from solver.survey.das.units import Unit, to_strain_rate
 from vision.contract import InputError
 
-#: Bytes of a slab of single precision: larger ones are no faster.
+#: Bytes of a slab of single precision: larger ones are not faster.
 SLAB = 1 << 25
 #: Quantities whose derivative in time is strain rate.
 DERIVED = ("strain", "phase")

@@ -1,4 +1,4 @@
-"""Why a file is no DAS file that can be read: empty, cut short, text, another kind of HDF5, axes exchanged."""
+"""Why a file is not a DAS file that can be read: empty, cut short, text, another kind of HDF5, axes exchanged."""
 
 import re
 from pathlib import Path

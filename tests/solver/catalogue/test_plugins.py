@@ -136,7 +136,7 @@ def test_what_runs_is_what_the_checksum_is_of(tmp_path):
     assert read_plugin(path).sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-@pytest.mark.parametrize(("content", "words"), [(b"\xff\xfe", "no UTF-8 text"), (b"#" * (2**20 + 1), "over 1 MiB")])
+@pytest.mark.parametrize(("content", "words"), [(b"\xff\xfe", "not UTF-8 text"), (b"#" * (2**20 + 1), "over 1 MiB")])
 def test_what_is_no_text_of_a_plugin_is_told(tmp_path, content, words):
     (tmp_path / "mine.py").write_bytes(content)
     with pytest.raises(InputError, match=words):

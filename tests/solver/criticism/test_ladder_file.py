@@ -148,7 +148,7 @@ def test_a_tampered_ladder_is_a_line(tmp_path, rungs):
 def test_deep_and_broken_json_is_a_line(tmp_path):
     for text in ("[" * 100000 + "]" * 100000, '{"rungs": ' * 100000, "", "\x00", "{"):
         (tmp_path / "ladder.json").write_text(text)
-        with pytest.raises(InputError, match=r"no valid JSON"):
+        with pytest.raises(InputError, match=r"invalid JSON"):
             read_ladder(tmp_path)
 
 

@@ -61,7 +61,7 @@ def test_channels_that_hear_nothing_are_found_named_and_left_out(survey: Problem
     new, end = mended(fit, state, fault)
     assert find_faded_channels(new, end.state) is None
     assert np.isnan(new.problem.record[:, np.isin(survey.channel, dead)]).all()
-    # What the two did not hear is no misfit of the others any more: it comes down to the noise.
+    # What the two did not hear is no longer misfit of the others: it comes down to the noise.
     assert misfit(fit, state) > 1.5
     assert misfit(new, end.state) == pytest.approx(1, abs=0.1)
 

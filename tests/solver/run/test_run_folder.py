@@ -173,7 +173,7 @@ def test_a_folder_of_something_else_is_never_replaced(survey, tmp_path, quick):
     ("spoil", "message"),
     [
         (lambda folder: (folder / "fit.json").unlink(), "no run folder"),
-        (lambda folder: (folder / "fit.json").write_text("{"), "no valid JSON"),
+        (lambda folder: (folder / "fit.json").write_text("{"), "invalid JSON"),
         (lambda folder: (folder / "fit.json").write_text("[1]"), "an object"),
         (lambda folder: (folder / "fit.json").write_text('{"format": "thesis"}'), "format: input should be 'roadfiber"),
         (lambda folder: (folder / "data.npz").unlink(), "arrays"),

@@ -255,7 +255,7 @@ def test_a_spline_route_goes_through_its_points_by_arc_length():
         ("[classes]\ntank = 1", "classes: known are"),
         ("start = 'noon'", "ISO 8601"),
         ("base = 'moon'", "no built-in scenario"),
-        ("passes = ", "no valid TOML"),
+        ("passes = ", "invalid TOML"),
     ],
 )
 def test_a_bad_scenario_is_one_clear_line(tmp_path, text, message):

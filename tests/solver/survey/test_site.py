@@ -102,7 +102,7 @@ def test_a_file_that_two_patterns_match_counts_once(folder):
         ([FRAME, DAS, CAMERA.replace("+02:00", "")], "camera.start: input should have timezone info"),
         ([FRAME, DAS, CAMERA.replace("street.mp4", "lost.mp4")], "camera.video: no such file 'lost.mp4'"),
         ([FRAME, DAS, TRACKS, '[anchors]\nfile = "das"\n'], "anchors.file: no such file 'das'"),
-        ([FRAME, DAS, TRACKS, "gauge_length 10\n"], "no valid TOML"),
+        ([FRAME, DAS, TRACKS, "gauge_length 10\n"], "invalid TOML"),
         (["das = 3\n", FRAME, TRACKS], "das: input should be a valid"),
     ],
 )

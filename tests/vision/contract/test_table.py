@@ -126,10 +126,10 @@ def test_repeated_rows_count_once(tmp_path):
         (HEADER + "\n", "no fixes"),
         ("time,track_id,class,x\na,b,c,d", "no column y, sigma_x, sigma_y"),
         ("time,track_id,class,latitude\na,b,c,d", "no column longitude, sigma"),
-        (f"{HEADER}\n{ROW}\n{ROW.replace('2025-08-11T06:00:00.25Z', 'noon')}", "row 2: time 'noon' is no time"),
+        (f"{HEADER}\n{ROW}\n{ROW.replace('2025-08-11T06:00:00.25Z', 'noon')}", "row 2: time 'noon' is not a time"),
         (f"{HEADER}\n{ROW.replace('25Z', '25')}", "row 1: time '2025-08-11T06:00:00.25' has no time zone; write ISO"),
         (f"{HEADER}\n{ROW.replace('T06:00:00.25Z', '')}", "has no time zone"),
-        (f"{HEADER}\n{ROW.replace('2025-08-11T06:00:00.25Z', '')}", "row 1: time 'nan' is no time"),
+        (f"{HEADER}\n{ROW.replace('2025-08-11T06:00:00.25Z', '')}", "row 1: time 'nan' is not a time"),
         (f"{HEADER}\n{ROW.replace('2.5', '')}", "row 1: x is 'nan'"),
         (f"{HEADER}\n{ROW.replace('2.5', 'inf')}", "row 1: x is 'inf'"),
         (f"{HEADER}\n{ROW.replace('-1.5', 'left')}", "row 1: y is 'left'"),
@@ -196,8 +196,8 @@ def test_gps_needs_a_frame(tmp_path):
         ("a.gpx", b"<gpx></gpx>", "no fixes"),
         ("a.csv", b"\xff\xfe\x00\x01", "no column time"),
         ("a.csv", b"PK\x03\x04" + bytes(50), "a workbook or an archive, no csv; open it and save it as CSV UTF-8"),
-        ("a.csv", bytes(range(256)), "is no text"),
-        ("a.csv", f"{HEADER}\n{ROW}".encode().replace(b"Car", b"C\xe4r"), r"no UTF-8 text \(byte 0xe4\)"),
+        ("a.csv", bytes(range(256)), "is not text"),
+        ("a.csv", f"{HEADER}\n{ROW}".encode().replace(b"Car", b"C\xe4r"), r"not UTF-8 text \(byte 0xe4\)"),
         ("a.txt", b"", "unknown kind of trajectory file; give one of .csv, .parquet, .gpx"),
     ],
 )
@@ -235,7 +235,7 @@ def test_times_since_1970_are_utc(tmp_path, time):
 
 def test_gpx_without_times_is_refused(tmp_path):
     path = written(tmp_path, '<gpx><trk><trkseg><trkpt lat="32.1" lon="34.8"/></trkseg></trk></gpx>', "a.gpx")
-    with pytest.raises(InputError, match="row 1: time '' is no time"):
+    with pytest.raises(InputError, match="row 1: time '' is not a time"):
         read_trajectories([path], FRAME)
 
 

@@ -1,4 +1,4 @@
-"""TOML and JSON are read as editors save them; what is no UTF-8 is named as what it is."""
+"""TOML and JSON are read as editors save them; what is not UTF-8 is named as what it is."""
 
 import pytest
 

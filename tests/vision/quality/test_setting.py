@@ -89,7 +89,7 @@ BAD = {
     "no place": (lambda t: t.drop(columns=["x", *BOX]), "neither x, y nor box_left"),
     "no rows": (lambda t: t.iloc[:0], "no fixes"),
     "no number": (lambda t: t.assign(x=["a", *t["x"][1:]]), "row 1: x is 'a'"),
-    "no time": (lambda t: t.assign(time="noon"), "'noon' is no time"),
+    "no time": (lambda t: t.assign(time="noon"), "'noon' is not a time"),
     "one no time": (lambda t: t.assign(time=[np.nan, *t["time"][1:]]), "row 1: time is 'nan'"),
     "still": (lambda t: t.assign(time=1.0), "time stands still"),
     "sigma": (lambda t: t.assign(sigma_x="wide"), "row 1: sigma_x is 'wide'"),

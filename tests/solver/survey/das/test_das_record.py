@@ -216,7 +216,7 @@ def test_bad_side_files_are_one_clear_line(tmp_path, side, says):
         (np.zeros((5, 5), complex), "an array of complex128"),
         (np.full((5, 5), "a"), "give real numbers"),
         (np.zeros((0, 5)), "no samples"),
-        (np.array([{"a": 1}]), "no readable numpy file"),
+        (np.array([{"a": 1}]), "not a readable numpy file"),
     ],
 )
 def test_bad_arrays_are_one_clear_line(tmp_path, array, says):
@@ -410,7 +410,7 @@ def test_real_files_open(shared_data, name, kind, quantity, gauge_length, sampli
     ("name", "says"),
     [
         ("ap_sensing_1.hdf5", "states 'SCALED_DIFFERENTIAL_PHASE_32', which tells no unit; give quantity"),
-        ("febus_2.h5", "a spectrum and no time series; export StrainRate instead"),
+        ("febus_2.h5", "a spectrum, not a time series; export StrainRate instead"),
         ("LICENSE", "text, whatever its name says"),
     ],
 )

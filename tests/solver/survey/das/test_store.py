@@ -225,7 +225,7 @@ def test_rounding_and_clipping_are_known(tmp_path):
 def test_a_folder_of_something_else_is_left_alone(files, tmp_path):
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.txt").write_text("years of work")
-    with pytest.raises(InputError, match="holds something that is no store; name another folder"):
+    with pytest.raises(InputError, match="holds something that is not a store; name another folder"):
         ingest(describe(files), files, {}, tmp_path / "other")
     assert [path.name for path in (tmp_path / "other").iterdir()] == ["thesis.txt"]
 
