@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from roadfiber.cameras import calibrate as calibrate
     from roadfiber.cameras import quality as quality
     from roadfiber.cameras import track as track
+    from roadfiber.combining import Combined as Combined
+    from roadfiber.combining import combine as combine
     from roadfiber.comparing import Comparison as Comparison
     from roadfiber.comparing import compare as compare
     from roadfiber.diagnosing import Diagnosis as Diagnosis
@@ -57,6 +59,7 @@ if TYPE_CHECKING:
 #: Name -> module that it is loaded from at its first use.
 _HOMES = {
     "Calibrated": "roadfiber.cameras",
+    "Combined": "roadfiber.combining",
     "Comparison": "roadfiber.comparing",
     "Diagnosis": "roadfiber.diagnosing",
     "Effect": "solver.effect",
@@ -74,6 +77,7 @@ _HOMES = {
     "add": "roadfiber.growing",
     "calibrate": "roadfiber.cameras",
     "clock_offset": "roadfiber.growing",
+    "combine": "roadfiber.combining",
     "compare": "roadfiber.comparing",
     "diagnose": "roadfiber.diagnosing",
     "effect": "solver.effect",

@@ -45,6 +45,33 @@ def compare(
 
 
 @app.command()
+def combine(
+    runs: Annotated[list[Path], typer.Argument(help="Run folders of one fiber, of several days or cameras.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder to write.")] = Path("combined"),
+    as_json: Annotated[bool, typer.Option("--json", help="Print combined.json instead of words.")] = False,
+) -> None:
+    """Combine runs of one fiber into one route: the one that a single fit of all their passes finds.
+
+    Writes route.csv, route.geojson, combined.json and combined.html, and says whether the runs agree.
+
+    Example: `roadfiber combine runs/monday runs/tuesday --out runs/both`
+    """
+    import roadfiber as rf
+    from vision.contract import require_writable
+
+    require_writable(out)
+    combined = rf.combine(*(rf.open(run) for run in runs))
+    combined.save(out)
+    if as_json:
+        print(json.dumps(combined.facts, allow_nan=False, indent=1))
+        return
+    print(combined.headline)
+    for one in combined.agreement:
+        print(f"  {one.run}: {one.passes} passes, {one.across:+.2f} m across and {one.depth:+.2f} m in depth from it")
+    print(f"page: {out / 'combined.html'}")
+
+
+@app.command()
 def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, as_json: AsJson = False) -> None:
     """Say which physical effect the model of a run lacks, if any.
 

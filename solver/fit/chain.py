@@ -135,8 +135,8 @@ class Chain(ParameterSpace):
 
     @property
     def long(self) -> bool:
-        """Whether stretches of the route stand for themselves: vehicles, weights and noise of each are its own."""
-        return len({link.stretch for link in self.links}) > 1 or (len(self.links) > 1 and is_long(self.problem))
+        """Whether the route is fitted stretch by stretch: vehicles, weights and noise of each are its own."""
+        return len(self.links) > 1 and is_long(self.problem)
 
     @cached_property
     def convoys(self) -> list[list[int]]:
@@ -151,9 +151,10 @@ class Chain(ParameterSpace):
 
     @cached_property
     def groups(self) -> list[list[int]]:
-        """Numbers of convoys that are weighed together: all, but on a long fiber each by itself."""
+        """Numbers of convoys that are weighed together: all of a survey, but on a long fiber each by itself."""
         every = list(range(len(self.convoys)))
-        return [[one] for one in every] if self.long else [every]
+        survey = {one: one if self.long else self.links[self.convoys[one][0]].stretch for one in every}
+        return [[one for one in every if survey[one] == key] for key in dict.fromkeys(survey.values())]
 
     def each(self, work: Callable[[list[int]], T]) -> Iterator[T]:
         """Results of a work on each group of convoys, in order; those of a long chain side by side."""
@@ -181,7 +182,7 @@ class Chain(ParameterSpace):
 
     def settled(self, state: State) -> tuple[State, float]:
         """A state with the amplitudes that fit best where every sample counts, and its cost then."""
-        links = self.links
+        links = self.links  # Amplitudes of several surveys do not meet: all at once is each by itself.
         every = [Weights(one, one) for one in (link.fit.measured.double() for link in links)]
         if len(links) == 1:
             state = links[0].fit.settled(state, every[0])

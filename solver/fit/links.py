@@ -94,12 +94,17 @@ def numbered(fits: Sequence[tuple[int, int, MapFit]], problem: Problem) -> tuple
 
 
 def linked(
-    problem: Problem, groups: Sequence[Sequence[Problem]], basis: SplineBasis, held: bool
+    problem: Problem,
+    groups: Sequence[Sequence[Problem]],
+    basis: SplineBasis,
+    held: bool,
+    backs: Sequence[NDArray[np.int64]] | None = None,
 ) -> tuple[ParameterPrior, list[Link]]:
     """Prior of a whole survey and its links, from the small problems of each stretch; `held`: route and ground are."""
     fits = [fit for number, group in enumerate(groups) for fit in along(basis, group, number)]
-    alone = [np.zeros(0, np.int64)] * len(fits)
-    backs = alone if is_long(problem) else looked_back_at(problem, groups[0])
+    if backs is None:
+        alone = [np.zeros(0, np.int64)] * len(fits)
+        backs = alone if is_long(problem) else looked_back_at(problem, groups[0])
     passes = [one for _, _, fit in fits for one in fit.problem.passes]
     which, numbers = numbered(fits, problem)
     prior = ParameterPrior(basis, problem.prior, passes, problem.anchors, problem.anchor_distance, numbers, held)

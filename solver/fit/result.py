@@ -20,6 +20,22 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Placed:
+    """A fiber's route alone; fields as of `FitResult`."""
+
+    channel: NDArray[np.int64]
+    distance: NDArray[np.float64]
+    route: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    constrained: NDArray[np.bool_]
+
+    @property
+    def sigma(self) -> NDArray[np.float64]:
+        """Standard deviation [channel, 3] of x, y, z, m."""
+        return np.asarray(np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)))
+
+
+@dataclass(frozen=True)
 class FitResult:
     """A located fiber and how well the model explains the measurement.
 

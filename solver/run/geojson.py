@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.fit.result import FitResult
+from solver.fit.result import FitResult, Placed
 from solver.survey.anchors import Anchor
 from vision.contract import LocalFrame
 
@@ -95,7 +95,7 @@ def feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def corridor_features(result: FitResult, frame: LocalFrame) -> list[dict[str, Any]]:
+def corridor_features(result: FitResult | Placed, frame: LocalFrame) -> list[dict[str, Any]]:
     """One polygon per stretch that data and anchors decide, or do not; none where the method gives no covariance."""
     half = half_width(result.route, result.covariance)
     features = []
@@ -121,7 +121,9 @@ def corridor_features(result: FitResult, frame: LocalFrame) -> list[dict[str, An
     return features
 
 
-def route_features(result: FitResult, frame: LocalFrame, anchors: Sequence[Anchor], name: str) -> dict[str, Any]:
+def route_features(
+    result: FitResult | Placed, frame: LocalFrame, anchors: Sequence[Anchor], name: str
+) -> dict[str, Any]:
     """The route (LineString Z), its 95 % corridor and the anchors as a FeatureCollection, WGS 84.
 
     Parameters

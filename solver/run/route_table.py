@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.fit.result import FitResult
+from solver.fit.result import FitResult, Placed
 from vision.contract import LocalFrame
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ METERS = ("distance", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
 DEGREES = ("latitude", "longitude")
 
 
-def route_table(result: FitResult, frame: LocalFrame) -> "pd.DataFrame":
+def route_table(result: FitResult | Placed, frame: LocalFrame) -> "pd.DataFrame":
     """The route as a DataFrame.
 
     Returns

@@ -1,0 +1,282 @@
+"""Several runs of one fiber, of several days or cameras, as one route."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.fit.joint import joint_fit
+from solver.fit.pose import shortened
+from solver.fit.posterior import Posterior, lateral_share
+from solver.fit.problem import Problem
+from solver.fit.result import Placed
+from solver.run.geojson import Z95, half_width, normals, route_features
+from solver.run.route_table import route_csv, route_table
+from solver.run.run import Run
+from solver.run.strict_json import strict
+from vision.contract import InputError, LocalFrame, require_writable, writing_into
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+FORMAT = "roadfiber combined 1"
+#: Sigmas beyond which a run disagrees with the others.
+APART = 3.0
+#: Share of a run's own variance that its difference from the whole has at least: fits end within a part of a sigma.
+LEAST = 0.25
+#: Passes of two runs that are at one place within this time, s, are one.
+SAME = 0.5
+#: CSS pixels of the figure.
+WIDTH = 960
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How far a run by itself is from the combined route.
+
+    Parameters
+    ----------
+    run : its name
+    passes : of it
+    across, depth : mean difference over the channels that both have, m, toward +y and down
+    across_z, depth_z : the same in the sigmas that it should have
+    """
+
+    run: str
+    passes: int
+    across: float
+    depth: float
+    across_z: float
+    depth_z: float
+
+
+@dataclass(frozen=True, repr=False)
+class Combined:
+    """A route from several runs, through their normal equations.
+
+    Parameters
+    ----------
+    runs : that were combined
+    frame : of all x, y
+    place : the route and its covariance
+    poisson_ratio : of the ground, and its sigma
+    chi2_per_dof : misfit of all
+    converged : whether the fit did
+    widened : what all sigmas are times since the runs differ by more than they say; 1 where they agree
+    agreement : of each run
+    """
+
+    runs: Sequence[Run]
+    frame: LocalFrame
+    place: Placed
+    poisson_ratio: tuple[float, float]
+    chi2_per_dof: float
+    converged: bool
+    widened: float
+    agreement: tuple[Agreement, ...]
+
+    @property
+    def headline(self) -> str:
+        """What was combined and whether it agrees, in a line."""
+        apart = [one.run for one in self.agreement if max(abs(one.across_z), abs(one.depth_z)) > APART]
+        passes = sum(one.passes for one in self.agreement)
+        said = f"{len(self.runs)} runs with {passes} passes make one route"
+        if not self.converged:
+            return f"{said}, but the fit did not converge: do not rely on it"
+        sure = f"1 sigma {self.place.sigma[self.place.constrained, 1].max(initial=0.0):.2f} m across at most"
+        if apart:
+            return f"{said}, {sure}; {', '.join(apart)} differ from it by more than their sigmas: check calibrations"
+        return f"{said}, {sure}; all agree with it"
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """The content of combined.json."""
+        facts = {
+            "format": FORMAT,
+            "headline": self.headline,
+            "converged": self.converged,
+            "chi2_per_dof": self.chi2_per_dof,
+            "widened": self.widened,
+            "poisson_ratio": {"value": self.poisson_ratio[0], "sigma": self.poisson_ratio[1]},
+            "channels": [int(self.place.channel[0]), int(self.place.channel[-1])],
+            "runs": [vars(one) for one in self.agreement],
+        }
+        checked: dict[str, Any] = strict(facts)
+        return checked
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """How far each run by itself is from the combined route: run, passes, across, depth (m), their z."""
+        import pandas as pd
+
+        return pd.DataFrame([vars(one) for one in self.agreement])
+
+    @property
+    def route(self) -> "pd.DataFrame":
+        """The route [channel]: columns as of `Run.route`."""
+        return route_table(self.place, self.frame)
+
+    def plot(self, width: int = WIDTH) -> "Figure":
+        """Draw sideways place and depth of the combined route with its 95 % corridor, and of each run by itself."""
+        from solver.run.report.combined_figure import combined_figure
+
+        return combined_figure(self, width)
+
+    def to_geojson(self, path: Path | str) -> None:
+        """Write the route with its 95 % corridor and all anchors, WGS 84; InputError where it cannot be written."""
+        require_writable(Path(path))
+        with writing_into(Path(path).parent) as folder:
+            (folder / Path(path).name).write_text(json.dumps(self._features(), allow_nan=False), encoding="utf-8")
+
+    def save(self, folder: Path | str) -> None:
+        """Write route.csv, route.geojson, combined.json and combined.html; InputError where that cannot be."""
+        folder = Path(folder)
+        require_writable(folder)
+        with writing_into(folder) as into:
+            (into / "route.csv").write_text(route_csv(self.route), encoding="utf-8")
+            (into / "route.geojson").write_text(json.dumps(self._features(), allow_nan=False), encoding="utf-8")
+            (into / "combined.json").write_text(json.dumps(self.facts, allow_nan=False, indent=1), encoding="utf-8")
+            (into / "combined.html").write_text(self.page(), encoding="utf-8")
+
+    def page(self) -> str:
+        """One page that opens offline."""
+        from solver.run.report.parts import page
+        from vision.contract.figures import svg
+
+        head = "<tr><th>run</th><th>passes</th><th>across, m</th><th>sigmas</th><th>depth, m</th><th>sigmas</th></tr>"
+        rows = "".join(
+            f"<tr><td>{escape(one.run)}</td><td>{one.passes}</td><td>{one.across:+.3f}</td><td>{one.across_z:+.1f}</td>"
+            f"<td>{one.depth:+.3f}</td><td>{one.depth_z:+.1f}</td></tr>"
+            for one in self.agreement
+        )
+        widened = f" All sigmas are times {self.widened:.1f} since the runs differ." if self.widened > 1 else ""
+        body = (
+            f"<header><h1>{escape(self.headline)}.</h1></header><section><h2>Where the fiber is</h2><p>The line is the "
+            "combined route with its 95 % corridor; thin lines are the runs by themselves. It is the route that one "
+            f"fit of all passes finds, not an average.{widened}</p>"
+            f"{svg(self.plot())}</section><section><h2>Do the runs agree?</h2><p>Mean difference of each run by itself "
+            f'from the combined route, m, and in the sigmas that it should have.</p><div class="wide-table"><table>'
+            f"{head}{rows}</table></div></section>"
+        )
+        return page("combined route", body)
+
+    def _features(self) -> dict[str, Any]:
+        anchors = {(a.name, a.channel): a for run in self.runs for a in run.anchors}
+        name = ", ".join(dict.fromkeys(run.name for run in self.runs))
+        return route_features(self.place, self.frame, list(anchors.values()), name)
+
+    def __repr__(self) -> str:
+        return f"<Combined {self.headline}>"
+
+    def _repr_html_(self) -> str:
+        from vision.contract.notebook import framed
+
+        return framed(self.page())
+
+
+def label(run: Run) -> str:
+    """What a run is called beside others: its folder, or its survey and the time of its record."""
+    return run.folder.name if run.folder else f"{run.name} {str(run.start)[:16]}"
+
+
+def require_one_fiber(runs: Sequence[Run]) -> None:
+    """Refuse runs that are not of one fiber in one frame, or that share vehicles.
+
+    Raises
+    ------
+    InputError
+        Says which two, in what they differ, and how to mend it.
+    """
+    if len(runs) < 2:
+        raise InputError("combine: give two runs at least, of one fiber")
+    first = runs[0]
+    for run in runs:
+        both = f"combine: {label(first)} and {label(run)}"
+        if run.result.method != "spline":
+            raise InputError(f"combine: {label(run)}: --method {run.result.method} has no sigmas; locate with spline")
+        if (run.frame.origin, run.frame.x_azimuth) != (first.frame.origin, first.frame.x_azimuth):
+            raise InputError(f"{both} have different frames; give both sites the same [frame] and locate again")
+        for name in ("channel_spacing", "zero_distance"):
+            one, other = getattr(first.problem, name), getattr(run.problem, name)
+            if abs(one - other) > 1e-6 * max(1.0, abs(one)):
+                raise InputError(
+                    f"{both} differ in {name.replace('_', ' ')} ({one:g} and {other:g} m), so that their channels are "
+                    "not the same places of the fiber"
+                )
+        if {e.name for e in run.problem.effects} != {e.name for e in first.problem.effects}:
+            raise InputError(f"{both} have different effects in their models; add the same to both")
+    seen: list[tuple[Run, float, float]] = []
+    for run in runs:
+        mine = moments(run)
+        for other, when, speed in seen:
+            near = [one for one in mine if abs(one[0] - when) < SAME and abs(one[1] - speed) < 0.1 * abs(speed)]
+            if near:
+                raise InputError(
+                    f"combine: {label(other)} and {label(run)} hold the same vehicle at {np.datetime64(int(when), 's')}"
+                    "; a vehicle counts once: give runs of other times"
+                )
+        seen += [(run, *one) for one in mine]
+
+
+def moments(run: Run) -> list[tuple[float, float]]:
+    """When, s since 1970, and how fast, m/s, each pass of a run went by the middle of its way."""
+    start = run.start.astype("datetime64[ns]").astype(np.int64) / 1e9
+    row = dict(zip(run.result.samples.tolist(), run.time.tolist(), strict=True))
+    step = 1 / run.problem.sampling_rate
+    found = []
+    for one in run.problem.passes:
+        middle = int(one.rows[len(one.rows) // 2])
+        found.append((start + row.get(middle, middle * step), one.speed))
+    return found
+
+
+def combine(*runs: Run) -> Combined:
+    """Combine runs of one fiber; see `rf.combine`."""
+    require_one_fiber(runs)
+    problems = [shortened(run.problem, slice(None), run.result) for run in runs]
+    chain, end = joint_fit(problems, [run.result for run in runs])
+    whole: Problem = chain.problem
+    channel, posterior = whole.route_channel, Posterior(chain, end.at)
+    route, covariance, _, shape = posterior.route(whole.distance_of(channel))
+    agreement = tuple(agreed(run, channel, route, covariance) for run in runs)
+    z = np.array([(one.across_z, one.depth_z) for one in agreement])
+    widened = max(1.0, float(np.sqrt((z**2).mean())))
+    sure = lateral_share(route, covariance, shape) > 0.5
+    ratio = chain.layout["poisson_ratio"].start
+    return Combined(
+        runs=runs,
+        frame=runs[0].frame,
+        place=Placed(channel, whole.distance_of(channel), route, widened**2 * covariance, sure),
+        poisson_ratio=(float(end.state.poisson_ratio), widened * float(posterior.sigmas()[ratio])),
+        chi2_per_dof=posterior.chi2_per_dof,
+        converged=end.converged,
+        widened=widened,
+        agreement=agreement,
+    )
+
+
+def agreed(run: Run, channel: NDArray[np.int64], route: Array, covariance: Array) -> Agreement:
+    """How far a run by itself is from a route [channel, 3] that it is part of.
+
+    The difference of an estimate and of a better one that holds it has the difference of their variances; over the
+    channels it is taken to be one error.
+    """
+    mine, theirs = np.isin(run.result.channel, run.problem.channel), np.isin(channel, run.problem.channel)
+    across = normals(route[theirs])
+    off = run.result.route[mine] - route[theirs]
+    sides = np.einsum("ca,ca->c", across, off[:, :2]) * np.sign(across[:, 1])
+    own, both = (half_width(route[theirs], one) ** 2 for one in (run.result.covariance[mine], covariance[theirs]))
+    widths = float(np.maximum(own - both, LEAST * own).mean()) ** 0.5 / Z95
+    deep, deeper = run.result.covariance[mine][:, 2, 2], covariance[theirs][:, 2, 2]
+    heights = float(np.maximum(deep - deeper, LEAST * deep).mean()) ** 0.5
+    across_m, depth_m = float(sides.mean()), float(off[:, 2].mean())
+    return Agreement(label(run), len(run.problem.passes), across_m, depth_m, across_m / widths, depth_m / heights)

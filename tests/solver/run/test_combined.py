@@ -1,0 +1,107 @@
+"""Runs of several days make the route that one fit of all their passes finds."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import roadfiber as rf
+from solver.fit import fit_spline
+from solver.fit.problem import Problem
+from solver.fit.result import FitResult
+from solver.fit.stretches import part
+from solver.run.run import Run
+from solver.signal_path.traffic import Traffic
+from vision.contract import InputError, LocalFrame
+
+FRAME = LocalFrame((32.0, 34.8), 78.0)
+
+
+def made_run(result: FitResult, problem: Problem, day: int) -> Run:
+    """A run of some day in August."""
+    start, time = np.datetime64(f"2025-08-{day}T06:00:00", "ns"), np.arange(len(problem.record)) / problem.sampling_rate
+    lists = list(problem.passes), list(problem.anchors)
+    return Run(result, problem, FRAME, start, time[result.samples], *lists, {"name": f"day {day}"})
+
+
+@pytest.fixture(scope="module")
+def days(case) -> tuple[FitResult, list[Run], rf.Combined]:
+    """One fit of four passes, to its very end; a run of the first two of them and one of the others; both combined."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("solver.fit.least_squares.ENOUGH", 0.01)
+        every, problem = slice(None, None, 3), case.problem
+        columns = {name: getattr(problem, name)[every] for name in ("noise", "channel", "start")}
+        whole = replace(problem, record=problem.record[:, every], traffic=Traffic.of(problem.passes), **columns)
+        parts = [part(whole, np.array(numbers)) for numbers in ([0, 1], [2, 3])]
+        runs = [made_run(fit_spline(few), few, 10 + day) for day, few in enumerate(parts)]
+        return fit_spline(whole), runs, rf.combine(*runs)
+
+
+def test_the_route_is_that_of_one_fit_of_all(days) -> None:
+    every, runs, combined = days
+    place = combined.place
+    assert combined.converged and place.channel.tolist() == every.channel.tolist()
+    off = np.abs(place.route - every.route)
+    assert (off < 0.02 * every.sigma).all()
+    np.testing.assert_allclose(place.sigma / combined.widened, every.sigma, rtol=0.02)
+    average = sum(run.result.route for run in runs) / 2
+    assert np.abs(average - every.route).max() > 10 * off.max()
+
+
+def test_runs_that_agree_are_said_to(days) -> None:
+    _, _, combined = days
+    assert combined.headline.startswith("2 runs with 4 passes make one route") and "all agree" in combined.headline
+    assert combined.table["passes"].tolist() == [2, 2] and (combined.table["across_z"].abs() < 3).all()
+    assert 1 <= combined.widened < 2
+
+
+def test_a_camera_that_is_off_is_named_and_widens_the_sigmas(days) -> None:
+    """All that the second camera saw is half a meter aside; there are no anchors."""
+    _, (first, second), combined = days
+    aside = np.array([0.0, 0.5])
+    passes = [replace(one, position=one.position + aside) for one in second.problem.passes]
+    moved = replace(second.problem, passes=passes, traffic=Traffic.of(passes), anchors=[])
+    route = replace(second.result, route=second.result.route + np.array([0.0, 0.5, 0.0]))
+    runs = [replace(first, problem=replace(first.problem, anchors=[])), replace(second, problem=moved, result=route)]
+    found = rf.combine(*runs)
+    assert "differ from it by more than their sigmas" in found.headline and "day 11" in found.headline
+    assert found.widened > 2 * combined.widened
+    assert found.agreement[0].across < 0 < found.agreement[1].across
+
+
+def test_what_is_written_is_what_was_found(days, tmp_path) -> None:
+    _, _, combined = days
+    combined.save(tmp_path / "both")
+    assert {path.name for path in (tmp_path / "both").iterdir()} == {
+        *("route.csv", "route.geojson", "combined.json", "combined.html")
+    }
+    facts = json.loads((tmp_path / "both" / "combined.json").read_text())
+    assert facts == json.loads(json.dumps(combined.facts)) and len(facts["runs"]) == 2
+    rows = (tmp_path / "both" / "route.csv").read_text().splitlines()
+    assert len(rows) == 1 + len(combined.route) and rows[0].startswith("channel,distance,x,y,z,sigma_x")
+    combined.to_geojson(tmp_path / "route.geojson")
+    assert json.loads((tmp_path / "route.geojson").read_text())["features"][0]["geometry"]["type"] == "LineString"
+    assert "Do the runs agree?" in combined.page() and combined.headline in repr(combined)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda run: replace(run, frame=LocalFrame((32.0, 34.9), 78.0)), "different frames"),
+        (lambda run: replace(run, problem=replace(run.problem, channel_spacing=2.0)), "differ in channel spacing"),
+        (lambda run: replace(run, result=replace(run.result, method="network")), "has no sigmas"),
+    ],
+)
+def test_runs_that_do_not_belong_together_are_refused(days, change, words: str) -> None:
+    _, (first, second), _ = days
+    with pytest.raises(InputError, match=words):
+        rf.combine(first, change(second))
+
+
+def test_a_vehicle_counts_once(days) -> None:
+    _, (first, second), _ = days
+    with pytest.raises(InputError, match="hold the same vehicle at 2025-08-10T06:00"):
+        rf.combine(first, second, replace(first))
+    with pytest.raises(InputError, match="give two runs at least"):
+        rf.combine(first)
