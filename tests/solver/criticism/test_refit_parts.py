@@ -193,11 +193,11 @@ def test_what_is_in_the_model_is_not_scored():
     assert left == set(KNOWN) - {"camber", "wheel_layout"}
 
 
-def grid(*wavelengths: float) -> list[Score]:
+def grid(*places: float) -> list[Score]:
     """Scores of an effect at some values of its one shape, in steps of its grid, best first."""
     name = next(n for n, one in KNOWN.items() if len(one.shapes) == 1)
     p = KNOWN[name].shapes[0]
-    return [score(name, **{p.name: p.lower + steps * p.spacing}) for steps in wavelengths]
+    return [score(name, **{p.name: p.lower + steps * p.spacing}) for steps in places]
 
 
 @pytest.mark.parametrize(
