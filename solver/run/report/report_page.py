@@ -301,7 +301,7 @@ def check_section(run: Run) -> str:
 def choice_section(run: Run) -> str:
     """Which of many passes were fitted, what each was expected to add, and what kind is missing."""
     choice = run.facts.get("choice")
-    if not choice:
+    if not choice or not choice["taken"]:
         return ""
     names = list(choice["taken"][0]["narrower"])
 
