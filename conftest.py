@@ -11,7 +11,8 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     import roadfiber as rf
 
     folder = tmp_path_factory.mktemp("example")
-    survey = rf.read(rf.simulate(folder / "survey", "street-paper", passes=4, seed=3).site)
+    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 3}
+    survey = rf.read(rf.simulate(folder / "survey", "street-paper", **small).site)
     return {"rf": rf, "folder": folder, "survey": survey, "run": rf.locate(survey, effects=[]), "table": survey.tracks}
 
 

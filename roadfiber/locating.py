@@ -79,7 +79,7 @@ def locate(
     Examples
     --------
     >>> run = rf.locate(survey, effects=[])
-    >>> bool(run.route["constrained"].sum() > 60), run.trust[:15]
+    >>> bool(run.route["constrained"].sum() > 30), run.trust[:15]
     (True, 'No check failed')
     """
     whole = survey if isinstance(survey, Survey) else read(survey)

@@ -77,6 +77,7 @@ ASKED = Asked(list(built_in().values()), held_out=False, advance=lambda n: None)
         # Wheels of eight vehicles, beside which their trains have twice as many numbers.
         (900.0, 24, 0.0, 6, False),
         (900.0, 24, 0.0, 48, True),
+        (900.0, 30, 0.0, 48, False),
     ],
 )
 @pytest.mark.parametrize("many_first", [False, True])
