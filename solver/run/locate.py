@@ -26,6 +26,7 @@ from solver.run.chosen import choice_facts, choice_line
 from solver.run.methods import METHODS
 from solver.run.run import Run, run_of
 from solver.start.first_routes import find_first_routes
+from solver.start.regauge import shorter_gauges
 from solver.survey.das.record import DASRecord, ranges
 from solver.survey.das.rounding import dithered, told
 from solver.survey.dead_channels import dead_channels
@@ -194,7 +195,7 @@ def locate(
     check_apart(survey.anchors, record.channel_spacing)
     anchors = in_record(survey.anchors, record, warnings)
     heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
-    shown = filtered(heard, filters)
+    shown = shorter_gauges(filtered(heard, filters))
     with timed(timings, "smooth"):
         passes = smooth_passes(survey.tracks, record, warnings=warnings)
         if "wheels" in parts:

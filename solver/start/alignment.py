@@ -7,7 +7,7 @@ import numpy as np
 
 from solver.start.coil import JumpingLine, find_coil
 from solver.start.detections import Detections, MatchedFilter
-from solver.start.fiber_line import TOLERANCE, FiberLine, ransac_line
+from solver.start.fiber_line import TOLERANCE, FiberLine, ransac_line, tolerance
 from solver.start.wavelets import Array
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
@@ -16,6 +16,7 @@ GATE = 0.5  # gauge lengths to either side of where a vehicle is expected
 SEEN = 0.5  # share of the frames in which a channel must see its vehicle
 BRIDGE = 2.0  # gauge lengths of unseen channels that do not end the active range
 FOLLOWING = 0.2  # share of the detections that must follow the trajectories; of noise up to 0.12 does by chance
+USUAL = 240.0  # m of fiber over which it does, at the usual tolerance
 FEWEST = 6  # that must do so beyond that share
 NOISE_DB = 12.0  # what the loudest of a few hundred channels of noise stays under
 CLOCK_MEND = "check the clocks, and that the DAS is of the fiber along this road"
@@ -27,6 +28,15 @@ def together(detections: Sequence[Detections]) -> tuple[Array, Array, Array]:
         np.concatenate([getattr(one, name) for one in detections]) for name in ("x", "speed", "channel")
     )
     return x, speed, channel
+
+
+def enough(channel_spacing: float, length: float) -> float:
+    """Share of detections that must follow the trajectories over so many meters of fiber: more than noise does.
+
+    >>> enough(1.0, 240.0), round(enough(5.1, 306.0), 2), enough(5.1, 3000.0)
+    (0.2, 0.24, 0.2)
+    """
+    return FOLLOWING * max(1.0, tolerance(channel_spacing) / TOLERANCE * USUAL / length)
 
 
 def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float) -> tuple[FiberLine, int]:
@@ -44,7 +54,8 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
         snr_db = np.concatenate([one.snr_db for one in found])
         loudest = max(loudest, float(np.median(snr_db)) if len(snr_db) else -np.inf)
         line, inliers = ransac_line(*together(found), channel_spacing)
-        if line is not None and inliers.sum() >= FEWEST + FOLLOWING * len(inliers):
+        share = enough(channel_spacing, channel_spacing * matched.measured.shape[1])
+        if line is not None and inliers.sum() >= FEWEST + share * len(inliers):
             lines.append((float(snr_db[inliers].sum()), line, polarity))
     if lines:
         # Upside down, the filter sees the outer lobes on either side of the vehicle: two lines, each fainter. In dB,
@@ -135,10 +146,12 @@ class Alignment:
     jump: JumpingLine | None = None
 
 
-def detect_near(matched: MatchedFilter, one: Pass, polarity: int, line: FiberLine, gate: int) -> Detections:
-    """Detections of a pass on the line, looked for up to `gate` channels off it."""
+def detect_near(
+    matched: MatchedFilter, one: Pass, polarity: int, line: FiberLine, gate: int, near: float
+) -> Detections:
+    """Detections of a pass on the line, within `near` m of it, looked for up to `gate` channels off it."""
     found = matched.detect(one, polarity, line.channel_of(one.position[:, 0], one.velocity[:, 0]), gate)
-    return found.where(np.abs(line.residuals(found.x, found.speed, found.channel)) < TOLERANCE)
+    return found.where(np.abs(line.residuals(found.x, found.speed, found.channel)) < near)
 
 
 def align(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float, gauge: float) -> Alignment:
@@ -151,12 +164,12 @@ def align(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float
     line, polarity = find_line(matched, passes, channel_spacing)
     every = together([matched.detect(one, polarity) for one in passes])
     if (jump := find_coil(line, *every, channel_spacing)) is not None:
-        return aligned_beyond(matched, passes, polarity, jump, gauge)
-    gate = max(2, round(GATE * gauge))
+        return aligned_beyond(matched, passes, polarity, jump, gauge, tolerance(channel_spacing))
+    gate, within = max(2, round(GATE * gauge)), tolerance(channel_spacing)
     x = np.concatenate([one.position[one.in_view, 0] for one in passes])
     channels = matched.positive.shape[1]
     for _ in range(2):
-        near = [detect_near(matched, one, polarity, line, gate) for one in passes]
+        near = [detect_near(matched, one, polarity, line, gate, within) for one in passes]
         share = seen_share(line, passes, near, channels, gate)
         view = line.channel_of(x)
         active = active_range(share, (float(view.min()), float(view.max())), round(BRIDGE * gauge))
@@ -167,14 +180,14 @@ def align(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float
 
 
 def aligned_beyond(
-    matched: MatchedFilter, passes: Sequence[Pass], polarity: int, jump: JumpingLine, gauge: float
+    matched: MatchedFilter, passes: Sequence[Pass], polarity: int, jump: JumpingLine, gauge: float, within: float
 ) -> Alignment:
     """Alignment of a fiber that lies coiled somewhere: each side has its line."""
     gate, channels = max(2, round(GATE * gauge)), matched.positive.shape[1]
     x = np.concatenate([one.position[one.in_view, 0] for one in passes])
     sides, ends = [], []
     for line, where in ((jump.line, (0, jump.channel - 1)), (jump.beyond, (jump.channel, channels - 1))):
-        near = [detect_near(matched, one, polarity, line, gate) for one in passes]
+        near = [detect_near(matched, one, polarity, line, gate, within) for one in passes]
         view = np.clip(np.sort(line.channel_of(np.array([x.min(), x.max()]))), *where)
         share = seen_share(line, passes, near, channels, gate)
         first, last = active_range(share, (float(view[0]), float(view[1])), round(BRIDGE * gauge))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solver.start.fiber_line import TOLERANCE, FiberLine, ransac_line
+from solver.start.fiber_line import FiberLine, ransac_line, tolerance
 from solver.start.wavelets import Array
 
 #: Shortest and longest coil that is looked for, m: a shorter one is within the tolerance of one line.
@@ -67,13 +67,13 @@ def find_coil(line: FiberLine, x: Array, speed: Array, channel: Array, channel_s
     plain, best, found = 0, 0, None
     for one in lines:
         late = (channel - one.channel_of(x, speed))[order]
-        tolerance = TOLERANCE / abs(one.slope)
-        on = np.cumsum(np.abs(late) < tolerance)
+        near = tolerance(channel_spacing) / abs(one.slope)
+        on = np.cumsum(np.abs(late) < near)
         plain = max(plain, int(on[-1]))
         for coiled in np.arange(*np.divide(LENGTHS, channel_spacing)):
             # The line may be that of either side.
             for sign in (1, -1):
-                off = np.cumsum(np.abs(late - sign * coiled) < tolerance)
+                off = np.cumsum(np.abs(late - sign * coiled) < near)
                 first, second = (on, off) if sign > 0 else (off, on)
                 total = first + second[-1] - second
                 cut, end = int(total.argmax()), len(total) - 1 - int(total[::-1].argmax())

@@ -9,8 +9,18 @@ from numpy.typing import NDArray
 from solver.start.wavelets import Array
 
 TOLERANCE = 2.5  # m, of a detection about the line: long vehicles and jitter of weak ones
+COARSE = 0.75  # channels that it may be off as well: between coarse channels a peak is a guess
 SLOPES = (0.6, 1.1)  # dx per meter of fiber: slack and a fiber askew to the road make less than 1
 LARGEST_LAG = 20.0  # s
+
+
+def tolerance(channel_spacing: float) -> float:
+    """How far a detection may be off the line, m.
+
+    >>> tolerance(1.0), round(tolerance(5.1), 3)
+    (2.5, 3.825)
+    """
+    return max(TOLERANCE, COARSE * channel_spacing)
 
 
 @dataclass(frozen=True)
@@ -56,7 +66,7 @@ def ransac_line(
     Parameters
     ----------
     x, speed, channel : of the detections [detection], m, m/s, number
-    channel_spacing : m; the slope must be near it, in either direction
+    channel_spacing : m; the slope must be near it, in either direction, and detections as near as `tolerance` says
 
     Returns
     -------
@@ -83,8 +93,7 @@ def ransac_line(
     with warnings.catch_warnings():
         # It warns where it finds nothing; the caller is told by None.
         warnings.filterwarnings("ignore", module="skimage", category=UserWarning)
-        line, inliers = ransac(
-            (x, told, channel), FiberLine, 3, TOLERANCE, is_model_valid=possible, max_trials=1000, rng=0
-        )
+        near = tolerance(channel_spacing)
+        line, inliers = ransac((x, told, channel), FiberLine, 3, near, is_model_valid=possible, max_trials=1000, rng=0)
     found = line is not None and possible(line)
     return (line, inliers) if found else (None, np.zeros(len(x), bool))
