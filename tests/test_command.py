@@ -53,7 +53,7 @@ def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch, capsys):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full is Linux's")  # noqa: PTH110
-def test_a_result_that_cannot_be_printed_is_told(monkeypatch, capsys):
+def test_a_result_that_cannot_be_printed_is_reported(monkeypatch, capsys):
     with open("/dev/full", "w") as full:  # noqa: PTH123
         monkeypatch.setattr(sys, "stdout", full)
         code, told = ended(monkeypatch, capsys, "--version")
@@ -82,7 +82,7 @@ def test_code_is_compiled_without_a_cache_where_none_can_be_written(monkeypatch)
     assert compiled(lambda x: x + 1)(2) == 3
 
 
-def test_a_full_disk_is_no_end_of_compiling(monkeypatch):
+def test_a_full_disk_does_not_end_compiling(monkeypatch):
     def full(*given):
         raise OSError(28, "No space left on device")
 

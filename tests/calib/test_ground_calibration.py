@@ -48,7 +48,7 @@ def test_a_homography_is_taken_where_no_camera_sees_so(squeeze, model):
     assert fit.calibration.model == model and fit.used.all()
 
 
-def test_a_straight_lens_is_not_believed_because_its_errors_are_smaller_by_chance():
+def test_a_straight_lens_is_not_trusted_because_its_errors_are_smaller_by_chance():
     fits = [fit_ground(marks(noise=1.0, seed=seed), SIZE) for seed in range(4)]
     assert any(fit.scores["homography"] < fit.scores["camera"] for fit in fits)
     assert all(fit.calibration.model == "camera" for fit in fits)
@@ -247,14 +247,14 @@ def test_no_model_takes_as_many_numbers_as_there_are_equations():
     assert four.decided["homography"] == pytest.approx(8) and four.decided[four.calibration.model] < 8
 
 
-def test_a_few_errors_smaller_by_luck_are_no_evidence():
+def test_a_few_errors_smaller_by_luck_are_not_evidence():
     others, errors = np.array([1.0, 1.2, 0.8, 1.1, 1.0]), np.array([0.6, 0.9, 0.7, 1.06, 0.9])
     gain = others**2 - errors**2
     assert gain.mean() > 2 * gain.std(ddof=1) / np.sqrt(5)
     assert not smaller_beyond_chance(errors, others) and smaller_beyond_chance(np.tile(errors, 3), np.tile(others, 3))
 
 
-def test_points_read_worse_than_stated_are_no_sign_of_a_homography():
+def test_points_read_worse_than_stated_are_not_a_sign_of_a_homography():
     """Twice the stated error: the camera's misfit is beyond chance just before the homography's is."""
     fits = [fit_ground(marks(GROUND[:8], noise=2.2, seed=seed), SIZE) for seed in (4, 5)]
     assert [fit.calibration.model for fit in fits] == ["camera"] * 2

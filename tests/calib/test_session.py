@@ -117,7 +117,7 @@ def test_what_is_typed_becomes_a_mark():
     ("name", "text", "message"),
     [("px", "", "px: give a number"), ("x", "far", "x, m: far is no"), ("y", "inf", "y, m")],
 )
-def test_what_is_no_number_is_said(name, text, message):
+def test_what_is_not_a_number_is_said(name, text, message):
     with pytest.raises(ValueError, match=message):
         typed_mark(Mark("p1", 5.0, 6.0), {name: text})
 

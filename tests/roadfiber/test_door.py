@@ -172,7 +172,7 @@ def test_a_data_array_says_its_channels_gauge_and_unit(xarray) -> None:
         (object(), {}, "an array of object"),
     ],
 )
-def test_what_is_no_record_is_told_in_a_line(das, more, message) -> None:
+def test_what_is_not_a_record_is_reported_in_a_line(das, more, message) -> None:
     with pytest.raises(rf.InputError, match=message):
         in_memory.block_of(das, **more)
 

@@ -132,7 +132,7 @@ def test_rendered_vehicles_are_known_again_behind_an_occlusion(tmp_path):
     assert scores["motion"] < 0.85 and scores["looks"] > 0.95
 
 
-def test_what_is_no_embedding(tmp_path):
+def test_what_is_not_an_embedding_is_refused(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         Appearance.load(tmp_path / "none.onnx")
     with pytest.raises(InputError, match=r"answers \[1, 3, 1, 1\]"):

@@ -80,7 +80,7 @@ def test_nanodet_g_has_more_bins(swapped, tmp_path):
     assert_finds_the_bus(detector)
 
 
-def test_nanodet_plus_of_three_strides_is_no_yolox(tmp_path):
+def test_nanodet_plus_of_three_strides_is_not_yolox(tmp_path):
     detector = load_detector(graphs.nanodet_plus(tmp_path / "m.onnx", strides=(8, 16, 32)))
     assert detector.layout.name == "nanodet-plus", "same shape as a YOLOX of 107 classes; only logits are negative"
     assert_finds_the_bus(detector)
@@ -118,7 +118,7 @@ def test_answer_of_no_rows(tmp_path):
     assert len(load_detector(path).detect(IMAGE)) == 0
 
 
-def test_two_classes_of_an_old_rtdetr_are_no_rows(tmp_path):
+def test_two_classes_of_an_old_rtdetr_are_not_rows(tmp_path):
     answer = np.full((1, 300, 6), 0.01, np.float32)
     answer[0, 0] = [*center_size(graphs.STRETCHED / graphs.SIDE), 0.05, 0.8]
     detector = load_detector(write_graph(tmp_path / "m.onnx", {"o": answer}), names=["person", "bus"])

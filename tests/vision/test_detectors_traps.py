@@ -30,7 +30,7 @@ def refused(path, match, **options):
     assert "\n" not in str(error.value)
 
 
-def test_files_that_are_no_model(tmp_path):
+def test_files_that_are_not_a_model(tmp_path):
     refused(tmp_path / "none.onnx", r"no such file.*street")
     (tmp_path / "junk.onnx").write_bytes(b"junk")
     refused(tmp_path / "junk.onnx", "not an ONNX model")
@@ -48,7 +48,7 @@ def test_files_that_are_no_model(tmp_path):
     ],
     ids=["classifier", "segmenter", "yolo with masks", "scores beyond 1", "depth", "scalar"],
 )
-def test_a_graph_that_is_no_detector(outputs, tmp_path):
+def test_a_graph_that_is_not_a_detector(outputs, tmp_path):
     name, values = next(iter(outputs.items()))
     shape = rf"gives {name} \[{', '.join(map(str, values.shape))}\]"
     refused(write_graph(tmp_path / "m.onnx", outputs), rf"{shape}.*; give a detector's export")

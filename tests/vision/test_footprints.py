@@ -16,7 +16,7 @@ BUS = {"name": "bus", "frames": range(60), "size": (12.0, 2.5)}
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, np.pi])
-def test_a_part_of_a_bus_is_no_vehicle(angle):
+def test_a_part_of_a_bus_is_not_a_vehicle(angle):
     part = drive("part", range(20, 30), x=4.5, y=-0.4, angle=angle)
     assert ghosts(pd.concat([drive(**BUS, angle=angle), part], ignore_index=True)) == {"part"}
 

@@ -187,7 +187,7 @@ def test_an_edge_behind_another_vehicle_counts_less():
     assert found["sigma_y"].mean() > 1.5 * alone["sigma_y"].mean()
 
 
-def test_a_box_inside_a_nearer_one_is_no_vehicle():
+def test_a_box_inside_a_nearer_one_is_not_a_vehicle():
     table = drive("across", label="bus", lane=1.75, noise=0.5)
     inside = table.iloc[60:90].assign(track_id=2, **{"class": "car"})
     inside[["box_left", "box_top"]] += 25.0

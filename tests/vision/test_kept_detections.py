@@ -232,7 +232,7 @@ def test_a_damaged_file_is_made_anew(damage, clip, model, tmp_path, work, caplog
     assert same(first, see(clip, model, tmp_path)) and work["detected"] == 2 * FRAMES
 
 
-def test_a_folder_that_cannot_be_written_is_no_end(clip, model, tmp_path, work, caplog, monkeypatch):
+def test_a_folder_that_cannot_be_written_does_not_end_it(clip, model, tmp_path, work, caplog, monkeypatch):
     monkeypatch.setattr(looking, "CHUNK", 8)
     (tmp_path / "file").write_text("in the way")
     assert len(see(clip, model, tmp_path / "file")) == FRAMES

@@ -274,7 +274,7 @@ def test_the_demos_detector_warns_of_itself_except_on_renderings(rendered, tmp_p
     assert all("MOTA" in line and "--detector" in line for line in told)
 
 
-def test_a_graph_that_is_no_detector(survey, command, tmp_path_factory):
+def test_a_graph_that_is_not_a_detector(survey, command, tmp_path_factory):
     classifier = tmp_path_factory.mktemp("m") / "classifier.onnx"
     write_graph(classifier, {"logits": np.zeros((1, 1000), np.float32)})
     code, _, err = command(survey / "street.mp4", "--detector", classifier)

@@ -80,7 +80,7 @@ def test_exif_data_tell_times_and_the_zone(tmp_path):
     assert video.created == np.datetime64("2025-08-11T06:00:00")
 
 
-def test_exif_data_of_whole_seconds_are_no_times_of_a_burst(tmp_path):
+def test_exif_data_of_whole_seconds_are_not_times_of_a_burst(tmp_path):
     for k in range(4):
         write_exif(tmp_path / f"{k}.jpg", "2025:08:11 08:00:00")
     assert exif_times(sorted(tmp_path.iterdir())) is not None

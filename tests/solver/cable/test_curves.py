@@ -88,7 +88,7 @@ def test_hausdorff_agrees_with_scipy_on_points():
     assert directed_hausdorff(other, one) == pytest.approx(reference(*points[::-1])[0])
 
 
-def test_sliding_along_itself_is_no_error_of_the_curve():
+def test_sliding_along_itself_is_not_an_error_of_the_curve():
     s = np.linspace(0, 100, 101)
     route = np.stack([s, np.zeros(101), np.ones(101)], axis=1)
     assert directed_hausdorff(route[10:60] + np.array([0.3, 0.0, 0.0]), route) < 1e-6

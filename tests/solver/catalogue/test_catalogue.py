@@ -190,7 +190,7 @@ def test_families_have_members_that_are_told_apart():
     assert every["time_averaging"].families == ("blur", "lag")
 
 
-def test_an_unknown_name_is_told_near_ones():
+def test_an_unknown_name_is_answered_with_similar_ones():
     with pytest.raises(InputError, match=r"did you mean .*clock_offset.*lists all"):
         find("clock_ofset", built_in())
 

@@ -71,7 +71,7 @@ def grip(change) -> Effect:
         ("", "torch.Tensor.exp = torch.Tensor.sin", "^effect mine: its function changes Tensor.exp, which"),
     ],
 )
-def test_what_a_plugin_must_not_do_is_told_in_a_line(plugin, at_import, in_function, words):
+def test_what_a_plugin_must_not_do_is_reported_in_a_line(plugin, at_import, in_function, words):
     was = torch.get_default_dtype(), np.geterr(), builtins.sum
     with pytest.raises(InputError, match=words) as caught:
         catalogue([plugin(at_import, in_function)])
@@ -108,7 +108,7 @@ def test_what_a_plugin_prints_is_kept_out_of_json(plugin, capfd):
     assert out == "" and "three" in err and "four" in err
 
 
-def test_an_effect_that_ends_or_changes_what_is_shared_later_is_told_where_it_runs():
+def test_an_effect_that_ends_or_changes_what_is_shared_later_is_reported_where_it_runs():
     with pytest.raises(InputError, match="effect mine: its function ends the program"):
         guarded(grip(lambda *given: exit_now())).change(None, {}, None)
     with pytest.raises(InputError, match="effect mine: its function changes whether torch computes derivatives"):
@@ -168,6 +168,6 @@ def test_threads_share_one_guard(capfd):
     assert set(out.split()) == {"result", "below"} and err.split() == ["aside"]
 
 
-def test_what_is_shared_and_stays_is_no_fault():
+def test_what_is_shared_and_stays_is_not_a_fault():
     with untouched("nobody"):
         torch.zeros(2).exp_()

@@ -68,7 +68,7 @@ def test_a_plugin_is_listed_too(tmp_path):
     assert "share: plausible 0.05, null 0, -0.5 to 0.5" in effects("downforce", "--plugin", path)
 
 
-def test_an_unknown_name_is_told_near_ones():
+def test_an_unknown_name_is_answered_with_similar_ones():
     with pytest.raises(InputError, match="effect cycle_skip: not known; did you mean cycle_skips"):
         effects("cycle_skip")
 

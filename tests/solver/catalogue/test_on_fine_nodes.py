@@ -46,7 +46,7 @@ def relative(found: NDArray[np.float64], true: NDArray[np.float64]) -> float:
 @pytest.mark.parametrize(
     ("length", "place", "aside"), [(8.3, -7.1, 3.75), (13.7, 4.4, 2.5), (29.0, 2.2, 3.0), (47.5, 0, 5)]
 )
-def test_a_fiber_that_slips_hears_the_mean_between_what_holds_it(length: float, place: float, aside: float) -> None:
+def test_a_fiber_that_slips_records_the_mean_between_what_holds_it(length: float, place: float, aside: float) -> None:
     numbers = {"share": 1.0, "place": place, "length": length}
     values = {name: torch.tensor(value, dtype=torch.float64) for name, value in numbers.items()}
     middle = (CHANNEL[0] + CHANNEL[-1]) / 2 + place

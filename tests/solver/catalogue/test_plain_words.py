@@ -52,7 +52,7 @@ def test_sigma_and_least_size_are_in_the_same_unit() -> None:
     assert said.sigma == pytest.approx(0.1, rel=1e-3)
 
 
-def test_a_number_of_another_kind_is_told_as_it_is() -> None:
+def test_a_number_of_another_kind_is_reported_as_it_is() -> None:
     said = told(EFFECTS["wheel_layout"], HERE, estimate=0.1, sigma=0.01, detectable=0.05, unit="1")
     assert (said.size, said.unit, said.sentence) == (0.1, "", EFFECTS["wheel_layout"].physics)
 
@@ -66,7 +66,7 @@ def test_a_users_own_effect_falls_back_to_its_name_and_physics() -> None:
     assert (said.title, said.sentence, said.size) == ("axle_lift", "The rear axle carries less.", 0.2)
 
 
-def test_faults_are_told_too_and_the_list_has_titles() -> None:
+def test_faults_are_reported_too_and_the_list_has_titles() -> None:
     fault = FAULTS["unseen_vehicle"]
     said = told(fault, HERE, estimate=1.2, sigma=0.1, detectable=0.2)
     assert "1.20 times a typical one's weight" in said.sentence

@@ -94,7 +94,7 @@ def test_a_file_that_cannot_serve_is_refused_in_a_line(tmp_path, text, words):
     assert "\n" not in str(caught.value) and str(path) in str(caught.value)
 
 
-def test_a_missing_file_is_told(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     with pytest.raises(InputError, match=r"nowhere\.py: no such file"):
         read_plugin(tmp_path / "nowhere.py")
 
@@ -137,7 +137,7 @@ def test_what_runs_is_what_the_checksum_is_of(tmp_path):
 
 
 @pytest.mark.parametrize(("content", "words"), [(b"\xff\xfe", "not UTF-8 text"), (b"#" * (2**20 + 1), "over 1 MiB")])
-def test_what_is_no_text_of_a_plugin_is_told(tmp_path, content, words):
+def test_what_is_not_text_of_a_plugin_is_reported(tmp_path, content, words):
     (tmp_path / "mine.py").write_bytes(content)
     with pytest.raises(InputError, match=words):
         read_plugin(tmp_path / "mine.py")

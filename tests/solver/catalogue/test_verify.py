@@ -90,7 +90,7 @@ def test_a_plausible_value_stays_within_bounds():
     assert plausible(Parameter("a", "1", 0.2, null=1.0, upper=1.1)) == 0.8
 
 
-def test_the_trial_hears_every_vehicle_class():
+def test_the_trial_records_every_vehicle_class():
     """An effect on one class only is felt."""
     for number in range(5):
 

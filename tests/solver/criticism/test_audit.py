@@ -28,7 +28,7 @@ def test_samples_out_of_use_count_nowhere():
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_of_noise_with_memory_the_correlation_is_told(axis):
+def test_of_noise_with_memory_the_correlation_is_reported(axis):
     white = RNG.normal(size=(4000, 30))
     mixed = 0.8 * white + 0.6 * np.roll(white, 1, axis)
     assert correlation(mixed, np.ones(mixed.shape, bool), 1, axis) == pytest.approx(0.48, abs=0.02)

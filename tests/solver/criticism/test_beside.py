@@ -96,14 +96,14 @@ def test_one_of_another_kind_counts_as_kin_where_kin_explain_as_much():
     assert beside(astray, weaker).doubt(FIRST) is astray
 
 
-def test_what_a_known_effect_explains_as_well_is_no_doubt():
+def test_what_a_known_effect_explains_as_well_casts_no_doubt():
     left = refit("generic_track", 500.0, generic=True, numbers=6)
     assert beside(left).doubt(FIRST) is left
     assert beside(left, refit("clock_offset", 499.0)).doubt(FIRST) is None
     assert beside(left, refit("clock_offset", 400.0)).doubt(FIRST) is left
 
 
-def test_nothing_left_is_no_doubt():
+def test_nothing_left_casts_no_doubt():
     nothing = beside()
     assert (nothing.left, nothing.known, nothing.discrepancy) == (0.0, 0.0, None)
     assert nothing.doubt(FIRST) is None

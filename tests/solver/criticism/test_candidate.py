@@ -54,7 +54,7 @@ def test_the_p_value_pays_for_the_shapes_tried(trials):
     assert score_candidate(scored(0.0, 1.0, trials=trials), None).p_value == 1.0
 
 
-def test_of_many_numbers_alike_the_root_mean_square_is_told():
+def test_of_many_numbers_alike_the_root_mean_square_is_reported():
     """Those that the survey does not hear count nowhere."""
     name = next(n for n, one in built_in().items() if any(p.scope == "fiber" for p in one.amplitudes))
     one = built_in()[name]

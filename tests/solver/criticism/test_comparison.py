@@ -140,7 +140,7 @@ def test_at_most_ten_regions_largest_first():
     assert all(a.chi2 >= b.chi2 for a, b in pairwise(regions))
 
 
-def test_gaps_and_faded_channels_are_no_regions():
+def test_gaps_and_faded_channels_are_not_regions():
     assert found(Maker(seed=11, faded=(10, 11, 50), gap=slice(100, 140)).run()) == []
 
 

@@ -159,7 +159,7 @@ def test_a_ladder_comes_back(tmp_path):
     assert "<b>" not in (tmp_path / "ladder.html").read_text(encoding="utf-8")
 
 
-def test_a_name_that_is_not_known_is_told_shortly_before_anything_is_fitted():
+def test_a_name_that_is_not_known_is_reported_in_a_line_before_anything_is_fitted():
     problem = SimpleNamespace(effects=())
     with pytest.raises(InputError) as caught:
         check_names(["camber", "nosuch"], problem, built_in())

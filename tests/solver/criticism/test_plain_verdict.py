@@ -30,7 +30,7 @@ def diagnosis(verdict: str, *candidates: Candidate) -> Diagnosis:
     return Diagnosis(verdict, "in the commands' terms", candidates, QUIET, 0.0)
 
 
-def test_a_missing_effect_is_told_with_its_size_what_it_does_and_what_would_have_shown() -> None:
+def test_a_missing_effect_is_reported_with_its_size_what_it_does_and_what_would_have_shown() -> None:
     first = candidate("gauge_length", route_change=0.414, confounded_with=("pulse_width", "shear_lag"))
     found = diagnosis("missing-effect", first, candidate("pulse_width"), candidate("shear_lag"))
     assert headline(found) == "Gauge length. The interrogator averages strain over 11.50 m, not over 10 m."

@@ -93,7 +93,7 @@ def test_a_size_that_cannot_be(name: str, numbers: list[float], impossible: bool
     assert replace(found, fit=fit, solution=solution).pushed is impossible
 
 
-def test_every_family_is_told_how_to_separate_it() -> None:
+def test_every_family_comes_with_how_to_separate_it() -> None:
     assert set(ADVICE) == set(FAMILIES)
 
 

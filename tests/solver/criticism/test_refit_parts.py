@@ -87,7 +87,7 @@ def test_the_robust_misfit_has_no_corner(flat):
     assert (high - middle) / 1e-6 == pytest.approx(2 * HUBER, rel=1e-5)
 
 
-def test_what_does_not_count_is_no_misfit(flat):
+def test_what_does_not_count_is_not_a_misfit(flat):
     residual = torch.tensor([[SMALL, LARGE]], dtype=torch.float64)
     assert float(misfit(flat, residual, torch.tensor([[1.0, 0.0]]))[0]) == pytest.approx(SMALL**2)  # type: ignore[arg-type]
     half = misfit(flat, residual, torch.tensor([[0.5, 0.0]]))  # type: ignore[arg-type]
@@ -209,7 +209,7 @@ def grid(*places: float) -> list[Score]:
         ((0.0, 3.0, 6.0), [0, 1]),  # no more than two
     ],
 )
-def test_shapes_are_refined_from_the_best_that_are_no_neighbors(steps, kept):
+def test_shapes_are_refined_from_the_best_that_are_not_neighbors(steps, kept):
     scores = grid(*steps)
     assert apart(scores) == [scores[place] for place in kept]
 

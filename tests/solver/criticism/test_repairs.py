@@ -48,7 +48,7 @@ def test_a_sound_survey_has_no_fault(survey: Problem) -> None:
     assert find_cycle_skips(fit, state) is None
 
 
-def test_channels_that_hear_nothing_are_found_named_and_left_out(survey: Problem) -> None:
+def test_channels_that_record_nothing_are_found_named_and_left_out(survey: Problem) -> None:
     dead = survey.channel[[7, 20]]
     record = survey.record.copy()
     noise = np.random.default_rng(4).normal(size=(len(record), 2)) * float(survey.noise[0])
@@ -66,7 +66,7 @@ def test_channels_that_hear_nothing_are_found_named_and_left_out(survey: Problem
     assert misfit(new, end.state) == pytest.approx(1, abs=0.1)
 
 
-def test_channels_that_hear_something_else_are_not_faded(survey: Problem) -> None:
+def test_channels_that_record_something_else_are_not_faded(survey: Problem) -> None:
     """Samples of sharp wheels, too few a second, had kept every second channel out of step with point loads."""
     other = np.isin(survey.channel, survey.channel[[7, 20]])
     record = survey.record.copy()
@@ -76,7 +76,7 @@ def test_channels_that_hear_something_else_are_not_faded(survey: Problem) -> Non
     assert find_faded_channels(fit, state) is None
 
 
-def test_channels_that_hear_something_else_are_not_faded_where_others_are_as_quiet(survey: Problem) -> None:
+def test_channels_that_record_something_else_are_not_faded_where_others_are_as_quiet(survey: Problem) -> None:
     """What sharp wheels leave in samples too few varies from channel to channel: 1024 of the blind trials."""
     place = np.arange(len(survey.channel))
     record = survey.record.copy()
@@ -93,7 +93,7 @@ def test_channels_that_hear_something_else_are_not_faded_where_others_are_as_qui
     assert f"({survey.channel[13]})" in fault.words
 
 
-def test_a_gain_that_changes_smoothly_is_no_fading(survey: Problem) -> None:
+def test_a_gain_that_changes_smoothly_is_not_fading(survey: Problem) -> None:
     gain = np.exp(np.cos(np.linspace(0, np.pi, len(survey.channel))))
     fit, state = fitted(replace(survey, record=survey.record * gain))
     assert find_faded_channels(fit, state) is None
@@ -128,7 +128,7 @@ def test_noise_that_grows_or_shrinks_with_the_signal_is_seen(power: float, growt
     assert ratio == loud if loud else np.sign(ratio - 1) == np.sign(power)
 
 
-def test_noise_that_neighbors_share_is_no_white_noise(survey: Problem) -> None:
+def test_noise_that_neighbors_share_is_not_white_noise(survey: Problem) -> None:
     noise = np.random.default_rng(5).normal(size=(survey.record.shape[0], survey.record.shape[1] + 2))
     level = float(survey.noise[0])
     shared = level / np.sqrt(3) * (noise[:, :-2] + noise[:, 1:-1] + noise[:, 2:])

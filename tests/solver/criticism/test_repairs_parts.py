@@ -56,7 +56,7 @@ def test_an_unseen_vehicle_drives_straight_on_through_the_middle(problem, way, s
     assert (one.sigma == GUESSED).all() and one.offset == OFFSET and one.vehicle_class == "car"
 
 
-def test_it_is_followed_as_far_as_it_is_heard_and_within_the_record(problem):
+def test_it_is_followed_as_far_as_it_shows_and_within_the_record(problem):
     middle = straight(problem, 10.0, 1, 0.0, 20.0, 200)
     assert np.abs(middle.position[[0, -1], 0] - 40).max() == pytest.approx(REACH)
     assert len(middle.rows) == 2 * REACH / 10.0 * RATE + 1

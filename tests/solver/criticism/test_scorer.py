@@ -38,7 +38,7 @@ def off_by(size: float, sigma: float):
 
 
 @pytest.mark.parametrize("name", ["track_jitter", "generic_gain", "generic_load"])
-def test_what_tracks_may_be_off_by_their_own_account_is_no_effect(name):
+def test_what_tracks_may_be_off_by_their_own_account_is_not_an_effect(name):
     scores = {
         sigma: max(s.evidence for s in Scorer(*off_by(0.04, sigma)).scores(built_in()[name])) for sigma in (0.001, 0.08)
     }

@@ -46,7 +46,7 @@ def test_what_a_task_raises_is_raised_here():
 
 @forks
 @pytest.mark.usefixtures("two_threads")
-def test_a_process_that_the_system_ends_is_told_as_want_of_memory():
+def test_a_process_that_the_system_ends_is_reported_as_want_of_memory():
     with pytest.raises(MemoryError):
         side_by_side(lambda task: os.kill(os.getpid(), signal.SIGKILL), range(3))
 

@@ -82,12 +82,12 @@ def test_something_unknown_is_said_by_what_it_does_and_what_is_nearest():
     assert "nearest" not in unknown_words(found(), "It blurs.", [])
 
 
-def test_an_impossible_size_is_told_with_it():
+def test_an_impossible_size_is_reported_with_it():
     assert "only at an impossible size (size 1.23 +- 0.0678 m)" in impossible_words(found(), "ground")
     assert impossible_words(found(), "ground").endswith("at the ground stage")
 
 
-def test_a_gain_that_follows_the_signal_is_told_in_percent():
+def test_a_gain_that_follows_the_signal_is_reported_in_percent():
     assert "the noise has 42 % of the variance" in leveled_words(0.42)
 
 

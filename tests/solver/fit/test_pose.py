@@ -109,7 +109,7 @@ def record_of(problem: Problem) -> DASRecord:
     )
 
 
-def test_a_few_channels_are_no_route(case) -> None:
+def test_a_few_channels_are_not_a_route(case) -> None:
     """The spline of the start was singular: a traceback."""
     problem, few = case.problem, slice(40, 43)
     with pytest.raises(InputError, match="in 3 channels only, too few for a route"):
@@ -124,7 +124,7 @@ def test_no_vehicle_near_the_channels_is_said(case) -> None:
         pose(record, away, [], problem.start, problem.channel, problem.prior)
 
 
-def test_a_gap_is_not_channels_that_hear_nothing(survey) -> None:
+def test_a_gap_is_not_channels_that_record_nothing(survey) -> None:
     """In a gap of 10 min amid 3 of record, every channel "recorded nothing", and half of them were left out."""
     strain_rate = np.full((2000, survey.record.strain_rate.shape[1]), np.nan)
     strain_rate[:300], strain_rate[-100:] = survey.record.strain_rate[:300], survey.record.strain_rate[300:]

@@ -145,7 +145,7 @@ def test_white_noise_stays_as_it_is():
     assert np.abs(whiten(noise, law) - noise).max() < 0.4
 
 
-def test_vehicles_and_gaps_are_no_noise():
+def test_vehicles_and_gaps_are_not_noise():
     noise = street_noise(seed=9)
     still = np.ones(noise.shape, bool)
     still[1000:1500] = False

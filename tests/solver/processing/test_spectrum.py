@@ -40,7 +40,7 @@ def test_a_fan_filter_shows_in_the_quiet_samples_whatever_it_kept(speeds, highes
 
 
 @pytest.mark.parametrize("window", [(3, 3), (5, 9), (1, 7)])
-def test_a_median_is_no_fan_filter_though_it_smooths(window):
+def test_a_median_is_not_a_fan_filter_though_it_smooths(window):
     record, far = survey()
     assert shown(median_filter(record, window), far) == ["median_filter"]
 

@@ -78,7 +78,7 @@ def largest_error(run: Path, street: Survey) -> float:
     return float(np.linalg.norm(table.loc[first:last, ["x", "y", "z"]] - street.route[first : last + 1], axis=1).max())
 
 
-def test_channels_that_hear_nothing_are_named_and_left_out(street: Survey, command: Command, tmp_path: Path) -> None:
+def test_channels_that_record_nothing_are_named_and_left_out(street: Survey, command: Command, tmp_path: Path) -> None:
     """Quiet ones mislead a fit most: with five of them it ended .5 to 1.7 m off."""
     first, last = street.active
     muted = [first + 15, first + 16, (first + last) // 2, last - 20]

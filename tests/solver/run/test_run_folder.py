@@ -181,7 +181,7 @@ def test_a_folder_of_something_else_is_never_replaced(survey, tmp_path, quick):
         (lambda folder: np.savez(folder / "data.npz", time=np.zeros(3)), "arrays"),
     ],
 )
-def test_what_is_no_run_is_refused_in_one_line(survey, tmp_path, quick, spoil, message):
+def test_what_is_not_a_run_is_refused_in_one_line(survey, tmp_path, quick, spoil, message):
     folder = tmp_path / "run"
     run_of(survey.result, **survey.arguments).save(folder)
     spoil(folder)

@@ -40,7 +40,7 @@ def test_the_route_lies_where_the_camera_puts_it_and_ends_where_it_does_not_look
     assert section.count("<rect") == sum(a.x < 60 for a in run.anchors) > 0
 
 
-def test_what_a_camera_does_not_see_is_no_section(run) -> None:
+def test_what_a_camera_does_not_see_is_not_a_section(run) -> None:
     far = replace(run.result, route=run.result.route + np.array([1000.0, 0, 0]))
     assert street_section(replace(run, result=far)) == "" == street_section(replace(run, scene=None))
 

@@ -316,7 +316,7 @@ def test_sizes_are_bounded_by_the_file_and_for_good():
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x93NUMPY", b"PK\x05\x06" + bytes(18)])
-def test_what_is_no_archive_is_refused(run, content):
+def test_what_is_not_an_archive_is_refused(run, content):
     (run / "data.npz").write_bytes(content)
     refused(run)
 

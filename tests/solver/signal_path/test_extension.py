@@ -118,7 +118,7 @@ def test_effects_of_a_stage_act_in_turn():
     assert one.changed("cable", 5, values) == 5
 
 
-def test_what_is_no_stage_is_refused():
+def test_what_is_not_a_stage_is_refused():
     wrong = effect("wrong", "load", [Parameter("a", "1", 1.0)], physics="-", source="-")(lambda load, p, survey: 3)
     one = trial_survey()[0].problem.extension([wrong])
     with pytest.raises(ValueError, match=r"effect wrong: its function must return the load stage .* returned int"):

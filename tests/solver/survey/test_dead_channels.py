@@ -24,7 +24,7 @@ def test_channels_that_repeat_a_number_most_of_the_time_are_dead_and_gaps_do_not
     assert repeating(record, np.arange(20, 50)).tolist() == [31, 40]
 
 
-def test_only_what_surely_hears_less_than_a_third_is_dead() -> None:
+def test_only_what_surely_records_less_than_a_third_is_dead() -> None:
     gain, usual = np.array([0.29, 0.31, -0.29, 0.1, 0.1]), np.array([1.0, 1.0, 1.0, 0.3, 1.0])
     sigma = np.array([0.01, 0.01, 0.01, 0.01, np.inf])
     assert is_nearly_silent(gain, sigma, usual).tolist() == [True, False, True, False, False]

@@ -95,7 +95,7 @@ def test_a_gauge_longer_than_the_fiber_is_refused(survey) -> None:
         check_gauge(replace(survey.record, gauge_length=300.0))
 
 
-def test_a_record_too_slow_for_its_vehicles_is_told(survey) -> None:
+def test_a_record_too_slow_for_its_vehicles_is_reported(survey) -> None:
     """Median speed of 7.5 m/s; a gauge of 10 m feels a vehicle over 20 m."""
     assert slow_line(replace(survey.record, sampling_rate=0.5), survey.passes) is None
     said = str(slow_line(replace(survey.record, sampling_rate=0.25), survey.passes))

@@ -95,7 +95,7 @@ def test_a_full_disk_is_seen_before_the_work(tmp_path):
 
 
 @pytest.mark.parametrize("code", [errno.EROFS, errno.EACCES])
-def test_a_folder_that_only_can_be_read_is_told_before_the_work(tmp_path, monkeypatch, code):
+def test_a_folder_that_only_can_be_read_is_reported_before_the_work(tmp_path, monkeypatch, code):
     def refuse(*given, **named):
         raise OSError(code, os.strerror(code), str(tmp_path))
 
@@ -108,7 +108,7 @@ def test_a_folder_that_only_can_be_read_is_told_before_the_work(tmp_path, monkey
     assert left(tmp_path) == []
 
 
-def test_a_file_where_a_folder_should_be_is_told(tmp_path):
+def test_a_file_where_a_folder_should_be_is_reported(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match=r"a\.csv: cannot be written \(Not a directory\)"):
         require_writable(tmp_path / "file" / "a.csv")

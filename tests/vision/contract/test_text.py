@@ -42,7 +42,7 @@ def test_utf_16_is_named(tmp_path, which, encoding):
         read(path)
 
 
-def test_another_encoding_is_told_with_its_line(tmp_path):
+def test_another_encoding_is_reported_with_its_line(tmp_path):
     path = tmp_path / "a.toml"
     path.write_bytes("[frame]\nname = 'Straße'\n".encode("latin-1"))
     with pytest.raises(InputError, match=r"a\.toml: line 2 is not UTF-8; save it as UTF-8, or give a site\.toml"):

@@ -32,7 +32,7 @@ def test_what_is_written_is_read_back(tmp_path):
     assert set(back["class"]) == {"vehicle"} and not back["interpolated"].any()
 
 
-def test_names_that_are_no_numbers_are_numbered(tmp_path):
+def test_names_that_are_not_numbers_are_numbered(tmp_path):
     write_mot(tracks(("b", "a")).drop(columns="confidence"), tmp_path / "t.txt")
     back = read_mot(tmp_path / "t.txt")
     assert set(back["track_id"]) == {"1", "2"} and (back["confidence"] == 1).all() and back["time"].isna().all()

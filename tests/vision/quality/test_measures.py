@@ -129,7 +129,7 @@ def test_the_truth_decides_where_it_is_known():
     assert good.scores.idf1 > bad.scores.idf1 and judge([bad, good]).use == "good"
 
 
-def test_the_rule_is_told_and_equals_go_to_the_first():
+def test_the_rule_is_reported_and_equals_go_to_the_first():
     truth = tracks(noise=0.0)
     first, second = measured("first", truth, noise=0.05), measured("second", truth, noise=0.05)
     verdict = judge([first, second])

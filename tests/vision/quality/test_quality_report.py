@@ -129,7 +129,7 @@ def test_an_earlier_report_is_replaced_and_nothing_else(files, command, tmp_path
     assert code == 2 and "no earlier report" in err and (tmp_path / "mine" / "thesis.txt").exists()
 
 
-def test_classes_that_no_table_has_are_told_and_do_not_count(files, command, tmp_path):
+def test_classes_that_no_table_has_are_reported_and_do_not_count(files, command, tmp_path):
     everything = tracks(noise=0.0)
     persons = everything[everything["track_id"] == "2"].assign(track_id="p", **{"class": "person"})
     write(pd.concat([everything, persons]), tmp_path / "truth.csv")
@@ -143,7 +143,7 @@ def test_classes_that_no_table_has_are_told_and_do_not_count(files, command, tmp
     assert code == 2 and "has no tram, but 7 car" in err and err.count("\n") == 1
 
 
-def test_one_table_that_cannot_be_read_is_told(files, command, tmp_path):
+def test_one_table_that_cannot_be_read_is_reported(files, command, tmp_path):
     (tmp_path / "bad.csv").write_text("time,track_id\n1,2\n")
     code, out, _ = command(
         tmp_path / "bad.csv", files / "fine.csv", files / "rough.csv", "--truth", files / "truth.txt"
@@ -156,7 +156,7 @@ def test_one_table_that_cannot_be_read_is_told(files, command, tmp_path):
     assert "bad.csv: no column class, frame" in text and "Chosen by the highest HOTA" in text
 
 
-def test_a_table_of_frames_that_the_truth_has_not_is_told_and_the_others_go_on(files, command, tmp_path):
+def test_a_table_of_frames_that_the_truth_has_not_is_reported_and_the_others_go_on(files, command, tmp_path):
     everything = tracks(noise=0.0)
     write(everything[everything["frame"] < 150], tmp_path / "truth.csv")
     write(stamped(everything[everything["frame"] >= 200]), tmp_path / "late.csv")

@@ -107,7 +107,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_table_is_told_and_the_others_are_compared(case, tmp_path):
+def test_a_bad_table_is_reported_and_the_others_are_compared(case, tmp_path):
     change, complaint = BAD[case]
     good, bad = write(tracks(), tmp_path / "good.csv"), write(change(tracks()), tmp_path / "bad.csv")
     tables = read_settings([bad, good, good])
@@ -142,7 +142,7 @@ def test_other_bad_input(tmp_path):
         read_settings([a])
 
 
-def test_what_was_not_placed_is_no_miss(tmp_path):
+def test_what_was_not_placed_is_not_a_miss(tmp_path):
     """Fixes in a track's middle and at its end that were detected and not placed on the road."""
     truth = tracks(noise=0.0)
     path, frame, first = tmp_path / "a.csv", truth["frame"], truth["track_id"] == "1"

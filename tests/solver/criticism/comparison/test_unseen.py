@@ -59,7 +59,7 @@ def test_boxes_that_are_close_in_both_are_one_group():
 
 
 @pytest.mark.parametrize("speed", [-12.0, 6.0, 25.0])
-def test_the_speed_of_what_moves_is_told(speed):
+def test_the_speed_of_what_moves_is_reported(speed):
     time, distance = np.arange(200) / 10, np.arange(80.0)
     middle = distance[40] + speed * (time - 10)
     residual = RNG.normal(size=(200, 80)) + 5 * np.exp(-(((distance - middle[:, None]) / 4) ** 2))

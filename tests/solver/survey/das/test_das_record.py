@@ -332,7 +332,7 @@ def test_integers_without_a_scale_are_counts(tmp_path):
     assert np.allclose(read_das([path], quantity="strain_rate", scale=1e-9).strain_rate, noise(), atol=1e-9)
 
 
-def test_clipped_records_are_told(tmp_path):
+def test_clipped_records_are_reported(tmp_path):
     clip = np.clip(noise(), -1e-8, 1e-8)
     (line,) = read_das([array_file(tmp_path, clip, unit="1/s")]).cautions
     assert line.startswith(

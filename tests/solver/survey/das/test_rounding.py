@@ -24,7 +24,7 @@ def test_values_that_were_not_rounded_have_none(kind: type) -> None:
     assert rounding_of(1e-8 * NOISE.astype(kind), Unit("strain_rate"), 5.0, 10.0) is None
 
 
-def test_quiet_beside_loud_vehicles_is_no_rounding() -> None:
+def test_quiet_beside_loud_vehicles_is_not_rounding() -> None:
     loud = NOISE[:, 0] * np.where(np.arange(1500) % 40 < 3, 300.0, 1.0)
     assert step_of(loud) == 0.0
     assert step_of(2.0 * np.rint(loud / 2.0)) == pytest.approx(2.0)

@@ -230,7 +230,7 @@ def test_a_folder_of_something_else_is_left_alone(files, tmp_path):
     assert [path.name for path in (tmp_path / "other").iterdir()] == ["thesis.txt"]
 
 
-def test_a_damaged_store_is_not_believed(files, tmp_path, caplog):
+def test_a_damaged_store_is_not_trusted(files, tmp_path, caplog):
     folder = tmp_path / "store"
     store = ingest(describe(files), files, {}, folder)
     path = folder / part_name(store.said.parts[1])
