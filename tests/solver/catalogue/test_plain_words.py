@@ -36,7 +36,7 @@ def test_every_effect_has_a_title_and_a_sentence_of_its_own(name: str) -> None:
         ("clock_offset", -0.3, "The DAS clock is 0.300 s behind the vehicles' clock."),
         ("pulse_width", 49.0, "The light pulse blurs strain over 7.00 m of fiber."),
         ("stiffness_contrast", math.log(0.5), "Beyond x = 58 m the ground is 50.0 % softer."),
-        ("moving_load", 1e-4, "The ground is so soft that shear waves run at 100 m/s only."),
+        ("moving_load", 1e-4, "The ground is so soft that shear waves run at only 100 m/s."),
     ],
 )
 def test_sizes_are_those_that_people_know(name: str, value: float, sentence: str) -> None:
