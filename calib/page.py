@@ -7,14 +7,29 @@ from typing import Any
 import numpy as np
 from bokeh.document import Document
 from bokeh.layouts import column, row
-from bokeh.models import Button, CheckboxGroup, ColumnDataSource, Div, Select, TextInput
+from bokeh.models import (
+    Button,
+    CheckboxGroup,
+    ColorBar,
+    ColumnDataSource,
+    DataTable,
+    Div,
+    LogColorMapper,
+    NumberFormatter,
+    PointDrawTool,
+    Range1d,
+    Select,
+    StringFormatter,
+    TableColumn,
+    TextInput,
+)
+from bokeh.palettes import Viridis256
+from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from calib.ground import MODELS, GroundFit
-from calib.layers import ellipses, from_above, grid_in_picture
-from calib.maps import area, sigma_image
-from calib.next_mark import advice_lines, odd_marks
-from calib.page_parts import BESIDE, CARD, WIDTH, above_plot, mark_table, picture_plot, style_sheet, worst_table
+from calib.layers import ellipses, from_above, grid_in_picture, rgba
+from calib.maps import LEVELS, area, sigma_image
 from calib.page_text import EDITED, FIELDS, FOUND, describe, read_marks, table_data, typed_mark, with_place
 from calib.session import Mark, Session
 from vision.contract import InputError
@@ -24,10 +39,10 @@ NO_LINES: dict[str, list[Any]] = {"xs": [], "ys": []}
 NO_IMAGE: dict[str, list[Any]] = {"image": [], "x": [], "y": [], "dw": [], "dh": []}
 NO_POINTS: dict[str, list[Any]] = {"x": [], "y": [], "name": []}
 LAYERS = ("ground grid", "residuals x20", "error map")
-NO_WORST: dict[str, list[Any]] = {"name": [], "off": [], "expected": [], "times": []}
-NO_CHOSEN: dict[str, list[Any]] = {"px": [], "py": [], "name": []}
+PIXELS = ("px", "py", "residual_px", "sigma")
 WAIT = 80  # ms, in which changes are gathered before the fit
 MAGNIFY = 20.0
+WIDTH = 700  # of the frame on the page
 
 
 class Page:
@@ -37,42 +52,89 @@ class Page:
         self.document, self.session, self.image, self.out = document, session, image, out
         self.waiting, self.writing = False, False
         self.marks = ColumnDataSource({name: [] for name in (*EDITED, *FOUND)}, name="marks")
-        self.worst = ColumnDataSource(dict(NO_WORST), name="worst_marks")
-        self.chosen = ColumnDataSource(dict(NO_CHOSEN), name="chosen")
         self.lines = ColumnDataSource(dict(NO_LINES))
         self.residuals = ColumnDataSource(dict(NO_LINES))
         self.errors = ColumnDataSource(dict(NO_IMAGE))
         self.above_image = ColumnDataSource(dict(NO_IMAGE))
         self.above_ellipses = ColumnDataSource(dict(NO_LINES))
         self.above_points = ColumnDataSource(dict(NO_POINTS), name="above_points")
-        self.status = Div(name="status", width=WIDTH + 20, styles=CARD)
-        self.saved = Div(name="saved", width=BESIDE, styles={"font-size": "13px", "overflow-wrap": "anywhere"})
-        self.advice = Div(name="advice", width=BESIDE, styles=CARD)
+        self.status = Div(name="status", width=WIDTH, styles={"font-size": "13px"})
+        self.saved = Div(name="saved", styles={"font-size": "13px"})
         self.fields = self._fields()
-        frame = {"marks": self.marks, "chosen": self.chosen, "lines": self.lines, "residuals": self.residuals}
-        self.picture, self.layers = picture_plot(image, frame | {"errors": self.errors}, session.image_size)
-        self.above = above_plot(
-            {"image": self.above_image, "ellipses": self.above_ellipses, "points": self.above_points}
-        )
+        self.picture, self.layers = self._picture()
+        self.above = self._above()
         document.title = "roadfiber calibrate"
         document.add_root(self._layout())
         self.marks.selected.on_change("indices", lambda _attr, _old, _new: self.fill_fields())
-        self.worst.selected.on_change("indices", lambda _attr, _old, new: self.select_worst(new))
         self.marks.on_change("data", lambda _attr, _old, _new: self.edited())
         self.show()
+
+    def _picture(self) -> tuple[Any, list[Any]]:
+        width, height = self.session.image_size
+        plot = figure(
+            name="picture", frame_width=WIDTH, frame_height=round(WIDTH * height / width), x_range=Range1d(0, width),
+            y_range=Range1d(height, 0), tools="pan,wheel_zoom,reset", active_scroll="wheel_zoom",
+            title="drag marks; click to add one; click one to select it and type its place",
+        )  # fmt: skip
+        plot.image_rgba([rgba(self.image)], x=0, y=0, dw=width, dh=height)
+        colors = LogColorMapper(palette=Viridis256[::-1], low=LEVELS[0], high=LEVELS[-1], nan_color="rgba(0,0,0,0)")
+        errors = plot.image("image", source=self.errors, x="x", y="y", dw="dw", dh="dh", color_mapper=colors, alpha=0.5)
+        bar = ColorBar(color_mapper=colors, title="1 sigma, m", width=8)
+        plot.add_layout(bar, "right")
+        grid = plot.multi_line("xs", "ys", source=self.lines, color="#6ec8ff", line_width=1)
+        residuals = plot.multi_line("xs", "ys", source=self.residuals, color="#ffe600", line_width=2)
+        points = plot.scatter("px", "py", source=self.marks, size=11, fill_alpha=0.25, color="color", line_width=2,
+                              selection_line_color="white", selection_fill_alpha=0.6)  # fmt: skip
+        names = plot.text("px", "py", "name", source=self.marks, x_offset=8, y_offset=-4, text_color="color",
+                          text_font_size="11px", background_fill_color="black", background_fill_alpha=0.35)  # fmt: skip
+        points.nonselection_glyph = names.nonselection_glyph = None  # the same as unselected: not faded
+        draw = PointDrawTool(renderers=[points])
+        plot.add_tools(draw)
+        plot.toolbar.active_tap = draw
+        errors.visible = False
+        return plot, [grid, residuals, errors]
 
     def _fields(self) -> dict[str, Any]:
         """Inputs for the selected mark."""
         fields = {}
         for name, title in FIELDS.items():
             fields[name] = TextInput(
-                title=title, width=100 if name == "name" else 56, name=f"field_{name}", disabled=True
+                title=title, width=120 if name == "name" else 68, name=f"field_{name}", disabled=True
             )
             fields[name].on_change("value", lambda _attr, _old, _new: self.typed())
         return fields
 
+    def _above(self) -> Any:
+        plot = figure(
+            name="above", width=600, height=430, x_range=Range1d(0, 1), y_range=Range1d(1, 0),
+            tools="pan,wheel_zoom,reset", title="from above: typed places (+), 2 sigma around where their pixels are",
+            x_axis_label="x, m", y_axis_label="y, m (right of +x)",
+        )  # fmt: skip
+        plot.image_rgba("image", source=self.above_image, x="x", y="y", dw="dw", dh="dh")
+        plot.patches("xs", "ys", source=self.above_ellipses, fill_alpha=0.15, color="#ffe600")
+        plot.scatter("x", "y", source=self.above_points, marker="cross", size=12, color="#ff40ff", line_width=2)
+        plot.text("x", "y", "name", source=self.above_points, x_offset=6, y_offset=-4, text_color="#ff40ff",
+                  text_font_size="10px")  # fmt: skip
+        return plot
+
     def _layout(self) -> Any:
-        model = Select(title="model", value=self.session.model, options=list(MODELS), width=110, name="model")
+        number, text = NumberFormatter(format="0.000", nan_format="-"), StringFormatter()
+        pixels = NumberFormatter(format="0.0", nan_format="-")
+        titles = {"name": "name", "px": "px", "py": "py", "x": "x, m", "y": "y, m", "sigma": "sigma, px",
+                  "sigma_xy": "sigma, m", "residual_px": "off, px", "residual_m": "off, m",
+                  "leave_one_out_m": "held out, m"}  # fmt: skip
+        columns = [
+            TableColumn(
+                field=name,
+                title=title,
+                formatter=text if name == "name" else pixels if name in PIXELS else number,
+                width=88 if name == "name" else 56,
+            )
+            for name, title in titles.items()
+        ]
+        table = DataTable(source=self.marks, columns=columns, width=600, height=260, index_position=None,
+                          sortable=False, reorderable=False, name="table", autosize_mode="none")  # fmt: skip
+        model = Select(title="model", value=self.session.model, options=list(MODELS), width=120, name="model")
         model.on_change("value", lambda _a, _o, value: self.choose(value))
         shown = CheckboxGroup(labels=list(LAYERS), active=[0, 1], inline=True, name="layers")
         shown.on_change("active", lambda _a, _o, active: self.show_layers(active))
@@ -83,37 +145,19 @@ class Page:
             ("Delete selected", self.delete),
             ("Save", self.save),
         ):
-            button = Button(
-                label=label,
-                width=120 if label == "Delete selected" else 75,
-                button_type="success" if label == "Save" else "default",
-                name=label.split()[0].lower(),
-            )
+            button = Button(label=label, width=110, button_type="success" if label == "Save" else "default",
+                            name=label.split()[0].lower())  # fmt: skip
             button.on_click(action)
             buttons.append(button)
-        head = Div(
-            name="head",
-            width=WIDTH + BESIDE,
-            text="<h1>Where the camera's pixels lie on the road</h1>Each mark is a point in the picture whose place on "
-            "the road is known. The more they agree, and the farther apart they lie, the better vehicles are placed.",
-        )
-        left = column(self.picture, row(shown), self.status, self.above, width=WIDTH + 95)
-        tables = column(worst_table(self.worst), mark_table(self.marks), row(*self.fields.values()))
-        right = column(row(model, *buttons), self.saved, self.advice, tables)
-        return column(head, row(left, right), stylesheets=[style_sheet()])
+        left = column(self.picture, row(shown), self.status)
+        fields = row(*self.fields.values())
+        right = column(row(model, *buttons[:2]), row(*buttons[2:], self.saved), table, fields, self.above)
+        return row(left, right)
 
     def show_layers(self, active: list[int]) -> None:
         """Show the layers of these numbers."""
-        *layers, bar = self.layers
-        for index, layer in enumerate(layers):
+        for index, layer in enumerate(self.layers):
             layer.visible = index in active
-        bar.visible = LAYERS.index("error map") in active
-
-    def select_worst(self, chosen: list[int]) -> None:
-        """Select the mark that was chosen in the table of the largest errors."""
-        if chosen:
-            name = self.worst.data["name"][chosen[0]]
-            self.marks.selected.indices = [i for i, mark in enumerate(self.session.marks) if mark.name == name][:1]
 
     def choose(self, model: str) -> None:
         """Fit with another model."""
@@ -171,8 +215,6 @@ class Page:
             box.value = value if isinstance(value, str) else "" if np.isnan(value) else f"{value:.10g}"
             box.disabled = mark is None
         self.writing = False
-        there = [mark] if mark is not None else []
-        self.chosen.data = {"px": [m.px for m in there], "py": [m.py for m in there], "name": [m.name for m in there]}
 
     def _selected(self) -> Mark | None:
         chosen = [index for index in self.marks.selected.indices if index < len(self.session.marks)]
@@ -204,13 +246,6 @@ class Page:
         self.marks.data = table_data(self.session.marks, fit)
         self.writing = False
         self.status.text = describe(fit) if fit else message
-        rows = odd_marks(fit) if fit else []
-        columns = {"name": 0, "off": 1, "expected": 2}
-        self.worst.data = {name: [one[at] for one in rows] for name, at in columns.items()} | {
-            "times": [off / expected for _, off, expected in rows]
-        }
-        lines = advice_lines(fit) if fit else ["Set marks until the fit begins: four at least, not in one line."]
-        self.advice.text = "<b>What to do next</b><br>" + "<br>".join(map(html.escape, lines))
         self.fill_fields()
         self._draw(fit)
 

@@ -285,7 +285,6 @@ class Effect:
     families : of `FAMILIES`, those it belongs to; those whose laws leave what it takes up, if it is a discrepancy model
     discrepancy : what it is as a discrepancy model; None for a physical effect
     base_part : of `BASE_PARTS`, the one that does what it does, so that a base model with it lacks nothing; "" if none
-    shifts : it adds to where vehicles are what does not depend on that, and neither turns them nor changes their speed
     slow_error : it is each track's slow error, which is fitted wherever tracks are uncertain, as far as they say
     seek : finds the shapes worth trying in what was heard, where a grid fine enough would be too large; else None
     start : finds where else a fit with it may start, None where nothing tells; else None
@@ -303,7 +302,6 @@ class Effect:
     families: tuple[str, ...] = ()
     discrepancy: Discrepancy | None = None
     base_part: str = ""
-    shifts: bool = False
     slow_error: bool = False
     seek: Callable[[Heard], Proposal] | None = None
     start: Callable[[Fitted], Start | None] | None = None
@@ -359,7 +357,6 @@ def effect(
     families: Sequence[str] = (),
     discrepancy: Discrepancy | None = None,
     base_part: str = "",
-    shifts: bool = False,
     slow_error: bool = False,
     seek: Callable[[Heard], Proposal] | None = None,
     start: Callable[[Fitted], Start | None] | None = None,
@@ -389,8 +386,6 @@ def effect(
         raise ValueError(f"effect {name}: family {unknown[0]!r} is none of {', '.join(FAMILIES)}")
     if base_part not in ("", *BASE_PARTS):
         raise ValueError(f"effect {name}: base_part {base_part!r} is none of {', '.join(BASE_PARTS)}")
-    if shifts and (stage != "trajectory" or any(p.scope == "fiber" for p in parameters)):
-        raise ValueError(f"effect {name}: only an effect on the trajectory, the same for all channels, shifts vehicles")
     if not any(not p.is_shape for p in parameters):
         raise ValueError(f"effect {name}: give at least one parameter with a null value (no grid)")
     for p in parameters:
@@ -418,7 +413,6 @@ def effect(
             families=tuple(families),
             discrepancy=discrepancy,
             base_part=base_part,
-            shifts=shifts,
             slow_error=slow_error,
             seek=seek,
             start=start,

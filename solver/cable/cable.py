@@ -22,18 +22,27 @@ class Loose:
     end: Tensor
     share: Tensor
 
-    def moved(self, ground: Tensor, at: Tensor, first: Tensor, last: Tensor) -> Tensor:
-        """Motion along the fiber where the ground's is `ground` and, at the two ends, `first` and `last`, all [...].
+    def shares(self, at: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Shares of the ground's motion at hand, and where the length begins and ends, in that of the fiber.
 
-        `at` [...] is where along the route, m. Between the ends the fiber's motion is linear.
+        Between the ends the fiber's motion is linear.
+
+        Parameters
+        ----------
+        at : [...], along the route, m
+
+        Returns
+        -------
+        own, first, last : [...] each
 
         >>> loose = Loose(torch.tensor(2.0), torch.tensor(6.0), torch.tensor(1.0))
-        >>> loose.moved(torch.zeros(3), torch.tensor([1.0, 3.0, 5.0]), torch.tensor(4.0), torch.tensor(8.0)).tolist()
-        [0.0, 5.0, 7.0]
+        >>> [x.tolist() for x in loose.shares(torch.tensor([1.0, 3.0, 5.0]))]
+        [[1.0, 0.0, 0.0], [0.0, 0.75, 0.25], [0.0, 0.25, 0.75]]
         """
         way = (at - self.begin) / (self.end - self.begin)
-        even = ground + self.share * (first + way * (last - first) - ground)
-        return torch.where((way > 0) & (way < 1), even, ground)
+        inside = (way > 0) & (way < 1)
+        evened, way = torch.where(inside, self.share, torch.zeros_like(way)), torch.where(inside, way, 0.0)
+        return 1 - evened, evened * (1 - way), evened * way
 
 
 @dataclass(frozen=True)

@@ -92,10 +92,8 @@ class SplineBasis:
         def pieces(center: Tensor, flank: Tensor) -> Tensor:
             return torch.where(near, center, torch.where(far, flank, torch.zeros_like(x)))
 
-        if derivative >= 2:
+        if derivative == 2:
             bent = pieces(3 * x - 2, 2 - x) / self.step**2
-            if derivative == 3:
-                bent = phase.sign() * pieces(3 * torch.ones_like(x), -torch.ones_like(x)) / self.step**3
             return torch.where((inside == distance)[..., None], bent, torch.zeros_like(bent))
         slope = phase.sign() * pieces(1.5 * x**2 - 2 * x, -0.5 * (2 - x) ** 2) / self.step
         if derivative == 1:
@@ -210,22 +208,20 @@ class GaugeEnds(PerGauge):
         distance: Tensor,
         gauge_length: Tensor | float,
         inner: bool,
-        derivative: int = 0,
         held: tuple[Tensor, Tensor] | None = None,
     ) -> "GaugeEnds":
         """The same, differentiable by distances [channel] and gauge lengths, m; with the `inner` stations if wanted.
 
-        `derivative` 1 gives the derivatives of all matrices by distance. `held` is where, along the route, m, both
-        ends of a length that slips are.
+        `held` is where, along the route, m, both ends of a length that slips are.
         """
         ahead, behind = (distance + sign * torch.as_tensor(gauge_length) / 2 for sign in (1, -1))
-        ends = [basis.weights(where, order + derivative) for order in (0, 1) for where in (ahead, behind)]
+        ends = [basis.weights(where, order) for order in (0, 1) for where in (ahead, behind)]
         more: list[Tensor | None] = [None] * 3
         if inner:
             stations = distance[:, None] + torch.from_numpy(STATION_OFFSETS) * torch.as_tensor(gauge_length)[..., None]
-            more = [basis.weights(stations, order + derivative) for order in range(3)]
+            more = [basis.weights(stations, order) for order in range(3)]
         if held is not None:
-            more += [basis.weights(where[None], order + derivative) for order in (0, 1) for where in held]
+            more += [basis.weights(where[None], order) for order in (0, 1) for where in held]
         return cls(*ends, *more)
 
 

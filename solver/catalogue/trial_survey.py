@@ -1,8 +1,8 @@
 """A tiny made survey that every effect is tried on before it is used: all vehicle classes, both ways, a bent fiber."""
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
-from functools import cache
+from dataclasses import replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,10 @@ from solver.fit.map_fit import MapFit
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
 from solver.fit.state import State
-from solver.signal_path.derivatives import derivative
+from solver.signal_path.derivatives import Local, Seen, derivative
 from solver.signal_path.extension import Extension, Values
-from solver.signal_path.local import Local, Seen
-from solver.signal_path.traffic import Traffic, Vehicles
+from solver.signal_path.signal_path import columns
+from solver.signal_path.traffic import Traffic
 from solver.trajectory.vehicle_pass import Pass
 
 CHANNELS, SPACING, RATE = 24, 3.0, 2.5
@@ -77,11 +77,6 @@ def trial_survey() -> tuple[MapFit, State]:
     return MapFit(replace(problem, record=record)), state
 
 
-def columns(vehicles: Vehicles) -> Vehicles:
-    """Vehicles per row [row] -> [row, 1]."""
-    return Vehicles(*(getattr(vehicles, f.name)[:, None] for f in fields(vehicles)))
-
-
 class Trial:
     """One effect in the trial survey.
 
@@ -115,9 +110,9 @@ class Trial:
         described = base.described({})
         return Cable(self.around.distance) if stage == "cable" else getattr(described, stage)
 
-    def fiber(self, values: Values, derivative: int = 0) -> Fiber:
-        """The gauges' ends, or their derivative by distance."""
-        return self.fit.fiber_at(self.path, self.state.coefficients, values, derivative)
+    def fiber(self, values: Values) -> Fiber:
+        """The gauges' ends."""
+        return self.fit.fiber_at(self.path, self.state.coefficients, self.path.described(values))
 
     def map(self, numbers: Tensor) -> Tensor:
         """Strain rate [sample, channel], 1/s, with the effect."""
@@ -131,9 +126,9 @@ class Trial:
     def seen(self, numbers: Tensor) -> Seen:
         """The model with the effect, for derivatives."""
         values, state = self.extension.local(numbers), self.state
-        by = self.path.sensitivities(self.fiber(values), state.vehicles, state.poisson_ratio, values)
-        local = Local(self.path, self.fiber, state.vehicles, state.poisson_ratio, values, by)
-        return Seen(self.path, self.fiber, local)
+        gauges = partial(self.fit.gauges_at, self.path, state.coefficients)
+        local = Local(self.path, gauges, state.vehicles.rows(self.path.traffic), state.poisson_ratio, values)
+        return Seen(self.path, gauges, local)
 
     def derivatives(self, numbers: Tensor) -> dict[str, Tensor]:
         """Parameter with a null -> derivative [number, sample, channel] of the map."""

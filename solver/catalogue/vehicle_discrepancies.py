@@ -25,7 +25,6 @@ TRAIN = (5, 10, 18)
     source=SOURCE,
     families=("place",),
     discrepancy=Discrepancy(),
-    shifts=True,
 )
 def generic_track(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """Positions plus a smooth function of x."""
@@ -41,7 +40,6 @@ def generic_track(driven: Trajectory, p: Values, survey: Surroundings) -> Trajec
     source=SOURCE,
     families=("lag", "rigid"),
     discrepancy=Discrepancy(),
-    shifts=True,
 )
 def generic_shift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """One shift along and one across travel for each pass."""

@@ -10,7 +10,6 @@ from torch import Tensor
 
 from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.effect import Effect, Parameter, Surroundings
-from solver.trajectory.trajectory import Trajectory
 from vision.contract import InputError
 
 #: Largest difference from the base model at null, over the largest strain rate: rounding.
@@ -194,22 +193,6 @@ def check_stage(trial: Trial) -> None:
                 f"{name}: changes two stages, the load and its {key}; declare it for the stage trajectory, or as two "
                 "effects"
             )
-    if effect.shifts:
-        check_shift(trial, given, changed)
-
-
-def check_shift(trial: Trial, given: Trajectory, changed: Trajectory) -> None:
-    """What an effect that declares `shifts` does is nothing else."""
-    effect, away = trial.effect, torch.tensor([3.0, -2.0], dtype=torch.float64)
-    values = trial.extension.local(trial.numbers({p.name: plausible(p) for p in effect.amplitudes}))
-    moved: Trajectory = trial.extension.changed(effect.stage, replace(given, position=given.position + away), values)
-    steady = torch.equal(changed.velocity, given.velocity) and torch.equal(changed.heading, given.heading)
-    alike = moved.position.shape == given.position.shape and torch.allclose(moved.position, changed.position + away)
-    if not (steady and alike):
-        raise InputError(
-            f"effect {effect.name}: declares shifts=True, but how far it moves vehicles depends on where they are or "
-            "on the channel, or it turns them or changes their speed; leave the declaration out"
-        )
 
 
 def check_axes(trial: Trial, changed: Any) -> None:

@@ -19,9 +19,9 @@ from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
-from solver.signal_path.derivatives import acts_on_rows, derivative
+from solver.signal_path.derivatives import Local, Seen, acts_on_rows, derivative
 from solver.signal_path.extension import Extension
-from solver.signal_path.local import Local, Seen
+from solver.signal_path.signal_path import columns
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import track_sigma
 
@@ -74,7 +74,7 @@ class Scorer:
         self.at: Linearized = fit.linearized(state)
         matrix, right = Chain.single(fit).dense(state, [self.at])
         self.fitted = len(matrix)
-        self._local: dict[tuple[int, bool, int], Local] = {}
+        self._local: dict[tuple[torch.Size, bool, int], Local] = {}
         self._seen: Seen | None = None
         self._slow: tuple[Windowed, list[int]] | None = None
         factor = factor_of(matrix)
@@ -137,15 +137,14 @@ class Scorer:
         if self._seen is not None and self._seen.path.extension is extension:
             return self._seen
         path = self.fit.path.with_effects(extension)
-        fiber = partial(self.fit.fiber_at, path, self.state.coefficients)
+        gauges = partial(self.fit.gauges_at, path, self.state.coefficients)
         values = extension.local(self.numbers(extension, {}))
-        gauges = fiber(values)
-        key = len(gauges.ahead), gauges.inner is None, path.traffic.over
+        here = gauges(path.described(values))
+        key = here.points.shape, here.change is None, path.traffic.over
         if key not in self._local:
-            vehicles, ratio = self.state.vehicles, self.state.poisson_ratio
-            by = path.sensitivities(gauges, vehicles, ratio, values)
-            self._local[key] = Local(path, fiber, vehicles, ratio, values, by)
-        self._seen = Seen(path, fiber, self._local[key])
+            vehicles = self.state.vehicles.rows(path.traffic)
+            self._local[key] = Local(path, gauges, vehicles, self.state.poisson_ratio, values)
+        self._seen = Seen(path, gauges, self._local[key])
         return self._seen
 
     def numbers(self, extension: Extension, shape: dict[str, float]) -> Tensor:
@@ -267,14 +266,15 @@ class Scorer:
         slot = extension.slots[-1]
         if acts_on_rows(seen, slot, values):
             state = self.state
-            return seen.path.strain_rate(seen.fiber(values, 0), state.vehicles, state.poisson_ratio, values)
+            fiber = self.fit.fiber_at(seen.path, state.coefficients, seen.path.described(values))
+            return seen.path.strain_rate(fiber, state.vehicles, state.poisson_ratio, values)
         return seen.path.observed(seen.local.alone, values)
 
     def heard(self, extension: Extension) -> Heard:
         """What the fit leaves, for effects that seek their shapes in it."""
         seen, numbers = self.seen(extension), self.numbers(extension, {})
         values = extension.local(numbers)
-        load = seen.path.loads(seen.local.rows, values)
+        load = seen.path.loads(columns(seen.local.vehicles), values)
         fiber = self.fit.fiber(self.state, self.fit.values(self.state))
         residual = self.at.residual.reshape(self.fit.data.shape)
         middle, slope = (fiber.ahead + fiber.behind) / 2, fiber.ahead - fiber.behind

@@ -15,15 +15,12 @@ from torch import Tensor
 
 from solver.fit.robust import felt, huber, joint_scale, near_noise
 from solver.fit.state import Evaluation, State, Weights
-from solver.signal_path.signal_path import Sensitivities
 
 if TYPE_CHECKING:
     from solver.fit.links import Link
 
 #: Bytes of local derivatives that are kept from a look to its equations; beyond, they are computed again.
 KEPT = 3e8
-#: Local derivatives that amplitudes and weights are made of.
-NEEDED = ("amplitude", "along", "across")
 
 
 def carried(links: Sequence["Link"], columns: Iterable[tuple[Tensor, Tensor]]) -> Iterator[tuple[Tensor, Tensor]]:
@@ -76,8 +73,7 @@ class Glance:
         found = link.fit.evaluate(state)
         if found.local.bytes <= room:
             return cls(link, state, found, True)
-        few = Sensitivities(found.local.rate, {name: found.local.by[name] for name in NEEDED})
-        return cls(link, state, replace(found, local=few), False)
+        return cls(link, state, replace(found, local=found.local.shifts), False)
 
     @property
     def full(self) -> Evaluation:
@@ -135,7 +131,7 @@ def settled(glances_: Sequence[Glance], weights: Sequence[Weights]) -> list[Glan
     if any(one.link.fit.path.described(one.evaluation.values).nonlinear for one in glances_):
         return list(glances_)
     links = [one.link for one in glances_]
-    maps = (one.link.fit.alone(one.evaluation.local.by["amplitude"], one.evaluation.values) for one in glances_)
+    maps = (one.link.fit.alone(one.evaluation.local.alone, one.evaluation.values) for one in glances_)
     amplitudes, _ = best_amplitudes(links, maps, weights)
     return [one.with_amplitudes(amplitude) for one, amplitude in zip(glances_, amplitudes, strict=True)]
 

@@ -20,10 +20,12 @@ from solver.fit.problem import Problem
 from solver.fit.residual import unexplained
 from solver.fit.robust import felt, huber, near_noise, scale_of
 from solver.fit.state import Evaluation, Linearized, State, Weights
-from solver.signal_path.derivatives import derivative, observed_tangents
+from solver.signal_path.derivatives import Local, Seen, derivative, observed_tangents
 from solver.signal_path.extension import Values
-from solver.signal_path.local import Local, Seen
-from solver.signal_path.signal_path import Sensitivities, SignalPath
+from solver.signal_path.gauges import Gauges, route_jacobian
+from solver.signal_path.observation import Description
+from solver.signal_path.sensitivities import Sensitivities
+from solver.signal_path.signal_path import SignalPath
 from solver.signal_path.traffic import Vehicles
 
 #: Variance of a cubic spline of unit coefficients.
@@ -75,27 +77,27 @@ class MapFit(ParameterSpace):
         """Values of the effects' parameters at each row and channel."""
         return self.extension.local(state.numbers)
 
-    def ends_at(self, values: Values) -> GaugeEnds:
+    def _ends_of(self, path: SignalPath, stages: Description) -> GaugeEnds:
         """Basis matrices at the gauges' ends, as effects move them."""
-        return self._ends_of(self.path, values)
-
-    def _ends_of(self, path: SignalPath, values: Values, derivative: int = 0) -> GaugeEnds:
-        stages = path.described(values)
         cable, gauge = stages.cable, stages.gauge
-        if path.extension.surroundings is None and not derivative:
+        if path.extension.surroundings is None:
             return self.ends
         graded = stages.ground.compliance is not None
         within = path.curved or graded or isinstance(cable.path_integral, Tensor)
-        held = None if cable.loose is None or derivative else (cable.loose.begin, cable.loose.end)
-        return GaugeEnds.at(self.basis, cable.distance, gauge, within, derivative, held)
+        held = None if cable.loose is None else (cable.loose.begin, cable.loose.end)
+        return GaugeEnds.at(self.basis, cable.distance, gauge, within, held)
 
     def fiber(self, state: State, values: Values) -> Fiber:
         """The gauges' ends on the route of a state."""
-        return Fiber.of(self.ends_at(values), state.coefficients)
+        return self.fiber_at(self.path, state.coefficients, self.path.described(values))
 
-    def fiber_at(self, path: SignalPath, coefficients: Tensor, values: Values, derivative: int = 0) -> Fiber:
-        """The gauges' ends on a route, in another path with more effects; or their derivative by distance."""
-        return Fiber.of(self._ends_of(path, values, derivative), coefficients)
+    def fiber_at(self, path: SignalPath, coefficients: Tensor, stages: Description) -> Fiber:
+        """The gauges' ends on a route, in another path with more effects."""
+        return Fiber.of(self._ends_of(path, stages), coefficients)
+
+    def gauges_at(self, path: SignalPath, coefficients: Tensor, stages: Description) -> Gauges:
+        """The same as the ground moves them."""
+        return Gauges.of(self.fiber_at(path, coefficients, stages), stages, path.curved)
 
     def model(self, state: State) -> Tensor:
         """Strain rate [sample, channel], 1/s."""
@@ -125,15 +127,10 @@ class MapFit(ParameterSpace):
 
     def strengthened(self, state: State, evaluation: Evaluation, amplitude: Tensor) -> tuple[State, Evaluation]:
         """The same state with other amplitudes [pass], and the evaluation there, from that with the old ones."""
-        share = (amplitude / state.vehicles.amplitude)[self.path.traffic.pass_index]
-        by = {
-            name: part if name == "amplitude" else part * share.reshape(-1, *[1] * (part.ndim - 1))
-            for name, part in evaluation.local.by.items()
-        }
-        rate = evaluation.local.rate * share[:, None]
-        model = self.path.observed(self.path.traffic.superpose(rate), evaluation.values)
+        local = replace(evaluation.local, amplitude=amplitude[self.path.traffic.pass_index])
+        model = self.path.observed(self.path.traffic.superpose(local.rate), evaluation.values)
         new = replace(state, vehicles=replace(state.vehicles, amplitude=amplitude))
-        return new, Evaluation(evaluation.values, Sensitivities(rate, by), model)
+        return new, Evaluation(evaluation.values, local, model)
 
     def alone(self, rows: Tensor, values: Values) -> Tensor:
         """Maps [sample, channel, pass] of each vehicle, by what each of unit amplitude does alone, [row, channel]."""
@@ -166,27 +163,30 @@ class MapFit(ParameterSpace):
         """The same of a model [sample, channel], 1/s."""
         return self.whiten(self.unexplained(model) * weights.good) * weights.soft.sqrt()
 
-    def route_columns(self, local: Sensitivities, values: Values) -> Tensor:
+    def route_columns(self, state: State, local: Sensitivities, values: Values) -> Tensor:
         """Derivative of each row by the route's coefficients, [row, channel, coefficient, 3]."""
-        matrices = self.ends_at(values).present()
-        each = (m if m.ndim == 3 else m[:, None] for m in matrices.values())
-        basis = torch.cat([m.expand(local.rate.shape[1], -1, -1) for m in each], 1)
-        by = [local.by[name] for name in matrices]
-        stacked = torch.cat([part if part.ndim == 4 else part[:, :, None] for part in by], 2)
-        rows, channels, points, _ = stacked.shape
-        columns = torch.bmm(stacked.permute(1, 0, 3, 2).reshape(channels, 3 * rows, points), basis)
-        return columns.reshape(channels, rows, 3, -1).permute(1, 0, 3, 2)
+        stages = self.path.described(values)
+        places, others = route_jacobian(self._ends_of(self.path, stages), state.coefficients, stages, self.path.curved)
+        rows, channels = local.alone.shape
+        scale = local.amplitude[:, None, None, None]
+        moved = (local.by_point * scale).permute(1, 3, 0, 2).reshape(channels, 3 * rows, -1)
+        columns = torch.bmm(moved, places).reshape(channels, 3, rows, -1).permute(0, 2, 3, 1)
+        felt = (local.by_weight * scale).flatten(2)
+        if local.gauges.change is not None:
+            felt = torch.cat([felt, local.by_ratio * scale[..., 0]], 2)
+        columns += torch.bmm(felt.transpose(0, 1).contiguous(), others).unflatten(2, (-1, 3))
+        return columns.transpose(0, 1)
 
     def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
         """Derivative of the model by every parameter, [sample, channel, parameter], 1/s per unit."""
         traffic = self.path.traffic
-        rows, channels = local.rate.shape
+        rows, channels = local.alone.shape
         out = torch.zeros(len(traffic.samples), channels, self.layout["numbers"].start, dtype=torch.float64)
-        by_route = self.route_columns(local, values).reshape(rows, channels, -1)
+        by_route = self.route_columns(state, local, values).reshape(rows, channels, -1)
         out[..., self.layout["route"]].index_add_(0, traffic.sample_index, by_route)
         for name in PER_PASS:
-            out[traffic.sample_index, :, self.layout[name].start + traffic.pass_index] += local.by[name]
-        out[..., self.layout["poisson_ratio"].start] = traffic.superpose(local.by["poisson_ratio"])
+            out[traffic.sample_index, :, self.layout[name].start + traffic.pass_index] += local.vehicle(name)
+        out[..., self.layout["poisson_ratio"].start] = traffic.superpose(local.poisson_ratio)
         if not self.extension.effects:
             return out
         alone = traffic.superpose(local.rate)
@@ -195,9 +195,10 @@ class MapFit(ParameterSpace):
 
     def effect_columns(self, state: State, local: Sensitivities, values: Values) -> Tensor:
         """Derivative of the model by the effects' numbers, [sample, channel, number]."""
-        fiber = partial(self.fiber_at, self.path, state.coefficients)
-        here = Local(self.path, fiber, state.vehicles, state.poisson_ratio, values, local)
-        columns = [derivative(Seen(self.path, fiber, here), slot, state.numbers) for slot in self.extension.slots]
+        gauges = partial(self.gauges_at, self.path, state.coefficients)
+        rows = state.vehicles.rows(self.path.traffic)
+        here = Local(self.path, gauges, rows, state.poisson_ratio, values, local)
+        columns = [derivative(Seen(self.path, gauges, here), slot, state.numbers) for slot in self.extension.slots]
         return torch.cat(columns, 0).permute(1, 2, 0)
 
     def track_variance(self, local: Sensitivities) -> Tensor:
@@ -211,8 +212,8 @@ class MapFit(ParameterSpace):
         # The sigmas are of x and y; the shifts are along and across the heading.
         cosine, sine = (traffic.heading**2).unbind(-1)
         x, y = (traffic.sigma**2 - slow).clamp_min(0.0).unbind(-1)
-        along = local.by["along"] ** 2 * (cosine * x + sine * y)[:, None]
-        across = local.by["across"] ** 2 * (sine * x + cosine * y)[:, None]
+        along = local.vehicle("along") ** 2 * (cosine * x + sine * y)[:, None]
+        across = local.vehicle("across") ** 2 * (sine * x + cosine * y)[:, None]
         chosen = self.extension.chosen
         total = traffic.superpose(along + across)[torch.from_numpy(traffic.sampled)]
         return (total if chosen is None else total[:, chosen]) / self.problem.noise**2

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from solver.fit.parameter_layout import AXES, PER_PASS, Layout
 from solver.signal_path.extension import Values
-from solver.signal_path.signal_path import Sensitivities
+from solver.signal_path.sensitivities import Sensitivities
 from solver.signal_path.traffic import Vehicles
 
 

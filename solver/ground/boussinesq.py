@@ -94,14 +94,16 @@ def displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) ->
 
 def plain_values(*tensors: Tensor) -> list[Array] | None:
     """Values of tensors in double precision; None where one carries a derivative or is of another type."""
-    if any(
-        x.requires_grad or x.dtype != torch.float64 or forward_ad.unpack_dual(x).tangent is not None for x in tensors
-    ):
+    if any(x.requires_grad or x.dtype != torch.float64 or forward_mode(x) for x in tensors):
         return None
-    try:
-        return [x.numpy() for x in tensors]
-    except RuntimeError:  # a tensor of torch.func, which has no values of its own
-        return None
+    return [x.numpy() for x in tensors]
+
+
+def forward_mode(x: Tensor) -> bool:
+    """Whether a tensor carries a forward derivative, or is one of `torch.func`, which has no values of its own."""
+    if torch._C._functorch.is_functorch_wrapped_tensor(x):
+        return True
+    return forward_ad.unpack_dual(x).tangent is not None
 
 
 @cache

@@ -44,6 +44,11 @@ class Load:
         driven = {f.name: tensors[f"trajectory.{f.name}"] for f in fields(self.trajectory)}
         return replace(self, trajectory=replace(self.trajectory, **driven), **own)
 
+    def alike(self, other: "Load") -> bool:
+        """Whether wheels stand and press alike, and exert the same kinds of forces."""
+        same = self.tensors.keys() == other.tensors.keys() and self.position.shape == other.position.shape
+        return same and torch.equal(self.position, other.position) and torch.equal(self.share, other.share)
+
     def part(self, rows: slice) -> "Load":
         """Some of its rows."""
         return self.with_tensors({name: x[rows] for name, x in self.tensors.items()})

@@ -1,6 +1,6 @@
 """Derivatives of small functions along a way, by automatic differentiation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 
 import torch
 from torch import Tensor
@@ -22,11 +22,27 @@ def pushed(function: Callable[[Tensor], Tensor], here: Tensor, way: Tensor) -> T
 
 def pushed_all(function: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor, way: Tensor) -> tuple[Tensor, ...]:
     """`pushed` of a function of several values."""
+    return pushed_ways(function, here, [way])[0]
+
+
+def pushed_ways(
+    function: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor, ways: Sequence[Tensor]
+) -> list[tuple[Tensor, ...]]:
+    """`pushed_all` along several ways."""
     with torch.enable_grad():
         at = here.detach().requires_grad_()
         values = function(at)
         moving = [value for value in values if value.requires_grad]
         weights = [torch.zeros_like(value, requires_grad=True) for value in moving]
-        gradient = torch.autograd.grad(moving, at, weights, create_graph=True)[0] if moving else at
-    found = iter(torch.autograd.grad(gradient, weights, way, materialize_grads=True) if moving else ())
-    return tuple(next(found) if value.requires_grad else torch.zeros_like(value) for value in values)
+        # Of one number: for anything else PyTorch loads its symbolic shapes, a second long.
+        whole = sum(((weight * value).sum() for weight, value in zip(weights, moving, strict=True)), torch.zeros(()))
+        gradient = torch.autograd.grad(whole, at, create_graph=True)[0] if moving else at
+
+    def along(way: Tensor) -> tuple[Tensor, ...]:
+        found: Iterator[Tensor] = iter(())
+        if moving:
+            found = iter(torch.autograd.grad((gradient * way).sum(), weights, None, True, materialize_grads=True))
+        return tuple(next(found) if value.requires_grad else torch.zeros_like(value) for value in values)
+
+    with torch.enable_grad():
+        return [along(way) for way in ways]

@@ -1,20 +1,131 @@
-"""Derivatives of the strain-rate map by an effect's parameters, by forward-mode automatic differentiation."""
+"""Derivatives of the strain-rate map by an effect's parameters: the chain rule, on from loads and gauges.
 
-from dataclasses import replace
-from functools import partial
+What a parameter does to loads or gauges is differentiated automatically, for these are few numbers; what they do to
+strain rate is known from `solver.signal_path.sensitivities`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import torch
 from torch import Tensor
+from torch.autograd import forward_ad
 from torch.func import jvp
 
-from solver.signal_path.autodiff import pushed
+from solver.ground.ground import Ground
+from solver.load.load import Load
+from solver.signal_path.autodiff import pushed, pushed_all, pushed_ways
 from solver.signal_path.extension import Slot, Values
-from solver.signal_path.local import Seen
-from solver.signal_path.shortcuts import SHORTCUTS, placements
-from solver.signal_path.signal_path import SignalPath
+from solver.signal_path.gauges import Gauges
+from solver.signal_path.observation import Description
+from solver.signal_path.sensitivities import ByLoad, Sensitivities, along_load
+from solver.signal_path.signal_path import SignalPath, columns
+from solver.signal_path.traffic import Vehicles
 
 #: Columns that are filtered at once.
 COLUMNS = 16
+#: Numbers of the cable that a parameter may change, of each channel and of all alike; and those of a loose length.
+EACH, ALIKE, LOOSE = ("shift", "slack", "gain"), ("vertical", "path_integral"), ("begin", "end", "share")
+
+Changed = Callable[[Tensor], Values]
+
+
+class Local:
+    """What single vehicles do to single gauges at a state, and what derivatives by many parameters are made of.
+
+    Parameters
+    ----------
+    path : with the effects
+    gauges : of what the stages say, on the route of the state
+    vehicles : per row
+    poisson_ratio : of the state
+    values : of the effects
+    by : sensitivities there, if known
+    """
+
+    def __init__(
+        self,
+        path: SignalPath,
+        gauges: Callable[[Description], Gauges],
+        vehicles: Vehicles,
+        poisson_ratio: Tensor,
+        values: Values,
+        by: Sensitivities | None = None,
+    ):
+        self.path, self.gauges, self.vehicles, self.poisson_ratio, self.values = (
+            path,
+            gauges,
+            vehicles,
+            poisson_ratio,
+            values,
+        )
+        self.by = by or path.sensitivities_of(
+            path.loads(columns(vehicles), values), gauges(path.described(values)), vehicles, poisson_ratio, values
+        )
+        self._by_load: list[tuple[Load, ByLoad]] = [(self.by.load, self.by.by_load)]
+        self._by_number: dict[tuple[object, ...], Tensor] = {}
+
+    @cached_property
+    def alone(self) -> Tensor:
+        """Map [sample, computed channel] before whatever acts on the whole of it, 1/s."""
+        return self.path.traffic.superpose(self.by.rate)
+
+    def by_load(self, load: Load) -> ByLoad:
+        """Derivatives by a load that may have other wheels than `by`, or more forces, which are zero."""
+        for known, by in self._by_load:
+            if known.alike(load):
+                return by
+        by = self.path.by_load(load, self.by.gauges, self.poisson_ratio, self.values)
+        self._by_load.append((load, by))
+        return by
+
+    def by_number(self, stages: Description, name: str) -> Tensor:
+        """Derivative of `alone` by a number of the cable, or by the gauge length."""
+        loose = stages.cable.loose
+        key = name, *(() if loose is None else (float(getattr(loose, one)) for one in LOOSE))
+        if key not in self._by_number:
+            here = torch.as_tensor(number(stages, name), dtype=torch.float64)
+            here = here.expand(len(stages.cable.counted)) if name in EACH else here
+            moved = pushed_all(lambda x: self.gauges(with_number(stages, name, x)).tensors, here, torch.ones_like(here))
+            self._by_number[key] = self.path.traffic.superpose(self.by.along_gauges(Gauges(*moved)))
+        return self._by_number[key]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A model at a state.
+
+    Parameters
+    ----------
+    path : with the effects
+    gauges : as in `Local`
+    local : of this path, or of one that differs by an effect at its null
+    """
+
+    path: SignalPath
+    gauges: Callable[[Description], Gauges]
+    local: Local
+
+
+def number(stages: Description, name: str) -> Tensor | float:
+    """A number of the cable or its loose length, or the gauge length."""
+    if name == "gauge_length":
+        return stages.interrogator.gauge_length
+    value: Tensor | float = getattr(stages.cable.loose if name in LOOSE else stages.cable, name)
+    return value
+
+
+def with_number(stages: Description, name: str, value: Tensor) -> Description:
+    """Stages with another `number`."""
+    if name == "gauge_length":
+        return replace(stages, interrogator=replace(stages.interrogator, gauge_length=value))
+    cable = stages.cable
+    if name in LOOSE:
+        assert cable.loose is not None
+        return replace(stages, cable=replace(cable, loose=replace(cable.loose, **{name: value})))
+    changed = {name: value}
+    return replace(stages, cable=replace(cable, **changed))  # type: ignore[arg-type]
 
 
 def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values: Values) -> Tensor:
@@ -34,8 +145,8 @@ def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values:
 def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
     """Derivative of the observed map by the numbers of one parameter, [number, sample, channel].
 
-    What a row or a channel feels depends on the parameter's value there alone, so that one forward pass with the
-    tangent 1 everywhere holds the derivatives by all numbers.
+    What a row feels depends on the parameter's value there alone, so that one tangent of 1 everywhere holds the
+    derivatives by all numbers.
     """
     path, extension = seen.path, seen.path.extension
     values = extension.local(numbers)
@@ -44,45 +155,120 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
     def changed(name: str, value: Tensor) -> dict[str, dict[str, Tensor]]:
         return {**values, effect.name: {**values[effect.name], name: value}}
 
-    def rows(new: Values) -> Tensor:
-        return path.rows(seen.fiber(new, 0), seen.local.vehicles.rows(path.traffic), seen.local.poisson_ratio, new)
-
     def tangent(name: str) -> Tensor:
-        found = SHORTCUTS[effect.stage](seen, partial(changed, name), values[effect.name][name])
-        if found is not None:
-            return found
-        here = values[effect.name][name]
-        return jvp(lambda v: rows(changed(name, v)), (here,), (torch.ones_like(here),))[1]
+        return by_rows(seen, slot, partial(changed, name), values[effect.name][name])
 
     def spread(by_row: Tensor, matrix: Tensor) -> Tensor:
         return torch.stack([path.traffic.superpose(by_row * c[:, None]) for c in matrix.unbind(1)])
 
     here, change = values[effect.name][p.name], partial(changed, p.name)
-    one = torch.ones_like(here)
     assert extension.scopes is not None
-    ways = [one] if scope == "one" else [w.reshape(here.shape) for w in extension.scopes.along(scope).unbind(1)]
-    if not acts_on_rows(seen, slot, values):
-        return torch.stack([pushed(lambda v: path.observed(seen.local.alone, change(v)), here, way) for way in ways])
-    if effect.stage == "cable" and (placed := placements(seen, change, here, ways)) is not None:
-        return observed_tangents(path, seen.local.alone, placed, values)
-    if scope == "one":
-        whole = SHORTCUTS[effect.stage](seen, change, here)
-        if whole is None:
-            every = jvp(lambda v: path.observed(path.traffic.superpose(rows(change(v))), change(v)), (here,), (one,))
-            return every[1][None]
-        columns = path.traffic.superpose(whole)[None]
-    elif scope == "fiber":
-        columns = path.traffic.superpose(tangent(p.name))[None] * extension.scopes.fiber.T[:, None, :]
-    else:
-        columns = spread(tangent(p.name), extension.scopes.rows[scope])
-        if p.rated:
-            columns = columns + spread(tangent(p.rate_name), extension.scopes.rates[scope])
-    return observed_tangents(path, seen.local.alone, columns, values)
+    ways = [torch.ones_like(here)]
+    if scope != "one":
+        ways = [way.reshape(here.shape) for way in extension.scopes.along(scope).unbind(1)]
+    parts = []
+    if acts_on_rows(seen, slot, values):
+        if effect.stage in ("cable", "interrogator"):
+            columns = by_gauges(seen, change, here, ways)
+        elif scope == "one":
+            columns = path.traffic.superpose(tangent(p.name))[None]
+        elif scope == "fiber":
+            columns = path.traffic.superpose(tangent(p.name))[None] * extension.scopes.fiber.T[:, None, :]
+        else:
+            columns = spread(tangent(p.name), extension.scopes.rows[scope])
+            if p.rated:
+                columns = columns + spread(tangent(p.rate_name), extension.scopes.rates[scope])
+        parts.append(observed_tangents(path, seen.local.alone, columns, values))
+    if acts_on_map(seen, slot, values):
+        alone = seen.local.alone
+        parts.append(torch.stack([pushed(lambda v: path.observed(alone, change(v)), here, way) for way in ways]))
+    return sum(parts[1:], parts[0])
+
+
+def by_rows(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
+    """Derivative [row, channel] by a parameter of loads, or of the ground."""
+    if slot.effect.stage == "ground":
+        return by_ground(seen, slot, changed, here)
+    path, vehicles = seen.path, columns(seen.local.vehicles)
+    by = seen.local.by_load(path.loads(vehicles, changed(here)))
+
+    def loads(value: Tensor) -> tuple[Tensor, ...]:
+        tensors = path.loads(vehicles, changed(value)).tensors
+        return tuple(tensors[name] for name in by)
+
+    moved = pushed_all(loads, here, torch.ones_like(here))
+    return seen.local.by.amplitude[:, None] * along_load(by, dict(zip(by, moved, strict=True)))
+
+
+def by_gauges(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor]) -> Tensor:
+    """Derivatives [way, sample, channel] by a parameter of the cable or the gauge length, along ways that it may go."""
+    stages = seen.path.described(changed(here))
+    names = [*EACH, *ALIKE, *(() if stages.cable.loose is None else LOOSE), "gauge_length"]
+
+    def told(value: Tensor) -> tuple[Tensor, ...]:
+        new = seen.path.described(changed(value))
+        return tuple(torch.as_tensor(number(new, name), dtype=torch.float64) for name in names)
+
+    each = [dict(zip(names, moved, strict=True)) for moved in pushed_ways(told, here, ways)]
+    total = torch.zeros(len(ways), *seen.local.alone.shape, dtype=torch.float64)
+    for name in names:
+        moved = torch.stack([one[name] for one in each])
+        if bool(moved.any()):
+            total += seen.local.by_number(stages, name) * moved.reshape(len(ways), 1, -1)
+    return total
+
+
+def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
+    """Derivative [row, channel] by a parameter of the ground's law, or of what it is here and there."""
+    path, by = seen.path, seen.local.by
+    own = replace(path.extension, effects=(slot.effect,)).described(changed(here), path.gauge_length).ground
+    total = torch.zeros_like(by.alone)
+    if own.compliance is not None or own.poisson_change is not None:
+
+        def gauges(value: Tensor) -> tuple[Tensor, ...]:
+            return seen.gauges(path.described(changed(value))).tensors
+
+        total = total + by.along_gauges(Gauges(*pushed_all(gauges, here, torch.ones_like(here))))
+    if own.response is None and own.settlement is None and own.radiation is None:
+        return total
+    # Strain is in proportion to the answer: what the answer's derivative would make of the loads is wanted.
+    with forward_ad.dual_level():
+        dual = path.grounds(changed(forward_ad.make_dual(here, torch.ones_like(here))))
+        load = replace(by.load, thrust=None, thrust_rate=None)
+        rate = path.alone(load, by.gauges, seen.local.poisson_ratio, lambda rows: varying(dual(rows)))
+    return total + by.amplitude[:, None] * rate
+
+
+def varying(ground: Ground) -> Ground:
+    """Ground that answers with the derivative of its answer by the parameter of which it knows the derivative."""
+
+    def tangent(answer: Callable[..., Tensor] | None) -> Callable[..., Tensor]:
+        def along(offset: Tensor, *others: Tensor) -> Tensor:
+            if answer is None:
+                return torch.zeros_like(offset)
+            value, found = forward_ad.unpack_dual(answer(offset, *others))
+            return torch.zeros_like(value) if found is None else found
+
+        return along
+
+    radiation = None if ground.radiation is None else tangent(ground.radiation)
+    return replace(
+        ground, response=tangent(ground.response), settlement=tangent(ground.settlement), radiation=radiation
+    )
 
 
 def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:
-    """Whether an effect changes what single vehicles do to single channels, and not just the whole map."""
+    """Whether an effect changes what single vehicles do to single channels."""
     if slot.effect.stage in ("trajectory", "load"):
         return True
     alone = replace(seen.path.extension, effects=(slot.effect,)).described(values, seen.path.gauge_length)
     return alone.in_rows or alone.cable.moved
+
+
+def acts_on_map(seen: Seen, slot: Slot, values: Values) -> bool:
+    """Whether an effect changes what becomes of the whole map."""
+    if slot.effect.stage in ("trajectory", "load"):
+        return False
+    alone = replace(seen.path.extension, effects=(slot.effect,)).described(values, seen.path.gauge_length)
+    gained = isinstance(alone.interrogator.gain, Tensor)
+    return bool(gained or alone.along_fiber or alone.in_time or alone.nonlinear or alone.processing.steps)

@@ -3,25 +3,30 @@
 Rows are (pass, sample) pairs, as in `solver.signal_path.traffic`.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
 
 from solver.cable.fiber import Fiber
 from solver.effect import BY_ROW
+from solver.ground.ground import Ground
 from solver.load.load import Load
 from solver.load.wheel_layout import wheel_loads
-from solver.signal_path.closed_form import strain_rate_derivatives
+from solver.signal_path.autodiff import pushed_ways
 from solver.signal_path.extension import NONE, Extension, Values
-from solver.signal_path.gauge_strain import GaugeStrain
+from solver.signal_path.gauges import Gauges
+from solver.signal_path.ground_motion import strain_rates
 from solver.signal_path.observation import Description
+from solver.signal_path.sensitivities import ByLoad, Sensitivities, along_load
 from solver.signal_path.traffic import Traffic, Vehicles
 from solver.trajectory.trajectory import Trajectory
 
-#: Pairs of a row and a channel that are computed at once.
-BLOCK = 16384
+#: Points of gauges, of all rows, that are computed at once.
+BLOCK = 32768
+#: What wheels may do to the road beside a constant weight.
+FORCES = ("share_rate", "thrust", "thrust_rate")
 
 
 @dataclass(frozen=True)
@@ -49,12 +54,12 @@ class SignalPath:
         """Ground, cable, interrogator and processing with the effects at `values`."""
         return self.extension.described(values, self.gauge_length)
 
-    def stages_of(self, values: Values) -> Callable[[slice], Description]:
-        """Function of some rows to `described` for them: once for all unless each row has its own ground."""
+    def grounds(self, values: Values) -> Callable[[slice], Ground]:
+        """Function of some rows to the ground for them: one for all unless each row has its own."""
         by_row = (slot.parameter.scope in BY_ROW for slot in self.extension.slots if slot.effect.stage == "ground")
         if any(by_row):
-            return lambda rows: self.described(self.extension.part(values, rows))
-        whole = self.described(values)
+            return lambda rows: self.described(self.extension.part(values, rows)).ground
+        whole = self.described(values).ground
         return lambda rows: whole
 
     def trajectory(self, vehicles: Vehicles, values: Values) -> Trajectory:
@@ -81,48 +86,39 @@ class SignalPath:
         load = Load(wheels, weights, driven, traffic.class_index[traffic.pass_index])
         return self.extension.changed("load", load, values)
 
+    def gauges(self, fiber: Fiber, values: Values) -> Gauges:
+        """Where gauges of that geometry hear the ground."""
+        return Gauges.of(fiber, self.described(values), self.curved)
+
     def rows(self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values | None = None) -> Tensor:
         """Strain rate [row, channel] of each vehicle alone, 1/s, before whatever acts on the whole map.
 
-        Fields of `fiber` are [channel, 3] or [row, channel, 3]; of `vehicles` (per row) [row] or [row, channel];
-        `poisson_ratio` is a scalar or [row, channel]; `values` are those of the effects' parameters, local to rows
-        and channels (`Extension.local`).
+        Fields of `fiber` are [channel, ...], of `vehicles` (per row) [row]; `poisson_ratio` is a scalar; `values` are
+        those of the effects' parameters, local to rows and channels (`Extension.local`).
         """
         values = values or {}
-        # Fields per row get a channel axis, so that per-row and per-sample fields mix freely.
-        columns = (getattr(vehicles, f.name) for f in fields(vehicles))
-        v = Vehicles(*(x if x.ndim > 1 else x[:, None] for x in columns))
-        return self.rows_of(self.loads(v, values), fiber, v.amplitude, poisson_ratio, self.stages_of(values))
+        load, gauges = self.loads(columns(vehicles), values), self.gauges(fiber, values)
+        return vehicles.amplitude[:, None] * self.alone(load, gauges, poisson_ratio, self.grounds(values))
 
-    def rows_of(
-        self, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, stages: Callable[[slice], Description]
-    ) -> Tensor:
-        """The same [row, channel] for loads that are known; `amplitude` is [row, 1 or channel]; see `stages_of`."""
+    def alone(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, ground: Callable[[slice], Ground]) -> Tensor:
+        """The same per unit amplitude, for loads, gauges and ground of some rows that are known."""
+        ratio = poisson_ratio if gauges.change is None else poisson_ratio + gauges.change
+        parts = (
+            strain_rates(load.part(rows), ground(rows), gauges.points, gauges.weights, ratio)
+            for rows in self.blocks(load, gauges, ground)
+        )
+        return torch.cat(list(parts))
 
-        def some(rows: slice) -> Tensor:
-            here = Fiber(**{name: x[rows] for name, x in fiber.present().items()}) if fiber.ahead.ndim > 2 else fiber
-            nu = poisson_ratio[rows] if poisson_ratio.ndim else poisson_ratio
-            return self._rows_of(load.part(rows), here, amplitude[rows], nu, stages(rows))
+    def blocks(self, load: Load, gauges: Gauges, ground: Callable[[slice], Ground]) -> list[slice]:
+        """Rows that are computed at once: small tensors stay in the processor's cache, and all would hold gigabytes.
 
-        return torch.cat([some(rows) for rows in self.blocks(fiber)])
-
-    def blocks(self, fiber: Fiber) -> list[slice]:
-        """Rows that are computed at once: small tensors stay in the processor's cache, and all would hold gigabytes."""
-        rows, count = len(self.traffic.pass_index), max(1, BLOCK // fiber.ahead.shape[-2])
+        What the base model says of vertical loads is computed in one pass, whatever their number.
+        """
+        rows = len(self.traffic.pass_index)
+        others = ground(slice(0, 1)).response, ground(slice(0, 1)).radiation, *map(load.tensors.get, FORCES)
+        plain = all(one is None for one in others)
+        count = max(1, rows if plain else BLOCK // gauges.points.shape[:2].numel())
         return [slice(first, min(first + count, rows)) for first in range(0, max(rows, 1), count)]
-
-    def _rows_of(
-        self, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, stages: Description
-    ) -> Tensor:
-        strain = self.strain(load, fiber, poisson_ratio, stages)
-        compliance = stages.ground.compliance
-        rate = strain.even if compliance is None else (strain.graded * compliance(strain.points)).sum(-1)
-        return amplitude * stages.cable.gain * rate
-
-    def strain(self, load: Load, fiber: Fiber, poisson_ratio: Tensor, stages: Description) -> GaugeStrain:
-        """What loads of unit amplitude do to each gauge."""
-        bends = 1.0 if self.curved else stages.cable.path_integral
-        return GaugeStrain(load, fiber, torch.as_tensor(poisson_ratio), stages, bends)
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
         """What the interrogator and the processing make of maps [..., sample, channel]."""
@@ -138,88 +134,74 @@ class SignalPath:
 
     def sensitivities(
         self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values | None = None
-    ) -> "Sensitivities":
-        """Strain rate of each row and its derivative by every local quantity.
+    ) -> Sensitivities:
+        """Strain rate of each row and its derivatives by every local quantity.
 
-        In closed form for the base model; else in one backward pass per block of rows: each sample depends on its own
-        copy of the local quantities only, so the gradient of the sum over samples holds all derivatives. What acts on
-        the whole map is not in them, see `observed`.
+        One backward pass per block of rows: each pair of a row and a channel depends on its own copy of points, weights
+        and loads only, so the gradient of the sum over all holds all derivatives. What acts on the whole map is not in
+        them, see `observed`.
         """
         values = values or {}
-        if self.plain(fiber, values):
-            return self.plain_sensitivities(fiber, vehicles, poisson_ratio, values)
-        shape = (len(self.traffic.pass_index), fiber.ahead.shape[-2])
         per_row = vehicles.rows(self.traffic)
-        own = {f.name: leaf(getattr(per_row, f.name)[:, None], shape) for f in fields(per_row)}
-        load, stages = self.loads(Vehicles(**own), values), self.stages_of(values)
-        parts = [self._block(r, load, fiber, own["amplitude"], poisson_ratio, stages(r)) for r in self.blocks(fiber)]
-        rate = torch.cat([one.rate for one, _ in parts])
-        by = {name: torch.cat([one.by[name] for one, _ in parts]) for name in parts[0][0].by}
-        # On from the loads to the vehicles.
-        moved = [x for x in load.tensors.values() if x.requires_grad]
-        back = [torch.cat([part[which] for _, part in parts]) for which in range(len(moved))]
-        others = {name: x for name, x in own.items() if name != "amplitude"}
-        onward = torch.autograd.grad(moved, list(others.values()), back, materialize_grads=True)
-        return Sensitivities(rate, by | dict(zip(others, onward, strict=True)))
+        load, gauges = self.loads(columns(per_row), values), self.gauges(fiber, values)
+        return self.sensitivities_of(load, gauges, per_row, poisson_ratio, values)
 
-    def _block(
-        self, rows: slice, load: Load, fiber: Fiber, amplitude: Tensor, poisson_ratio: Tensor, stages: Description
-    ) -> tuple["Sensitivities", tuple[Tensor, ...]]:
-        """`sensitivities` of some rows by all but the loads, and the derivatives by each of these that may change."""
-        shape = (rows.stop - rows.start, fiber.ahead.shape[-2])
-        here = {name: x[rows].detach().requires_grad_(x.requires_grad) for name, x in load.tensors.items()}
-        points = {name: leaf(x, shape, *x.shape[1:]) for name, x in fiber.present().items()}
-        own = {"poisson_ratio": leaf(poisson_ratio, shape), "amplitude": leaf(amplitude[rows].detach(), shape)}
-        rate = self._rows_of(load.with_tensors(here), Fiber(**points), own["amplitude"], own["poisson_ratio"], stages)
-        leaves = own | points
-        moved = [x for x in here.values() if x.requires_grad]
-        wanted = [*leaves.values(), *moved]
-        gradients = torch.autograd.grad(rate.sum(), wanted, materialize_grads=True)
-        return Sensitivities(rate.detach(), dict(zip(leaves, gradients, strict=False))), gradients[len(leaves) :]
+    def sensitivities_of(
+        self, load: Load, gauges: Gauges, vehicles: Vehicles, poisson_ratio: Tensor, values: Values
+    ) -> Sensitivities:
+        """The same for loads and gauges that are known, of vehicles per row."""
+        ground = self.grounds(values)
+        parts = [_block(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground)]
+        alone, by_point, by_weight, by_ratio = (torch.cat(one) for one in zip(*(own for own, _ in parts), strict=True))
+        by_load = _joined([by for _, by in parts])
 
-    def plain(self, fiber: Fiber, values: Values) -> bool:
-        """Whether single vehicles do to single channels what the base model says, but for shifts along their way."""
-        shifted = all(one.stage not in ("trajectory", "load") or one.shifts for one in self.extension.effects)
-        return shifted and fiber.ahead.ndim == 2 and not self.described(values).in_rows
+        names = [f.name for f in fields(vehicles) if f.name != "amplitude"]
 
-    def plain_sensitivities(
-        self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values
-    ) -> "Sensitivities":
-        """`sensitivities` of the base model, in closed form."""
-        per_row = vehicles.rows(self.traffic)
-        load = self.loads(Vehicles(*(getattr(per_row, f.name)[:, None] for f in fields(per_row))), values)
-        return Sensitivities(
-            *strain_rate_derivatives(
-                fiber.present(), load, per_row.amplitude, float(poisson_ratio), self.gauge_length, self.curved
-            )
-        )
+        def loads(numbers: Tensor) -> tuple[Tensor, ...]:
+            changed = replace(vehicles, **dict(zip(names, numbers, strict=True)))
+            tensors = self.loads(columns(changed), values).tensors
+            return tuple(tensors[which] for which in by_load)
+
+        here = torch.stack([getattr(vehicles, name) for name in names])
+        ways = [way[:, None].expand_as(here) for way in torch.eye(len(names), dtype=torch.float64)]
+        moved = zip(names, pushed_ways(loads, here, ways), strict=True)
+        by_vehicles = {name: along_load(by_load, dict(zip(by_load, way, strict=True))) for name, way in moved}
+        own = alone, by_point, by_weight, by_ratio
+        return Sensitivities(vehicles.amplitude, gauges, load, *own, by_load, by_vehicles)
+
+    def by_load(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, values: Values) -> ByLoad:
+        """Derivatives by what the loads are, alone."""
+        ground = self.grounds(values)
+        parts = (_block(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground))
+        return _joined([by for _, by in parts])
 
 
-def leaf(x: Tensor, shape: tuple[int, int], *tail: int) -> Tensor:
-    """A copy of a quantity for each row and channel, to differentiate by; see `outermost`."""
-    return outermost(x.expand(*shape, *tail), len(tail)).requires_grad_()
+def _joined(parts: Sequence[ByLoad]) -> ByLoad:
+    """Blocks of rows in one."""
+    return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
 
 
-def outermost(x: Tensor, axes: int) -> Tensor:
-    """A copy with its last axes outermost in memory, see `offsets`."""
-    last, first = tuple(range(-axes, 0)), tuple(range(axes))
-    return x.movedim(last, first).clone(memory_format=torch.contiguous_format).movedim(first, last)
+def columns(vehicles: Vehicles) -> Vehicles:
+    """Vehicles per row [row] as they mix with what is per channel, [row, 1]."""
+    return Vehicles(*(getattr(vehicles, f.name)[:, None] for f in fields(vehicles)))
 
 
-@dataclass(frozen=True)
-class Sensitivities:
-    """Strain rate and its local derivatives.
+def _block(
+    load: Load, ground: Ground, gauges: Gauges, poisson_ratio: Tensor
+) -> tuple[tuple[Tensor, Tensor, Tensor, Tensor], dict[str, Tensor]]:
+    """Strain rate [row, channel] of some rows, its derivatives by points, weights and ratio, and by their loads."""
+    shape = (len(load.share), *gauges.points.shape[:2])
+    ratio = poisson_ratio if gauges.change is None else poisson_ratio + gauges.change
 
-    Parameters
-    ----------
-    rate : [row, channel], 1/s
-    by : name of a local quantity -> derivative [row, channel], [row, channel, 3] or [row, channel, station, 3]
-    """
+    def leaf(x: Tensor, *whole: int) -> Tensor:
+        return x.detach().expand(*whole).requires_grad_()
 
-    rate: Tensor
-    by: dict[str, Tensor] = field(repr=False)
-
-    @property
-    def bytes(self) -> int:
-        """What they take in memory."""
-        return sum(one.numel() * one.element_size() for one in (self.rate, *self.by.values()))
+    own = leaf(gauges.points, *shape, 3), leaf(gauges.weights, *shape, 3), leaf(ratio, *shape)
+    # Of the rest nothing depends on the channel.
+    named = [name for name in load.tensors if name in ("position", "share", *FORCES, "trajectory.velocity")]
+    forces = {name: leaf(load.tensors[name], *shape[:2], *load.tensors[name].shape[2:]) for name in named}
+    with torch.enable_grad():
+        rate = strain_rates(load.with_tensors(load.tensors | forces), ground, *own)
+    by_point, by_weight, by_ratio, *found = torch.autograd.grad(rate.sum(), [*own, *forces.values()], allow_unused=True)
+    by_load = {name: grad for name, grad in zip(forces, found, strict=True) if grad is not None}
+    return (rate.detach(), by_point, by_weight, by_ratio), by_load

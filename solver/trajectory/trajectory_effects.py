@@ -25,7 +25,6 @@ Values = Mapping[str, Tensor]
     source="Video and DAS have clocks of their own; two speeds tell their offset from a shift of the fiber.",
     told_from="other lags: the vehicle's reference point, an averaging interval, a viscous ground",
     families=("lag",),
-    shifts=True,
 )
 def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """At the interrogator's time t the vehicle is where the trajectories have it at t - offset."""
@@ -42,7 +41,6 @@ def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
     ),
     source="Mills 1991, IEEE Trans. Commun. 39, 1482.",
     told_from="a stretched fiber, if all passes are equally fast",
-    shifts=True,
 )
 def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """Offset that grows with time, none in the middle of the survey."""
@@ -63,7 +61,6 @@ def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
     source="Box centers against contact points: Rezaei et al. 2021, arXiv:2109.06783, section III.",
     told_from="other lags; opposite directions and speeds separate them",
     families=("lag",),
-    shifts=True,
 )
 def track_bias(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """All vehicles are farther ahead, as they drive."""
@@ -79,7 +76,6 @@ def track_bias(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     source="Rigid motion; the route moves along with the tracks, so that anchors alone can tell.",
     told_from="the route itself; only anchors tell",
     families=("rigid",),
-    shifts=True,
 )
 def track_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """All vehicles are displaced by (x, y)."""
@@ -157,7 +153,6 @@ def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     plain=Plain("Wandering tracks", "Each track wanders off by about {size} for some seconds.", size=absolute),
     source="Correlated errors of detections: Bar-Shalom, Li and Kirubarajan 2001, section 8.",
     told_from="the route, if there is one pass only",
-    shifts=True,
     slow_error=True,
 )
 def track_jitter(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:

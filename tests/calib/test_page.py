@@ -50,7 +50,7 @@ class Street:
         return self.page.evaluate(PLACE, [float(value) for value in pixel])
 
     def select(self, index):
-        self.page.locator(".all-marks .slick-row").nth(index).locator(".slick-cell").first.click()
+        self.page.locator(".slick-row").nth(index).locator(".slick-cell").first.click()
         name = self.column("name")[index]
         self.wait("name => Bokeh.documents[0].get_model_by_name('field_name').value == name", name)
 
@@ -91,18 +91,6 @@ def street(chromium, tmp_path):
             page.close()
         finally:
             server.terminate()
-
-
-def test_nothing_is_wider_than_the_window_and_the_worst_mark_is_a_click_away(street):
-    for width in (1280, 1400):
-        street.page.set_viewport_size({"width": width, "height": 900})
-        street.wait("width => document.documentElement.scrollWidth <= width", width)
-    worst = street.page.evaluate("() => Bokeh.documents[0].get_model_by_name('worst_marks').data")
-    off = list(worst["off"].values()) if isinstance(worst["off"], dict) else list(worst["off"])
-    assert off == sorted(off, reverse=True) and len(off) == 10
-    street.page.locator(".worst-marks .slick-row").nth(0).locator(".slick-cell").first.click()
-    street.wait("name => Bokeh.documents[0].get_model_by_name('field_name').value == name", worst["name"][0])
-    assert "What to do next" in street.page.evaluate("() => Bokeh.documents[0].get_model_by_name('advice').text")
 
 
 def test_drag_undo_type_add_save_and_delete(street):

@@ -202,7 +202,9 @@ def test_effects_add_up():
     together = fit.problem.extension([built_in()[name] for name in names])
     values = together.local(together.numbers({"clock_offset": {"offset": 0.3}}))
     path = fit.path.with_effects(together)
-    made = path.strain_rate(fit.fiber_at(path, state.coefficients, values), state.vehicles, state.poisson_ratio, values)
+    made = path.strain_rate(
+        fit.fiber_at(path, state.coefficients, path.described(values)), state.vehicles, state.poisson_ratio, values
+    )
     alone = trial("clock_offset")
     expected = alone.map(alone.numbers({"offset": 0.3}))
     torch.testing.assert_close(made, expected, rtol=0, atol=1e-9 * float(expected.abs().max()))

@@ -17,8 +17,7 @@ import torch
 import solver
 from solver.cable.fiber import Coil
 from solver.catalogue.catalogue import built_in, family
-from solver.catalogue.trial_survey import Trial, trial_survey
-from solver.catalogue.verify import check_stage
+from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.bench import scorable
 from solver.criticism.placing import stage_of
 from solver.criticism.race import started_elsewhere
@@ -28,7 +27,6 @@ from solver.fit.map_fit import MapFit
 from solver.fit.pose import with_slow_errors
 from solver.signal_path.traffic import Vehicles
 from solver.survey import site
-from vision.contract import InputError
 
 ROOT = Path(solver.__file__).parents[1]
 
@@ -187,37 +185,6 @@ def test_a_user_s_effect_joins_the_family_it_declares() -> None:
     assert family("depth", [*built_in().values(), mine("camber")]) == ("camber", "poisson_ratio", "mine")
 
 
-@pytest.mark.parametrize("name", [name for name, one in built_in().items() if one.stage == "trajectory"])
-def test_what_shifts_vehicles_says_so_and_nothing_else_does(name: str) -> None:
-    one = built_in()[name]
-    trial = Trial(replace(one, shifts=True), *trial_survey())
-    if one.shifts:
-        check_stage(trial)
-    else:
-        with pytest.raises(InputError, match=f"effect {name}: declares shifts=True, but"):
-            check_stage(trial)
-
-
-@pytest.mark.parametrize("name", ["clock_offset", "generic_track"])
-def test_what_shifts_vehicles_is_differentiated_in_closed_form(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As by autodiff, which serves where nothing is declared."""
-    found = []
-    for one in (built_in()[name], replace(built_in()[name], shifts=False)):
-        trial = Trial(one, *trial_survey())
-        found.append((trial, trial.numbers() + 0.3))
-    local = [trial.seen(numbers).local.by for trial, numbers in found]
-    for key, derivative in local[1].by.items():
-        torch.testing.assert_close(local[0].by[key], derivative, rtol=1e-9, atol=1e-12)
-    monkeypatch.setattr(torch.autograd, "grad", None)
-    trial, numbers = found[0]
-    trial.path.sensitivities(
-        trial.fiber(trial.extension.local(numbers)),
-        trial.state.vehicles,
-        trial.state.poisson_ratio,
-        trial.extension.local(numbers),
-    )
-
-
 def restating(stage: Any, values: Any, survey: Any) -> Any:
     """`shear_lag`, which says besides what the base model says anyway, in numbers of its own."""
     again = replace(stage, slack=float("0"), gain=float("1"), vertical=float("1"), path_integral=float("0"))
@@ -239,7 +206,6 @@ def test_a_number_that_the_base_model_has_too_changes_no_step() -> None:
     [
         ({"families": ("fog",)}, "family 'fog' is none of blur, lag"),
         ({"base_part": "fog"}, "'fog' is none of wheels"),
-        ({"shifts": True}, "only an effect on the trajectory"),
     ],
 )
 def test_a_declaration_that_means_nothing_is_refused(declared: Any, words: str) -> None:

@@ -54,7 +54,12 @@ def test_a_fiber_that_slips_records_the_mean_between_what_holds_it(length: float
     true = slip(AVERAGE, NODES, np.full(len(NODES), STEP), *ends) @ strains(aside)
     loose = conduit_slip.change(Cable(SURVEY.distance), values, SURVEY).loose
     ahead, behind = (
-        loose.moved(moved(at, aside), torch.from_numpy(at)[:, None], *moved(ends, aside))
+        sum(
+            share[:, None] * motion
+            for share, motion in zip(
+                loose.shares(torch.from_numpy(at)), (moved(at, aside), *moved(ends, aside)), strict=True
+            )
+        )
         for at in (CHANNEL + GAUGE / 2, CHANNEL - GAUGE / 2)
     )
     assert relative(((ahead - behind) / GAUGE).numpy(), true) < 0.003  # nodes are 2 cm apart

@@ -7,6 +7,8 @@ import pytest
 import torch
 
 from solver.cable.fiber import Fiber, GaugeEnds, SplineBasis
+from solver.ground.ground import Ground
+from solver.signal_path.ground_motion import strain_rates
 from solver.signal_path.signal_path import SignalPath
 from solver.signal_path.traffic import Traffic, Vehicles
 from solver.trajectory.vehicle_pass import Pass
@@ -105,18 +107,29 @@ def test_sensitivities_are_derivatives(scene: tuple, curved: bool) -> None:
     nu = torch.tensor(NU, dtype=torch.float64)
     local = path.sensitivities(fiber, vehicles, nu)
     torch.testing.assert_close(local.rate, path.rows(fiber, vehicles.rows(path.traffic), nu), rtol=1e-12, atol=0.0)
-    points, loads = fiber.present(), {f.name: getattr(vehicles.rows(path.traffic), f.name) for f in fields(vehicles)}
-    assert set(local.by) == {*points, *loads, "poisson_ratio"}
+    gauges, load, per_row = local.gauges, local.load, vehicles.rows(path.traffic)
+    places = {"points": gauges.points, "weights": gauges.weights, "ratio": nu.expand(gauges.points.shape[:2])}
 
     def rate(name: str, shift: torch.Tensor) -> torch.Tensor:
-        """Strain rate [row, channel] with one quantity shifted alike for all rows and channels: each has its own."""
-        there = {key: x + shift if key == name else x for key, x in points.items()}
-        driven = {key: x + shift if key == name else x for key, x in loads.items()}
-        return path.rows(Fiber(**there), Vehicles(**driven), nu + shift if name == "poisson_ratio" else nu)
+        """Strain rate [row, channel] of unit amplitude with one quantity shifted alike for all rows and channels."""
+        there = {key: x + shift if key == name else x for key, x in places.items()}
+        moved = load.with_tensors({key: x + shift if key == name else x for key, x in load.tensors.items()})
+        return strain_rates(moved, Ground(), *there.values())
 
-    for name, found in local.by.items():
+    by = {"points": local.by_point, "weights": local.by_weight, "ratio": local.by_ratio} | dict(local.by_load)
+    assert set(local.by_load) == {"position", "share", "trajectory.velocity"}
+    for name, found in by.items():
         zero = torch.zeros(found.shape[2:], dtype=torch.float64)
         exact = torch.func.jacfwd(lambda shift, name=name: rate(name, shift))(zero)
+        torch.testing.assert_close(found, exact, rtol=1e-9, atol=1e-12 * float(exact.abs().max()), msg=name)
+
+    def driven(name: str, shift: torch.Tensor) -> torch.Tensor:
+        return path.rows(fiber, replace(per_row, **{name: getattr(per_row, name) + shift}), nu)
+
+    for name in (f.name for f in fields(vehicles)):
+        zero = torch.zeros((), dtype=torch.float64)
+        exact = torch.func.jacfwd(lambda shift, name=name: driven(name, shift))(zero)
+        found = local.vehicle(name)
         torch.testing.assert_close(found, exact, rtol=1e-9, atol=1e-12 * float(exact.abs().max()), msg=name)
 
 

@@ -1,0 +1,234 @@
+"""What wheels on a homogeneous elastic half-space do to gauges, with all derivatives, in machine code."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from solver.ground.boussinesq import forward_mode
+from solver.ground.compiled import compiled
+
+Array = NDArray[np.float64]
+
+
+def felt(point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: Tensor, ratio: Tensor) -> Tensor | None:
+    """Sum over points and wheels of weight . displacement rate, by `solver.ground.boussinesq.displacement_rate`.
+
+    Differentiable by all arguments, once and backwards; each may have fewer axes or axes of size 1.
+
+    Parameters
+    ----------
+    point, weight : [row, channel, point, 3], m and 1/m
+    place : [row, channel, wheel, 2], m
+    share : [row, channel, wheel]
+    velocity : [row, channel, 2], m/s
+    ratio : [row, channel, point], Poisson's
+
+    Returns
+    -------
+    [row, channel], 1/(m^2 s) per unit weight; None where places differ by channel, or a forward derivative is wanted
+
+    >>> from solver.ground.boussinesq import displacement_rate
+    >>> at, v = torch.tensor([[[[3.0, 1.0, 0.9]]]]).double(), torch.tensor([[[10.0, 0.0]]]).double()
+    >>> one, nu = torch.ones(1, 1, 1).double(), torch.tensor(0.25).double()
+    >>> found = felt(at, at, torch.zeros(1, 1, 1, 2).double(), one, v, nu)
+    >>> bool(torch.allclose(found, (at * displacement_rate(at, v[0, 0], nu)).sum((-1, -2))))
+    True
+    """
+    shape = np.broadcast_shapes(point.shape[:-1], weight.shape[:-1], (*place.shape[:2], 1), ratio.shape)
+    rows, channels, _ = shape
+    given = (
+        point.expand(*shape, 3),
+        weight.expand(*shape, 3),
+        place.expand(rows, channels, -1, 2),
+        share.expand(rows, channels, -1),
+        velocity.expand(rows, channels, 2),
+        ratio.expand(shape),
+    )
+    same = all(x.shape[1] == 1 or x.stride(1) == 0 for x in given[2:5])
+    if not same or any(map(forward_mode, given)):
+        return None
+    found: Tensor = _Felt.apply(*given)
+    return found
+
+
+def packed(x: Tensor, order: tuple[int, ...]) -> Array:
+    """Values in an order of axes; one row where all are the same."""
+    x = x.detach()
+    x = x[:1] if x.stride(0) == 0 else x
+    return np.ascontiguousarray(x.permute(order).numpy())
+
+
+class _Felt(torch.autograd.Function):
+    """`felt` of arguments that have all their axes."""
+
+    @staticmethod
+    def forward(ctx: Any, *given: Tensor) -> Tensor:
+        arrays = _packed(given)
+        rows, channels, points, _ = given[0].shape
+        if not any(ctx.needs_input_grad):
+            out = np.zeros((rows, channels))
+            add_felt(*arrays, out)
+            return torch.from_numpy(out)
+        by_point = np.zeros((7, rows, points, channels))
+        by_wheel, by_velocity = np.zeros((3, given[2].shape[2], rows, channels)), np.zeros((2, rows, channels))
+        add_derivatives(*arrays, by_point, by_wheel, by_velocity)
+        ctx.save_for_backward(*map(torch.from_numpy, (by_point, by_wheel, by_velocity)))
+        # Strain rate is in proportion to the wheels' shares.
+        share = given[3][:, 0].detach().T.numpy()
+        return torch.from_numpy(np.einsum("wrc,wr->rc", by_wheel[2], share))
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, ...]:
+        whole, wheel, speed = ctx.saved_tensors
+        if not bool((gradient == 1).all()):
+            whole, wheel, speed = whole * gradient[:, None], wheel * gradient, speed * gradient
+        vectors, wheel = whole.permute(1, 3, 2, 0), wheel.permute(2, 3, 1, 0)
+        by_point = vectors[..., 3:6], vectors[..., :3]
+        return *by_point, wheel[..., :2], wheel[..., 2], speed.permute(1, 2, 0), vectors[..., 6]
+
+
+def _packed(given: tuple[Tensor, ...]) -> tuple[Array, Array, Array, Array, Array, Array]:
+    point, weight, place, share, velocity, ratio = given
+    return (
+        packed(point, (3, 0, 2, 1)),
+        packed(weight, (3, 0, 2, 1)),
+        np.ascontiguousarray(place[:, 0].detach().permute(2, 1, 0).numpy()),
+        np.ascontiguousarray(share[:, 0].detach().T.numpy()),
+        np.ascontiguousarray(velocity[:, 0].detach().T.numpy()),
+        1 - 2 * packed(ratio, (0, 2, 1)),
+    )
+
+
+@partial(compiled, fastmath=True)
+def add_felt(
+    point: Array, weight: Array, place: Array, share: Array, velocity: Array, softness: Array, out: Array
+) -> None:
+    """Add to `out` [row, channel] what each wheel does.
+
+    Parameters
+    ----------
+    point, weight : [3, 1 or row, point, channel]
+    place, velocity : [2, wheel, row] and [2, row]
+    share : [wheel, row]
+    softness : [1 or row, point, channel], 1 - 2 nu
+    """
+    wheels, rows = share.shape
+    points, channels = point.shape[2:]
+    for row in range(rows):
+        vx, vy = velocity[0, row], velocity[1, row]
+        at, by, of = min(row, point.shape[1] - 1), min(row, weight.shape[1] - 1), min(row, len(softness) - 1)
+        for p in range(points):
+            xs, ys, zs = point[0, at, p], point[1, at, p], point[2, at, p]
+            dxs, dys, dzs = weight[0, by, p], weight[1, by, p], weight[2, by, p]
+            soft, total = softness[of, p], out[row]
+            for wheel in range(wheels):
+                w, px, py = share[wheel, row], place[0, wheel, row], place[1, wheel, row]
+                for k in range(channels):
+                    x, y, z = xs[k] - px, ys[k] - py, zs[k]
+                    i2 = 1 / (x * x + y * y + z * z)
+                    i = np.sqrt(i2)
+                    i3 = i2 * i
+                    s = i / (1 + z * i)
+                    shallow = i * s
+                    a = z * i3 - soft[k] * shallow
+                    a1 = soft[k] * i * s * shallow * (2 + z * i) - 3 * z * i3 * i2
+                    b1 = -(3 * z * z * i3 * i2 + (1 + soft[k]) * i3)
+                    c = vx * x + vy * y
+                    along = dxs[k] * x + dys[k] * y
+                    speed = dxs[k] * vx + dys[k] * vy
+                    total[k] -= w * (speed * a + c * (along * a1 + dzs[k] * b1))
+
+
+@partial(compiled, fastmath=True)
+def add_derivatives(
+    point: Array,
+    weight: Array,
+    place: Array,
+    share: Array,
+    velocity: Array,
+    softness: Array,
+    by_point: Array,
+    by_wheel: Array,
+    by_velocity: Array,
+) -> None:
+    """Add the derivatives of `add_felt`'s sums by all that it takes.
+
+    Parameters
+    ----------
+    point, weight, place, share, velocity, softness : see there
+    by_point : [7, row, point, channel], by weight (3), by the point (3) and by Poisson's ratio
+    by_wheel : [3, wheel, row, channel], by place (2) and share
+    by_velocity : [2, row, channel]
+
+    Notes
+    -----
+    With offset (x, y, z) and load velocity v, h = (x, y), C = h . v, the horizontal response h a, the vertical b:
+    motion = -(v a + h C a', C b'), where a' and b' are derivatives by r, over r (Johnson 1985, eq. 3.18).
+    """
+    wheels, rows = share.shape
+    points, channels = point.shape[2:]
+    for row in range(rows):
+        vx, vy = velocity[0, row], velocity[1, row]
+        at, by, of = min(row, point.shape[1] - 1), min(row, weight.shape[1] - 1), min(row, len(softness) - 1)
+        for p in range(points):
+            xs, ys, zs = point[0, at, p], point[1, at, p], point[2, at, p]
+            dxs, dys, dzs = weight[0, by, p], weight[1, by, p], weight[2, by, p]
+            softs = softness[of, p]
+            mxs, mys, mzs = by_point[0, row, p], by_point[1, row, p], by_point[2, row, p]
+            gxs, gys, gzs, nus = by_point[3, row, p], by_point[4, row, p], by_point[5, row, p], by_point[6, row, p]
+            vxs, vys = by_velocity[0, row], by_velocity[1, row]
+            for wheel in range(wheels):
+                w, px, py = share[wheel, row], place[0, wheel, row], place[1, wheel, row]
+                wxs, wys, wss = by_wheel[0, wheel, row], by_wheel[1, wheel, row], by_wheel[2, wheel, row]
+                for k in range(channels):
+                    x, y, z = xs[k] - px, ys[k] - py, zs[k]
+                    dx, dy, dz = dxs[k], dys[k], dzs[k]
+                    i2 = 1 / (x * x + y * y + z * z)
+                    i = np.sqrt(i2)
+                    i3 = i2 * i
+                    s = i / (1 + z * i)
+                    shallow = i * s
+                    bulge = i * s * shallow * (2 + z * i)
+                    softness_here = softs[k]
+                    soft, lobe = softness_here * shallow, softness_here * bulge
+                    zi3 = z * i3
+                    z3i5 = 3 * zi3 * i2
+                    # a, a' = da/dr / r, and a'' = da'/dr / r; b likewise.
+                    a = zi3 - soft
+                    a1 = lobe - z3i5
+                    a2 = 5 * z3i5 * i2 + soft * s * i2 * (2 * i - (2 + z * i) * (3 * i + 2 * s))
+                    b1 = -(z * z3i5 + (1 + softness_here) * i3)
+                    b2 = i2 * (5 * z * z3i5 + 3 * (1 + softness_here) * i3)
+                    # Derivatives by depth at constant r.
+                    a_z = i3 + soft * s
+                    a1_z = soft * s * i2 - 2 * lobe * s - 3 * i3 * i2
+                    b1_z = -2 * z3i5
+                    c = vx * x + vy * y
+                    reach = c * a1
+                    along = dx * x + dy * y
+                    speed = dx * vx + dy * vy
+                    mx, my, mz = vx * a + x * reach, vy * a + y * reach, c * b1
+                    inner = along * a1 + dz * b1
+                    outer = speed * a1 + c * (along * a2 + dz * b2)
+                    gx = w * (x * outer + vx * inner + dx * reach)
+                    gy = w * (y * outer + vy * inner + dy * reach)
+                    gz = z * outer + speed * a_z + c * (along * a1_z + dz * b1_z)
+                    mxs[k] -= w * mx
+                    mys[k] -= w * my
+                    mzs[k] -= w * mz
+                    gxs[k] -= gx
+                    gys[k] -= gy
+                    gzs[k] -= w * gz
+                    # By `softness`, whose derivative by Poisson's ratio is -2.
+                    nus[k] += 2 * w * (c * (along * bulge - dz * i3) - speed * shallow)
+                    wxs[k] += gx
+                    wys[k] += gy
+                    wss[k] -= mx * dx + my * dy + mz * dz
+                    vxs[k] -= w * (dx * a + x * inner)
+                    vys[k] -= w * (dy * a + y * inner)

@@ -1,0 +1,75 @@
+"""What loads do to gauges: the ground's velocity where each hears it, weighted and summed."""
+
+import torch
+from torch import Tensor
+
+from solver.ground.ground import Ground
+from solver.ground.tangential import tangential_displacement, tangential_displacement_rate
+from solver.ground.wheel_motion import felt
+from solver.load.load import Load
+
+
+def strain_rates(load: Load, ground: Ground, points: Tensor, weights: Tensor, ratio: Tensor) -> Tensor:
+    """Strain rate [row, channel] of gauges, per unit amplitude: the sum of weight . velocity of the ground.
+
+    Parameters
+    ----------
+    points, weights : [..., channel, point, 3], m and 1/m, see `solver.signal_path.gauges.Gauges`
+    ratio : Poisson's; scalar or [..., channel, point]
+    """
+    static = None
+    if ground.response is None:
+        static = felt(points, weights, load.position, load.share, load.trajectory.velocity, ratio)
+    moving = ground_motion(load, ground, points, ratio, static is None)
+    if moving is None:
+        assert static is not None
+        return static
+    rest = (weights * moving).sum((-1, -2))
+    return rest if static is None else static + rest
+
+
+def ground_motion(
+    load: Load, ground: Ground, point: Tensor, poisson_ratio: Tensor, static: bool = True
+) -> Tensor | None:
+    """Velocity of the ground under loads, per unit amplitude.
+
+    Parameters
+    ----------
+    point : [..., channel, point, 3], m
+    poisson_ratio : scalar or [..., channel, point]
+    static : with the part that vehicles' weight does where it does not change
+
+    Returns
+    -------
+    [row, channel, point, 3], or None where no such part was asked for and there is no other
+    """
+    others = ground.radiation, load.share_rate, load.thrust, load.thrust_rate
+    if not static and all(one is None for one in others):
+        return None
+    parts = []
+    offset = offsets(point, load.position[..., None, :, :])
+    velocity = load.trajectory.velocity[..., None, None, :]
+    nu = poisson_ratio[..., None] if poisson_ratio.ndim else poisson_ratio
+    share = load.share[..., None, :, None]
+    if static:
+        parts.append(share * ground.displacement_rate(offset, velocity, nu))
+    if ground.radiation is not None:
+        parts.append(share * ground.radiation(offset, velocity, load.trajectory.time[..., None, None]))
+    if load.share_rate is not None:
+        parts.append(load.share_rate[..., None, :, None] * ground.displacement(offset, nu))
+    if load.thrust is not None:
+        parts.append(tangential_displacement_rate(offset, velocity, nu, load.thrust[..., None, :, :]))
+    if load.thrust_rate is not None:
+        parts.append(tangential_displacement(offset, nu, load.thrust_rate[..., None, :, :]))
+    return sum(parts[1:], parts[0]).sum(-2)
+
+
+def offsets(point: Tensor, wheels: Tensor) -> Tensor:
+    """Points [..., 3], z down, less wheels [..., wheel, 2] on the road: [..., wheel, 3], m.
+
+    Components and wheels are outermost in memory: all that is done to them, sums over wheels above all, then runs along
+    long rows, several times as fast.
+    """
+    at = wheels.movedim((-1, -2), (0, 1))
+    x, y = point[..., 0] - at[0], point[..., 1] - at[1]
+    return torch.stack([x, y, point[..., 2].expand(x.shape)]).movedim((0, 1), (-1, -2))

@@ -1,0 +1,80 @@
+"""Strain rate of single vehicles at single gauges, and its derivatives by all that it is made of: the chain rule."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import torch
+from torch import Tensor
+
+from solver.load.load import Load
+from solver.signal_path.gauges import Gauges
+
+#: Name, see `Load.tensors` -> derivative [row, channel, ...] of strain rate per unit amplitude.
+ByLoad = Mapping[str, Tensor]
+
+
+@dataclass(frozen=True)
+class Sensitivities:
+    """Strain rate of each vehicle alone, and its local derivatives.
+
+    Parameters
+    ----------
+    amplitude : [row], m^2
+    gauges, load : at which the derivatives hold
+    alone : [row, channel], strain rate per unit amplitude, 1/(m^2 s)
+    by_point, by_weight : [row, channel, point, 3], derivatives of that
+    by_ratio : [row, channel, point], by Poisson's ratio there
+    by_load : by what loads are
+    by_vehicle : field of `Vehicles` -> [row, channel], by what may be fitted about each vehicle
+    """
+
+    amplitude: Tensor
+    gauges: Gauges
+    load: Load
+    alone: Tensor = field(repr=False)
+    by_point: Tensor = field(repr=False)
+    by_weight: Tensor = field(repr=False)
+    by_ratio: Tensor = field(repr=False)
+    by_load: ByLoad = field(repr=False)
+    by_vehicle: Mapping[str, Tensor] = field(repr=False)
+
+    @property
+    def rate(self) -> Tensor:
+        """Strain rate [row, channel], 1/s."""
+        return self.amplitude[:, None] * self.alone
+
+    @property
+    def bytes(self) -> int:
+        """What they take in memory."""
+        own = (self.alone, self.by_point, self.by_weight, self.by_ratio)
+        every = (*own, *self.by_load.values(), *self.by_vehicle.values())
+        return sum(one.numel() * one.element_size() for one in every)
+
+    @property
+    def shifts(self) -> "Sensitivities":
+        """Only what amplitudes and weights of samples are made of: derivatives by shifts of the vehicles."""
+        none = self.alone.new_zeros(0)
+        by_vehicle = {name: self.by_vehicle[name] for name in ("along", "across")}
+        return replace(self, by_point=none, by_weight=none, by_ratio=none, by_load={}, by_vehicle=by_vehicle)
+
+    @property
+    def poisson_ratio(self) -> Tensor:
+        """Derivative [row, channel] by Poisson's ratio everywhere."""
+        return self.amplitude[:, None] * self.by_ratio.sum(-1)
+
+    def vehicle(self, name: str) -> Tensor:
+        """Derivative [row, channel] by a field of `Vehicles`."""
+        return self.alone if name == "amplitude" else self.amplitude[:, None] * self.by_vehicle[name]
+
+    def along_gauges(self, change: Gauges) -> Tensor:
+        """Derivative [row, channel] by what moves and weighs the gauges' points so."""
+        total = (self.by_point * change.points).sum((-1, -2)) + (self.by_weight * change.weights).sum((-1, -2))
+        if change.change is not None:
+            total = total + (self.by_ratio * change.change).sum(-1)
+        return self.amplitude[:, None] * total
+
+
+def along_load(by: ByLoad, change: Mapping[str, Tensor]) -> Tensor:
+    """Derivative [row, channel] by what changes the loads so, per unit amplitude."""
+    moved = [(by[name] * tangent).flatten(2).sum(-1) for name, tangent in change.items() if bool(tangent.any())]
+    return sum(moved[1:], moved[0]) if moved else torch.zeros(next(iter(by.values())).shape[:2], dtype=torch.float64)
