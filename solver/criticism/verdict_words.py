@@ -113,7 +113,7 @@ def like(physics: str) -> str:
     """What a discrepancy model does, within a sentence.
 
     >>> like("Each channel mixes with the channels before and after it.")
-    'each channel holds shares of the channels before and after it'
+    'each channel mixes with the channels before and after it'
     """
     return physics[0].lower() + physics[1:].rstrip(".")
 
