@@ -4,6 +4,7 @@ import csv
 import os
 import shutil
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -138,18 +139,20 @@ def ingest(
     return finish(known, said, folder)
 
 
+def bare(said: StoreFile) -> StoreFile:
+    """What a store was made from, and how: not when that was copied, nor what was found."""
+    files = tuple(one.model_copy(update={"changed": 0}) for one in said.files)
+    return said.model_copy(update={"files": files, "cautions": (), "law": (), "whole": False, "complete": False})
+
+
 def prepare(folder: Path, said: StoreFile) -> None:
     """Make the folder ready for a store: what a killed run left of a part goes, and parts of another record."""
     if folder.exists() and (not folder.is_dir() or (any(folder.iterdir()) and not (folder / FILE).is_file())):
         raise InputError(f"{folder}: holds something that is not a store; name another folder with --out")
     same = False
     if (folder / FILE).is_file():
-        try:
-            last = read_store_file(folder)
-            bare = {"cautions": (), "law": (), "whole": False, "complete": False}
-            same = last.model_copy(update=bare) == said
-        except InputError:
-            pass
+        with suppress(InputError):
+            same = bare(read_store_file(folder)) == bare(said)
     kept = {part_name(part) for part in said.parts} if same else set()
     for path in folder.iterdir() if folder.is_dir() else ():
         if path.is_dir() and path.name.startswith(".part-"):

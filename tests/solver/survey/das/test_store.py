@@ -169,6 +169,9 @@ def test_files_and_settings_that_changed_make_it_stale(files, tmp_path, caplog):
     assert isinstance(opened(files, said, folder), Store)
     os.utime(files[1])  # copied with another time, the same content
     assert isinstance(opened(files, said, folder), Store)
+    parts = {path: path.stat().st_mtime_ns for path in folder.glob("part-*.h5")}
+    ingest(describe(files, **said), files, said, folder)
+    assert {path: path.stat().st_mtime_ns for path in folder.glob("part-*.h5")} == parts
     for change, why in (
         (lambda: (files, {"exclude": [9, 10]}), "[das] of site.toml changed since it was made"),
         (lambda: (files[:3], said), "there are other DAS files since it was made"),
