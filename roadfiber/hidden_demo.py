@@ -13,13 +13,12 @@ from solver.run.report.ladder_page import ladder_figure, thumbnails, title
 from solver.run.report.parts import page, with_commands
 from solver.simulator import route_error
 from solver.simulator.check import RouteError
-from solver.simulator.effects import EFFECTS, effect_rng
+from solver.simulator.effects import EFFECTS, SHOWN, effect_rng
 from solver.simulator.survey_files import TRUTH
 from vision.contract import InputError, writing
 from vision.contract.figures import svg
 
-#: What is chosen from where no effect is given; `ANY` asks for that.
-CHOICE = ("gauge_length", "pulse_width", "stiffness_contrast", "time_averaging")
+#: Asks for an effect by chance, one of `solver.simulator.effects.SHOWN`.
 ANY = "any"
 #: Of the range of plausible amounts, the part that amounts are drawn from: what is too small shows nothing.
 LEAST = 0.6
@@ -46,7 +45,7 @@ def hidden(wanted: str, seed: int) -> dict[str, float]:
     name, given, number = wanted.partition("=")
     rng = effect_rng(seed, "hidden demo")
     if name == ANY:
-        name = str(rng.choice(CHOICE))
+        name = str(rng.choice(SHOWN))
     if name not in EFFECTS:
         raise InputError(f"--hide {wanted}: no such effect; give one of {', '.join(EFFECTS)}, or {ANY}")
     if given:

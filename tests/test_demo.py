@@ -7,10 +7,11 @@ from typer.testing import CliRunner
 
 import roadfiber.command
 from calib.control_points import read_control_points
-from roadfiber.hidden_demo import CHOICE, hidden, told
+from roadfiber.hidden_demo import hidden, told
 from solver.run.ladder_file import write_ladder
 from solver.run.rung import Rung
 from solver.simulator import read_scenario
+from solver.simulator.effects import SHOWN
 from solver.survey.das import read_das
 from vision.contract import InputError
 from vision.video import open_video
@@ -80,7 +81,7 @@ def test_what_is_hidden_is_given_or_drawn_by_the_seed() -> None:
     assert hidden("gauge_length=-0.1", 4) == {"gauge_length": -0.1}
     assert hidden("pulse_width", 4) == hidden("pulse_width", 4) != hidden("pulse_width", 5)
     chosen = {name for seed in range(20) for name in hidden("any", seed)}
-    assert chosen == set(CHOICE)
+    assert chosen == set(SHOWN)
     for wrong, mend in (("nosuch", "no such effect; give one of"), ("gauge_length=x", "must be NAME or NAME=NUMBER")):
         with pytest.raises(InputError, match=mend):
             hidden(wrong, 4)

@@ -13,6 +13,8 @@ EFFECTS: dict[str, Hidden] = {**KNOWN, **UNKNOWN}
 SETTINGS: dict[str, Setting] = {
     f"{name}_{key}": setting for name, hidden in EFFECTS.items() for key, setting in hidden.settings.items()
 }
+#: Those that a street of a few cars shows plainly.
+SHOWN = ("gauge_length", "pulse_width", "stiffness_contrast", "time_averaging")
 
 
 def effect_rng(seed: int, name: str) -> np.random.Generator:
