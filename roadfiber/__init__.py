@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from roadfiber.ingesting import Ingested as Ingested
     from roadfiber.ingesting import ingest as ingest
     from roadfiber.ingesting import view as view
+    from roadfiber.listening import Vehicles as Vehicles
+    from roadfiber.listening import vehicles as vehicles
     from roadfiber.locating import locate as locate
     from roadfiber.locating import open as open
     from roadfiber.locating import read as read
@@ -74,6 +76,7 @@ _HOMES = {
     "Story": "roadfiber.growing",
     "Survey": "solver.survey.survey",
     "Tracked": "vision.tracked",
+    "Vehicles": "roadfiber.listening",
     "add": "roadfiber.growing",
     "calibrate": "roadfiber.cameras",
     "clock_offset": "roadfiber.growing",
@@ -90,6 +93,7 @@ _HOMES = {
     "read": "roadfiber.locating",
     "simulate": "roadfiber.simulating",
     "track": "roadfiber.cameras",
+    "vehicles": "roadfiber.listening",
     "view": "roadfiber.ingesting",
 }
 

@@ -53,6 +53,39 @@ def simulate(
 
 
 @app.command()
+def vehicles(
+    site: Annotated[Path, typer.Argument(help="The survey's site.toml, or its folder.")],
+    out: Annotated[Path | None, typer.Option(help="Write the list as csv.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")] = False,
+) -> None:
+    """List the vehicles that the fiber heard, those that the camera saw among them, and compare the clocks.
+
+    The whole record is searched, so that vehicles that nobody listed are found too: time, speed along x, SNR and, where
+    it was seen, its track.
+
+    Example: `roadfiber vehicles surveys/main-street/site.toml --out heard.csv`
+    """
+    import json
+
+    import roadfiber as rf
+    from vision.contract import require_writable, writing
+
+    if out is not None:
+        require_writable(out)
+    found = rf.vehicles(site)
+    if out is not None:
+        with writing(out) as temporary:
+            found.table.to_csv(temporary, index=False)
+    if as_json:
+        print(json.dumps(found.facts, allow_nan=False, indent=1))
+        return
+    print(found.headline)
+    for row in found.table.to_dict("records"):
+        who = f"track {row['track_id']}, {row['late']:+.1f} s" if row["track_id"] else "not in the trajectories"
+        print(f"  {row['time']:%H:%M:%S} {3.6 * row['speed']:+4.0f} km/h {row['snr_db']:3.0f} dB  {who}")
+
+
+@app.command()
 def effects(
     name: Annotated[str | None, typer.Argument(help="One effect, in detail.")] = None,
     plugin: Annotated[list[Path] | None, typer.Option(help="Python file with effects of yours; may repeat.")] = None,

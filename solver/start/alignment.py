@@ -138,12 +138,13 @@ def direction_residual(line: FiberLine, detections: Sequence[Detections]) -> dic
 
 @dataclass(frozen=True)
 class Alignment:
-    """Line, active channel indices, the detections of each pass near it and within them, and where it jumps."""
+    """Line, active channel indices, detections of each pass near it and within them, where it jumps, polarity."""
 
     line: FiberLine
     active: tuple[int, int]
     detections: list[Detections]
     jump: JumpingLine | None = None
+    polarity: int = 1
 
 
 def detect_near(
@@ -176,7 +177,7 @@ def align(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float
         near = [one.where((one.channel >= active[0] - gate) & (one.channel <= active[1] + gate)) for one in near]
         again, _ = ransac_line(*together(near), channel_spacing)
         line = balanced(again or line, near)
-    return Alignment(line, active, near)
+    return Alignment(line, active, near, polarity=polarity)
 
 
 def aligned_beyond(
@@ -197,4 +198,4 @@ def aligned_beyond(
         replace(a, **{f.name: np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(a)})
         for a, b in zip(*sides, strict=True)
     ]
-    return Alignment(jump.line, (ends[0][0], ends[1][1]), both, jump)
+    return Alignment(jump.line, (ends[0][0], ends[1][1]), both, jump, polarity)

@@ -49,6 +49,7 @@ class Initialization:
         [pass], m; NaN for a pass never seen
     route : x, y, z of the active channels [channel, 3], m
     coil : channel near which fiber seems to lie coiled, and how much, m; None where none does
+    polarity : 1 or -1, of the responses to vehicles going along +x, see `MatchedFilter.detect`
     """
 
     active: tuple[int, int]
@@ -66,6 +67,7 @@ class Initialization:
     offset: Array
     route: Array
     coil: tuple[int, float] | None = None
+    polarity: int = 1
 
 
 def bank_scales(curves: Sequence[CouplingCurve], channel_spacing: float) -> Array:
@@ -192,5 +194,6 @@ def initialize(
         snr_db=snr_db,
         offset=offset,
         route=np.stack([x, lateral, np.full(len(index), depth)], axis=1),
+        polarity=found.polarity,
         coil=None if jump is None else (jump.channel + origin, jump.coiled * spacing),
     )

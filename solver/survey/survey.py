@@ -203,6 +203,11 @@ class Survey:
         part = wanted(source, self.tracks, self.anchors)
         return self if held.get("_part") == part else self._with_record(part)
 
+    def at_all_times(self) -> "Survey":
+        """The survey with its record read at all times, on the channels that its tracks need; memory grows with it."""
+        part = vars(self).get("_part")
+        return self if not part else self._with_record({"channels": part["channels"]})
+
     def _with_record(self, part: dict[str, Any]) -> "Survey":
         """The survey with a part of its record read."""
         begun = clock.perf_counter()
