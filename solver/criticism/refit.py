@@ -105,8 +105,12 @@ class Refit:
     @cached_property
     def sigma(self) -> NDArray[np.float64]:
         """Standard deviations [number] of those, as a run with the candidate in its model will have them."""
-        chain = Chain.single(MapFit(as_located(self.fit.problem)))
-        sigma = Posterior(chain, chain.visit(self.solution.state)).sigmas()
+        if self.fit.problem.signal_noise == 0:
+            chain, end = Chain.single(self.fit), self.solution.at
+        else:
+            chain = Chain.single(MapFit(as_located(self.fit.problem)))
+            end = chain.visit(self.solution.state)
+        sigma = Posterior(chain, end).sigmas()
         numbers = sigma[chain.layout["numbers"]]
         every = [numbers[slot.where] for slot in self.slots if not slot.parameter.is_shape]
         return np.asarray(torch.cat(every))
