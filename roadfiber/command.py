@@ -94,9 +94,27 @@ def locate(
     check_target(out)
     asked = EFFECTS if effects is None else [name.strip() for name in effects.split(",")]
     chosen = [name for name in asked if name not in ("", "none")]
-    run = rf.locate(site, method=method, effects=chosen, filters=filters or (), all_passes=all_passes)
+    try:
+        run = rf.locate(site, method=method, effects=chosen, filters=filters or (), all_passes=all_passes)
+    except InputError as error:
+        raise InputError(f"{error}{pictured(error, out)}") from error
     run.save(out)
     print((out / "fit.json").read_text(encoding="utf-8") if as_json else summary(run, out))
+
+
+def pictured(error: InputError, out: Path) -> str:
+    """Draw what was seen of a record that is refused, beside the run folder; where, as the end of a sentence."""
+    from solver.start.alignment import NotFollowingError
+    from solver.start.refused_figure import refused_figure
+    from vision.contract import writing
+
+    seen = next((one.seen for one in (error, error.__cause__) if isinstance(one, NotFollowingError)), None)
+    if seen is None:
+        return ""
+    path = out.with_name(f"{out.name}-refused.png")
+    with writing(path) as temporary:
+        refused_figure(seen).savefig(temporary, format="png", dpi=150)
+    return f"; what was seen: {path}"
 
 
 def summary(run: "Run", out: Path) -> str:

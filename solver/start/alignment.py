@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solver.start.coil import JumpingLine, find_coil
 from solver.start.detections import Detections, MatchedFilter
@@ -39,6 +40,44 @@ def enough(channel_spacing: float, length: float) -> float:
     return FOLLOWING * max(1.0, tolerance(channel_spacing) / TOLERANCE * USUAL / length)
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What the matched filter saw of a survey that it refuses.
+
+    Parameters
+    ----------
+    x, speed, channel : of the detections, m, m/s along x, column [detection]
+    inliers : which follow one line [detection]
+    needed : how many would have to
+    near : how far off the line they may be, m
+    snr_db : median of the detections, dB
+    """
+
+    x: Array
+    speed: Array
+    channel: Array
+    inliers: NDArray[np.bool_]
+    needed: float
+    near: float
+    snr_db: float
+
+    @property
+    def words(self) -> str:
+        """The gate and its figures."""
+        return (
+            f"{int(self.inliers.sum())} of {len(self.inliers)} detections are within {self.near:.1f} m of one line, "
+            f"{np.ceil(self.needed):.0f} are needed; half of them are under {self.snr_db:.0f} dB"
+        )
+
+
+class NotFollowingError(InputError):
+    """Nothing in a record follows the trajectories; `seen` is what was there instead."""
+
+    def __init__(self, message: str, seen: Seen):
+        super().__init__(message)
+        self.seen = seen
+
+
 def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float) -> tuple[FiberLine, int]:
     """Line of channel against position, and the polarity of the responses under which most detections follow one.
 
@@ -48,26 +87,30 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
         If what is detected does not move as the vehicles do.
     """
     lines: list[tuple[float, FiberLine, int]] = []
-    loudest = -np.inf
+    looks: list[Seen] = []
     for polarity in (1, -1):
         found = [matched.detect(one, polarity) for one in passes]
         snr_db = np.concatenate([one.snr_db for one in found])
-        loudest = max(loudest, float(np.median(snr_db)) if len(snr_db) else -np.inf)
         line, inliers = ransac_line(*together(found), channel_spacing)
-        share = enough(channel_spacing, channel_spacing * matched.measured.shape[1])
-        if line is not None and inliers.sum() >= FEWEST + share * len(inliers):
+        needed = FEWEST + enough(channel_spacing, channel_spacing * matched.measured.shape[1]) * len(inliers)
+        median = float(np.median(snr_db)) if len(snr_db) else -np.inf
+        looks.append(Seen(*together(found), inliers, needed, tolerance(channel_spacing), median))
+        if line is not None and inliers.sum() >= needed:
             lines.append((float(snr_db[inliers].sum()), line, polarity))
     if lines:
         # Upside down, the filter sees the outer lobes on either side of the vehicle: two lines, each fainter. In dB,
         # since where the ground is soft its lobes are louder than all that is felt elsewhere.
         _, line, polarity = max(lines, key=lambda choice: choice[0])
         return line, polarity
-    if loudest < NOISE_DB:
-        raise InputError(
+    best = max(looks, key=lambda one: int(one.inliers.sum()))
+    if max(one.snr_db for one in looks) < NOISE_DB:
+        raise NotFollowingError(
             f"DAS record: no vehicle is seen in it (half of the frames are under {NOISE_DB:g} dB, as noise is); "
-            f"{CLOCK_MEND}, filter what the matched filter sees (--filter fk), or give more and heavier vehicles"
+            f"{CLOCK_MEND}, filter what the matched filter sees (--filter fk), or give more and heavier vehicles",
+            best,
         )
-    raise InputError(f"DAS record: what moves in it does not follow the trajectories; {CLOCK_MEND}")
+    said = f"DAS record: what moves in it does not follow the trajectories ({best.words}); {CLOCK_MEND}"
+    raise NotFollowingError(said, best)
 
 
 def balanced(line: FiberLine, detections: Sequence[Detections]) -> FiberLine:

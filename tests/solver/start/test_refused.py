@@ -1,0 +1,40 @@
+"""A record that is refused says by which figures, and a picture of what was seen lies beside the message."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from roadfiber.command import pictured
+from solver.start.alignment import NotFollowingError
+from solver.start.initialization import initialize
+from solver.start.refused_figure import refused_figure
+from vision.contract import InputError
+
+
+def test_the_gate_and_what_was_seen_are_told(survey, tmp_path: Path) -> None:
+    """Vehicles that are said to be anywhere but where they are."""
+    rng = np.random.default_rng(0)
+    wild = [
+        replace(one, position=np.column_stack([rng.permutation(one.position[:, 0]), one.position[:, 1]]))
+        for one in survey.passes
+    ]
+    with pytest.raises(NotFollowingError, match=r"\d+ of \d+ detections are within 2.5 m|no vehicle is seen") as caught:
+        initialize(survey.record, wild)
+    seen = caught.value.seen
+    assert seen.inliers.sum() < seen.needed and len(seen.x) == len(seen.channel) == len(seen.inliers)
+    assert f"{seen.inliers.sum()} of {len(seen.inliers)} detections" in refused_figure(seen).axes[0].get_title(
+        loc="left"
+    )
+    told = pictured(caught.value, tmp_path / "run")
+    assert told == f"; what was seen: {tmp_path / 'run-refused.png'}"
+    assert (tmp_path / "run-refused.png").read_bytes().startswith(b"\x89PNG")
+    again = InputError("more words")
+    again.__cause__ = caught.value
+    assert pictured(again, tmp_path / "other").endswith("other-refused.png")
+
+
+def test_other_errors_have_no_picture(tmp_path: Path) -> None:
+    assert pictured(InputError("site.toml: no such file"), tmp_path / "run") == ""
+    assert list(tmp_path.iterdir()) == []
