@@ -12,6 +12,7 @@ from solver.criticism.diagnosis_figures import support_figure
 from solver.criticism.diagnosis_files import diagnosis_facts, write_diagnosis
 from solver.criticism.pages import diagnosis_page
 from solver.criticism.plain_verdict import details, headline, size_words
+from solver.criticism.route_change import from_run
 from solver.effect import Effect
 from solver.run.fitted import fitted
 from solver.run.run import Run
@@ -120,4 +121,5 @@ def diagnose(run: Run, *, effects: Iterable[Effect] = ()) -> Diagnosis:
     known = list(run.known.extended(effects).values())
     fit, state = fitted(run)
     with progress("testing effects", steps(known)) as advance:
-        return Diagnosis(run, diagnose_problem(fit.problem, state, effects=known, advance=advance))
+        found = diagnose_problem(fit.problem, state, effects=known, advance=advance)
+    return Diagnosis(run, from_run(run, found))

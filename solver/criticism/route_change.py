@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,16 @@ from solver.criticism.candidate import Candidate
 from solver.criticism.refit import Refit
 from solver.fit.map_fit import MapFit
 from solver.fit.state import State
+from solver.run.run import Run
+
+if TYPE_CHECKING:
+    from solver.criticism.diagnosis import Diagnosis
 
 
-def route_of(fit: MapFit, state: State) -> NDArray[np.float64]:
-    """Places [channel, 3] of the fitted channels, m."""
-    place, _, _ = fit.prior.led(state, fit.problem.distance)
+def route_of(fit: MapFit, state: State, channel: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+    """Places [channel, 3] of some channels, m; of the fitted ones where none are given."""
+    distance = fit.problem.distance if channel is None else fit.problem.distance_of(channel)
+    place, _, _ = fit.prior.led(state, distance)
     at = place.clamp(fit.basis.start, fit.basis.stop).numpy()
     return np.asarray(fit.basis.along(state.coefficients.numpy(), at))
 
@@ -40,3 +46,22 @@ def moved(bench: Bench, name: str, tried: Mapping[str, Refit]) -> float | None:
 def with_moves(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit]) -> list[Candidate]:
     """Candidates with how far the route moves with each."""
     return [replace(one, route_change=moved(bench, one.effect, tried)) for one in listed]
+
+
+def from_run(run: Run, diagnosis: "Diagnosis") -> "Diagnosis":
+    """The diagnosis with how far the route of the run itself moves, as its ladder will say, where that is known.
+
+    A diagnosis starts from a fit of its own, whose tracks may shift less.
+    """
+    known = run.result.constrained
+    if not diagnosis.fits or not known.any():
+        return diagnosis
+    channel, route = run.result.channel[known], run.result.route[known]
+
+    def one(c: Candidate) -> Candidate:
+        if c.effect not in diagnosis.fits:
+            return c
+        far = np.linalg.norm(route_of(*diagnosis.fits[c.effect], channel) - route, axis=1)
+        return replace(c, route_change=float(far.max()))
+
+    return replace(diagnosis, candidates=tuple(map(one, diagnosis.candidates)))

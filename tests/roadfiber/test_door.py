@@ -91,7 +91,9 @@ def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path
     values = {"effect": "gauge_length", "stage": "interrogator", "verdict": "named", "unit": "1"}
     made: dict = dict.fromkeys(inspect.signature(Candidate).parameters, 0.1) | values
     made |= {"confounded_with": (), "generic": False, "refitted": True, "numbers": 1, "shape": {}, "told": None}
-    finding = SimpleNamespace(verdict="missing-effect", words="it is", candidates=[Candidate(**made)], separate="")
+    finding = SimpleNamespace(
+        verdict="missing-effect", words="it is", candidates=[Candidate(**made)], separate="", fits={}
+    )
     monkeypatch.setattr(diagnosing, "diagnose_problem", lambda *given, **more: finding)
     found = rf.diagnose(run)
     assert (found.verdict, found.effect) == ("missing-effect", "gauge_length")

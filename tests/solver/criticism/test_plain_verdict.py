@@ -1,7 +1,9 @@
 """A diagnosis in plain words."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from solver.catalogue.catalogue import built_in
@@ -12,7 +14,9 @@ from solver.criticism.diagnosis import Diagnosis
 from solver.criticism.diagnosis_files import diagnosis_facts
 from solver.criticism.pages import diagnosis_page
 from solver.criticism.plain_verdict import details, headline, hidden_change, least_words, size_words
+from solver.criticism.route_change import from_run, route_of
 from solver.effect import Setting
+from solver.fit.map_fit import MapFit
 
 HERE = Setting(gauge_length=10.0, channel_spacing=1.0, x=50.0, along=100.0)
 QUIET = NoiseAudit(1000, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1, 0.0, 1.0, ())
@@ -61,6 +65,18 @@ def test_what_is_too_small_to_show_may_still_move_the_route() -> None:
     one = candidate("gauge_length", route_change=0.3, refitted=False)
     assert hidden_change(one) == pytest.approx(0.02)
     assert hidden_change(replace(one, refitted=True)) is None
+
+
+def test_the_route_moves_from_where_the_run_has_it(survey) -> None:
+    """A fit that ends where the run did moves nothing; a run that lies 0.3 m aside, 0.3 m."""
+    fit = MapFit(survey.problem)
+    end = fit.start()
+    ends, there = {"gauge_length": (fit, end)}, route_of(fit, end, survey.result.channel)
+    found = replace(diagnosis("missing-effect", candidate("gauge_length", route_change=9.0)), fits=ends)
+    for aside in (0.0, 0.3):
+        result = replace(survey.result, route=there + np.array([0.0, aside, 0.0]))
+        moved = from_run(SimpleNamespace(result=result), found).candidates[0].route_change
+        assert moved == pytest.approx(aside, abs=1e-6)
 
 
 def test_markup_in_a_users_name_is_text_on_the_page() -> None:
