@@ -53,7 +53,7 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     ------
     InputError
         If the file is missing, empty or lacks a column, a value is not a number, a sigma is not positive, a name or a
-        channel is there twice, a depth is none, or latitude and longitude are out of range or swapped.
+        channel occurs twice, a depth is not valid, or latitude and longitude are out of range or swapped.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
 
 
 def anchors_of(table: "pd.DataFrame", frame: LocalFrame, path: Path = Path("anchors")) -> list[Anchor]:
-    """Anchors out of a table in memory: columns, result and errors as of `read_anchors`; `path` is its name in errors.
+    """Anchors from a table in memory: columns, result and errors as in `read_anchors`; `path` names it in errors.
 
     >>> import pandas as pd
     >>> row = {"name": "west", "channel": 84, "x": 12.48, "y": 4.75, "z": 0.96, "sigma_xy": 0.05, "sigma_z": 0.05}
@@ -96,7 +96,7 @@ def anchors_of(table: "pd.DataFrame", frame: LocalFrame, path: Path = Path("anch
     if geographic:
         x, y = to_frame(table["latitude"].to_numpy(), table["longitude"].to_numpy(), frame, path)
         table = table.assign(x=x, y=y)
-    elif len(table) > 1:  # a single one may lie there by chance
+    elif len(table) > 1:  # a single anchor may lie there by chance
         check_meters(table, frame, path)
     ordered = table.sort_values("channel")
     return [Anchor(str(row[0]), *map(float, row[1:])) for row in ordered[list(COLUMNS)].itertuples(index=False)]

@@ -1,9 +1,10 @@
-"""Dead channels: every test by which a channel counts as one that tells nothing of the traffic.
+"""Dead channels: every test that finds channels which record nothing of the traffic.
 
-Channels of one number only are NaN in a record, as excluded ones are (`DASRecord.dead`). `repeating` ones hold the same
-number most of the time; their noise is 0, so that no fit takes them. `dead_channels` are nearly silent where those
-on either side hear: faded, muted, or hanging in the air. A fit would take their silence for a fiber far away, and the
-more so the quieter they are. `is_nearly_silent` is the rule; criticism applies it to a model.
+A channel that holds a single value throughout is NaN in a record, like an excluded one (`DASRecord.dead`). `repeating`
+finds channels that hold one value most of the time; their estimated noise is 0, so no fit uses them. `dead_channels`
+finds channels that record almost nothing where their neighbors record traffic: faded, muted, or hanging in the air. A
+fit would mistake their silence for a fiber far from the road, the more so the quieter they are. `is_nearly_silent` is
+the rule; criticism applies it to a model.
 """
 
 import numpy as np
@@ -14,19 +15,19 @@ from solver.survey.das.record import DASRecord
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-#: Share of what its neighbors hear below which a channel is dead, and sigmas by which it must be below all.
+#: Share of its neighbors' signal below which a channel is dead, and by how many sigmas it must be below them.
 DEAD, SURE = 0.3, 8.0
-#: Neighbors on either side at most, times the noise at which they hear something, and samples of that.
+#: Most neighbors on either side; signal, in units of the noise, that counts as recorded; and samples of it required.
 MOST, HEARD, ENOUGH = 5, 5.0, 10
-#: Channels that are looked at together, and the loudest samples of each lot that are.
+#: Channels examined together, and how many of the loudest samples of each batch are examined.
 TOGETHER, LOUDEST = 400, 1500
 
 
 def repeating(record: DASRecord, channel: Integers) -> Integers:
-    """Numbers of those of some channels [channel] that repeat a number for more than half of the time, gaps aside."""
+    """Numbers of the channels [channel] that hold one value for more than half of the time, gaps aside."""
     told = record.measured[1:] & record.measured[:-1]
     columns = np.searchsorted(record.channel, channel)
-    # Lot by lot: of a long fiber every copy is a large part of the memory.
+    # In batches: with a long fiber, every copy takes a large part of the memory.
     lots = np.array_split(columns, max(1, len(columns) // TOGETHER))
     changing = [(np.abs(np.diff(record.strain_rate[:, lot], axis=0)[told]) > 0).mean(0) for lot in lots]
     return np.asarray(channel[~(np.concatenate(changing) > 0.5)])
@@ -47,10 +48,10 @@ def is_nearly_silent(gain: Array, sigma: Array, usual: Array | float = 1.0) -> N
 
 
 def dead_channels(record: DASRecord, channel: Integers) -> Integers:
-    """Numbers of those of some channels that are dead.
+    """Numbers of the channels that are dead.
 
-    Neighbors within half a gauge length hear what a channel does. Where there are none, nothing is told; nor where one
-    side is silent too, as along a coil.
+    Neighbors within half a gauge length record what a channel records. A channel without such neighbors is not judged;
+    nor is one with a silent side, as along a coil.
 
     Parameters
     ----------
@@ -75,7 +76,7 @@ def dead(values: Array, reach: int) -> NDArray[np.bool_]:
     >>> np.flatnonzero(dead(passing + 0.01 * rng.normal(size=(200, 30)), 4)).tolist()
     [20]
     """
-    # Traffic is rare enough for the median to bear it.
+    # Traffic is rare enough not to affect the median.
     level = 1.4826 * np.median(np.abs(np.nan_to_num(values)), 0)
     scaled = np.abs(np.nan_to_num(values)) / np.maximum(level, 1e-300)
     loudest = np.argsort(-np.minimum(scaled, 1e3).mean(1))[:LOUDEST]

@@ -1,11 +1,11 @@
-"""How much memory work needs, and how much this machine has left: known before the work, not by its end."""
+"""How much memory is left, checked before work that needs much of it."""
 
 import os
 from pathlib import Path
 
 from vision.contract import InputError
 
-#: Where Linux says what a container may use, and uses: its limit and its use, bytes.
+#: Where Linux states a container's memory limit and use, bytes.
 CGROUPS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
@@ -14,7 +14,7 @@ MEMINFO = Path("/proc/meminfo")
 
 
 def available() -> float:
-    """Bytes that can still be used; infinity where the system does not say.
+    """Bytes that can still be used; infinity if the system does not say.
 
     >>> available() > 1e6
     True
@@ -27,7 +27,7 @@ def available() -> float:
         rooms.append(free_pages())
     for limit, use in CGROUPS:
         try:
-            # No limit is the word "max", or a number beyond all memory.
+            # "No limit" is written as the word "max", or as a number beyond all memory.
             rooms.append(float(Path(limit).read_text()) - float(Path(use).read_text()))
         except (OSError, ValueError):
             continue
@@ -35,7 +35,7 @@ def available() -> float:
 
 
 def free_pages() -> float:
-    """Bytes in free pages, where the system counts them."""
+    """Bytes in free pages, if the system counts them."""
     try:
         return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     except (AttributeError, OSError, ValueError):
@@ -43,13 +43,13 @@ def free_pages() -> float:
 
 
 def require_memory(needed: float, what: str, mend: str) -> None:
-    """Refuse work for which the memory does not suffice.
+    """Refuse work that needs more memory than is available.
 
     Parameters
     ----------
-    needed : bytes, beyond what this process has
-    what : the work, as the message begins
-    mend : what to do
+    needed : bytes, beyond what this process already uses
+    what : the work, which begins the message
+    mend : what the user can do
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Files by name patterns that somebody else wrote, as `das/*.h5`, over no more of the disk than a survey has."""
+"""Find files by name patterns from an untrusted site.toml, such as `das/*.h5`, without searching the whole disk."""
 
 import os
 from collections.abc import Iterator
@@ -6,25 +6,25 @@ from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
-#: Files and folders that one pattern may go through: a survey of a month in files of a minute has half of it.
+#: Most files and folders that one pattern may visit: a survey of a month in files of a minute has half as many.
 MOST = 100_000
 WILD = "*?["
 
 
 @dataclass
 class Search:
-    """One pattern being followed; `left` are the entries of folders that it may still go through."""
+    """The search for one pattern; `left` is how many folder entries it may still visit."""
 
     pattern: str
     left: int
 
     def entries(self, folder: Path) -> list[os.DirEntry[str]]:
-        """What is in a folder; nothing where it cannot be looked into.
+        """The entries of a folder; nothing if it cannot be listed.
 
         Raises
         ------
         ValueError
-            If the pattern goes through too much.
+            If the pattern visits too many entries.
         """
         found: list[os.DirEntry[str]] = []
         try:
@@ -41,7 +41,7 @@ class Search:
         return found
 
     def matches(self, at: Path, parts: tuple[str, ...]) -> Iterator[Path]:
-        """Files that the parts of a pattern lead to from a folder; `**` is any number of folders, no links."""
+        """Files that match the parts of a pattern from a folder; `**` is any number of folders and follows no links."""
         if not parts:
             if at.is_file():
                 yield at
@@ -66,12 +66,12 @@ def files_matching(pattern: str, folder: Path) -> set[Path]:
     Parameters
     ----------
     pattern : of names, with `*`, `?` and `[...]`; `**` is any number of folders below `folder`
-    folder : that it begins from, unless it is absolute
+    folder : where the search starts, unless the pattern is absolute
 
     Raises
     ------
     ValueError
-        If `**` is to search outside of `folder`, or the pattern goes through more than `MOST` entries.
+        If `**` would search outside of `folder`, or the pattern visits more than `MOST` entries.
     """
     parts = Path(pattern).parts
     if "**" in parts and (Path(pattern).is_absolute() or ".." in parts):

@@ -15,13 +15,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Time before and after a vehicle is seen, s: it is felt on, out of view, and the noise is told by what is quiet there.
+#: Time before and after a vehicle is seen, s: it still strains the fiber out of view, and noise is estimated from the
+#: quiet time there.
 AROUND = np.timedelta64(90, "s")
-#: Spans of time that are less than this apart are read as one.
+#: Time spans less than this apart are read as one.
 CLOSE = np.timedelta64(120, "s")
-#: Farther than this from every track, m, an anchor does not say where the road's channels are.
+#: An anchor farther than this from every track, m, does not tell where the road's channels are.
 FAR = 60.0
-#: Fiber per meter of road at most, and fiber beyond what that makes, m: coils, and quiet channels beside the road.
+#: Most fiber per meter of road, and extra fiber, m: coils, and quiet channels beside the road.
 SLACK, SPARE = 1.3, 150.0
 
 
@@ -38,7 +39,7 @@ def times_around(tracks: "pd.DataFrame") -> list[tuple[np.datetime64, np.datetim
     grouped = tracks.groupby("track_id", sort=False)["time"]
     begin = np.sort(grouped.min().dt.tz_convert(None).to_numpy("datetime64[ns]")) - AROUND
     end = np.sort(grouped.max().dt.tz_convert(None).to_numpy("datetime64[ns]")) + AROUND
-    # Sorted each by itself, begins and ends still pair up: a span is open while more have begun than ended.
+    # Starts and ends may be sorted separately: a span is open while more have started than ended.
     cuts = np.flatnonzero(begin[1:] - end[:-1] > CLOSE) + 1
     return [(part[0], last[-1]) for part, last in zip(np.split(begin, cuts), np.split(end, cuts), strict=True)]
 
@@ -46,10 +47,10 @@ def times_around(tracks: "pd.DataFrame") -> list[tuple[np.datetime64, np.datetim
 def near_road(
     held: tuple[int, int], spacing: float, tracks: "pd.DataFrame", anchors: Sequence[Anchor]
 ) -> tuple[int, int]:
-    """First and last channel that may lie beside the road, out of those `held`.
+    """First and last channel, out of those `held`, that may lie beside the road.
 
-    From each anchor beside the road the fiber to where the farthest vehicle is seen is `SLACK` times as long as the way
-    there at most. Without such an anchor all channels may be.
+    The fiber from an anchor beside the road to the farthest vehicle is at most `SLACK` times as long as the distance
+    there. Without such an anchor, all channels may lie there.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def wanted(known: Store | Raw, tracks: "pd.DataFrame | None", anchors: Sequence[
         return {}
     times = [(a, b) for a, b in times_around(tracks) if a <= known.end and b >= known.start]
     if not times:
-        # Clocks disagree, which is told with the tracks: a minute does for that.
+        # The clocks disagree, which the tracks' cautions report: a minute of record is enough for that.
         times = [(known.start, known.start + np.timedelta64(60, "s"))]
     channels = near_road(known.channels, known.channel_spacing, tracks, anchors)
     return {"times": times, "channels": channels}

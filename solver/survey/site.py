@@ -23,8 +23,8 @@ from solver.survey.limits import VEHICLE_REACH
 from solver.survey.patterns import files_matching
 from vision.contract import InputError, LocalFrame, read_toml
 
-STORE_FILE = "store.json"  # by which the folder of a store is known
-DETECTORS = ("nanodet", "street")  # that come along, the default first
+STORE_FILE = "store.json"  # which identifies the folder of a store
+DETECTORS = ("nanodet", "street")  # built in, the default first
 
 
 def folder_of(info: ValidationInfo) -> Path:
@@ -34,7 +34,7 @@ def folder_of(info: ValidationInfo) -> Path:
 
 
 def existing(path: Path, info: ValidationInfo) -> Path:
-    """Return `path` taken from the site file's folder; ValueError if there is no such file."""
+    """Return `path` relative to the site file's folder; ValueError if there is no such file."""
     full = folder_of(info) / path
     if not full.is_file():
         raise ValueError(f"no such file {str(path)!r} beside the site file")
@@ -42,7 +42,7 @@ def existing(path: Path, info: ValidationInfo) -> Path:
 
 
 def beside(path: Path, info: ValidationInfo) -> Path:
-    """Return `path` taken from the site file's folder, whether it is there or not."""
+    """Return `path` relative to the site file's folder, whether it exists or not."""
     return folder_of(info) / path
 
 
@@ -54,7 +54,7 @@ def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
     folder = folder_of(info)
     found: set[Path] = set()
     for pattern in patterns:
-        # What was made from the files is none of them.
+        # Files derived from the record are not part of it.
         hits = {path for path in files_matching(pattern, folder) if not (path.parent / STORE_FILE).is_file()}
         if not hits:
             raise ValueError(f"no file matches {pattern!r} beside the site file")
@@ -63,7 +63,7 @@ def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
 
 
 def detector_of(detector: Any, info: ValidationInfo) -> Any:
-    """Read a detector: the name of one that comes along, or a file."""
+    """Read a detector: the name of a built-in one, or a file."""
     if not isinstance(detector, str):
         raise ValueError(f"give {', '.join(DETECTORS)} or an .onnx file")
     return detector if detector in DETECTORS else existing(Path(detector), info)
@@ -88,7 +88,7 @@ class FrameSection(Section):
 
 
 class DASSection(Section):
-    """`[das]`: the files, what they do not say themselves, and the folder of their store, where one is made."""
+    """`[das]`: the files, what they do not state themselves, and the folder of their store, if one is made."""
 
     files: Files
     gauge_length: Positive | None = None
@@ -101,7 +101,7 @@ class DASSection(Section):
 
     @property
     def said(self) -> dict[str, Any]:
-        """What is said of the files, as `solver.survey.das.description.describe` takes it."""
+        """The settings of the files, as arguments of `solver.survey.das.description.describe`."""
         names = ("gauge_length", "channel_spacing", "quantity", "scale", "channels", "exclude")
         return {name: getattr(self, name) for name in names}
 
@@ -136,7 +136,7 @@ class AnchorsSection(Section):
 
 
 class GroundSection(Section):
-    """`[ground]`: what is known of the ground and of the depth (mean, standard deviation; m) beforehand."""
+    """`[ground]`: what is known beforehand about the ground and the depth (mean, standard deviation; m)."""
 
     poisson_ratio: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     depth: tuple[Positive, Positive] = (0.9, 0.3)
@@ -144,7 +144,7 @@ class GroundSection(Section):
     @field_validator("depth")
     @classmethod
     def within_reach(cls, depth: tuple[float, float]) -> tuple[float, float]:
-        """Refuse a depth at which no vehicle is felt."""
+        """Refuse a depth at which no vehicle can be recorded."""
         if max(depth) > VEHICLE_REACH:
             raise ValueError(
                 f"mean {depth[0]:g} m, sd {depth[1]:g} m; no vehicle is felt deeper than {VEHICLE_REACH:g} m: "
@@ -158,9 +158,9 @@ class Site(Section):
 
     Attributes
     ----------
-    name : of the survey; the folder's where site.toml gives none
+    name : of the survey; by default the folder's
     frame : the local frame
-    das, camera, trajectories, anchors, ground : the sections; at least one of `camera` and `trajectories` is there
+    das, camera, trajectories, anchors, ground : the sections; at least one of `camera` and `trajectories` is given
     """
 
     name: str = ""
@@ -178,7 +178,7 @@ class Site(Section):
 
     @model_validator(mode="after")
     def moving(self, info: ValidationInfo) -> "Site":
-        """Refuse a survey without any source of trajectories, where such are needed."""
+        """Refuse a survey without any source of trajectories, if they are needed."""
         needed = (info.context or {}).get("moving", True)
         if needed and self.camera is None and self.trajectories is None:
             raise ValueError("neither [camera] nor [trajectories]; give one of them")
@@ -226,16 +226,16 @@ def read_site(path: Path, *, moving: bool = True) -> Site:
     Parameters
     ----------
     path : the file; the paths in it are relative to its folder and may be patterns for `files`
-    moving : whether it must say where vehicles are known from
+    moving : whether it must name a source of trajectories
 
     Returns
     -------
-    site : with every path resolved and every file there
+    site : with every path resolved and every file found
 
     Raises
     ------
     InputError
-        If the file is missing or no TOML, a key is unknown or missing, a value is out of range or a file is not there.
+        If the file is missing or not TOML, a key is unknown or missing, a value is out of range or a file is missing.
 
     Examples
     --------

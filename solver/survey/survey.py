@@ -1,4 +1,4 @@
-"""One survey, read: the record, who drove by, the known points, and what is known of the ground."""
+"""One survey, read: the record, the tracks, the anchors, and what is known about the ground."""
 
 import time as clock
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ class Source:
     Parameters
     ----------
     role : das, trajectories, video, calibration, detector or anchors
-    path : of the file; the argument's name where it was in memory
+    path : of the file; the argument's name if it was in memory
     sha256 : of the file or the numbers
     """
 
@@ -54,21 +54,21 @@ class Survey:
     frame : the local frame, or (latitude, longitude, azimuth of +x), degrees
     name : of the survey
     time, distance, first_channel : of a plain array: datetime64 UTC [time], m [channel], number of the first channel
-    gauge_length, channel_spacing, quantity, scale, channels, exclude : of the record, where it does not say them; as
+    gauge_length, channel_spacing, quantity, scale, channels, exclude : of the record, if it does not give them; as in
         `[das]` of site.toml
-    poisson_ratio, depth : what is known of the ground, and of the depth (mean, standard deviation; m), beforehand
+    poisson_ratio, depth : what is known beforehand about the ground and the depth (mean, standard deviation; m)
 
     Attributes
     ----------
     name, frame : likewise
-    record : strain rate at the rate at which it is fitted
+    record : strain rate at the sampling rate of the fit
     tracks : trajectory table; None where a video is to be tracked first
     anchors : sorted by channel
-    ground : what is known of it beforehand
+    ground : what is known about it beforehand
     camera : of a survey from a site.toml with one, else None
     sources : files and arrays that it was made from
-    seconds : that reading took
-    cautions : what must be known of the tracks, a line each
+    seconds : how long reading took
+    cautions : what the user should know about the tracks, a line each
 
     Raises
     ------
@@ -184,18 +184,18 @@ class Survey:
 
     @classmethod
     def of(cls, **fields: Any) -> "Survey":
-        """The survey with these attributes, all of them, as they are."""
+        """A survey with exactly these attributes."""
         survey = object.__new__(cls)
         survey._hold(**fields)
         return survey
 
     def with_tracks(self, tracks: "pd.DataFrame", cautions: Sequence[str] = ()) -> "Survey":
-        """The survey with a trajectory table in place of its own, and what must be known of that."""
+        """The survey with another trajectory table and its cautions."""
         changes = {"tracks": trajectories_of(tracks, self.frame), "cautions": tuple(cautions)}
         return Survey.of(**vars(self) | changes)._read()
 
     def _read(self) -> "Survey":
-        """The survey with that part of its record read that its tracks need; until there are tracks, nothing."""
+        """The survey with the part of its record read that its tracks need; nothing is read until there are tracks."""
         held = vars(self)
         source = held.get("_source")
         if source is None or self.tracks is None:
@@ -218,7 +218,7 @@ class Survey:
         return Survey.of(**vars(self) | changes)
 
     def __getattr__(self, name: str) -> Any:
-        # Before a video is tracked nothing tells which part of the record is needed: whoever looks at it gets all.
+        # Before the video is tracked, nobody knows which part of the record is needed: return all of it.
         if name == "record" and "_source" in vars(self):
             self._hold(**vars(self._with_record({})))
             return vars(self)["record"]
@@ -246,7 +246,7 @@ class Survey:
 
 
 def ground_of(poisson_ratio: float, depth: tuple[float, float]) -> GroundSection:
-    """What is known of the ground, checked as `[ground]` of site.toml is."""
+    """What is known about the ground, checked like `[ground]` of site.toml."""
     from pydantic import ValidationError
 
     try:
@@ -264,7 +264,7 @@ def das_sources(record: DASRecord) -> list[Source]:
 
 
 def file_sources(site: Site) -> tuple[Source, ...]:
-    """The files of a site but those of its record."""
+    """The files of a site except those of its record."""
     files: list[tuple[str, Path]] = []
     if site.trajectories:
         files += [("trajectories", path) for path in site.trajectories.files]

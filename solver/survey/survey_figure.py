@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 WIDTH, WATERFALL, ROAD = 960, 320, 150  # px
 LEFT, TOP, BETWEEN, LINE = 66, 34, 54, 15  # px
-#: Rows or columns of the picture at most, and tracks drawn at most.
+#: Most rows or columns of the picture, and most tracks drawn.
 CELLS, TRACKS = 800, 300
 #: Standard deviation over median absolute deviation of normal noise.
 NORMAL = 1.4826
@@ -28,9 +28,9 @@ Array = NDArray[np.float64]
 
 
 def in_sigmas(strain_rate: Array) -> Array:
-    """A record [time, channel] over each channel's noise, NaN where nothing was measured.
+    """A record [time, channel] divided by each channel's noise; NaN where nothing was measured.
 
-    Noise is told from the median absolute deviation: for most of the time no vehicle is near a channel.
+    Noise is estimated from the median absolute deviation: most of the time no vehicle is near a channel.
 
     >>> rate = np.random.default_rng(0).normal(0, 3e-9, (4000, 2)) + 1e-8
     >>> bool(np.allclose(in_sigmas(rate).std(0), 1, atol=0.05))
@@ -40,13 +40,13 @@ def in_sigmas(strain_rate: Array) -> Array:
     for column in np.flatnonzero(np.isfinite(strain_rate).any(axis=0)):
         values = strain_rate[:, column] - np.nanmedian(strain_rate[:, column])
         sigma = NORMAL * float(np.nanmedian(np.abs(values)))
-        # Where most samples are rounded to one number their scatter tells more.
+        # If most samples are rounded to one number, their standard deviation tells more.
         found[:, column] = values / (sigma or float(np.nanstd(values)) or 1.0)
     return found
 
 
 def on_fiber(survey: "Survey") -> Callable[[Array], Array] | None:
-    """Channel at which a place along the road is, by a straight line through the anchors; None with fewer than two."""
+    """Channel at a place along the road, by a straight line through the anchors; None with fewer than two."""
     x = np.array([one.x for one in survey.anchors])
     if len(x) < 2 or np.ptp(x) < survey.record.gauge_length:
         return None
@@ -55,7 +55,7 @@ def on_fiber(survey: "Survey") -> Callable[[Array], Array] | None:
 
 
 def left_out(survey: "Survey") -> list[str]:
-    """What of the record cannot be used, and why; a line each."""
+    """Parts of the record that cannot be used, and why; a line each."""
     record = survey.record
     dead = record.channel[record.dead]
     lines = [f"channels {ranges(dead)} hold no signal (excluded, or they never change)"] if len(dead) else []
@@ -82,7 +82,7 @@ def draw_record(axes: Axes, record: "DASRecord", sigmas: Array) -> None:
 
 
 def draw_tracks(axes: Axes, survey: "Survey", place_of: Callable[[Array], Array] | None = None) -> None:
-    """Where vehicles were, by time: along the road, colored by direction, or dashed where `place_of` puts them."""
+    """Vehicle positions over time: along the road, colored by direction, or dashed at the channels from `place_of`."""
     assert survey.tracks is not None
     for _, track in list(survey.tracks.groupby("track_id", sort=False))[:TRACKS]:
         t = (track["time"].dt.tz_convert(None) - survey.record.start).dt.total_seconds()
@@ -99,7 +99,7 @@ def survey_figure(survey: "Survey") -> Figure:
 
     Parameters
     ----------
-    survey : as it was read
+    survey : to draw
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The waterfall of a record, whatever is known of traffic: what was recorded, when, and on which channel."""
+"""The waterfall of a record, without regard to traffic: what was recorded, when, and on which channel."""
 
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,7 @@ def waterfall(record: "DASRecord") -> "Figure":
 
     Parameters
     ----------
-    record : any part of one
+    record : all or any part of it
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Arrays of numpy as DAS files, with a side file that says what an array does not."""
+"""NumPy arrays as DAS files, with a side file that gives what an array does not."""
 
 import json
 from collections.abc import Iterator
@@ -14,14 +14,14 @@ from solver.survey.das.block import Block
 from solver.survey.das.units import parse_unit
 from vision.contract import InputError, read_text, read_toml
 
-#: Bytes of a `.npy` file from which on it is read a part at a time.
+#: Size of a `.npy` file, bytes, from which on it is read in parts.
 LARGE = 1 << 20
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class SideFile(BaseModel):
-    """What stands beside a `.npy` or `.npz` file, in a `.toml` or `.json` of the same name."""
+    """Contents of the side file: a `.toml` or `.json` with the name of its `.npy` or `.npz` file."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -59,7 +59,7 @@ def read_side_file(path: Path) -> SideFile:
 def load_array(path: Path) -> NDArray[Any]:
     """Load the one array of a `.npy` or `.npz` file."""
     try:
-        # What is large stays on the disk until it is asked for.
+        # A large array stays on disk until it is needed.
         large = path.suffix.lower() == ".npy" and path.stat().st_size > LARGE
         content = np.load(path, allow_pickle=False, mmap_mode="r" if large else None)
         if isinstance(content, np.ndarray):

@@ -1,4 +1,4 @@
-"""What one DAS file holds: its numbers, and what the file says of them."""
+"""What one DAS file holds: its numbers, and what the file says about them."""
 
 import hashlib
 from dataclasses import dataclass
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from solver.survey.das.samples import OnDisk
 from solver.survey.das.units import Unit
 
-#: Bytes up to which a file's checksum is of all of it, and blocks of larger ones that it is of, and their bytes.
+#: Size up to which the checksum covers the whole file, bytes; of larger files, how many blocks it covers, and their
+#: size.
 WHOLE, BLOCKS, BLOCK = 1 << 26, 64, 1 << 16
 
 
@@ -52,8 +53,8 @@ def checksum(path: Path) -> str:
 def fingerprint(path: Path) -> str:
     """Return the SHA-256 of a file of a record.
 
-    Of a file over 64 MiB it is that of its size and of 64 blocks of 64 KiB, evenly spread, first and last included, and
-    begins with "sampled:": a survey of days is not read for it.
+    Of a file over 64 MiB it covers the size and 64 evenly spread blocks of 64 KiB, first and last included, and begins
+    with "sampled:", so that a survey of days need not be read in full.
     """
     size = path.stat().st_size
     if size <= WHOLE:
@@ -67,7 +68,7 @@ def fingerprint(path: Path) -> str:
 
 
 def checksum_of(block: Block) -> str:
-    """Return the SHA-256 of a block's file, or of its numbers where they were in memory."""
+    """Return the SHA-256 of a block's file, or of its numbers if they came from memory."""
     if block.path.is_file():
         return fingerprint(block.path)
     return hashlib.sha256(np.ascontiguousarray(block.data[:, :]).data).hexdigest()

@@ -16,11 +16,11 @@ from solver.survey.das.units import Unit, dascore, parse_unit
 from solver.survey.das.unreadable import why_unknown, why_unreadable
 from vision.contract import InputError
 
-ROUNDED = 1_000_000  # ns; so far may two clocks of one file be apart
+ROUNDED = 1_000_000  # ns; largest difference between two clocks of one file
 
 
 def silixa_counts(block: Block, properties: dict[str, Any]) -> Block:
-    """Fill in what a Silixa file says in properties that DASCore leaves out; its integers are raw counts."""
+    """Fill in the properties of a Silixa file that DASCore leaves out; its integers are raw counts."""
     gauge_length = block.gauge_length or properties.get("GaugeLength")
     calibration = float(properties.get("Unit Calibration (nm)", 116.0))
     counts = np.issubdtype(block.data.dtype, np.integer) and block.unit is None
@@ -44,7 +44,7 @@ def from_silixa_h5(block: Block) -> Block:
 def from_prodml(block: Block) -> Block:
     """Number the channels of a PRODML file as it does, from its StartLocusIndex, and take the time of every sample.
 
-    DASCore takes the times of the first and the last sample; that they jump or run backwards between shows only here.
+    DASCore uses the times of the first and last sample only; jumps or reversals between them show only here.
     """
     import h5py
 
@@ -53,7 +53,7 @@ def from_prodml(block: Block) -> Block:
         block = replace(block, first_channel=int(acquisition.attrs["StartLocusIndex"]))
         for name in acquisition:
             times = acquisition.get(f"{name}/RawDataTime")
-            # Microseconds since 1970, as the standard has it; not all makers keep to it.
+            # Microseconds since 1970, as the standard says; not all makers follow it.
             if times is not None and len(times) == len(block.time) and np.issubdtype(times.dtype, np.integer):
                 time = times[:].astype(np.int64) * 1000
                 ends = np.array([time.min(), time.max()])
@@ -63,7 +63,7 @@ def from_prodml(block: Block) -> Block:
 
 
 def from_febus(block: Block) -> Block:
-    """Refuse spectra, and trust no unit but that of a product called strain rate: DASCore reads all as such."""
+    """Refuse spectra, and trust the unit only of a product called strain rate: DASCore reads every product as that."""
     import h5py
 
     names = list[str]()
@@ -76,7 +76,7 @@ def from_febus(block: Block) -> Block:
 
 
 def from_ap_sensing(block: Block) -> Block:
-    """Take the data type along as what the file states: phase in counts whose scale it does not tell."""
+    """Keep the data type as the stated unit: phase in counts whose scale the file does not give."""
     import h5py
 
     with h5py.File(block.path) as file:
@@ -98,7 +98,7 @@ def meters(values: NDArray[np.float64], units: Any) -> NDArray[np.float64]:
 
 
 def patch_block(patch: Any, path: Path, name: str, whole: OnDisk | None = None) -> Block:
-    """Turn a DASCore patch into a block; `whole`: the numbers of the file of which the patch is the first row."""
+    """Turn a DASCore patch into a block; `whole`: all numbers of a file, if the patch is only its first row."""
     patch = patch.transpose("time", "distance")
     attrs, distance = patch.attrs, patch.get_coord("distance")
     stated_gauge = np.array([getattr(attrs, "gauge_length", None) or np.nan], float)
@@ -129,15 +129,15 @@ def is_lone_sample(path: Path) -> bool:
 
 
 def read_with_dascore(path: Path) -> Iterator[Block]:
-    """Read a file of an interrogator through DASCore (PRODML, Silixa, Terra15, OptoDAS, Febus, AP Sensing ...).
+    """Read an interrogator's file through DASCore (PRODML, Silixa, Terra15, OptoDAS, Febus, AP Sensing ...).
 
-    Numbers stay on the disk where DASCore tells from the header when and where they were recorded.
+    Numbers stay on disk if the header tells DASCore when and where they were recorded.
     """
     dc = dascore()
     from dascore.exceptions import UnknownFiberFormatError
 
     with path.open("rb") as stream:
-        # DASCore loads what looks like a pickle of it, be it only to learn its format.
+        # DASCore unpickles any file that looks like one of its pickles, even if only asked for the format.
         if b"dascore.core" in stream.read(100):
             raise InputError(f"{path}: a pickle can run code when it is read; store it as PRODML or DASDAE instead")
     try:
@@ -151,14 +151,14 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
         raise
     except UnknownFiberFormatError as error:
         raise InputError(f"{path}: {why_unknown(path)}") from error
-    except Exception as error:  # a parser fed with damaged bytes fails in ways nobody lists
+    except Exception as error:  # on damaged bytes a parser can raise anything
         if is_lone_sample(path):
             raise InputError(f"{path}: holds a single sample, whose rate nothing tells; leave this file out") from error
         raise InputError(f"{path}: {why_unreadable(error)}") from error
 
 
 def read_blocks(path: Path) -> list[Block]:
-    """Read one DAS file; its numbers only as they are asked for, where its format allows that.
+    """Read one DAS file; its numbers only when needed, if the format allows.
 
     Returns
     -------

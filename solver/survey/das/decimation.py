@@ -1,4 +1,4 @@
-"""Fast records in memory are reduced before they are fitted; those in files are as they are read (`reduced`)."""
+"""Decimate fast records in memory before the fit; those in files are decimated while they are read (`reduced`)."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from solver.survey.das.record import DASRecord
 
 
 def decimated(record: DASRecord, rate: float = FIT_RATE) -> DASRecord:
-    """Reduce a fast record to the lowest whole fraction of its sampling rate that is not below `rate`.
+    """Decimate a fast record to the lowest whole fraction of its sampling rate that is not below `rate`.
 
     Zero-phase windowed-sinc low pass (Kaiser window, beta 5; Oppenheim and Schafer 2010, section 7.6), then every q-th
     sample, so that times do not shift. A sample whose filter touches a gap, or reaches beyond the record, is NaN.
@@ -21,7 +21,7 @@ def decimated(record: DASRecord, rate: float = FIT_RATE) -> DASRecord:
 
     Returns
     -------
-    record : the same object where it is slow enough already
+    record : the same object if it is slow enough already
 
     Examples
     --------

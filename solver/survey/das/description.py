@@ -1,4 +1,4 @@
-"""A record as its files describe it: what is known of it before any of its numbers is read."""
+"""A record as the headers of its files describe it, before any of its numbers is read."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,18 +19,18 @@ from vision.contract import InputError, progress
 
 @dataclass(frozen=True)
 class Description:
-    """A record that is not read yet.
+    """A record that has not been read yet.
 
     Parameters
     ----------
-    blocks : of all files, sorted by time; their numbers may still be on the disk
-    grid : which rows of which file are when
-    stored : what the numbers are
-    channels : first and last one asked for
-    held : first and last one that there are
+    blocks : of all files, sorted by time; their numbers may still be on disk
+    grid : times of the rows of every file
+    stored : quantity and unit of the numbers
+    channels : first and last channel asked for
+    held : first and last channel in the files
     exclude : channels to leave out
     channel_spacing, gauge_length : m
-    pair : channels to either side whose velocity is differenced; 0 where the files hold no velocity
+    pair : channels to either side between which velocity is differenced; 0 if the files hold no velocity
     spaced : whether the user gave the channel spacing
     notes : what was decided, a line each
     files : how many there are
@@ -53,7 +53,7 @@ class Description:
 
     @property
     def where(self) -> Path:
-        """The first file, as messages call the record."""
+        """The first file, by which messages name the record."""
         return self.blocks[0].path
 
     @property
@@ -73,11 +73,11 @@ class Description:
 
     @property
     def lines(self) -> list[str]:
-        """What a user should read of files that are left out."""
+        """What to tell the user about files that are left out."""
         return left_out_line(self.files, self.left_out)
 
     def columns(self, channels: tuple[int, int]) -> slice:
-        """Columns of the files that channels, first and last, are made from."""
+        """Columns of the files that a range of channels is made from."""
         first = self.blocks[0].first_channel
         return slice(channels[0] - self.pair - first, channels[1] + self.pair - first + 1)
 
@@ -88,7 +88,7 @@ def read_headers(files: Sequence[Path]) -> tuple[list[Part], list[LeftOut]]:
     Raises
     ------
     InputError
-        If none can be read: why the first cannot.
+        If none can be read; the message says why the first cannot.
     """
     if not files:
         raise InputError("no DAS files; give at least one")

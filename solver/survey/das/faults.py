@@ -1,4 +1,4 @@
-"""Files of a record that cannot be used with the others: what is left out, and why."""
+"""Which files of a record cannot be used with the others, and why."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,28 +10,28 @@ from solver.survey.das.grid import Part, Placed
 from solver.survey.das.setting import file_spacing
 from vision.contract import InputError
 
-#: Share of what was recorded that the files of one setting must have for the others to be left out.
+#: Share of the recorded samples that the files of one setting must hold for the others to be left out.
 MOST = 0.5
-#: Share of what was recorded that may be left out where files overlap and differ.
+#: Share of the recorded samples that may be left out where files overlap and differ.
 OVERLAP = 0.05
 #: Channels and samples by which files that overlap are compared.
 COMPARED, SAMPLES = 32, 2000
-#: Left-out files that a message names.
+#: How many left-out files a message names.
 NAMED = 3
-#: Share by which sampling rates of one record may differ.
+#: Largest relative difference between the sampling rates of one record.
 RATE_OFF = 1e-3
 
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A file, or a part of one, that is not used, and why, in words without its name."""
+    """A file, or a part of one, that is not used, and the reason, which does not repeat its name."""
 
     path: Path
     why: str
 
 
 def left_out_line(files: int, left_out: Sequence[LeftOut]) -> list[str]:
-    """Say which of so many files are left out, and why; nothing where none is.
+    """Say which of so many files are left out, and why; nothing if none is.
 
     >>> left_out_line(60, [LeftOut(Path("das/a.h5"), "an empty file, 0 bytes; copy it again")])
     ['of 60 files this is left out: a.h5 (an empty file, 0 bytes; copy it again)']
@@ -44,7 +44,7 @@ def left_out_line(files: int, left_out: Sequence[LeftOut]) -> list[str]:
 
 
 def difference(one: Part, other: Part) -> str | None:
-    """In what two files are not of one recording: of `other` first; None: in nothing."""
+    """How the settings of two files differ, those of `other` first; None if they agree."""
     a, b = one.block, other.block
     for name, first, second in (
         ("channels", a.data.shape[1], b.data.shape[1]),
@@ -62,12 +62,12 @@ def difference(one: Part, other: Part) -> str | None:
 
 
 def of_one_setting(parts: Sequence[Part]) -> tuple[list[Part], list[LeftOut]]:
-    """Keep the files of the setting that most was recorded with.
+    """Keep the files of the setting with which most samples were recorded.
 
     Raises
     ------
     InputError
-        If no setting has more than half of what was recorded: nothing tells which one is meant.
+        If no setting has more than half of the samples, so that none can be preferred.
     """
     groups: list[list[Part]] = []
     for part in parts:
@@ -97,11 +97,11 @@ def alike(one: Placed, other: Placed, begin: int, end: int) -> bool:
 
 
 def trimmed(one: Placed, begin: int, end: int) -> Iterator[Placed]:
-    """What is left of a file's samples between two rows of the grid; nothing where none is."""
+    """The samples of a file between two rows of the grid; nothing if there are none."""
     begin, end = max(begin, one.row), min(end, one.stop)
     if end > begin:
         skip = begin - one.row
-        # What lies off the grid is found by its distance from the file's first sample, which stays.
+        # Samples off the grid are located by their distance from the file's first sample, which stays in place.
         if one.ahead:
             yield replace(one, row=begin, rows=end - begin, ahead=one.ahead + skip)
         else:
@@ -109,11 +109,11 @@ def trimmed(one: Placed, begin: int, end: int) -> Iterator[Placed]:
 
 
 def without_overlaps(placed: Sequence[Placed], interval: float) -> tuple[list[Placed], list[LeftOut]]:
-    """Take the samples that two files both have once; leave them out where the files differ: a clock stepped.
+    """Use samples that two files share once; leave them out where the files differ, because a clock has jumped.
 
     Parameters
     ----------
-    placed : by row
+    placed : sorted by row
     interval : of sampling, ns
 
     Raises

@@ -1,4 +1,4 @@
-"""Samples of many DAS files -> one regular grid of time, known before any is read."""
+"""The regular time grid of the samples of many DAS files, known before any sample is read."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,20 +14,20 @@ from vision.contract import InputError
 
 Array = NDArray[np.float64]
 
-# A vehicle at 30 m/s moves 6 cm in this time, ns: files that are off the common grid by less are not shifted.
+# ns; a vehicle at 30 m/s moves 6 cm in this time. Files that are off the common grid by less are not shifted.
 ALIGNED = 2_000_000
-SPARSEST = 20  # a record that spans more than so many times its samples is not one survey's
-#: Samples on either side over which a cubic spline through samples is felt: beyond, by less than 1e-11.
+SPARSEST = 20  # a record that spans more than this many times its samples is not of one survey
+#: Samples on either side that influence a cubic spline; those beyond do so by less than 1e-11.
 FELT = 20
 
 
 @dataclass(frozen=True)
 class Part:
-    """What one file holds, and when: its block without the times, which run evenly from jump to jump.
+    """A file's block, with its times as runs of even spacing between jumps.
 
     Parameters
     ----------
-    block : with no times
+    block : without times
     interval : of sampling, ns
     runs : (first row, rows, time of the first in ns since 1970) of each stretch without a jump
     """
@@ -38,12 +38,12 @@ class Part:
 
 
 def part_of(block: Block) -> Part:
-    """Sum up the times of a block.
+    """Summarize the times of a block as runs.
 
     Raises
     ------
     InputError
-        If they repeat or run backwards, or there is but one.
+        If they repeat or run backwards, or there is only one.
     """
     interval = file_interval(block)
     cuts = [0, *(np.flatnonzero(np.diff(block.time) > 1.5 * interval) + 1).tolist(), len(block.time)]
@@ -58,9 +58,9 @@ class Placed:
     Parameters
     ----------
     block : of the file
-    first, count : row of the block where they begin, and how many there are
-    row, rows : first row of the grid that they fill, and how many
-    ahead : rows by which the grid's first is after theirs; 0 where they lie on the grid
+    first, count : their first row in the block, and how many there are
+    row, rows : first row of the grid that they fill, and how many rows
+    ahead : rows by which the grid's first row is later than their first; 0 if they lie on the grid
     """
 
     block: Block
@@ -78,7 +78,7 @@ class Placed:
     def values(self, begin: int, end: int, columns: slice) -> NDArray[Any]:
         """Stored numbers [row, column] at rows `begin` to `end` of the grid.
 
-        Those that are off the grid by more than `ALIGNED` are moved onto it along a cubic spline.
+        Numbers that are off the grid by more than `ALIGNED` are interpolated onto it by a cubic spline.
         """
         if not self.ahead:
             offset = self.first - self.row
@@ -96,7 +96,7 @@ class Placed:
 
 
 def on_grid(parts: Sequence[Part], interval: float) -> list[Placed]:
-    """Place the runs of parts, sorted by time, on the grid of `interval`, ns, that begins with the first; by row."""
+    """Place the runs of parts, sorted by time, on a grid of `interval`, ns, that starts with the first; by row."""
     origin, found = parts[0].runs[0][2], []
     for block, first, count, start in ((part.block, *run) for part in parts for run in part.runs):
         position = (start - origin) / interval
@@ -125,8 +125,8 @@ def file_interval(block: Block) -> float:
 def sampling_interval(parts: Sequence[Part]) -> float:
     """Return the sampling interval of a record, ns, from parts sorted by time.
 
-    The starts of adjoining files say it better than the nominal rate in one file: with a clock that is off by 1e-5,
-    500 Hz are a sample off after 200 s.
+    The start times of adjoining files give it more exactly than the nominal rate in one file: with a clock that is off
+    by 1e-5, times at 500 Hz are off by a sample after 200 s.
     """
     interval = float(np.median([part.interval for part in parts]))
     lengths = np.array([ends_of(part)[1] for part in parts[:-1]])
@@ -136,20 +136,20 @@ def sampling_interval(parts: Sequence[Part]) -> float:
 
 
 def ends_of(part: Part) -> tuple[int, float]:
-    """Time of the first sample of a part, ns, and samples from there to where the next one would come."""
+    """Time of a part's first sample, ns, and the number of samples from there to the first one after the part."""
     start, (_, count, last) = part.runs[0][2], part.runs[-1]
     return start, (last - start) / part.interval + count
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Where the samples of a record are: evenly spaced rows, and which rows of which file fill them.
+    """The time grid of a record: evenly spaced rows, and which rows of which file fill them.
 
     Parameters
     ----------
     origin : time of row 0, ns since 1970, UTC
     interval : of sampling, ns
-    placed : by row; they do not overlap
+    placed : sorted by row, without overlaps
     """
 
     origin: int
@@ -172,7 +172,7 @@ class Grid:
         return [(one.stop, other.row - 1) for one, other in pairwise(self.placed) if other.row > one.stop]
 
     def measured(self, begin: int, end: int) -> int:
-        """How many of the rows `begin` to `end` have samples."""
+        """Count of the rows `begin` to `end` that have samples."""
         return sum(max(0, min(one.stop, end) - max(one.row, begin)) for one in self.placed)
 
     def time_of(self, row: int) -> np.datetime64:
@@ -180,7 +180,7 @@ class Grid:
         return np.datetime64(self.origin + round(row * self.interval), "ns")
 
     def check_dense(self, begin: int, end: int) -> None:
-        """Raise InputError where nearly all of the rows `begin` to `end` are gap."""
+        """Raise InputError if nearly all of the rows `begin` to `end` are gaps."""
         measured = self.measured(begin, end)
         if end - begin > SPARSEST * measured:
             raise InputError(

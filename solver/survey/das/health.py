@@ -1,4 +1,4 @@
-"""How a part of a record was: noise, dead and spoilt channels, clipping, rounding; and of all parts together."""
+"""Health of a part of a record, and of all parts together: noise, dead and faulty channels, clipping, rounding."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Standard deviation over median absolute deviation of normal noise, and rows by which noise is told.
+#: Standard deviation over median absolute deviation of normal noise, and rows from which noise is estimated.
 NORMAL, ROWS = 1.4826, 1000
 
 
 def noise_of(strain_rate: NDArray[Any]) -> Array:
-    """Standard deviation of the noise [channel], 1/s, of [time, channel]: most of the time no vehicle is near.
+    """Standard deviation of the noise [channel], 1/s, from strain rate [time, channel] with little traffic.
 
     >>> rate = np.random.default_rng(0).normal(0, 3e-9, (4000, 2))
     >>> [f"{level:.0e}" for level in noise_of(rate)]
@@ -34,15 +34,15 @@ def noise_of(strain_rate: NDArray[Any]) -> Array:
 
 @dataclass(frozen=True)
 class PartHealth:
-    """How a part was.
+    """Health of one part.
 
     Parameters
     ----------
     noise : standard deviation [channel], 1/s, at the store's rate
     smallest, largest : stored number [column]
     bad : NaN and infinite numbers [column]
-    looked_at : a few rows of stored numbers [row, column], by which rounding is told
-    ends : how often the largest and the smallest number of all, and the ones next to them, are there
+    looked_at : a few rows of stored numbers [row, column], from which rounding is estimated
+    ends : how often the largest and the smallest number occur, and the numbers next to them
     faults : what could not be read, a line each
     """
 
@@ -56,7 +56,7 @@ class PartHealth:
 
     @classmethod
     def of(cls, watch: Watch, strain_rate: NDArray[Any], faults: Sequence[str], columns: int) -> "PartHealth":
-        """From what was watched as it went by."""
+        """From what `Watch` collected while the part was read."""
         if watch.bad is None or watch.smallest is None or watch.largest is None:
             none = np.full(columns, np.nan)
             empty, zero = np.empty((0, columns)), np.zeros(columns, np.int64)
@@ -65,7 +65,7 @@ class PartHealth:
         return cls(noise_of(strain_rate), watch.smallest, watch.largest, watch.bad, looked, watch.ends, tuple(faults))
 
     def write(self, group: "h5py.Group") -> None:
-        """Put it into a group of an HDF5 file."""
+        """Write it into a group of an HDF5 file."""
         for name in ("noise", "smallest", "largest", "bad", "looked_at"):
             group[name] = getattr(self, name)
         for end, name in zip(self.ends, ("highest", "lowest"), strict=True):
@@ -88,7 +88,7 @@ class PartHealth:
 
 
 def joined(parts: Sequence[PartHealth]) -> tuple[Watch, Array]:
-    """What was watched in all parts together, and the noise [channel]: the median of theirs."""
+    """The health of all parts combined, and the noise [channel]: the median over the parts."""
     whole = Watch(1)
     known = [one for one in parts if np.isfinite(one.smallest).any()]
     if not known:
@@ -102,7 +102,7 @@ def joined(parts: Sequence[PartHealth]) -> tuple[Watch, Array]:
 
 
 def together(ends: Sequence[End]) -> End:
-    """One end of the range, of several parts."""
+    """One end of the range, combined over several parts."""
     best = End(ends[0].sign, max(one.extreme for one in ends), np.zeros_like(ends[0].count))
     for one in ends:
         if one.extreme == best.extreme and one.count is not None and best.count is not None:

@@ -1,4 +1,4 @@
-"""A DAS record that is in memory already: a DASCore patch, an xarray DataArray, or an array with its coordinates."""
+"""A DAS record already in memory: a DASCore patch, an xarray DataArray, or an array with its coordinates."""
 
 import sys
 from dataclasses import replace
@@ -13,14 +13,14 @@ from solver.survey.das.das_files import patch_block
 from solver.survey.das.units import parse_unit
 from vision.contract import InputError
 
-#: What messages call the record.
+#: The record's name in messages.
 NAME = Path("das")
-#: Names under which the axis along the fiber goes.
+#: Possible names of the axis along the fiber.
 ALONG = ("distance", "channel")
 
 
 def is_a(value: object, module: str, name: str) -> bool:
-    """Whether a value is of a class of a package that need not be installed.
+    """Whether a value is an instance of a class whose package may not be installed.
 
     >>> is_a(np.zeros(2), "numpy", "ndarray"), is_a(3, "xarray", "DataArray")
     (True, False)
@@ -31,20 +31,20 @@ def is_a(value: object, module: str, name: str) -> bool:
 def block_of(
     das: Any, time: ArrayLike | None = None, distance: ArrayLike | None = None, first_channel: int | None = None
 ) -> Block:
-    """A record in memory as a block, as files give them.
+    """Turn a record in memory into a block, as from a file.
 
     Parameters
     ----------
     das : `dascore.Patch` with the dimensions time and distance; `xarray.DataArray` with the dimensions time and
-        distance or channel, of which `attrs` may hold gauge_length (m) and units; or an array [time, channel]
+        distance or channel, whose `attrs` may hold gauge_length (m) and units; or an array [time, channel]
     time : of an array: datetime64 in UTC [time]
-    distance : of an array, m along the fiber [channel]; where None the channel spacing must be given elsewhere
-    first_channel : number of the first channel; that of a channel coordinate, or else 0, where None
+    distance : of an array, m along the fiber [channel]; if None, the channel spacing must be given elsewhere
+    first_channel : number of the first channel; if None, that of the channel coordinate, else 0
 
     Raises
     ------
     InputError
-        If it is none of these, or an axis is missing, of another length, or no time.
+        If it is none of these, or an axis is missing, of the wrong length, or not a time.
 
     Examples
     --------

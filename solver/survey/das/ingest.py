@@ -1,4 +1,4 @@
-"""Record files of any length to a store: a part at a time, which is there whole or not at all."""
+"""Ingest record files of any length into a store, part by part; every part is written whole or not at all."""
 
 import csv
 import os
@@ -37,20 +37,20 @@ from vision.contract import InputError, progress, writing
 if TYPE_CHECKING:
     import h5py
 
-#: Bytes of a part, and rows at least.
+#: Size of a part, bytes, and its fewest rows.
 BYTES, FEWEST = 32_000_000, 200
-#: Rows of stored numbers that are kept in all, by which rounding is told, and in a part at least.
+#: Rows of stored numbers kept to estimate rounding: in all, and at least in each part.
 LOOKED_AT, AT_LEAST = 4000, 32
 
 
 def planned(grid: Grid, low: Lowpass, channels: int) -> list[tuple[int, int]]:
-    """Rows of each part, first and the one after the last: without a gap, and not too large.
+    """Row ranges (first, one after last) of the parts: each without a gap, and not too large.
 
     Parameters
     ----------
     grid : of the files
-    low : the filter; a row that it cannot fill is in no part
-    channels : how many
+    low : the filter; rows that it cannot compute are in no part
+    channels : their count
     """
     runs: list[list[int]] = []
     for one in grid.placed:
@@ -67,7 +67,7 @@ def planned(grid: Grid, low: Lowpass, channels: int) -> list[tuple[int, int]]:
 
 
 def said_of(known: Description, low: Lowpass, files: Sequence[Path], asked: dict[str, Any], folder: Path) -> StoreFile:
-    """What is known of a store before it is made."""
+    """Description of a store before its parts are written."""
     grid = known.grid
     parts = planned(grid, low, len(known.channel))
     if not parts:
@@ -112,21 +112,21 @@ def said_of(known: Description, low: Lowpass, files: Sequence[Path], asked: dict
 def ingest(
     known: Description, files: Sequence[Path], asked: dict[str, Any], folder: Path, rate: float = FIT_RATE
 ) -> Store:
-    """Write the store of a described record, or go on with one that was begun.
+    """Write the store of a described record, or continue an unfinished one.
 
     Parameters
     ----------
     known : the record
     files : all its files
-    asked : settings by which the store is recognized as of the survey
+    asked : settings that identify the store as belonging to the survey
     folder : of the store; parts of another record in it are replaced
     rate : sampling rate wanted, Hz, or a little above
 
     Raises
     ------
     InputError
-        If the folder holds something else or cannot be written, or there is nothing to store. Parts that are there
-        stay, and the next call goes on with them.
+        If the folder holds something else or cannot be written, or there is nothing to store. Finished parts stay, and
+        the next call continues from them.
     """
     low = filter_of(known.grid, factor_of(known.grid.sampling_rate, rate), Reading.all_of(known).stored())
     said = said_of(known, low, files, asked, folder)
@@ -140,13 +140,13 @@ def ingest(
 
 
 def bare(said: StoreFile) -> StoreFile:
-    """What a store was made from, and how: not when that was copied, nor what was found."""
+    """What identifies a store: its files and settings, without file times and results."""
     files = tuple(one.model_copy(update={"changed": 0}) for one in said.files)
     return said.model_copy(update={"files": files, "cautions": (), "law": (), "whole": False, "complete": False})
 
 
 def prepare(folder: Path, said: StoreFile) -> None:
-    """Make the folder ready for a store: what a killed run left of a part goes, and parts of another record."""
+    """Prepare the folder: remove unfinished parts of a killed run, and parts of another record."""
     if folder.exists() and (not folder.is_dir() or (any(folder.iterdir()) and not (folder / FILE).is_file())):
         raise InputError(f"{folder}: holds something that is not a store; name another folder with --out")
     same = False
@@ -199,7 +199,7 @@ def write_part(known: Description, low: Lowpass, rows: tuple[int, int], said: St
 
 
 def add_axes(raw: Any, distance: NDArray[np.float64]) -> None:
-    """Tell what the axes of a part are as netCDF-4 does, so that xarray knows."""
+    """Declare the axes of a part as netCDF-4 does, so that xarray recognizes them."""
     time, data = raw["RawDataTime"], raw["RawData"]
     time.attrs.update(units="microseconds since 1970-01-01", calendar="proleptic_gregorian")
     raw.create_dataset("distance", data=distance).attrs["units"] = "m"
@@ -210,7 +210,7 @@ def add_axes(raw: Any, distance: NDArray[np.float64]) -> None:
 
 
 def finish(known: Description, said: StoreFile, folder: Path) -> Store:
-    """Put the health of all parts together, and declare the store complete."""
+    """Combine the health of all parts, and mark the store complete."""
     import h5py
 
     parts = []

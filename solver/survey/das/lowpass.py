@@ -1,4 +1,4 @@
-"""The anti-alias filter of a record, and every q-th sample behind it, in one product of matrices."""
+"""Anti-alias filter and decimation of a record as one matrix product."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,17 +9,18 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Records are fitted at this rate or a little above, Hz. What a wheel 2 m away leaves at 20 m/s falls with frequency as
-#: exp(-2 pi f 2 / 20): 0.7 % at the 8 Hz that the filter lets pass. At 12 Hz, with 4 % lost, routes went 0.3 m wrong.
+#: Records are fitted at this rate or a little above, Hz. The signal of a wheel 2 m away at 20 m/s falls with frequency
+#: as exp(-2 pi f 2 / 20): to 0.7 % at 8 Hz, up to which the filter passes. At 12 Hz, with 4 % lost, routes were 0.3 m
+#: off.
 FIT_RATE = 20.0
 #: Length of the anti-alias filter, output samples to either side; its pass band is flat to 0.8 of the new Nyquist rate.
 HALF_LENGTH = 10
-#: Output samples of one product: more repeat zeros, fewer repeat samples.
+#: Output samples of one product: more would multiply more zeros, fewer would read more samples twice.
 TOGETHER = 16
 
 
 def factor_of(sampling_rate: float, rate: float = FIT_RATE) -> int:
-    """By how much a record is reduced: to the lowest whole fraction of its sampling rate that is not below `rate`.
+    """Decimation factor to the lowest whole fraction of the sampling rate that is not below `rate`.
 
     >>> factor_of(500.0), factor_of(39.0)
     (25, 1)
@@ -44,13 +45,13 @@ def taps_of(factor: int) -> Array:
 
 @dataclass(frozen=True)
 class Lowpass:
-    """A filter in time of an odd number of taps, after which every `factor`-th sample is kept.
+    """A filter in time with an odd number of taps, after which every `factor`-th sample is kept.
 
     Parameters
     ----------
-    taps : [tap], to be convolved with
+    taps : [tap], convolution weights
     factor : of decimation
-    dtype : in which is computed
+    dtype : of the computation
 
     >>> values = np.random.default_rng(0).normal(size=(400, 3))
     >>> low = Lowpass(taps_of(5), 5)
@@ -82,7 +83,7 @@ class Lowpass:
         for done in range(0, count, TOGETHER):
             some = min(TOGETHER, count - done)
             begin, width = first + done * self.factor, (some - 1) * self.factor + len(self.taps)
-            # Numbers that are none stay in their channel, and are counted elsewhere.
+            # NaN and infinite numbers affect their own channel only; they are counted elsewhere.
             with np.errstate(invalid="ignore"):
                 np.matmul(self.product[:some, :width], values[begin : begin + width], out=out[done : done + some])
         return out

@@ -1,4 +1,4 @@
-"""A record ready to be read in part: from its store where that is of the same files, else from the files."""
+"""A record ready to be read in part: from its store if that was made from the same files, else from the files."""
 
 import json
 import logging
@@ -23,7 +23,7 @@ Times = Sequence[tuple[np.datetime64, np.datetime64]]
 
 @dataclass(frozen=True)
 class Raw:
-    """Files that are reduced as they are read; attributes and `record` as of `Store`."""
+    """Files that are decimated while they are read; attributes and `record` as in `Store`."""
 
     known: Description
 
@@ -53,7 +53,7 @@ class Raw:
 
 
 def plain(said: dict[str, Any]) -> dict[str, Any]:
-    """Settings as JSON holds them."""
+    """Settings as plain JSON values."""
     found: dict[str, Any] = json.loads(json.dumps(said))
     return found
 
@@ -63,13 +63,13 @@ def opened(files: Sequence[Path], said: dict[str, Any], folder: Path | None = No
 
     Parameters
     ----------
-    files, said : as of `solver.survey.das.description.describe`
-    folder : of its store, where there may be one; one of other files or settings is not used, which is told
+    files, said : as in `solver.survey.das.description.describe`
+    folder : where its store may be; a store of other files or settings is not used, and a message says so
 
     Raises
     ------
     InputError
-        As of `describe`.
+        As in `describe`.
     """
     if folder is not None and (folder / FILE).is_file():
         try:

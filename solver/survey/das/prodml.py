@@ -27,7 +27,7 @@ def time_text(microseconds: int) -> bytes:
 
 
 def identity(path: Path, part: str) -> bytes:
-    """Return the uuid of a part of a file; the same name gives the same one, so that runs can be compared."""
+    """Return the uuid of a part of a file; the same name always gives the same uuid, so that runs can be compared."""
     return str(uuid.uuid5(uuid.NAMESPACE_URL, f"roadfiber:{path.name}:{part}")).encode()
 
 
@@ -54,9 +54,9 @@ def write_prodml(
     sampling_rate : Hz
     gauge_length, channel_spacing : m
     first_channel : number of the first column (`StartLocusIndex`)
-    vendor : name of what made the data
-    packed : whether numbers are compressed; that takes longer than all else
-    more : puts into the file what else it shall hold
+    vendor : maker of the data
+    packed : whether numbers are compressed, which takes longer than all other steps
+    more : called to write further content into the file
 
     Examples
     --------
@@ -76,7 +76,7 @@ def write_prodml(
     values = np.divide(strain_rate, STORED, dtype=np.float64).astype(np.float32)
     first = int(start.astype("datetime64[us]").astype(np.int64))
     time = first + np.round(np.arange(len(values)) * 1e6 / sampling_rate).astype(np.int64)
-    # Made in memory: HDF5 does not bear a disk that is full.
+    # Built in memory: HDF5 does not recover from a full disk.
     content = BytesIO()
     with h5py.File(content, "w") as file:
         file.attrs["uuid"] = np.bytes_(identity(path, "file"))

@@ -33,24 +33,24 @@ def read_das(
     ----------
     files : PRODML, Silixa TDMS or HDF5, Terra15, OptoDAS, Febus, AP Sensing and what else DASCore reads, or numpy
         `.npy` / `.npz` with a `.toml` or `.json` beside it (`solver.survey.das.das_files.SideFile`); in any order
-    gauge_length, channel_spacing : m; win over the file's, with a warning where they differ by over 1 %
+    gauge_length, channel_spacing : m; override the file's, with a warning if they differ by over 1 %
     quantity : what the numbers are, one of `solver.survey.das.units.QUANTITIES`, where the file does not say
     channels : (first, last) to read, both included; all by default
     exclude : channels to leave out (they stay in the record as NaN)
-    scale : stored number -> SI unit of the quantity; wins over the file's unit
+    scale : stored number -> SI unit of the quantity; overrides the file's unit
 
     Returns
     -------
-    record on a regular grid of time. Samples missing between files are NaN rows (`gaps`), so that a filter needs no
-    special case and sees what is missing. Strain and phase are differentiated in time, phase is converted with
-    `strain_per_radian`, raw iDAS counts with `strain_rate_per_count`, velocity is differenced over the gauge length.
+    record on a regular time grid. Samples missing between files are NaN rows (`gaps`), so that filters see gaps without
+    a special case. Strain and phase are differentiated in time; phase is converted with `strain_per_radian`, raw iDAS
+    counts with `strain_rate_per_count`; velocity is differenced over the gauge length.
 
     Raises
     ------
     InputError
-        If no file can be read, most of the record has no one setting or overlaps, unit or gauge length are absent,
-        channels are out of range or hold NaN, or no channel holds a signal. Single files that are missing, damaged or
-        of another setting are left out, which the record's cautions say.
+        If no file can be read, no one setting holds for most of the record, much of it overlaps, unit or gauge length
+        is missing, channels are out of range or hold NaN, or no channel holds a signal. Single files that are missing,
+        damaged or of another setting are left out; the record's cautions say so.
     """
     known = describe(
         files,
@@ -65,12 +65,12 @@ def read_das(
 
 
 def record_of(blocks: Sequence[Block], *, rate: float | None = None, **said: Any) -> DASRecord:
-    """Put blocks, sorted by time, together to one record; `said` is as of `read_das`, `rate` as of `record_from`."""
+    """Join blocks, sorted by time, into one record; `said` is as in `read_das`, `rate` as in `record_from`."""
     return record_from(description_of([part_of(block) for block in blocks], **said), rate=rate)
 
 
 def spans_of(known: Description, times: Sequence[tuple[np.datetime64, np.datetime64]] | None) -> list[tuple[int, int]]:
-    """Rows of the grid, first and the one after the last, of spans of time; all where None or none is in the record."""
+    """Row ranges (first, one after last) of time spans; all rows if the spans are None or outside the record."""
     whole = (0, known.grid.rows)
     if times is None:
         return [whole]
@@ -91,19 +91,19 @@ def record_from(
     Parameters
     ----------
     known : the record
-    channels : first and last one wanted, out of those of `known`; all by default
-    times : (start, end) of the spans that are wanted, UTC, in order; all by default. The record runs from the first to
-        the last, and is NaN between
-    rate : sampling rate to reduce it to, Hz, or a little above: filtered and decimated as it is read. None: as it is
+    channels : first and last channel wanted, out of those of `known`; all by default
+    times : (start, end) of the spans wanted, UTC, in order; all by default. The record runs from the first to the last
+        span, and is NaN between them
+    rate : sampling rate, Hz, to which it is filtered and decimated while it is read, or a little above. None: unchanged
 
     Returns
     -------
-    record : in single precision where it was reduced
+    record : in single precision if it was decimated
 
     Raises
     ------
     InputError
-        As of `read_das`.
+        As in `read_das`.
     """
     first, last = known.channels if channels is None else channels
     channel, columns = np.arange(first, last + 1), known.columns((first, last))

@@ -1,4 +1,4 @@
-"""The numbers of a described record, read: all of them, or reduced as they go by."""
+"""Read the numbers of a described record: all of them, or filtered and decimated while they are read."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,8 +22,8 @@ from vision.contract import InputError, progress
 
 Array = NDArray[np.float64]
 
-AT_ONCE = 64  # channels that are converted
-LOOKED_AT = 4000  # rows at least by which rounding is told
+AT_ONCE = 64  # channels converted together
+LOOKED_AT = 4000  # fewest rows from which rounding is estimated
 
 
 def converted(values: Array, unit: Unit, sampling_rate: float, gauge_length: float) -> Array:
@@ -31,7 +31,7 @@ def converted(values: Array, unit: Unit, sampling_rate: float, gauge_length: flo
     rows = np.flatnonzero(np.isfinite(values).all(axis=1))
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
         span = slice(run[0], run[-1] + 1)
-        # A derivative takes ten times the memory of what it is of.
+        # A derivative takes ten times the memory of its input.
         for first in range(0, values.shape[1], AT_ONCE):
             part = slice(first, first + AT_ONCE)
             values[span, part] = to_strain_rate(values[span, part], unit, sampling_rate, gauge_length)
@@ -39,7 +39,7 @@ def converted(values: Array, unit: Unit, sampling_rate: float, gauge_length: flo
 
 
 def without_dead(strain_rate: NDArray[Any], still: NDArray[np.bool_], told: Sequence[int], where: Path) -> None:
-    """Set channels that never change, `still`, to NaN, in place: what does not move is not measured."""
+    """Set channels that never change, `still`, to NaN, in place: they measure nothing."""
     if still.all():
         raise InputError(f"{where}: no channel holds a signal; check channels and exclude in [das] of site.toml")
     swing = np.nanmax(strain_rate[:, ~still], axis=0) - np.nanmin(strain_rate[:, ~still], axis=0)
@@ -52,7 +52,7 @@ def without_dead(strain_rate: NDArray[Any], still: NDArray[np.bool_], told: Sequ
 
 
 def check_finite(bad: NDArray[np.int64], channel: NDArray[np.int64], where: Path) -> None:
-    """Raise InputError where channels [channel] hold `bad` numbers, NaN or infinite."""
+    """Raise InputError if channels [channel] hold `bad` numbers, NaN or infinite."""
     if bad.any():
         names = ranges(channel[bad > 0])
         raise InputError(
@@ -63,7 +63,7 @@ def check_finite(bad: NDArray[np.int64], channel: NDArray[np.int64], where: Path
 
 @dataclass(frozen=True)
 class Found:
-    """What was read: strain rate [row, channel] of the grid's rows `begin` to `end`, every `factor`-th of them."""
+    """The result: strain rate [row, channel] at every `factor`-th of the grid's rows `begin` to `end`."""
 
     values: NDArray[Any]
     begin: int
@@ -75,7 +75,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Reading:
-    """Some channels and spans of rows of a record, being read."""
+    """A reading of some channels and row ranges of a record."""
 
     known: Description
     channel: NDArray[np.int64]
@@ -90,7 +90,7 @@ class Reading:
         return cls(known, known.channel, known.columns(known.channels), excluded, [(0, known.grid.rows)])
 
     def stored(self) -> Unit:
-        """What is filtered: of velocity its difference is the strain rate."""
+        """The unit of what is filtered: strain rate if velocity is differenced first."""
         stored = self.known.stored
         return Unit("strain_rate", stored.factor) if self.known.pair else stored
 
@@ -101,7 +101,7 @@ class Reading:
         return across_gauge(values, self.known.channel_spacing, self.known.gauge_length)[0]
 
     def paired(self, told: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """What holds for both columns [column] that a channel [channel] is made from."""
+        """True for a channel [channel] if it is true for both columns [column] that the channel is made from."""
         n = self.known.pair
         return told[2 * n :] & told[: len(told) - 2 * n] if n else told
 

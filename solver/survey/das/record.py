@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Extent:
-    """What the files of a record hold: first and last time, UTC, and first and last channel."""
+    """Extent of the files of a record: first and last time, UTC, and first and last channel."""
 
     start: np.datetime64
     end: np.datetime64
@@ -28,7 +28,7 @@ class DASRecord:
     Parameters
     ----------
     strain_rate : [time, channel], 1/s; NaN = not measured, or not read: rows in a gap between files, dead or excluded
-        channels; single precision where it was reduced
+        channels; single precision if it was decimated
     time : s since `start` [time], regular, gaps included
     start : UTC, datetime64[ns]
     distance : m along the fiber [channel]
@@ -37,9 +37,9 @@ class DASRecord:
     sampling_rate : Hz
     gaps : (first, last) time of the missing samples of each gap, s
     provenance : files, checksums, format, original unit, scale and notes
-    rounding : of the stored numbers; None where they were not rounded
-    cautions : what the user should know of the record, a line each
-    extent : of the files, where only a part of them was read; None: all was
+    rounding : of the stored numbers; None if they were not rounded
+    cautions : what the user should know about the record, a line each
+    extent : of the files, if only a part of them was read; None: all was read
     """
 
     strain_rate: Array
@@ -58,7 +58,7 @@ class DASRecord:
 
     @property
     def recorded(self) -> "Extent":
-        """What the files hold, whatever was read of them."""
+        """The extent of the files, however much was read."""
         end = self.start + np.timedelta64(round(float(self.time[-1]) * 1e9), "ns")
         return self.extent or Extent(self.start, end, (int(self.channel[0]), int(self.channel[-1])))
 

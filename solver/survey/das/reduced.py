@@ -1,4 +1,4 @@
-"""Samples of a record, a slab at a time: as they are, or filtered and decimated once as they go by."""
+"""Samples of a record in slabs of rows: unchanged, or filtered and decimated in a single pass."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -11,7 +11,7 @@ from solver.survey.das.lowpass import Lowpass, taps_of
 from solver.survey.das.units import Unit, to_strain_rate
 from vision.contract import InputError
 
-#: Bytes of a slab of single precision: larger ones are not faster.
+#: Size of a slab in single precision, bytes: larger ones are not faster.
 SLAB = 1 << 25
 #: Quantities whose derivative in time is strain rate.
 DERIVED = ("strain", "phase")
@@ -21,9 +21,9 @@ Take = Callable[[int, Values], None]
 
 
 def slabs(grid: Grid, columns: slice, begin: int, end: int, faults: list[str]) -> Iterator[tuple[int, Values]]:
-    """Stored numbers [row, column] of the rows `begin` to `end` of a grid that have any, with the first row of each.
+    """Slabs of stored numbers [row, column] of the grid's rows `begin` to `end`, each with its first row; no gaps.
 
-    What cannot be read is left out, and told in `faults`, a line each.
+    What cannot be read is left out and listed in `faults`, a line each.
     """
     rows = max(1, SLAB // (4 * max(1, columns.stop - columns.start)))
     for one in grid.placed:
@@ -36,19 +36,19 @@ def slabs(grid: Grid, columns: slice, begin: int, end: int, faults: list[str]) -
 
 
 def filter_of(grid: Grid, factor: int, unit: Unit) -> Lowpass:
-    """The low pass before decimation; of strain and phase it differentiates too."""
+    """The low-pass filter before decimation; it also differentiates strain and phase."""
     taps = taps_of(factor)
     if unit.quantity not in DERIVED:
         return Lowpass(taps, factor, np.float32)
     impulse = np.zeros((2 * FELT + 1, 1))
     impulse[FELT] = 1.0
-    # Phase runs to thousands of radians, of which neighbors differ by thousandths: double precision.
+    # Phase reaches thousands of radians while neighbors differ by thousandths: double precision.
     rate = to_strain_rate(impulse, Unit("strain"), grid.sampling_rate, 1.0)[:, 0]
     return Lowpass(np.convolve(taps, rate), factor, np.float64)
 
 
 def gain_of(unit: Unit, sampling_rate: float, gauge_length: float) -> float:
-    """Strain rate, 1/s, of a stored number, or of its derivative in time."""
+    """Strain rate, 1/s, per unit of a stored number, or of its time derivative."""
     rate = {"strain": "strain_rate", "phase": "phase_rate"}.get(unit.quantity, unit.quantity)
     rated = Unit(rate, unit.factor, unit.per_length)
     return float(to_strain_rate(np.ones((1, 1)), rated, sampling_rate, gauge_length)[0, 0])
@@ -63,10 +63,10 @@ def reduce(
     ----------
     grid, columns : what is read
     low : the filter; output row k lies on row k q of the grid
-    span : first output row, and the one after the last
-    look : is given each slab of stored numbers and its first row of the grid
-    take : is given output [row, column] and its first row; rows whose filter touches a gap are never given
-    faults : what could not be read, a line each
+    span : first output row, and one after the last
+    look : called with each slab of stored numbers and its first row of the grid
+    take : called with output [row, column] and its first row, but never with rows whose filter touches a gap
+    faults : list to which what could not be read is added, a line each
     """
     half, q = low.half, low.factor
     held, start = np.empty((0, columns.stop - columns.start), low.dtype), 0
@@ -86,5 +86,5 @@ def reduce(
 
 
 def touched(grid: Grid, spans: Sequence[tuple[int, int]]) -> list[Placed]:
-    """Files' samples in any of some spans of rows of the grid."""
+    """The placed samples of files that lie in any of the row ranges of the grid."""
     return [one for one in grid.placed if any(one.row < end and one.stop > begin for begin, end in spans)]

@@ -1,4 +1,4 @@
-"""Numbers that were rounded before they were stored: to which step, and what error that leaves."""
+"""Numbers that were rounded before they were stored: the rounding step and its error."""
 
 from dataclasses import dataclass, replace
 
@@ -9,18 +9,18 @@ from solver.survey.das.units import Unit, to_strain_rate
 
 Array = NDArray[np.float64]
 
-#: Values of a channel that are looked at, and share of them that must be whole multiples of a step.
+#: Values of a channel that are examined, and the share of them that must be whole multiples of a step.
 LOOKED_AT, WHOLE = 4000, 0.9
-#: How far off a whole multiple a value may be, in steps, and the finest step, as a share of the largest value: beyond
-#: it the digits of single precision are a step too.
+#: How far a value may be from a whole multiple, in steps, and the finest step, as a share of the largest value: below
+#: it the digits of single precision look like a step too.
 OFF, FINEST = 0.05, 1e-5
-#: Quantiles of the distances between values that may be a step, and multiples by which it is found more exactly.
+#: Quantiles of the distances between values that are tried as a step, and multiples with which it is refined.
 CANDIDATES, REACHES = (0.25, 0.1, 0.02, 0.0), (10.0, 100.0, np.inf)
-#: Distinct values by which a channel tells its own step; with fewer it has that of the others.
+#: Distinct values that a channel needs to show its own step; with fewer it takes that of the others.
 ENOUGH = 8
-#: Channels that are looked at first.
+#: Channels that are examined first.
 FIRST = 64
-#: Steps, as a share of the noise, that are worth a word: they make a fiftieth of its variance.
+#: Step, as a share of the noise, from which on it is reported: it makes a fiftieth of the noise variance.
 COARSE = 0.5
 #: Samples on either side over which the error of one sample spreads by differentiation.
 SPREAD = 20
@@ -28,13 +28,13 @@ SPREAD = 20
 
 @dataclass(frozen=True)
 class Rounding:
-    """Error of rounded numbers (Bennett 1948): uniform over a step, alike for a fine step and for a signal.
+    """Error of rounded numbers (Bennett 1948), taken as uniform over a step, as it is under a signal or noise.
 
     Parameters
     ----------
-    step : [channel], 1/s, what the error's standard deviation is times sqrt(12); 0 where nothing was rounded
+    step : [channel], 1/s: sqrt(12) times the error's standard deviation; 0 where nothing was rounded
     law : [lag], autocorrelation of the error in time; (1,) where the stored numbers are strain rate
-    whole : whether the record's numbers are multiples of the step still
+    whole : whether the record's numbers are still multiples of the step
     """
 
     step: Array
@@ -47,11 +47,11 @@ class Rounding:
         return self.step / np.sqrt(12)
 
     def at(self, columns: NDArray[np.int64] | NDArray[np.bool_]) -> "Rounding":
-        """That of some channels."""
+        """The rounding of some channels."""
         return replace(self, step=self.step[columns])
 
     def filtered(self, taps: Array, factor: int) -> "Rounding":
-        """That of a record filtered with `taps` [tap] of which every `factor`-th sample is kept.
+        """The rounding error of a record filtered with `taps` [tap] of which every `factor`-th sample is kept.
 
         >>> fewer = Rounding(np.ones(1), np.ones(1)).filtered(np.full(4, 0.25), 4)
         >>> fewer.step.tolist(), fewer.law.round(3).tolist(), fewer.whole
@@ -63,13 +63,13 @@ class Rounding:
 
 
 def normalized(covariance: Array) -> tuple[float, Array]:
-    """Standard deviation and autocorrelation [lag] of an autocovariance [lag], its negligible end cut off."""
+    """Standard deviation and autocorrelation [lag] of an autocovariance [lag], without its negligible tail."""
     law = covariance / covariance[0]
     return float(np.sqrt(covariance[0])), law[: np.flatnonzero(np.abs(law) > 1e-3)[-1] + 1]
 
 
 def step_of(values: ArrayLike) -> float:
-    """Step that values [sample] are whole multiples of; 0 where there is none, or too few differ to tell.
+    """Step of which values [sample] are whole multiples; 0 if there is none, or too few values differ.
 
     >>> rng = np.random.default_rng(0)
     >>> noise = rng.normal(0, 3, 1000)
@@ -83,20 +83,20 @@ def step_of(values: ArrayLike) -> float:
     finest = FINEST * float(np.abs(several).max(initial=0.0))
     if len(several) < ENOUGH:
         return 0.0
-    # Neighbors are a step apart, or where some values were spoilt, many are from the most frequent.
+    # Neighboring values are a step apart; if some are corrupt, many still are a step from the most frequent one.
     for apart in (np.diff(several), np.abs(values - several[often.argmax()])):
         apart = apart[apart > finest]
         for step in np.quantile(apart, CANDIDATES, method="lower").tolist() if len(apart) else ():
             step = refined(step, several)
             whole, moved = np.abs(values / step - np.rint(values / step)) < OFF, np.rint(values / step) != 0
-            # Quiet beside loud vehicles is near zero by itself: the values beyond it must be multiples too.
+            # Between loud vehicles, quiet values are near zero anyway: larger values must be multiples too.
             if whole.mean() >= WHOLE and moved.sum() >= ENOUGH and whole[moved].mean() >= WHOLE:
                 return step
     return 0.0
 
 
 def refined(step: float, several: Array) -> float:
-    """A step, known roughly, by values [value] that are multiples of it: from small ones outward."""
+    """Refine a roughly known step with values [value] that are multiples of it, from small ones outward."""
     for reach in REACHES:
         count = np.rint(several / step)
         near = (np.abs(count) <= reach) & (count != 0) & (np.abs(several / step - count) < 2 * OFF)
@@ -106,22 +106,22 @@ def refined(step: float, several: Array) -> float:
 
 
 def steps_of(values: Array) -> Array:
-    """Step [channel] of stored values [time, channel]; 0 where nothing was rounded."""
+    """Rounding step [channel] of stored values [time, channel]; 0 where nothing was rounded."""
     some = values[:: max(1, len(values) // LOOKED_AT)]
     some = some[np.isfinite(some).all(axis=1)]
-    # Channels are of one make: where none of many is rounded, none is.
+    # All channels come from one instrument: if none of many is rounded, none is.
     first = np.unique(np.linspace(0, some.shape[1] - 1, FIRST).astype(int))
     if some.shape[1] > FIRST and not any(step_of(some[:, column]) for column in first):
         return np.zeros(some.shape[1])
     step = np.array([step_of(column) for column in some.T])
     alike = bool(np.mean(step > 0) > 0.5)
-    # A quiet channel shows too few values: it is of the same make as the others.
+    # A quiet channel shows too few values: it takes the step of the others.
     few = np.array([len(np.unique(column)) < ENOUGH for column in some.T])
     return np.where((step == 0) & few & alike, np.median(step[step > 0]) if alike else 0.0, step)
 
 
 def rounding_of(values: Array, unit: Unit, sampling_rate: float, gauge_length: float) -> Rounding | None:
-    """Rounding of a record from its stored values [time, channel]; None where no channel was rounded.
+    """Rounding of a record from its stored values [time, channel]; None if no channel was rounded.
 
     >>> strain = 1e-9 * np.rint(np.random.default_rng(0).normal(0, 3, (500, 1)))
     >>> found = rounding_of(strain, Unit("strain"), 5.0, 10.0)
@@ -139,9 +139,9 @@ def rounding_of(values: Array, unit: Unit, sampling_rate: float, gauge_length: f
 
 
 def dithered(values: Array, rounding: Rounding | None) -> Array:
-    """Values [time, channel] spread evenly over the steps that they were rounded to, where these are coarse.
+    """Dither values [time, channel]: spread them evenly over their rounding step, if it is coarse.
 
-    What tells noise by its median takes rounded quiet for silence, and a single step out of it for a vehicle.
+    A median-based noise estimate takes rounded noise for silence, and a single step away from it for a vehicle.
     """
     if rounding is None:
         return values
@@ -153,7 +153,7 @@ def dithered(values: Array, rounding: Rounding | None) -> Array:
 
 
 def told(rounding: Rounding, noise: Array) -> list[str]:
-    """What a user should read of steps beside the noise [channel] of the same channels, 1/s; nothing of fine ones.
+    """What to tell the user about rounding steps, given the noise [channel], 1/s; nothing if the steps are fine.
 
     >>> told(Rounding(np.array([2e-9, 2e-9]), np.ones(1)), np.array([2e-9, 2e-9]))
     ['the record is rounded to steps of 2e-09 1/s, 1.0 of its noise; that is counted as noise: export more digits']

@@ -1,4 +1,4 @@
-"""Numbers of a DAS file that stay on the disk until some of them are asked for."""
+"""Numbers of a DAS file that stay on disk until they are needed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from vision.contract import InputError
 
 @dataclass(frozen=True)
 class OnDisk:
-    """Numbers [time, channel] of one file, read through DASCore a part at a time.
+    """Numbers [time, channel] of one file, read in parts through DASCore.
 
     Parameters
     ----------
     path : of the file
     format, version : as DASCore names them
-    time : datetime64 of the rows as DASCore has them [time]
-    distance : of the columns as DASCore has it, in its unit [channel]
+    time : datetime64 of the rows as DASCore gives them [time]
+    distance : of the columns as DASCore gives it, in its unit [channel]
     dtype : of the numbers
 
     `numbers[first:stop, first:stop]` reads, without steps; `numpy.asarray` reads all.
@@ -45,7 +45,7 @@ class OnDisk:
 
     @property
     def size(self) -> int:
-        """Numbers in all."""
+        """Count of numbers."""
         return len(self.time) * len(self.distance)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
@@ -56,7 +56,7 @@ class OnDisk:
         rows, columns = (range(*part.indices(count)) for part, count in zip(at, self.shape, strict=True))
         if not len(rows) or not len(columns):
             return np.empty((len(rows), len(columns)), self.dtype)
-        # Half a step less or more: what is stored in single precision is found, too.
+        # With a margin of half a step, so that limits stored in single precision are found too.
         step = float(np.median(np.diff(self.distance))) / 4 if len(self.distance) > 1 else 0.0
         chosen = {
             "time": (self.time[rows[0]], self.time[rows[-1]]),
@@ -68,14 +68,14 @@ class OnDisk:
                 whole = next(series(self.path, self.format, self.version))
                 return np.asarray(whole.data)[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
             return np.asarray(found.data)
-        except Exception as error:  # a parser fed with damaged bytes fails in ways nobody lists
+        except Exception as error:  # on damaged bytes a parser can raise anything
             raise InputError(f"{self.path}: {why_unreadable(error)}") from error
 
 
 def is_series(attributes: Any, dims: Any) -> bool:
-    """Whether a patch of these attributes and dimensions holds samples over time and distance.
+    """Whether a patch with these attributes and dimensions holds samples over time and distance.
 
-    PRODML carries energies in frequency bands beside the samples; those have a `start_frequency`.
+    PRODML may also hold energies in frequency bands; those have a `start_frequency`.
     """
     dims = dims.split(",") if isinstance(dims, str) else dims
     return {"time", "distance"} <= set(dims) and "start_frequency" not in dict(attributes)
@@ -89,9 +89,9 @@ def series(path: Path, name: str, version: str, **chosen: Any) -> Iterator[Any]:
 
 
 def described(path: Path, name: str, version: str) -> tuple[Any, OnDisk] | None:
-    """A patch with the first row of a file, and its numbers, not yet read; None where DASCore cannot tell its times.
+    """A patch with a file's first row, and the file's numbers, not yet read; None if DASCore cannot tell the times.
 
-    The header says when rows were recorded, one row where along the fiber columns are.
+    The header gives the times of the rows; one row gives the columns' places along the fiber.
     """
     try:
         found = [
@@ -101,7 +101,7 @@ def described(path: Path, name: str, version: str) -> tuple[Any, OnDisk] | None:
             return None
         time = dict(found[0].coords)["time"].to_coord().data
         heads = list(series(path, name, version, time=(time[0], time[0])))
-    except Exception:  # times that are not even, or damage: what it is shows when all is read
+    except Exception:  # uneven times, or damage: reading the whole file shows which
         return None
     if len(heads) != 1 or heads[0].data.shape[0] != 1:
         return None

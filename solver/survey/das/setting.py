@@ -1,4 +1,4 @@
-"""What the files of a record and its user say of it: lengths, unit, channels; and where they do not agree."""
+"""Reconcile what the files and the user say about a record: lengths, unit, channels."""
 
 import logging
 from collections.abc import Sequence
@@ -14,13 +14,13 @@ from vision.contract import InputError
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 0.01  # between what the file and the user say
+TOLERANCE = 0.01  # largest relative difference between what the file and the user say
 
 logger = logging.getLogger("roadfiber")
 
 
 def file_spacing(block: Block) -> float | None:
-    """Return the spacing of a block's channels, m; None where the file does not say it."""
+    """Return the spacing of a block's channels, m; None if the file does not give it."""
     if block.distance is None or len(block.distance) < 2:
         return None
     steps = np.diff(block.distance)
@@ -33,12 +33,12 @@ def file_spacing(block: Block) -> float | None:
 def agreed(
     name: str, limits: tuple[float, float], stated: float | None, given: float | None, where: Path, notes: list[str]
 ) -> float:
-    """Return what the user gives, else what the file states; note it where they differ.
+    """Return the user's value, else the file's; add a note if they differ.
 
     Raises
     ------
     InputError
-        If neither is there, or no interrogator has such a length.
+        If neither is given, or no interrogator has such a length.
     """
     key = name.replace(" ", "_")
     length = stated if given is None else given
@@ -59,7 +59,7 @@ def agreed(
 
 
 def chosen(where: Path, held: tuple[int, int], channels: tuple[int, int] | None) -> tuple[int, int]:
-    """Return the first and last of the `channels` asked for out of those `held`; all where `channels` is None."""
+    """Return the first and last of the `channels` asked for out of those `held`; all if `channels` is None."""
     if channels is None:
         return held
     if not held[0] <= channels[0] < channels[1] <= held[1]:
@@ -71,13 +71,13 @@ def chosen(where: Path, held: tuple[int, int], channels: tuple[int, int] | None)
 
 
 def check_excluded(where: Path, held: tuple[int, int], exclude: Sequence[int]) -> None:
-    """Raise InputError where a channel to leave out is none of those `held`."""
+    """Raise InputError if a channel to leave out is not among those `held`."""
     if unknown := [number for number in exclude if not held[0] <= number <= held[1]]:
         raise InputError(f"{where}: no channel {unknown[0]} to exclude; the file has {held[0]} to {held[1]}")
 
 
 def distance_of(block: Block, channel: NDArray[np.int64], spacing: float, given: bool) -> Array:
-    """Return the distance along the fiber of each channel, m [channel]; from the spacing where that is `given`."""
+    """Return the distance along the fiber of each channel, m [channel]; from the spacing if that is `given`."""
     if block.distance is None:
         return channel.astype(np.float64) * spacing
     distance = block.distance[channel - block.first_channel]

@@ -4,17 +4,17 @@ from pathlib import Path
 
 from solver.survey.memory import require_memory
 
-#: What reading takes beside the record, in records of double precision: measured, 1.1 to 2.0.
+#: Memory that reading takes beside the record, in records of double precision: 1.1 to 2.0 measured.
 COPIES = 2.0
 
 
 def require_room_for_record(rows: int, columns: int, where: Path) -> None:
-    """Refuse a record [rows, columns] of which no copies fit into memory.
+    """Refuse a record [rows, columns] if there is no memory for working copies of it.
 
     Raises
     ------
     InputError
-        If they do not.
+        If there is not.
     """
     require_memory(
         8 * COPIES * rows * columns,

@@ -1,4 +1,4 @@
-"""The store of a record: its strain rate at the rate of the fit, in parts of some minutes, with their health.
+"""The store of a record: its strain rate at the sampling rate of the fit, in parts of a few minutes, with their health.
 
 A store is a folder:
 
@@ -9,7 +9,7 @@ A store is a folder:
   DASCore opens the folder (`dascore.spool(folder)`), xarray a part (`xarray.open_dataset(part, engine="h5netcdf",
   group="Acquisition/Raw[0]")`). `Health` holds what `solver.survey.das.health.PartHealth` describes
 - `channels.csv`: channel, distance (m), noise and rounding step (1/s), dead, bad and clipped samples
-- `files.csv`: every file, when it begins and ends, and what of it was left out and why
+- `files.csv`: every file, its begin and end, and what of it was left out and why
 """
 
 import os
@@ -43,7 +43,7 @@ class Kept(BaseModel):
 
 
 class RawFile(Kept):
-    """A file that the store was made from: its path seen from the store's folder, bytes, times, checksum."""
+    """A file that the store was made from: its path relative to the store's folder, size, times, checksum."""
 
     path: str
     bytes: int
@@ -109,7 +109,7 @@ class Store:
         Raises
         ------
         InputError
-            If there is none, or it is not complete.
+            If there is no store, or it is not complete.
         """
         said = read_store_file(folder)
         if not said.complete:
@@ -117,7 +117,7 @@ class Store:
         return cls(Path(folder), said)
 
     def stale(self, files: Sequence[Path], asked: dict[str, Any]) -> str | None:
-        """Why it is not of these files with these settings; None where it is."""
+        """Why the store does not match these files and settings; None if it does."""
         if self.said.asked != asked:
             return "[das] of site.toml changed"
         names = [os.path.relpath(path.resolve(), self.folder.resolve()) for path in files]
@@ -134,12 +134,12 @@ class Store:
 
     @property
     def files(self) -> list[str]:
-        """Paths of the files that it was made from."""
+        """Paths of the files that the store was made from."""
         return [os.path.normpath(self.folder.resolve() / one) for one in self.said.provenance["files"]]
 
     @property
     def interval(self) -> float:
-        """Between two rows, ns."""
+        """Time between two rows, ns."""
         return self.said.interval * self.said.factor
 
     @property
@@ -177,7 +177,7 @@ class Store:
             raise InputError(f"{path}: cannot be read ({error}); run roadfiber ingest again") from error
 
     def rows_of(self, times: Sequence[tuple[np.datetime64, np.datetime64]] | None) -> list[tuple[int, int]]:
-        """Rows, first and the one after the last, of spans of time, in order; all where None."""
+        """Row ranges (first, one after last) of time spans, in order; all rows if None."""
         if times is None:
             return [(0, self.said.rows)]
         ends = [[(one - self.start) / np.timedelta64(1, "ns") / self.interval for one in span] for span in times]
@@ -190,7 +190,7 @@ class Store:
         channels: tuple[int, int] | None = None,
         times: Sequence[tuple[np.datetime64, np.datetime64]] | None = None,
     ) -> DASRecord:
-        """Read the store, or a part of it; arguments as of `solver.survey.das.reader.record_from`."""
+        """Read the store, or a part of it; arguments as in `solver.survey.das.reader.record_from`."""
         import h5py
 
         said = self.said
@@ -243,7 +243,7 @@ def read_store_file(folder: Path) -> StoreFile:
     Raises
     ------
     InputError
-        If there is none, or it is of another version or damaged.
+        If there is no such file, or it is of another version or damaged.
     """
     path = Path(folder) / FILE
     try:

@@ -1,4 +1,4 @@
-"""What the numbers of a DAS file are, and how they become strain rate."""
+"""Quantities and units of DAS files, and their conversion to strain rate."""
 
 import atexit
 import logging
@@ -26,7 +26,7 @@ STRAIN_OPTIC = 0.78  # zeta: the refractive index of silica falls as it is stret
 
 @cache
 def dascore() -> Any:
-    """Import DASCore without the warnings of pint that DASCore's unit file redefines two of its units."""
+    """Import DASCore, silencing pint's warnings that DASCore's unit file redefines two units."""
     logging.getLogger("pint").setLevel(logging.ERROR)
     require_cache()
     import dascore as dc
@@ -35,7 +35,7 @@ def dascore() -> Any:
 
 
 def require_cache() -> None:
-    """Give pint, which needs one, a folder for its cache until this process ends, where the user has none."""
+    """Give pint a temporary cache folder until this process ends, if the user has none."""
     folder = user_cache_path("pint", appauthor=False)
     try:
         if folder.is_absolute():
@@ -86,7 +86,7 @@ def strain_rate_per_count(sampling_rate: float, gauge_length: float, unit_calibr
 
 
 def parse_unit(text: Any) -> Unit | None:
-    """Read a unit as `(nm/m)/s`, `1/s`, `nε/s`, `strain`, `rad/s` or `m/s`; None where it is none of DAS.
+    """Read a unit as `(nm/m)/s`, `1/s`, `nε/s`, `strain`, `rad/s` or `m/s`; None if it is not a DAS unit.
 
     >>> parse_unit("(nm/m)/s")
     Unit(quantity='strain_rate', factor=1e-09, per_length=False)
@@ -108,7 +108,8 @@ def parse_unit(text: Any) -> Unit | None:
         quantity = {(): "phase", (("time", -1),): "phase_rate"}.get(tuple(powers.items()))
         return Unit(quantity, factor, per_length) if quantity else None
     match powers:
-        # `(nm/m)/s * Hz/m`: what Silixa writes where sampling rate / gauge length are still to be multiplied in.
+        # `(nm/m)/s * Hz/m`: what Silixa writes if the numbers are still to be multiplied by sampling rate / gauge
+        # length.
         case {"length": -1, "time": -2}:
             return Unit("idas_counts", 116.0)
         case {"length": 1, "time": -1}:
@@ -123,15 +124,15 @@ def parse_unit(text: Any) -> Unit | None:
 def resolve(
     unit: Unit | None, stated: str, quantity: str | None, scale: float | None, where: Path, *, whole: bool = False
 ) -> Unit:
-    """Decide what the numbers are, from what the file says (`unit`; `stated` in its words) and what the user says.
+    """Decide the unit of the numbers, from what the file (`unit`; `stated` in its words) and the user say.
 
-    `quantity` fills in what the file does not say (numbers in SI units then); `scale` overrides the file's factor.
-    `whole`: the file stores integers, which are counts of something and in no SI unit.
+    `quantity` is used if the file does not say (the numbers are then in SI units); `scale` overrides the file's factor.
+    `whole`: the file stores integers, which are counts and not in SI units.
 
     Raises
     ------
     InputError
-        If nobody says it, or both do and disagree without a `scale`.
+        If neither says it, or both do and disagree without a `scale`.
 
     >>> resolve(None, "", "strain_rate", 1e-9, Path("a.npy"))
     Unit(quantity='strain_rate', factor=1e-09, per_length=False)
@@ -183,8 +184,8 @@ def time_derivative(values: NDArray[np.float64], sampling_rate: float) -> NDArra
 def across_gauge(velocity: NDArray[np.float64], spacing: float, gauge_length: float) -> tuple[NDArray[np.float64], int]:
     """Return the strain rate [time, channel - 2 n], 1/s, of `velocity` [time, channel], m/s, and n.
 
-    Difference between the channels n before and n after, over 2 n spacing: the even number of spacings nearest to
-    the gauge length, so that a channel stays where it is. The first and last n channels have no such pair.
+    The difference between the n-th channels after and before, over 2 n spacings: the even number of spacings nearest to
+    the gauge length, so that channels keep their places. The first and last n channels have no such pair.
 
     >>> rate, n = across_gauge(np.arange(6.0)[None] * 2.0, 0.5, 2.1)
     >>> rate.tolist(), n

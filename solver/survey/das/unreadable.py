@@ -1,4 +1,4 @@
-"""Why a file is not a DAS file that can be read: empty, cut short, text, another kind of HDF5, axes exchanged."""
+"""Why a DAS file cannot be read: empty, cut short, text, another kind of HDF5, axes exchanged."""
 
 import re
 from pathlib import Path
@@ -8,7 +8,7 @@ TDMS = b"TDSm"
 
 
 def why_unknown(path: Path) -> str:
-    """Say, in a line that ends with how to mend it, why the format of a file is not known."""
+    """Say in one line why the format of a file is not known, and how to mend it."""
     with path.open("rb") as stream:
         start = stream.read(4096)
     if not start:
@@ -23,7 +23,7 @@ def why_unknown(path: Path) -> str:
 
 
 def why_no_hdf5(path: Path) -> str:
-    """Say why HDF5 is of no known DAS format."""
+    """Say why an HDF5 file is of no known DAS format."""
     import h5py
 
     try:
@@ -37,7 +37,7 @@ def why_no_hdf5(path: Path) -> str:
 
 
 def why_unreadable(error: Exception) -> str:
-    """Say, in a line that ends with how to mend it, why DASCore could not read a file.
+    """Say in one line why DASCore could not read a file, and how to mend it.
 
     >>> why_unreadable(ValueError("Data array has a shape of (241, 322) which doesnt match (322, 241)."))
     'its data are [241, 322], but time and channel [322, 241]: the axes are exchanged; transpose them in the file'

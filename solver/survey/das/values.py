@@ -1,4 +1,4 @@
-"""Numbers of a DAS record that no fiber gives: too loud, too faint, cut off at the end of a range."""
+"""Numbers that no fiber produces: too large, too small, or clipped at the end of a range."""
 
 from pathlib import Path
 
@@ -10,10 +10,10 @@ from vision.contract import InputError
 
 Array = NDArray[np.float64]
 
-#: Samples at the end of the range that make a clipped record, and how many times rarer the next lower number must be:
-#: tails of what is not clipped thin out, also of numbers that were rounded.
+#: Samples at the end of the range that make a record clipped, and how many times rarer the next lower number must be:
+#: without clipping the tails thin out, even of rounded numbers.
 CLIPPED, THINNER = 20, 3
-#: Channels that they must lie in: one alone may be stuck.
+#: Channels that must hold them: a single one may be stuck.
 CLIPPED_CHANNELS = 2
 
 
@@ -22,7 +22,7 @@ def check_size(swing: Array, where: Path) -> None:
 
     Parameters
     ----------
-    swing : largest minus smallest value [channel], 1/s, of channels that change
+    swing : largest minus smallest value [channel], 1/s, of the channels that change
 
     >>> try: check_size(np.array([800.0, 900.0]), Path("a.h5"))
     ... except InputError as error: print(str(error).partition(";")[0])
@@ -39,7 +39,7 @@ def check_size(swing: Array, where: Path) -> None:
 
 
 def clipped(values: Array) -> str | None:
-    """Say which share of stored values [time, channel], NaN in gaps, is cut off at the ends of a range; None: nothing.
+    """Say how many stored values [time, channel], NaN in gaps, are clipped at the ends of a range; None if none are.
 
     >>> rng = np.random.default_rng(0)
     >>> noise = rng.normal(0, 1, (500, 6))
@@ -68,7 +68,7 @@ farther away than they are; record with a larger range'
 
 
 def clipped_line(count: int, channels: int, which: str, end: float, beside: int) -> str | None:
-    """Say that `count` samples stand at an end of the range, where so few are at the number beside it; else None."""
+    """Say that `count` samples are at an end of the range, if few are at the number next to it; else None."""
     if count <= THINNER * beside:
         return None
     return (

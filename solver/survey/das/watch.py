@@ -1,4 +1,4 @@
-"""What must be known of all numbers of a record while they go by, a slab at a time."""
+"""Statistics of all numbers of a record, collected slab by slab while it is read."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,9 +13,9 @@ Integers = NDArray[np.int64]
 
 @dataclass
 class End:
-    """The largest number (`sign` 1) or the smallest (-1), how often each channel has it, and how often the next.
+    """The largest number (`sign` 1) or the smallest (-1), how often each channel holds it, and how often the next one.
 
-    Numbers are times `sign`, so that the largest is meant.
+    Numbers are multiplied by `sign`, so that the code seeks the largest.
     """
 
     sign: int
@@ -32,7 +32,7 @@ class End:
         if top > self.extreme:
             self.next, self.next_count = self.extreme, int(self.count.sum())
             self.extreme, self.count = top, np.zeros(values.shape[1], np.int64)
-        # Only channels that reach the largest number but one are looked at.
+        # Only channels that reach the second largest number are examined.
         others = self.sign * largest[self.sign * largest < self.extreme]
         least = max(self.next, float(others.max(initial=-np.inf)), -np.finfo(float).max)
         near = np.flatnonzero(self.sign * largest >= least)
@@ -51,11 +51,11 @@ class End:
 
 @dataclass
 class Watch:
-    """Smallest and largest number of each channel, numbers that are none, and rows by which rounding is told.
+    """Smallest and largest number of each channel, NaN and infinite numbers, and rows from which rounding is estimated.
 
     Parameters
     ----------
-    every : rows of the grid between two that are kept to tell rounding by
+    every : of so many rows of the grid, one is kept to estimate rounding
     """
 
     every: int
@@ -90,7 +90,7 @@ class Watch:
 
     @property
     def looked_at(self) -> NDArray[np.float64]:
-        """Rows [row, channel] out of all, evenly spaced."""
+        """The rows kept [row, channel], evenly spaced."""
         return np.concatenate(self.kept).astype(np.float64)
 
     @property
@@ -99,7 +99,7 @@ class Watch:
         return np.asarray(self.smallest == self.largest)
 
     def clipped(self) -> str | None:
-        """As `solver.survey.das.values.clipped` says it of a whole record."""
+        """As `solver.survey.das.values.clipped` of a whole record."""
         for end, which in zip(self.ends, ("largest", "smallest"), strict=True):
             if end.count is None:
                 continue
