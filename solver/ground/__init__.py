@@ -1,1 +1,1 @@
-"""Ground stage: how the ground answers a load."""
+"""Ground stage: the response of the ground to a load."""

@@ -1,4 +1,4 @@
-"""Ground stage: what a vertical load does to a homogeneous elastic half-space (Boussinesq)."""
+"""Ground stage: response of a homogeneous elastic half-space to a vertical load (Boussinesq)."""
 
 from collections.abc import Callable
 from functools import cache
@@ -88,12 +88,12 @@ def displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) ->
     da = softness * (2 * r + z) * shallow * shallow - 3 * z * inverse2 * inverse2
     db = -inverse2 * (3 * z * z * inverse2 + 1 + softness)
     approach = (x * vx + y * vy) * inverse
-    # Components outermost in memory: what follows runs along long rows.
+    # Components outermost in memory, so that the operations below run along long rows.
     return torch.stack([-vx * a - x * approach * da, -vy * a - y * approach * da, -approach * db]).movedim(0, -1)
 
 
 def plain_values(*tensors: Tensor) -> list[Array] | None:
-    """Values of tensors in double precision; None where one carries a derivative or is of another type."""
+    """Values of tensors in double precision; None if one carries a derivative or is of another type."""
     if any(x.requires_grad or x.dtype != torch.float64 or forward_mode(x) for x in tensors):
         return None
     return [x.numpy() for x in tensors]
@@ -108,7 +108,7 @@ def forward_mode(x: Tensor) -> bool:
 
 @cache
 def machine_rate() -> Callable[..., None]:
-    """`displacement_rate` in machine code: one pass over memory in place of some thirty."""
+    """`displacement_rate` in machine code: one pass over memory instead of about thirty."""
     return elementwise(_rate, 6, 3)
 
 

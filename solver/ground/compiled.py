@@ -1,4 +1,4 @@
-"""Machine code of loops, kept between runs where there is a place for it."""
+"""Compiled loops, cached between runs if a cache can be written."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,7 +10,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F, *, fastmath: bool = False) -> F:
-    """Compile a function on its first call; without a cache where none can be written.
+    """Compile a function on its first call; without a cache if none can be written.
 
     >>> compiled(lambda x: x + 1)(2)
     3
@@ -18,10 +18,10 @@ def compiled(function: F, *, fastmath: bool = False) -> F:
     made: Any
     try:
         made = njit(nogil=True, fastmath=fastmath, cache=True)(function)
-    except RuntimeError:  # neither the installation nor the user has a folder that can be written
+    except RuntimeError:  # neither the installation's nor the user's folder is writable
         made = njit(nogil=True, fastmath=fastmath)(function)
     else:
-        # Numba lets errors of a full disk through, except on Windows.
+        # Numba raises the error of a full disk, except on Windows.
         made._cache._guard_against_spurious_io_errors = lambda: suppress(OSError)
     return made
 
@@ -43,6 +43,6 @@ def elementwise(function: F, inputs: int, outputs: int) -> F:
     made: Any
     try:
         made = guvectorize(types, layout, nopython=True, cache=True)(function)
-    except (RuntimeError, OSError):  # no folder that can be written, or a full disk
+    except (RuntimeError, OSError):  # no writable folder, or a full disk
         made = guvectorize(types, layout, nopython=True)(function)
     return made

@@ -14,7 +14,7 @@ SPREAD = 0.04
 
 
 class Tables:
-    """What some ground adds to Boussinesq's displacement, tabulated for a Poisson's ratio when it is asked for.
+    """Correction of a ground to Boussinesq's displacement, tabulated per Poisson's ratio on demand.
 
     Parameters
     ----------
@@ -27,13 +27,13 @@ class Tables:
         self._around: dict[float, RatioTable] = {}
 
     def at(self, poisson_ratio: Tensor) -> RadialTable:
-        """For one ratio, scalar, variable or not; built once for the same tensor."""
+        """Table for one ratio, a scalar with or without a derivative; built once per tensor."""
         if poisson_ratio not in self._at:
             self._at[poisson_ratio] = self.build(poisson_ratio.reshape(()).double())
         return self._at[poisson_ratio]
 
     def around(self, poisson_ratio: Tensor) -> RatioTable:
-        """For ratios about one scalar that is not a variable; built once."""
+        """Tables for ratios around one scalar without a derivative; built once."""
         key = float(poisson_ratio)
         if key not in self._around:
             below, at, above = (self.build(poisson_ratio + SPREAD * i) for i in (-1, 0, 1))
@@ -42,14 +42,14 @@ class Tables:
 
 
 def corrected_displacement(tables: Tables, offset: Tensor, poisson_ratio: Ratio, length: Ratio) -> Tensor:
-    """Displacement [..., 3] of the ground, 1/m, per the unit that the table has.
+    """Displacement [..., 3] of the ground, 1/m, in the unit of the table.
 
     Parameters
     ----------
     tables : of the correction
     offset : [..., 3], ground point minus load point, m
     poisson_ratio : scalar or [...]
-    length : scalar, unit of length of the table, m
+    length : scalar, the table's unit of length, m
     """
 
     def total(offset: Tensor, nu: Tensor, length: Tensor) -> Tensor:
@@ -98,6 +98,6 @@ def _interpolation(
     if nu.numel() == 1:
         table = tables.at(nu)
         return nu.reshape(()), lambda square, depth, _: table(square, depth)
-    # Nearly incompressible layers are too stiff to be solved for: all three ratios stay below one half.
+    # The equations of nearly incompressible layers are ill-conditioned: all three ratios stay below one half.
     middle = nu.detach().mean().double().clamp(max=0.49 - SPREAD)
     return nu, tables.around(middle)

@@ -70,7 +70,7 @@ def gibson_response(gradient: Ratio) -> Response:
 
 
 def gibson_table(poisson_ratio: Tensor, gradient: Tensor) -> RadialTable:
-    """Tabulate what the gradient takes from Boussinesq's displacement, per unit F / (4 pi G_0) and LENGTH.
+    """Tabulate how the gradient changes Boussinesq's displacement, per unit F / (4 pi G_0) and LENGTH.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def gibson_table(poisson_ratio: Tensor, gradient: Tensor) -> RadialTable:
 
     Notes
     -----
-    Thin layers, each of the geometric mean of the moduli at its faces, stand for the gradient; the table is built at
+    Thin layers approximate the gradient, each with the geometric mean of the moduli at its faces; the table is built at
     their interfaces, with the mean of the slopes above and below. As in `layered_table`, jumps of modulus act on
     Boussinesq's tractions.
     """
@@ -104,5 +104,5 @@ def gibson_table(poisson_ratio: Tensor, gradient: Tensor) -> RadialTable:
 
 
 def gibson_tables(gradient: Ratio) -> Tables:
-    """Tables of a ground that stiffens by `gradient`, 1/m, by Poisson's ratio."""
+    """Tables, for any Poisson's ratio, of a ground that stiffens by `gradient`, 1/m."""
     return Tables(lambda poisson_ratio: gibson_table(poisson_ratio, scalar(gradient)))

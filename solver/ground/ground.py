@@ -1,4 +1,4 @@
-"""Ground stage: how the ground answers a load."""
+"""Ground stage: the response of the ground to a load."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,19 +11,19 @@ from solver.transfers import Field, MapFunction, TimeTransfer
 
 @dataclass(frozen=True)
 class Ground:
-    """How the ground answers a load: as a homogeneous elastic half-space where it has no law of its own.
+    """Response of the ground to a load: that of a homogeneous elastic half-space unless a law is given.
 
     Parameters
     ----------
     response : (offset [..., 3], velocity [..., 2], Poisson's ratio) -> displacement rate [..., 3] of a unit load; None:
         Boussinesq's
     settlement : (offset, Poisson's ratio) -> displacement [..., 3] of a unit load; None: Boussinesq's
-    compliance : strain here over that of the base model
-    poisson_change : added to Poisson's ratio here
+    compliance : strain at a place over that of the base model
+    poisson_change : added to Poisson's ratio at a place
     radiation : (offset [..., 3], velocity [..., 2], time [row, 1, ...], s) -> velocity [..., 3] of the ground in the
         waves that a unit load sends out; None: no such waves
     transfers : of time filters
-    tangent_compliances : functions of a map of strain [..., sample, channel]: how much more it changes than in the base
+    tangent_compliances : functions of a strain map [..., sample, channel]: ratio of its change to that in the base
         model
     """
 
@@ -37,22 +37,22 @@ class Ground:
 
     @property
     def plain(self) -> bool:
-        """Whether it answers single loads as a homogeneous elastic half-space at rest."""
+        """Whether it responds to single loads like a homogeneous elastic half-space at rest."""
         own = (self.response, self.settlement, self.compliance, self.poisson_change, self.radiation)
         return all(law is None for law in own)
 
     def displacement_rate(self, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
-        """Displacement rate [..., 3] of a unit load, by the law that holds."""
+        """Displacement rate [..., 3] of a unit load, by its own law or Boussinesq's."""
         return (self.response or displacement_rate)(offset, velocity, poisson_ratio)
 
     def displacement(self, offset: Tensor, poisson_ratio: Ratio) -> Tensor:
-        """Displacement [..., 3] of a unit load, by the law that holds."""
+        """Displacement [..., 3] of a unit load, by its own law or Boussinesq's."""
         return (self.settlement or displacement)(offset, poisson_ratio)
 
     def filtered(self, transfer: TimeTransfer) -> "Ground":
-        """Whose displacement is filtered in time."""
+        """The ground with a further filter of its displacement in time."""
         return replace(self, transfers=(*self.transfers, transfer))
 
     def yielding(self, compliance: MapFunction) -> "Ground":
-        """Whose strain changes more, or less, by what it is."""
+        """The ground with a further compliance that depends on strain."""
         return replace(self, tangent_compliances=(*self.tangent_compliances, compliance))

@@ -22,7 +22,7 @@ def layered_displacement(offset: Tensor, poisson_ratio: Ratio, log_ratio: Ratio,
     offset : [..., 3], ground point minus load point (x, y, z down), m
     poisson_ratio : scalar or [...], of layer and half-space, to .49
     log_ratio : scalar, ln(G_layer / G_below), -2.5 to 3.7; 0 is Boussinesq
-    thickness : scalar, of the layer, .05 to 8 m; deeper than 398 of it the correction no longer changes with depth
+    thickness : scalar, of the layer, .05 to 8 m; below 398 thicknesses the correction no longer changes with depth
 
     Returns
     -------
@@ -76,8 +76,8 @@ def pavement_displacement_rate(
     offset : [..., 3], ground point minus load point on the pavement, m
     velocity : [..., 2], horizontal velocity of the load, m/s
     poisson_ratio : scalar or [...], of pavement and ground
-    stiffness : scalar, what the pavement is stiffer than the ground it replaces, (G_pavement / G_ground - 1) thickness,
-        0 to 12 m; 0 is Boussinesq
+    stiffness : scalar, excess stiffness over the ground that the pavement replaces, (G_pavement / G_ground - 1)
+        thickness, 0 to 12 m; 0 is Boussinesq
     thickness : scalar, of the pavement, .05 to .3 m
 
     Returns
@@ -104,7 +104,7 @@ def pavement_response(stiffness: Ratio, thickness: Ratio = 0.2) -> Response:
 
 
 def layered_table(poisson_ratio: Tensor, contrast: Tensor) -> RadialTable:
-    """Tabulate what a layer adds to Boussinesq's displacement, per unit F / (4 pi G_layer) and unit thickness.
+    """Tabulate the correction by a layer to Boussinesq's displacement, per unit F / (4 pi G_layer) and unit thickness.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def boussinesq_traction(s: Tensor) -> Tensor:
 
 
 def scalar(parameter: Ratio) -> Tensor:
-    """A parameter that is one for all points, in double precision.
+    """A parameter common to all points, in double precision.
 
     >>> scalar(1)
     tensor(1., dtype=torch.float64)
@@ -157,12 +157,12 @@ def scalar(parameter: Ratio) -> Tensor:
 
 
 def layered_tables(contrast: Tensor) -> Tables:
-    """Tables of a layer on ground of another stiffness, by Poisson's ratio; see `layered_table`."""
+    """Tables, for any Poisson's ratio, of a layer on ground of another stiffness; see `layered_table`."""
     return Tables(lambda poisson_ratio: layered_table(poisson_ratio, contrast))
 
 
 def _continued(moved: Tensor, k: Tensor, nu: Tensor) -> tuple[Tensor, Tensor]:
-    """Displacement and its slope [depth, k, 2] at depths `BELOW` of a half-space whose top moves so [k, 2]."""
+    """Displacement and its slope [depth, k, 2] at depths `BELOW` in a half-space, given [k, 2] at its top."""
     w, v = moved.unbind(-1)
     s = k * (BELOW[:, None] - 1)
     fall = torch.exp(-s)

@@ -31,7 +31,7 @@ def moving_displacement_rate(
 
     Notes
     -----
-    Waves of direction k see the load at the speed v . k: exp(-k z) becomes exp(-k gamma z) with gamma_i^2 =
+    Waves in direction k meet the load at the speed v . k: exp(-k z) becomes exp(-k gamma z) with gamma_i^2 =
     1 - (v . k)^2 / c_i^2. Powers of (v . k)^2 / c_s^2 have polynomials in k z as kernels, and these closed forms, with
     R = |offset|, c = z / R, p = (x + i y) / (R + z):
     int k^n e^(-k z) J_j(k r) dk e^(i j phi) = p^j R^-(n+1) Q_jn(c),
@@ -58,12 +58,12 @@ def moving_displacement_rate(
 
 
 def _inertia(offset: Tensor, velocity: Tensor, slowness: Tensor, kernels: Kernels) -> Tensor:
-    """What inertia adds, [point, 3]."""
+    """Contribution of inertia, [point, 3]."""
     (x, y, z), (vx, vy) = offset.unbind(-1), velocity.unbind(-1)
     inverse = (x * x + y * y + z * z).rsqrt()
     c, reach = z * inverse, 1 / (1 / inverse + z)
     p = torch.complex(x * reach, y * reach)
-    # The direction of the point seen from the load's own.
+    # Direction to the point relative to the load's direction of travel.
     q = torch.complex((x * vx + y * vy) * reach, (y * vx - x * vy) * reach)
     q2, speed2 = q * q, vx * vx + vy * vy
     q3 = q2 * q

@@ -1,4 +1,4 @@
-"""A response to a load, the same in all horizontal directions, tabulated over distance and depth and interpolated."""
+"""An axially symmetric response to a load, tabulated over distance and depth and interpolated."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class Cells:
     bottom_slope: Tensor
 
     def ends(self) -> Tensor:
-        """Values and slopes [cell, 4, k, 2] by the share of the cell passed, in the order of `HERMITE`."""
+        """Values and slopes [cell, 4, k, 2] over the position in the cell, 0 to 1, in the order of `HERMITE`."""
         size = torch.diff(self.depth)[:, None, None]
         return torch.stack([self.top, self.bottom, size * self.top_slope, size * self.bottom_slope], 1)
 
@@ -122,19 +122,19 @@ class RatioTable:
 
 
 def looked_up(square: Tensor, depth: Tensor, away: Tensor, parabolas: Tensor, table: RadialTable) -> tuple[Tensor, ...]:
-    """Outputs of `RadialTable` [point] each; `parabolas` [cell, power, 32] are its coefficients by powers of `away`."""
+    """Outputs of `RadialTable`, [point] each; `parabolas` [cell, power, 32] are coefficients of powers of `away`."""
     places = (x.to(parabolas.dtype) for x in torch.broadcast_tensors(square, depth, away))
     value = _Interpolated.apply(*places, parabolas, table.depth, table.step)[0]
     return tuple(value.to(square.dtype).unbind())
 
 
 def arrays(tensors: Sequence[Tensor]) -> list[Array]:
-    """Their values, all in one order of memory: the compiled functions are compiled once."""
+    """Values in one memory order, so that the functions are compiled only once."""
     return [x.detach().contiguous().numpy() for x in tensors]
 
 
 class _Interpolated(torch.autograd.Function):
-    """`interpolated` with its derivatives: what autograd keeps of its forty operations is several times as slow."""
+    """`interpolated` with its derivatives; autograd through its forty operations would be several times as slow."""
 
     @staticmethod
     def forward(*arguments: Any) -> tuple[Tensor, Tensor]:
@@ -170,7 +170,7 @@ class _Interpolated(torch.autograd.Function):
 
 @compiled
 def placed(square: float, depth: float, edges: Array, columns: int, step: float) -> tuple[int, float, float, float]:
-    """Cell, share of it passed in depth, and in t, and the derivative of t in steps by `square`."""
+    """Cell, position in it (0 to 1) in depth and in t, and the derivative of t, in steps, by `square`."""
     row = min(max(int(np.searchsorted(edges, depth, side="right")) - 1, 0), len(edges) - 2)
     x = min(max((depth - edges[row]) / (edges[row + 1] - edges[row]), 0.0), 1.0)
     t = np.log1p(square) * (0.5 / step)
@@ -186,7 +186,7 @@ def interpolated(
     """Values [4, point], see `looked_up`, and their derivatives [4, 3, point] by the first three arguments."""
     columns, powers = len(parabolas) // (len(edges) - 1), parabolas.shape[1]
     value, slope = np.zeros((4, len(square))), np.zeros((4, 3, len(square)))
-    by_t = np.empty((2, 4, 3))  # u_r / r and u_z; powers of t; as it is, by depth, by away
+    by_t = np.empty((2, 4, 3))  # u_r / r and u_z; powers of t; value, derivative by depth, by away
     for point in range(len(square)):
         number, x, y, passed = placed(square[point], depth[point], edges, columns, step)
         row = number // columns
@@ -223,7 +223,7 @@ def interpolated(
 def interpolated_back(
     square: Array, depth: Array, away: Array, parabolas: Array, edges: Array, by_value: Array, step: float
 ) -> Array:
-    """Gradient [cell, power, 32] by `parabolas` of what has the gradient `by_value` [4, point] by the values."""
+    """Gradient [cell, power, 32] by `parabolas`, from the gradient by the values, `by_value` [4, point]."""
     columns, out = len(parabolas) // (len(edges) - 1), np.zeros_like(parabolas)
     for point in range(len(square)):
         number, x, y, _ = placed(square[point], depth[point], edges, columns, step)

@@ -78,7 +78,7 @@ def tangential_displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio
     square, soft = inverse * inverse, softness * reach
     q = inverse * (square - soft * reach)
     w = inverse * (z * square + soft)
-    # Derivatives by R.
+    # Derivatives with respect to R.
     dp = -square - soft * reach
     dq = square * (soft * reach - 3 * square) + 2 * inverse * soft * reach**2
     dw = -square * (3 * z * square + soft) - inverse * soft * reach

@@ -1,4 +1,4 @@
-"""Where waves that vehicles radiate are loudest in a residual: frequency and speed, finer than any grid could be."""
+"""Find the strongest radiated waves in a residual: frequency and speed, finer than a grid of trials could be."""
 
 from itertools import product
 
@@ -8,27 +8,27 @@ from torch import Tensor
 
 from solver.effect import Heard, Proposal
 
-#: m/s, at which waves are looked for; Hz, between which.
+#: Wave speeds tried, m/s; range of frequencies tried, Hz.
 SPEEDS = (90.0, 120.0, 150.0, 180.0, 220.0, 280.0)
 LOWEST, HIGHEST = 1.6, 18.0
-#: s; the bins that retarded times are sorted into: a fifth of a turn at the highest frequency.
+#: s; bins of retarded time: a fifth of a period at the highest frequency.
 BIN = 0.01
 #: How many waves are proposed.
 LOUDEST = 3
 
 
 def sent_from(r: Tensor, toward: Tensor, speed: Tensor, wave_speed: Tensor | float) -> Tensor:
-    """Distance, m, at which a moving source was when it sent the wave that arrives now.
+    """Distance, m, of a moving source when it emitted the wave that arrives now.
 
     Parameters
     ----------
     r : [...], distance now, m
-    toward, speed : [...], speed of the source toward the point, and its whole, m/s
+    toward, speed : [...], speed of the source toward the point, and its total speed, m/s
     wave_speed : m/s
 
     Notes
     -----
-    s = |ray + v s / c| solved for s; the Doppler shift is in it (Landau and Lifshitz 1987, Fluid Mechanics, 74).
+    s = |ray + v s / c| solved for s, which includes the Doppler shift (Landau and Lifshitz 1987, Fluid Mechanics, 74).
 
     >>> import torch
     >>> sent_from(torch.tensor(100.0), torch.tensor(15.0), torch.tensor(15.0), 150.0).round(decimals=2)
@@ -44,11 +44,11 @@ def loudest_waves(heard: Heard) -> Proposal:
 
     Returns
     -------
-    the loudest waves, {"frequency": ..., "speed": ...}, and how many were compared
+    the strongest waves, {"frequency": ..., "speed": ...}, and how many were compared
 
     Notes
     -----
-    In the retarded time t - r / c a wave is a plain oscillation, alike in all channels. The residual of each pass,
+    In the retarded time t - r / c, a wave is a plain oscillation, the same in all channels. The residual of each pass,
     sorted into bins of it, is Fourier transformed once for all frequencies (gridding, as Lomb's periodogram is computed
     by Press and Rybicki 1989, ApJ 338, 277); the powers of the passes, each of its own phase, are added.
     """
@@ -76,7 +76,7 @@ def loudest_waves(heard: Heard) -> Proposal:
 
 
 def peaks(power: NDArray[np.floating], frequency: NDArray[np.floating], apart: float) -> list[dict[str, float]]:
-    """The largest of power [speed, frequency], in frequency at least so far `apart`, Hz.
+    """The largest peaks of power [speed, frequency], at least `apart`, Hz, in frequency.
 
     >>> peaks(np.eye(6, 20) * [[1], [5], [2], [3], [1], [1]], np.arange(20.0), 1.5)[0]
     {'frequency': 1.0, 'speed': 120.0}

@@ -1,4 +1,4 @@
-"""What wheels on a homogeneous elastic half-space do to gauges, with all derivatives, in machine code."""
+"""Response of gauges to wheels on a homogeneous elastic half-space, with all derivatives, in machine code."""
 
 from functools import partial
 from typing import Any
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 def felt(point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: Tensor, ratio: Tensor) -> Tensor | None:
     """Sum over points and wheels of weight . displacement rate, by `solver.ground.boussinesq.displacement_rate`.
 
-    Differentiable by all arguments, once and backwards; each may have fewer axes or axes of size 1.
+    Differentiable once, in backward mode, with respect to all arguments; each may have fewer axes or axes of size 1.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def felt(point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: 
 
     Returns
     -------
-    [row, channel], 1/(m^2 s) per unit weight; None where places differ by channel, or a forward derivative is wanted
+    [row, channel], 1/(m^2 s) per unit weight; None if places differ by channel, or a forward derivative is needed
 
     >>> from solver.ground.boussinesq import displacement_rate
     >>> at, v = torch.tensor([[[[3.0, 1.0, 0.9]]]]).double(), torch.tensor([[[10.0, 0.0]]]).double()
@@ -57,14 +57,14 @@ def felt(point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: 
 
 
 def packed(x: Tensor, order: tuple[int, ...]) -> Array:
-    """Values in an order of axes; one row where all are the same."""
+    """Values in a given order of axes; a single row if all are the same."""
     x = x.detach()
     x = x[:1] if x.stride(0) == 0 else x
     return np.ascontiguousarray(x.permute(order).numpy())
 
 
 class _Felt(torch.autograd.Function):
-    """`felt` of arguments that have all their axes."""
+    """`felt` for arguments that have all their axes."""
 
     @staticmethod
     def forward(ctx: Any, *given: Tensor) -> Tensor:
@@ -78,7 +78,7 @@ class _Felt(torch.autograd.Function):
         by_wheel, by_velocity = np.zeros((3, given[2].shape[2], rows, channels)), np.zeros((2, rows, channels))
         add_derivatives(*arrays, by_point, by_wheel, by_velocity)
         ctx.save_for_backward(*map(torch.from_numpy, (by_point, by_wheel, by_velocity)))
-        # Strain rate is in proportion to the wheels' shares.
+        # Strain rate is proportional to the wheels' shares.
         share = given[3][:, 0].detach().T.numpy()
         return torch.from_numpy(np.einsum("wrc,wr->rc", by_wheel[2], share))
 
@@ -109,7 +109,7 @@ def _packed(given: tuple[Tensor, ...]) -> tuple[Array, Array, Array, Array, Arra
 def add_felt(
     point: Array, weight: Array, place: Array, share: Array, velocity: Array, softness: Array, out: Array
 ) -> None:
-    """Add to `out` [row, channel] what each wheel does.
+    """Add the response to each wheel to `out` [row, channel].
 
     Parameters
     ----------
@@ -157,13 +157,13 @@ def add_derivatives(
     by_wheel: Array,
     by_velocity: Array,
 ) -> None:
-    """Add the derivatives of `add_felt`'s sums by all that it takes.
+    """Add the derivatives of `add_felt`'s sums with respect to all its arguments.
 
     Parameters
     ----------
     point, weight, place, share, velocity, softness : see there
-    by_point : [7, row, point, channel], by weight (3), by the point (3) and by Poisson's ratio
-    by_wheel : [3, wheel, row, channel], by place (2) and share
+    by_point : [7, row, point, channel], with respect to weight (3), point (3) and Poisson's ratio
+    by_wheel : [3, wheel, row, channel], with respect to place (2) and share
     by_velocity : [2, row, channel]
 
     Notes

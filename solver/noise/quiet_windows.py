@@ -13,9 +13,10 @@ from solver.trajectory.vehicle_pass import Pass
 
 REACH = 35.0
 ENOUGH = 20
-#: Channels that are worked on at once.
+#: Channels that are processed together.
 CHANNELS = 100
-#: Share of the noise up to which steps do it no harm, and the number of steps beyond which all count alike.
+#: Rounding step, as a share of the noise, up to which it does no harm; and the number of steps beyond which all values
+#: count alike.
 FINE, LARGEST = 0.02, 1000
 
 
@@ -41,7 +42,8 @@ def quiet(samples: int, route: NDArray[np.float64], passes: Sequence[Pass], reac
 def noise_level(strain_rate: NDArray[np.float64], still: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Standard deviation [channel] of the noise, 1/s, by the median absolute deviation of the quiet samples.
 
-    Where a channel has fewer than 20 of them, all its samples serve: traffic is rare enough for the median to bear it.
+    A channel with fewer than 20 quiet samples is estimated from all its samples: traffic is too rare to affect the
+    median.
 
     Parameters
     ----------
@@ -59,7 +61,7 @@ def noise_level(strain_rate: NDArray[np.float64], still: NDArray[np.bool_]) -> N
         finite = np.isfinite(part)
         use = still[:, first : first + CHANNELS] & finite
         use = np.where(use.sum(0) >= ENOUGH, use, finite)
-        # NaN sort last, so that the middle of the first `count` is the median.
+        # NaN sorts last, so that the middle of the first `count` values is the median.
         ordered = np.sort(np.where(use, np.abs(part), np.nan), axis=0)
         count = use.sum(0)
         middle = [np.take_along_axis(ordered, np.maximum(at, 0)[None], 0)[0] for at in ((count - 1) // 2, count // 2)]
@@ -70,10 +72,10 @@ def noise_level(strain_rate: NDArray[np.float64], still: NDArray[np.bool_]) -> N
 def rounded_level(
     level: NDArray[np.float64], strain_rate: NDArray[np.float64], still: NDArray[np.bool_], rounding: Rounding | None
 ) -> NDArray[np.float64]:
-    """Standard deviation [channel] of the noise with the error of rounding, 1/s.
+    """Standard deviation [channel] of the noise, rounding error included, 1/s.
 
-    The median of rounded samples is a whole number of steps, 0 where the noise is below a step. What the noise was
-    before is told by the share of quiet samples within half a step (or one and a half, and so on) of zero.
+    The median of rounded samples is a whole number of steps, and 0 if the noise is below a step. The noise before
+    rounding follows from the share of quiet samples within half a step (or one and a half, and so on) of zero.
 
     Parameters
     ----------
@@ -102,7 +104,7 @@ def rounded_level(
 
 
 def unrounded(size: NDArray[np.float64]) -> float:
-    """Standard deviation of Gaussian noise before its samples, of absolute `size` [sample] in steps, were rounded."""
+    """Standard deviation, before rounding, of Gaussian noise with samples of absolute `size` [sample], in steps."""
     share = np.cumsum(np.bincount(np.minimum(np.rint(size), LARGEST).astype(int))) / len(size)
     within = int(np.abs(share - 0.5).argmin())
     return float((within + 0.5) / ndtri((1 + min(share[within], 1 - 0.5 / len(size))) / 2))
@@ -113,8 +115,8 @@ def whitened_noise(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """A whole record [sample, channel] whitened, and where that is noise alone, [sample, channel] bool.
 
-    What is not noise is set to 0 first, so that a vehicle near one channel is not heard in all through the common mode;
-    samples after it are left out for as long as the noise remembers well.
+    Samples that are not noise are set to 0 first, so that a vehicle near one channel does not leak into all channels
+    through the common mode; samples after it are left out for as long as the whitening filter remembers it.
 
     Parameters
     ----------
@@ -126,6 +128,6 @@ def whitened_noise(
     noise = still & np.isfinite(strain_rate) & (np.abs(np.nan_to_num(strain_rate)) < 7 * level)
     white = whiten(torch.from_numpy(np.where(noise, strain_rate, 0.0))).numpy()
     gone = np.cumsum(np.vstack([np.zeros((1, noise.shape[1])), ~noise]), 0)
-    # The oldest samples weigh least: a quarter of the memory holds nearly all that is remembered.
+    # The oldest samples weigh least: a quarter of the filter's memory holds nearly all of its weight.
     first = np.maximum(np.arange(1, len(noise) + 1) - max(1, len(whiten.law.own) // 4), 0)
     return white, gone[1:] - gone[first] == 0

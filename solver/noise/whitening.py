@@ -1,8 +1,8 @@
 """Noise that is correlated in time and across channels: its law, and the linear map that makes it white.
 
-The record's noise, in units of each channel's level, is taken for the sum of a part of each channel's own and of a
-common mode that all channels share (laser phase noise, trains, a vibrating instrument). Both are stationary in time;
-the own part may be correlated between neighboring channels too, as overlapping gauges make it.
+The record's noise, in units of each channel's level, is modeled as the sum of each channel's own noise and a common
+mode that all channels share (laser phase noise, trains, a vibrating instrument). Both are stationary in time; own noise
+may also be correlated between neighboring channels, as overlapping gauges make it.
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,12 +16,12 @@ from torch import Tensor
 
 Array = NDArray[np.float64]
 
-#: Longest memory of the noise that is looked for, s, and samples.
+#: Longest correlation of the noise in time that is estimated, s, and samples.
 MEMORY, LONGEST = 8.0, 40
 #: Correlations between channels below this are within the scatter of their estimate.
 SPATIAL_FLOOR = 0.04
-#: Neighbors that noise may be shared with: so many at least, and so many gauge lengths. The noise of overlapping gauges
-#: correlates over one; lags twice as large are needed, as the older half is tapered.
+#: Range of correlated neighbors: at least so many channels, and so many gauge lengths. The noise of overlapping gauges
+#: correlates over one gauge length; lags twice as large are needed, as the farther half is tapered.
 NEIGHBORS, GAUGES = 24, 2.4
 CHUNK = 64
 
@@ -35,8 +35,8 @@ def levinson(covariance: Array) -> list[Array]:
 
     Returns
     -------
-    whitening coefficients of order 0, 1, ... [order + 1]: their sum with the newest and the past samples has unit
-    variance
+    whitening coefficients of order 0, 1, ... [order + 1]: the sum of the newest and past samples weighted by them has
+    unit variance
 
     >>> [row.round(3).tolist() for row in levinson(np.array([1.0, 0.5, 0.25]))]
     [[1.0], [1.155, -0.577], [1.155, -0.577, 0.0]]
@@ -72,8 +72,8 @@ class NoiseLaw:
     own : [lag], autocovariance in time of each channel's own noise, in units of its level squared
     common : [lag], that of the common mode
     across : [lag], correlation of the own noise between channels, 1 at lag 0
-    hidden : [lag], autocovariance in time, as of `own` and part of it, of errors of rounding that show beside vehicles
-        only: quiet that is less than a step is rounded to zero
+    hidden : [lag], autocovariance in time, part of `own`, of the rounding errors that occur only near vehicles: noise
+        below a step is rounded to zero
     """
 
     own: Array
@@ -83,7 +83,7 @@ class NoiseLaw:
 
     @classmethod
     def white(cls) -> "NoiseLaw":
-        """Noise without memory, each channel for itself."""
+        """White noise, independent in time and between channels."""
         return cls(np.array([1.0]), np.array([0.0]), np.array([1.0]))
 
     @property
@@ -111,8 +111,8 @@ def noise_law(
 
     Notes
     -----
-    Products of quiet samples are averaged over pairs of channels at every lag: those of two channels far apart hold the
-    common mode alone, those of one channel hold both parts. Samples beyond 5 sigma are left out.
+    Products of quiet samples are averaged over pairs of channels at every lag: pairs of distant channels contain the
+    common mode alone, pairs within one channel contain both parts. Samples beyond 5 sigma are left out.
     """
     use = still & np.isfinite(record) & (np.abs(np.nan_to_num(record)) < 5)
     value = np.where(use, np.nan_to_num(record), 0.0)
@@ -134,7 +134,7 @@ def noise_law(
         hidden = min(max(1.0 - both[0], 0.0), float(rounding[0])) * rounding[:lags] / rounding[0]
     if both[0] <= 0 or use.sum() < 50 * lags:
         return replace(NoiseLaw.white(), hidden=hidden)
-    # What few quiet samples cannot tell from zero is zero.
+    # What too few quiet samples cannot distinguish from zero is set to zero.
     moments = max(1.0, float((number > 1).sum()))
     common = np.where(common[0] > 3 / np.sqrt(moments) * both[0] / max(number.mean(), 1.0), common, 0.0)
     own = both - common
@@ -144,7 +144,7 @@ def noise_law(
 
 
 def reach_of(channels: int, gauge: float) -> int:
-    """How many neighbors on either side noise may be shared with, of so many channels with gauges of some channels.
+    """Neighbors on either side that noise may correlate with, given the counts of channels in all and per gauge.
 
     >>> reach_of(116, 9.8), reach_of(400, 40.0), reach_of(40, 40.0)
     (24, 96, 10)
@@ -153,7 +153,7 @@ def reach_of(channels: int, gauge: float) -> int:
 
 
 def beyond_neighbors(value: Array, reach: int) -> Array:
-    """Sum [sample, channel] over all channels but each one and its neighbors.
+    """Sum [sample, channel] over all channels except each one and its neighbors.
 
     >>> beyond_neighbors(np.ones((1, 8)), 2).tolist()
     [[5.0, 4.0, 3.0, 3.0, 3.0, 3.0, 4.0, 5.0]]
@@ -166,7 +166,7 @@ def beyond_neighbors(value: Array, reach: int) -> Array:
 
 
 def across(value: Array, count: Array, common: float, reach: int) -> Array:
-    """Correlation [lag] of the own noise between channels; 1 alone where neighbors are independent."""
+    """Correlation [lag] of the own noise between channels; (1,) if neighbors are independent."""
     variance = float((value**2).sum() / max(count.sum(), 1.0)) - common
     result = np.ones(1)
     for lag in range(1, reach + 1):
@@ -188,7 +188,7 @@ def blocks_of(samples: NDArray[np.int64]) -> list[slice]:
 
 @dataclass(frozen=True)
 class Filter:
-    """Filter along time, each block from its own start, with predictors of growing order.
+    """Filter along time with predictors of growing order, each block from its own start.
 
     Parameters
     ----------
@@ -228,9 +228,9 @@ class Whitener:
     ----------
     level : [channel], standard deviation of each channel's noise
     samples : [sample], rows of the record, ascending
-    position : [channel], number of each channel: neighbors differ by 1
+    position : [channel], number of each channel; neighbors differ by 1
     law : of the noise
-    lead : how many of the first samples are there for the others' sake only, and not in what it gives
+    lead : how many of the first samples only feed the filter and are left out of the result
     """
 
     level: Tensor
@@ -241,14 +241,14 @@ class Whitener:
 
     @property
     def memory(self) -> int:
-        """How many samples back it looks."""
+        """How many past samples the filter uses."""
         return len(self.law.own) - 1
 
     @cached_property
     def _parts(self) -> tuple[Tensor, Tensor, Filter, Filter]:
         """Mixing of channels, direction of the common mode after it, filters of the own part and along that direction.
 
-        Along the common mode's direction there are both parts; everywhere else the own part only.
+        The common mode's direction holds both parts; all other directions hold own noise only.
         """
         spatial = torch.from_numpy(self._spatial())
         ones = spatial @ torch.ones(len(self.level), dtype=torch.float64)
@@ -270,7 +270,7 @@ class Whitener:
     def __call__(self, values: Tensor) -> Tensor:
         """Whiten [sample, channel] or [sample, channel, column], in the record's unit; 0 where not measured.
 
-        The first `lead` samples are looked at, and left out of what is returned.
+        The first `lead` samples feed the filter and are left out of the result.
         """
         spatial, direction, own, both = self._parts
         scaled = values / self.level.reshape(-1, *[1] * (values.ndim - 2))

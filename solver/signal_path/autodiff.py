@@ -1,4 +1,4 @@
-"""Derivatives of small functions along a way, by automatic differentiation."""
+"""Directional derivatives of small functions by automatic differentiation."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -7,11 +7,11 @@ from torch import Tensor
 
 
 def pushed(function: Callable[[Tensor], Tensor], here: Tensor, way: Tensor) -> Tensor:
-    """Derivative of a function's value along a way from here, both of the shape of its argument.
+    """Derivative of a function at a point in a direction; point and direction have the shape of its argument.
 
-    By two backward passes: the gradient is linear in what it is weighted with, and its derivative by that is wanted.
-    On what is not large that takes a fifth of the time of PyTorch's forward mode, which calls Python for every operand
-    without a derivative.
+    Two backward passes compute it: the gradient is linear in its weights, and its derivative with respect to them is
+    wanted. For small tensors that takes a fifth of the time of PyTorch's forward mode, which calls Python for every
+    operand without a derivative.
 
     >>> pushed(lambda x: x**2, torch.tensor([1.0, 3.0]), torch.tensor([1.0, 10.0]))
     tensor([ 2., 60.])
@@ -21,20 +21,20 @@ def pushed(function: Callable[[Tensor], Tensor], here: Tensor, way: Tensor) -> T
 
 
 def pushed_all(function: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor, way: Tensor) -> tuple[Tensor, ...]:
-    """`pushed` of a function of several values."""
+    """`pushed` for a function that returns several values."""
     return pushed_ways(function, here, [way])[0]
 
 
 def pushed_ways(
     function: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor, ways: Sequence[Tensor]
 ) -> list[tuple[Tensor, ...]]:
-    """`pushed_all` along several ways."""
+    """`pushed_all` in several directions."""
     with torch.enable_grad():
         at = here.detach().requires_grad_()
         values = function(at)
         moving = [value for value in values if value.requires_grad]
         weights = [torch.zeros_like(value, requires_grad=True) for value in moving]
-        # Of one number: for anything else PyTorch loads its symbolic shapes, a second long.
+        # A single number: for anything else PyTorch first loads its symbolic shapes, which takes a second.
         whole = sum(((weight * value).sum() for weight, value in zip(weights, moving, strict=True)), torch.zeros(()))
         gradient = torch.autograd.grad(whole, at, create_graph=True)[0] if moving else at
 

@@ -1,7 +1,7 @@
-"""Derivatives of the strain-rate map by an effect's parameters: the chain rule, on from loads and gauges.
+"""Derivatives of the strain-rate map with respect to an effect's parameters: the chain rule through loads and gauges.
 
-What a parameter does to loads or gauges is differentiated automatically, for these are few numbers; what they do to
-strain rate is known from `solver.signal_path.sensitivities`.
+The effect of a parameter on loads or gauges is differentiated automatically, for these are few numbers; the derivatives
+of strain rate with respect to them come from `solver.signal_path.sensitivities`.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,25 +23,25 @@ from solver.signal_path.sensitivities import ByLoad, Sensitivities, along_load
 from solver.signal_path.signal_path import SignalPath, columns
 from solver.signal_path.traffic import Vehicles
 
-#: Columns that are filtered at once.
+#: Columns that are filtered together.
 COLUMNS = 16
-#: Numbers of the cable that a parameter may change, of each channel and of all alike; and those of a loose length.
+#: Numbers of the cable that a parameter may change: per channel, common to all, and of a loose length.
 EACH, ALIKE, LOOSE = ("shift", "slack", "gain"), ("vertical", "path_integral"), ("begin", "end", "share")
 
 Changed = Callable[[Tensor], Values]
 
 
 class Local:
-    """What single vehicles do to single gauges at a state, and what derivatives by many parameters are made of.
+    """Response of single gauges to single vehicles at a state: what all derivatives share.
 
     Parameters
     ----------
     path : with the effects
-    gauges : of what the stages say, on the route of the state
+    gauges : as the stages describe them, on the route of the state
     vehicles : per row
     poisson_ratio : of the state
     values : of the effects
-    by : sensitivities there, if known
+    by : sensitivities at the state, if known
     """
 
     def __init__(
@@ -68,11 +68,11 @@ class Local:
 
     @cached_property
     def alone(self) -> Tensor:
-        """Map [sample, computed channel] before whatever acts on the whole of it, 1/s."""
+        """Map [sample, computed channel], 1/s, before stages that act on the whole map."""
         return self.path.traffic.superpose(self.by.rate)
 
     def by_load(self, load: Load) -> ByLoad:
-        """Derivatives by a load that may have other wheels than `by`, or more forces, which are zero."""
+        """Derivatives with respect to a load that may have other wheels than `by`, or further forces that are zero."""
         for known, by in self._by_load:
             if known.alike(load):
                 return by
@@ -81,7 +81,7 @@ class Local:
         return by
 
     def by_number(self, stages: Description, name: str) -> Tensor:
-        """Derivative of `alone` by a number of the cable, or by the gauge length."""
+        """Derivative of `alone` with respect to a number of the cable, or the gauge length."""
         loose = stages.cable.loose
         key = name, *(() if loose is None else (float(getattr(loose, one)) for one in LOOSE))
         if key not in self._by_number:
@@ -100,7 +100,7 @@ class Seen:
     ----------
     path : with the effects
     gauges : as in `Local`
-    local : of this path, or of one that differs by an effect at its null
+    local : of this path, or of one that differs only by an effect at its null
     """
 
     path: SignalPath
@@ -117,7 +117,7 @@ def number(stages: Description, name: str) -> Tensor | float:
 
 
 def with_number(stages: Description, name: str, value: Tensor) -> Description:
-    """Stages with another `number`."""
+    """The stages with another value of `number`."""
     if name == "gauge_length":
         return replace(stages, interrogator=replace(stages.interrogator, gauge_length=value))
     cable = stages.cable
@@ -129,7 +129,7 @@ def with_number(stages: Description, name: str, value: Tensor) -> Description:
 
 
 def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values: Values) -> Tensor:
-    """What interrogator and processing make of small changes [column, sample, computed channel] of a map."""
+    """Small changes [column, sample, computed channel] of a map, as interrogator and processing pass them on."""
     stages = path.described(values)
     plain = not stages.nonlinear and not stages.processing.steps
 
@@ -143,10 +143,10 @@ def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values:
 
 
 def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
-    """Derivative of the observed map by the numbers of one parameter, [number, sample, channel].
+    """Derivative of the observed map with respect to the numbers of one parameter, [number, sample, channel].
 
-    What a row feels depends on the parameter's value there alone, so that one tangent of 1 everywhere holds the
-    derivatives by all numbers.
+    A row depends only on the parameter's value at that row, so a single tangent, 1 everywhere, holds the derivatives
+    with respect to all numbers.
     """
     path, extension = seen.path, seen.path.extension
     values = extension.local(numbers)
@@ -186,7 +186,7 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
 
 
 def by_rows(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
-    """Derivative [row, channel] by a parameter of loads, or of the ground."""
+    """Derivative [row, channel] with respect to a parameter of loads or of the ground."""
     if slot.effect.stage == "ground":
         return by_ground(seen, slot, changed, here)
     path, vehicles = seen.path, columns(seen.local.vehicles)
@@ -201,7 +201,7 @@ def by_rows(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
 
 
 def by_gauges(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor]) -> Tensor:
-    """Derivatives [way, sample, channel] by a parameter of the cable or the gauge length, along ways that it may go."""
+    """Derivatives [way, sample, channel] in directions of a parameter of the cable or of the gauge length."""
     stages = seen.path.described(changed(here))
     names = [*EACH, *ALIKE, *(() if stages.cable.loose is None else LOOSE), "gauge_length"]
 
@@ -219,7 +219,7 @@ def by_gauges(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor]
 
 
 def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
-    """Derivative [row, channel] by a parameter of the ground's law, or of what it is here and there."""
+    """Derivative [row, channel] with respect to a parameter of the ground's law or of its local properties."""
     path, by = seen.path, seen.local.by
     own = replace(path.extension, effects=(slot.effect,)).described(changed(here), path.gauge_length).ground
     total = torch.zeros_like(by.alone)
@@ -231,7 +231,7 @@ def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
         total = total + by.along_gauges(Gauges(*pushed_all(gauges, here, torch.ones_like(here))))
     if own.response is None and own.settlement is None and own.radiation is None:
         return total
-    # Strain is in proportion to the answer: what the answer's derivative would make of the loads is wanted.
+    # Strain is proportional to the ground's response: apply the derivative of the response to the loads.
     with forward_ad.dual_level():
         dual = path.grounds(changed(forward_ad.make_dual(here, torch.ones_like(here))))
         load = replace(by.load, thrust=None, thrust_rate=None)
@@ -240,7 +240,7 @@ def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
 
 
 def varying(ground: Ground) -> Ground:
-    """Ground that answers with the derivative of its answer by the parameter of which it knows the derivative."""
+    """Ground whose response is replaced by its derivative with respect to the parameter that carries one."""
 
     def tangent(answer: Callable[..., Tensor] | None) -> Callable[..., Tensor]:
         def along(offset: Tensor, *others: Tensor) -> Tensor:
@@ -258,7 +258,7 @@ def varying(ground: Ground) -> Ground:
 
 
 def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:
-    """Whether an effect changes what single vehicles do to single channels."""
+    """Whether an effect changes the response of single channels to single vehicles."""
     if slot.effect.stage in ("trajectory", "load"):
         return True
     alone = replace(seen.path.extension, effects=(slot.effect,)).described(values, seen.path.gauge_length)
@@ -266,7 +266,7 @@ def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:
 
 
 def acts_on_map(seen: Seen, slot: Slot, values: Values) -> bool:
-    """Whether an effect changes what becomes of the whole map."""
+    """Whether an effect acts on the whole map."""
     if slot.effect.stage in ("trajectory", "load"):
         return False
     alone = replace(seen.path.extension, effects=(slot.effect,)).described(values, seen.path.gauge_length)

@@ -22,9 +22,9 @@ from solver.trajectory.trajectory import Trajectory
 #: Effect -> parameter -> value, local to rows and channels.
 Values = Mapping[str, Mapping[str, Tensor]]
 
-#: Knot spacing of what is smooth along the fiber, half a gauge of the usual, and along the road, m, and in time, s.
+#: Knot spacing of splines along the fiber, m (half a usual gauge length), along the road, m, and in time, s.
 SMOOTH, SMOOTH_ROAD, SMOOTH_TIME = 5.0, 10.0, 2.0
-#: What the functions of effects take and return.
+#: What an effect's function takes and returns.
 STAGE_VALUES: dict[str, type] = {
     "trajectory": Trajectory,
     "load": Load,
@@ -37,7 +37,7 @@ STAGE_VALUES: dict[str, type] = {
 
 @dataclass(frozen=True)
 class Scopes:
-    """How the numbers of each scope spread over rows and channels.
+    """Spline weights that spread the numbers of each scope over rows and channels.
 
     Parameters
     ----------
@@ -72,15 +72,15 @@ class Scopes:
         return cls(rows, rates, _spread(distance, SMOOTH), swings[:, swings.any(0)])
 
     def count(self, scope: str) -> int:
-        """How many numbers a parameter of that scope has."""
+        """Count of numbers of a parameter of that scope."""
         return 1 if scope == "one" else self.along(scope).shape[1]
 
     def along(self, scope: str) -> Tensor:
-        """How the numbers of a scope spread: [channel or sample or row, number]."""
+        """Spline weights of a scope, [channel or sample or row, number]."""
         return {"fiber": self.fiber, "time": self.samples, **self.rows}[scope]
 
     def local(self, scope: str, numbers: Tensor) -> Tensor:
-        """Numbers of one parameter -> [] ("one"), [channel] ("fiber"), [sample, 1] ("time") or [row, 1]."""
+        """Local values of one parameter: [] ("one"), [channel] ("fiber"), [sample, 1] ("time") or [row, 1]."""
         if scope == "one":
             return numbers.reshape(())
         value = self.along(scope) @ numbers
@@ -88,18 +88,18 @@ class Scopes:
 
 
 def _smooth(start: float, stop: float, spacing: float) -> SplineBasis:
-    """Splines over a stretch, at least one interval long."""
+    """Splines over a stretch of at least one interval."""
     return SplineBasis(start, max(stop, start + spacing), spacing)
 
 
 def _spread(at: Tensor, spacing: float) -> Tensor:
-    """Matrix [point, number] of splines over all points."""
+    """Matrix [point, number] of the splines at all points."""
     return torch.from_numpy(_smooth(float(at.min()), float(at.max()), spacing).at(at.numpy()))
 
 
 @dataclass(frozen=True)
 class Slot:
-    """Where a parameter's numbers are in the vector of all."""
+    """Place of a parameter's numbers in the vector of all parameters."""
 
     effect: Effect
     parameter: Parameter
@@ -113,11 +113,11 @@ class Extension:
     Parameters
     ----------
     effects : in the model
-    surroundings : what they may ask; None where there is no effect
-    scopes : how their parameters spread
+    surroundings : what effects may ask of the survey; None without effects
+    scopes : spline weights of their parameters
     chosen : [channel], which of the computed channels were measured; all where None
     time : [row], s since the record's start, of the traffic's rows
-    traffic : finer than the record's samples, where filters in time need that; None: as it is
+    traffic : sampled finer than the record, if filters in time need it; None: unchanged
     """
 
     effects: Sequence[Effect] = ()
@@ -140,7 +140,7 @@ class Extension:
 
     @property
     def size(self) -> int:
-        """How many numbers all parameters have."""
+        """Count of numbers of all parameters."""
         return self.slots[-1].where.stop if self.slots else 0
 
     def numbers(self, value: Mapping[str, Mapping[str, float]] | None = None) -> Tensor:
@@ -179,7 +179,7 @@ class Extension:
         Raises
         ------
         ValueError
-            Where an effect gives back something else than its stage.
+            If an effect returns something other than its stage.
         """
         for one in self.effects:
             if one.stage == stage:
@@ -194,13 +194,13 @@ class Extension:
 
     @property
     def moving(self) -> list[Slot]:
-        """Parameters of the whole cable, which may lead its channels elsewhere."""
+        """Parameters of the whole cable, which may move its channels."""
         return [s for s in self.slots if s.effect.stage == "cable" and s.parameter.scope in ("one", "fiber")]
 
     def places(self, numbers: Tensor, distance: Tensor) -> Tensor:
-        """Where along the route the fiber lies, m, that counts as `distance` [place], m, along itself.
+        """Place along the route, m, of the fiber at `distance` [place], m, along the fiber.
 
-        Beyond the channels it is as far off as at their ends.
+        Beyond the channels, the offset is that at their ends.
         """
         if self.surroundings is None or not self.moving:
             return distance
@@ -210,7 +210,7 @@ class Extension:
         return distance + between_channels(moved, counted, distance)
 
     def moves(self, numbers: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
-        """`places` [place] and their derivatives [place, number] by the numbers of `moving`."""
+        """`places` [place] and their derivatives [place, number] with respect to the numbers of `moving`."""
         mine = [numbers[slot.where] for slot in self.moving]
         if not mine or not len(distance):
             return distance, distance.new_zeros(len(distance), sum(len(one) for one in mine))

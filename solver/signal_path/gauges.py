@@ -1,4 +1,4 @@
-"""Where each gauge hears the ground, and with which weights: its strain rate is a weighted sum of velocities there."""
+"""Points at which each gauge samples the ground, and weights: strain rate is a weighted sum of velocities there."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -14,13 +14,13 @@ from solver.signal_path.observation import BASE, Description
 
 @dataclass(frozen=True)
 class Gauges:
-    """Gauges as the ground moves them.
+    """Gauges: points in the ground, and weights of its velocity there.
 
     Parameters
     ----------
     points : [channel, point, 3], m
     weights : [channel, point, 3], 1/m: strain rate is the sum of weight . velocity of the ground over the points
-    change : [channel, point], what is added to Poisson's ratio there; None: nothing
+    change : [channel, point], added to Poisson's ratio there; None: nothing
     """
 
     points: Tensor
@@ -29,23 +29,23 @@ class Gauges:
 
     @property
     def tensors(self) -> tuple[Tensor, ...]:
-        """Points, weights, and the change of Poisson's ratio where there is one."""
+        """Points, weights, and the change of Poisson's ratio if there is one."""
         return (self.points, self.weights) if self.change is None else (self.points, self.weights, self.change)
 
     @classmethod
     def of(cls, fiber: Fiber, stages: Description, curved: bool) -> "Gauges":
-        """From the fiber's geometry and what the stages say of ground, cable and interrogator.
+        """Gauges from the fiber's geometry, and from ground, cable and interrogator as the stages describe them.
 
         The mean of t . du/ds over a gauge, t the unit tangent, is [t . u] between its ends less the integral of
-        u . dt/ds. Where the ground's compliance or Poisson's ratio changes along it, strain is summed piece by piece,
-        each with the mean of those at its ends: strain is local, and with ratios of their own the ends would settle
-        differently, which is no strain.
+        u . dt/ds. Where the ground's compliance or Poisson's ratio changes along the gauge, strain is summed piece by
+        piece, each piece with the mean of the values at its ends: strain is local, and a different ratio at each end
+        would add a difference in settlement that is not strain.
 
         Parameters
         ----------
-        fiber : with the stations within, where these matter
+        fiber : with the stations inside the gauge, where these matter
         stages : of the signal path
-        curved : count all of the second part; else the share that the cable says
+        curved : include the integral in full; else the share that the cable sets
         """
         ground, cable = stages.ground, stages.cable
         points = ordered(fiber.behind, fiber.inner, fiber.ahead)
@@ -65,7 +65,7 @@ class Gauges:
         places, ratio = list(range(points.shape[1])), None
         along = pad(pieces, (1, 0)) - pad(pieces, (0, 1))
         if change is not None:
-            # Both ends of each piece, with its own ratio.
+            # Both ends of each piece, with the ratio of that piece.
             places, along = [*places[:-1], *places[1:]], torch.cat([-pieces, pieces], 1)
             ratio = between(change).repeat(1, 2)
         parts = [(points[:, places], along, tangents[:, places], ratio)]
@@ -91,13 +91,13 @@ class Gauges:
 
 
 def ordered(behind: Tensor, inner: Tensor | None, ahead: Tensor) -> Tensor:
-    """Vectors [channel, point, 3] at the end behind, the stations within where there are any, and the end ahead."""
+    """Vectors [channel, point, 3] at the rear end, the stations inside the gauge, if any, and the front end."""
     behind, ahead = behind[:, None], ahead[:, None]
     return torch.cat([behind, ahead] if inner is None else [behind, inner, ahead], 1)
 
 
 def followed(slope: Tensor, vertical: Tensor | float) -> Tensor:
-    """Vectors [..., 3] along which the fiber follows the ground: tangents, with a share of their vertical part."""
+    """Directions [..., 3] in which the fiber follows the ground: tangents with a share of their vertical component."""
     tangent = unit(slope)
     if not isinstance(vertical, Tensor):
         return tangent
@@ -105,12 +105,12 @@ def followed(slope: Tensor, vertical: Tensor | float) -> Tensor:
 
 
 def between(values: Tensor) -> Tensor:
-    """Means [channel, piece] of values [channel, point] at either end of each piece."""
+    """Means [channel, piece] of the values [channel, point] at both ends of each piece."""
     return (values[:, 1:] + values[:, :-1]) / 2
 
 
 def route_jacobian(ends: GaugeEnds, coefficients: Tensor, stages: Description, curved: bool) -> tuple[Tensor, Tensor]:
-    """How the gauges change with a route's coefficients [coefficient, 3].
+    """Derivatives of the gauges with respect to a route's coefficients [coefficient, 3].
 
     Parameters
     ----------
@@ -120,9 +120,9 @@ def route_jacobian(ends: GaugeEnds, coefficients: Tensor, stages: Description, c
 
     Returns
     -------
-    places : [channel, point, coefficient], of the points, in each dimension alike
-    others : [channel, 3 point (+ point), 3 coefficient], of the weights and, where there is one, the change of
-        Poisson's ratio
+    places : [channel, point, coefficient], of the points; the same in each dimension
+    others : [channel, 3 point (+ point), 3 coefficient], of the weights and, if there is one, the change of Poisson's
+        ratio
     """
     if stages.in_rows:
         return _jacobian(ends, coefficients, stages, curved)
@@ -131,13 +131,14 @@ def route_jacobian(ends: GaugeEnds, coefficients: Tensor, stages: Description, c
 
 @lru_cache(maxsize=4)
 def _of_base(ends: GaugeEnds, coefficients: bytes, gauge_length: float, curved: bool) -> tuple[Tensor, Tensor]:
-    """`route_jacobian` of the base model: crowds of vehicles on one stretch share it."""
+    """`route_jacobian` of the base model, shared by all vehicles on one stretch."""
     route = torch.frombuffer(bytearray(coefficients), dtype=torch.float64).reshape(-1, 3)
     return _jacobian(ends, route, replace(BASE, interrogator=Interrogator(gauge_length)), curved)
 
 
 def _jacobian(ends: GaugeEnds, coefficients: Tensor, stages: Description, curved: bool) -> tuple[Tensor, Tensor]:
-    # Each channel has its own copy of what all share, so that one gradient holds the derivatives of all channels.
+    # Each channel gets its own copy of the shared coefficients, so that one gradient holds the derivatives of all
+    # channels.
     bases = {name: matrix.expand(len(ends.ahead), *matrix.shape[1:]) for name, matrix in ends.present().items()}
     fiber = {name: (basis @ coefficients).requires_grad_() for name, basis in bases.items()}
     with torch.enable_grad():
@@ -145,7 +146,7 @@ def _jacobian(ends: GaugeEnds, coefficients: Tensor, stages: Description, curved
         others = [gauges.weights.flatten(1)] if gauges.change is None else [gauges.weights.flatten(1), gauges.change]
         every = torch.cat([gauges.points[..., 0], *others], 1)
     given = list(fiber.values())
-    # PyTorch's batched gradients would load much more than they save.
+    # Loading PyTorch's batched gradients would take longer than they save.
     each = [torch.autograd.grad(x.sum(), given, retain_graph=True, materialize_grads=True) for x in every.unbind(1)]
     found = [torch.stack(gradients, 1) for gradients in zip(*each, strict=True)]
     total = torch.zeros(*every.shape, len(coefficients), 3, dtype=every.dtype)

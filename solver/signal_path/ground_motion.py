@@ -1,4 +1,4 @@
-"""What loads do to gauges: the ground's velocity where each hears it, weighted and summed."""
+"""Response of gauges to loads: the ground's velocity at each gauge's points, weighted and summed."""
 
 import torch
 from torch import Tensor
@@ -37,11 +37,11 @@ def ground_motion(
     ----------
     point : [..., channel, point, 3], m
     poisson_ratio : scalar or [..., channel, point]
-    static : with the part that vehicles' weight does where it does not change
+    static : include the response to the constant weight of the vehicles
 
     Returns
     -------
-    [row, channel, point, 3], or None where no such part was asked for and there is no other
+    [row, channel, point, 3], or None if that part is excluded and there is no other
     """
     others = ground.radiation, load.share_rate, load.thrust, load.thrust_rate
     if not static and all(one is None for one in others):
@@ -65,10 +65,10 @@ def ground_motion(
 
 
 def offsets(point: Tensor, wheels: Tensor) -> Tensor:
-    """Points [..., 3], z down, less wheels [..., wheel, 2] on the road: [..., wheel, 3], m.
+    """Points [..., 3], z down, minus wheels [..., wheel, 2] on the road: [..., wheel, 3], m.
 
-    Components and wheels are outermost in memory: all that is done to them, sums over wheels above all, then runs along
-    long rows, several times as fast.
+    Components and wheels are outermost in memory, so that operations, sums over wheels above all, run along long rows,
+    several times as fast.
     """
     at = wheels.movedim((-1, -2), (0, 1))
     x, y = point[..., 0] - at[0], point[..., 1] - at[1]

@@ -1,4 +1,4 @@
-"""What happens to a whole strain-rate map: filters in time and along the fiber, the instrument's limits, processing."""
+"""Stages that act on a whole strain-rate map: filters in time and along the fiber, instrument limits, processing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -23,7 +23,7 @@ BRIDGE = 30.0
 
 
 def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling_rate: float) -> Tensor:
-    """Filter maps [..., sample, channel] in time; nothing before the first sample.
+    """Filter maps [..., sample, channel] in time; zero before the first sample.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling
     Notes
     -----
     The Fourier transform of the values times exp(-sigma t) is their Laplace transform at s (Wedepohl and Wilcox 1973):
-    poles at s = 0, such as an integrator's, do no harm, and what wraps around is exp(-8) of itself.
+    poles at s = 0, such as an integrator's, do no harm, and wrap-around is damped to exp(-8).
 
     >>> time = torch.arange(100, dtype=torch.float64)[:, None] / 10
     >>> bell = torch.exp(-((time - 5) ** 2))
@@ -40,7 +40,7 @@ def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling
     1.773
     """
     samples = values.shape[-2]
-    # Even: real transforms of odd lengths are slow.
+    # An even length: real transforms of odd lengths are slow.
     size = 2 * next_fast_len(samples * 5 // 8 + 32, real=True)
     time = torch.arange(samples, dtype=values.dtype)[:, None] / sampling_rate
     sigma = DECAY * sampling_rate / size
@@ -84,7 +84,7 @@ class Description:
     sampling_rate : of the record, Hz
     channel_spacing : m
     chosen : [channel], which of the computed channels were measured; all where None
-    over : moments at which maps are computed per sample of the record
+    over : how many moments per sample of the record maps are computed at
     """
 
     ground: Ground = field(default_factory=Ground)
@@ -98,29 +98,29 @@ class Description:
 
     @property
     def along_fiber(self) -> bool:
-        """Whether neighboring channels matter."""
+        """Whether a channel depends on its neighbors."""
         filters = self.cable.transfers or self.interrogator.fiber_transfers
         return bool(filters or self.cable.mixing or self.interrogator.mixing or self.processing.steps)
 
     @property
     def nonlinear(self) -> bool:
-        """Whether twice the load is not twice the map."""
+        """Whether the map is nonlinear in the load."""
         return bool(self.ground.tangent_compliances or self.interrogator.pointwise)
 
     @property
     def linear(self) -> "Description":
-        """The same without what is not linear."""
+        """The same without its nonlinear parts."""
         ground, interrogator = replace(self.ground, tangent_compliances=()), replace(self.interrogator, pointwise=())
         return replace(self, ground=ground, interrogator=interrogator)
 
     @property
     def gauge(self) -> Tensor | float:
-        """How far along the route each gauge reaches, scalar or [channel], m."""
+        """Length of each gauge along the route, scalar or [channel], m."""
         return self.interrogator.gauge_length * (1 + self.cable.slack)
 
     @property
     def in_rows(self) -> bool:
-        """Whether it differs from the base model in what single vehicles do to single channels."""
+        """Whether single vehicles affect single channels otherwise than in the base model."""
         told = not isinstance(self.interrogator.gauge_length, Tensor)
         return not (told and self.ground.plain and self.cable.like_ground)
 
@@ -130,7 +130,7 @@ class Description:
         return (*self.ground.transfers, *self.interrogator.transfers)
 
     def observed(self, alone: Tensor, samples: NDArray[np.int64]) -> Tensor:
-        """Measured channels and samples of what becomes of maps [..., moment, computed channel]."""
+        """Maps [..., moment, computed channel] as observed, at the measured samples and channels."""
         out = alone
         if self.cable.transfers or self.interrogator.fiber_transfers:
             transfers = (*self.cable.transfers, *self.interrogator.fiber_transfers)
@@ -146,7 +146,7 @@ class Description:
         return out if self.chosen is None else out[..., self.chosen]
 
     def _in_time(self, values: Tensor, samples: NDArray[np.int64]) -> Tensor:
-        """Everything that needs neighboring samples, on gapless stretches; they begin at samples of the record."""
+        """Apply all that needs neighboring samples, on gapless stretches that start at samples of the record."""
         parts, rate = [], self.sampling_rate * self.over
         for block in bridged(samples, round(BRIDGE * rate)):
             at = torch.from_numpy(samples[block] - samples[block.start])

@@ -1,4 +1,4 @@
-"""Strain rate of single vehicles at single gauges, and its derivatives by all that it is made of: the chain rule."""
+"""Strain rate of single vehicles at single gauges, and its derivatives with respect to all inputs: the chain rule."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -20,12 +20,12 @@ class Sensitivities:
     Parameters
     ----------
     amplitude : [row], m^2
-    gauges, load : at which the derivatives hold
+    gauges, load : where the derivatives are taken
     alone : [row, channel], strain rate per unit amplitude, 1/(m^2 s)
     by_point, by_weight : [row, channel, point, 3], derivatives of that
-    by_ratio : [row, channel, point], by Poisson's ratio there
-    by_load : by what loads are
-    by_vehicle : field of `Vehicles` -> [row, channel], by what may be fitted about each vehicle
+    by_ratio : [row, channel, point], with respect to Poisson's ratio at the point
+    by_load : with respect to the tensors of the loads
+    by_vehicle : field of `Vehicles` -> [row, channel], with respect to what may be fitted about each vehicle
     """
 
     amplitude: Tensor
@@ -45,29 +45,29 @@ class Sensitivities:
 
     @property
     def bytes(self) -> int:
-        """What they take in memory."""
+        """Their size in memory."""
         own = (self.alone, self.by_point, self.by_weight, self.by_ratio)
         every = (*own, *self.by_load.values(), *self.by_vehicle.values())
         return sum(one.numel() * one.element_size() for one in every)
 
     @property
     def shifts(self) -> "Sensitivities":
-        """Only what amplitudes and weights of samples are made of: derivatives by shifts of the vehicles."""
+        """Only the derivatives with respect to shifts of the vehicles, which amplitudes and sample weights need."""
         none = self.alone.new_zeros(0)
         by_vehicle = {name: self.by_vehicle[name] for name in ("along", "across")}
         return replace(self, by_point=none, by_weight=none, by_ratio=none, by_load={}, by_vehicle=by_vehicle)
 
     @property
     def poisson_ratio(self) -> Tensor:
-        """Derivative [row, channel] by Poisson's ratio everywhere."""
+        """Derivative [row, channel] with respect to Poisson's ratio everywhere."""
         return self.amplitude[:, None] * self.by_ratio.sum(-1)
 
     def vehicle(self, name: str) -> Tensor:
-        """Derivative [row, channel] by a field of `Vehicles`."""
+        """Derivative [row, channel] with respect to a field of `Vehicles`."""
         return self.alone if name == "amplitude" else self.amplitude[:, None] * self.by_vehicle[name]
 
     def along_gauges(self, change: Gauges) -> Tensor:
-        """Derivative [row, channel] by what moves and weighs the gauges' points so."""
+        """Directional derivative [row, channel] for these changes of the gauges' points and weights."""
         total = (self.by_point * change.points).sum((-1, -2)) + (self.by_weight * change.weights).sum((-1, -2))
         if change.change is not None:
             total = total + (self.by_ratio * change.change).sum(-1)
@@ -75,6 +75,6 @@ class Sensitivities:
 
 
 def along_load(by: ByLoad, change: Mapping[str, Tensor]) -> Tensor:
-    """Derivative [row, channel] by what changes the loads so, per unit amplitude."""
+    """Directional derivative [row, channel], per unit amplitude, for these changes of the loads."""
     moved = [(by[name] * tangent).flatten(2).sum(-1) for name, tangent in change.items() if bool(tangent.any())]
     return sum(moved[1:], moved[0]) if moved else torch.zeros(next(iter(by.values())).shape[:2], dtype=torch.float64)

@@ -23,22 +23,23 @@ from solver.signal_path.sensitivities import ByLoad, Sensitivities, along_load
 from solver.signal_path.traffic import Traffic, Vehicles
 from solver.trajectory.trajectory import Trajectory
 
-#: Points of gauges, of all rows, that are computed at once.
+#: Gauge points, over all rows, that are computed together.
 BLOCK = 32768
-#: What wheels may do to the road beside a constant weight.
+#: Forces of wheels on the road other than constant weight.
 FORCES = ("share_rate", "thrust", "thrust_rate")
 
 
 @dataclass(frozen=True)
 class SignalPath:
-    """Strain rate that traffic makes in a fiber.
+    """Strain rate that traffic causes in a fiber.
 
     Parameters
     ----------
-    traffic : vehicles' places
+    traffic : positions of the vehicles
     gauge_length : m
     extension : the effects beyond the base model, none by default
-    curved : strain is the integral along the fiber's path; if not, the motion of the gauge's two ends, as published
+    curved : strain is the integral along the fiber's path; if not, the relative motion of the gauge's two ends, as
+        published
     """
 
     traffic: Traffic
@@ -47,7 +48,7 @@ class SignalPath:
     curved: bool = False
 
     def with_effects(self, extension: Extension) -> "SignalPath":
-        """The path with other effects, at the moments that they need."""
+        """The path with other effects, sampled in time as they need."""
         return replace(self, extension=extension, traffic=extension.traffic or self.traffic)
 
     def described(self, values: Values) -> Description:
@@ -55,7 +56,7 @@ class SignalPath:
         return self.extension.described(values, self.gauge_length)
 
     def grounds(self, values: Values) -> Callable[[slice], Ground]:
-        """Function of some rows to the ground for them: one for all unless each row has its own."""
+        """A function from rows to their ground: one ground for all, unless each row has its own."""
         by_row = (slot.parameter.scope in BY_ROW for slot in self.extension.slots if slot.effect.stage == "ground")
         if any(by_row):
             return lambda rows: self.described(self.extension.part(values, rows)).ground
@@ -87,11 +88,11 @@ class SignalPath:
         return self.extension.changed("load", load, values)
 
     def gauges(self, fiber: Fiber, values: Values) -> Gauges:
-        """Where gauges of that geometry hear the ground."""
+        """The gauges of that geometry: points and weights."""
         return Gauges.of(fiber, self.described(values), self.curved)
 
     def rows(self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values | None = None) -> Tensor:
-        """Strain rate [row, channel] of each vehicle alone, 1/s, before whatever acts on the whole map.
+        """Strain rate [row, channel] of each vehicle alone, 1/s, before stages that act on the whole map.
 
         Fields of `fiber` are [channel, ...], of `vehicles` (per row) [row]; `poisson_ratio` is a scalar; `values` are
         those of the effects' parameters, local to rows and channels (`Extension.local`).
@@ -101,7 +102,7 @@ class SignalPath:
         return vehicles.amplitude[:, None] * self.alone(load, gauges, poisson_ratio, self.grounds(values))
 
     def alone(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, ground: Callable[[slice], Ground]) -> Tensor:
-        """The same per unit amplitude, for loads, gauges and ground of some rows that are known."""
+        """The same per unit amplitude, for given loads, gauges and ground of some rows."""
         ratio = poisson_ratio if gauges.change is None else poisson_ratio + gauges.change
         parts = (
             strain_rates(load.part(rows), ground(rows), gauges.points, gauges.weights, ratio)
@@ -110,9 +111,9 @@ class SignalPath:
         return torch.cat(list(parts))
 
     def blocks(self, load: Load, gauges: Gauges, ground: Callable[[slice], Ground]) -> list[slice]:
-        """Rows that are computed at once: small tensors stay in the processor's cache, and all would hold gigabytes.
+        """Blocks of rows computed together: small tensors stay in the processor's cache; all rows would take gigabytes.
 
-        What the base model says of vertical loads is computed in one pass, whatever their number.
+        The base model's response to vertical loads is computed in one pass, whatever their number.
         """
         rows = len(self.traffic.pass_index)
         others = ground(slice(0, 1)).response, ground(slice(0, 1)).radiation, *map(load.tensors.get, FORCES)
@@ -121,7 +122,7 @@ class SignalPath:
         return [slice(first, min(first + count, rows)) for first in range(0, max(rows, 1), count)]
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
-        """What the interrogator and the processing make of maps [..., sample, channel]."""
+        """Maps [..., sample, channel] after interrogator and processing."""
         return self.described(values).observed(alone, self.traffic.samples)
 
     def strain_rate(
@@ -135,11 +136,11 @@ class SignalPath:
     def sensitivities(
         self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values | None = None
     ) -> Sensitivities:
-        """Strain rate of each row and its derivatives by every local quantity.
+        """Strain rate of each row and its derivatives with respect to every local quantity.
 
-        One backward pass per block of rows: each pair of a row and a channel depends on its own copy of points, weights
-        and loads only, so the gradient of the sum over all holds all derivatives. What acts on the whole map is not in
-        them, see `observed`.
+        One backward pass per block of rows: each pair of a row and a channel depends only on its own copy of points,
+        weights and loads, so the gradient of the sum over all pairs holds all derivatives. Stages that act on the whole
+        map are not included, see `observed`.
         """
         values = values or {}
         per_row = vehicles.rows(self.traffic)
@@ -149,7 +150,7 @@ class SignalPath:
     def sensitivities_of(
         self, load: Load, gauges: Gauges, vehicles: Vehicles, poisson_ratio: Tensor, values: Values
     ) -> Sensitivities:
-        """The same for loads and gauges that are known, of vehicles per row."""
+        """The same for given loads and gauges, of vehicles per row."""
         ground = self.grounds(values)
         parts = [_block(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground)]
         alone, by_point, by_weight, by_ratio = (torch.cat(one) for one in zip(*(own for own, _ in parts), strict=True))
@@ -170,26 +171,26 @@ class SignalPath:
         return Sensitivities(vehicles.amplitude, gauges, load, *own, by_load, by_vehicles)
 
     def by_load(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, values: Values) -> ByLoad:
-        """Derivatives by what the loads are, alone."""
+        """Only the derivatives with respect to the tensors of the loads."""
         ground = self.grounds(values)
         parts = (_block(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground))
         return _joined([by for _, by in parts])
 
 
 def _joined(parts: Sequence[ByLoad]) -> ByLoad:
-    """Blocks of rows in one."""
+    """Join blocks of rows."""
     return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
 
 
 def columns(vehicles: Vehicles) -> Vehicles:
-    """Vehicles per row [row] as they mix with what is per channel, [row, 1]."""
+    """Vehicles per row [row] with a channel axis, [row, 1]."""
     return Vehicles(*(getattr(vehicles, f.name)[:, None] for f in fields(vehicles)))
 
 
 def _block(
     load: Load, ground: Ground, gauges: Gauges, poisson_ratio: Tensor
 ) -> tuple[tuple[Tensor, Tensor, Tensor, Tensor], dict[str, Tensor]]:
-    """Strain rate [row, channel] of some rows, its derivatives by points, weights and ratio, and by their loads."""
+    """Strain rate [row, channel] of some rows, and its derivatives by points, weights, ratio and loads."""
     shape = (len(load.share), *gauges.points.shape[:2])
     ratio = poisson_ratio if gauges.change is None else poisson_ratio + gauges.change
 
@@ -197,7 +198,7 @@ def _block(
         return x.detach().expand(*whole).requires_grad_()
 
     own = leaf(gauges.points, *shape, 3), leaf(gauges.weights, *shape, 3), leaf(ratio, *shape)
-    # Of the rest nothing depends on the channel.
+    # Nothing else depends on the channel.
     named = [name for name in load.tensors if name in ("position", "share", *FORCES, "trajectory.velocity")]
     forces = {name: leaf(load.tensors[name], *shape[:2], *load.tensors[name].shape[2:]) for name in named}
     with torch.enable_grad():

@@ -1,4 +1,4 @@
-"""The vehicles of a survey as tensors: where each was at every sample it matters for, and what a fit may change of it.
+"""The vehicles of a survey as tensors: their positions at every relevant sample, and what a fit may change.
 
 Rows are (pass, sample) pairs of all passes, one after the other, so that any number of vehicles, meeting or apart, is
 one tensor operation; rows of the same sample superpose.
@@ -16,13 +16,13 @@ from solver.load.wheel_layout import class_number, layout_of
 from solver.noise.whitening import blocks_of
 from solver.trajectory.vehicle_pass import Pass
 
-#: What changes along a vehicle's way, and the degree of its course between samples.
+#: Quantities that change along a vehicle's path, and the polynomial degree by which each is interpolated.
 MOVING = {"position": 3, "velocity": 1, "heading": 1, "sigma": 1}
 
 
 @dataclass(frozen=True)
 class Traffic:
-    """Where every vehicle was at every sample it matters for.
+    """Position of every vehicle at every sample that it affects.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Traffic:
 
     @classmethod
     def of(cls, passes: Sequence[Pass], more: np.ndarray | None = None) -> "Traffic":
-        """Stack passes; `more` are rows of the record to look at beside those with a vehicle."""
+        """Stack passes; `more` are rows of the record to include beside those with a vehicle."""
         record_rows = np.concatenate([p.rows for p in passes])
         samples = np.unique(record_rows if more is None else np.concatenate([record_rows, more]))
         sample_index = np.searchsorted(samples, record_rows)
@@ -87,7 +87,7 @@ class Traffic:
         )
 
     def finer(self, over: int) -> "Traffic":
-        """The same with `over` moments per sample, as far as samples are consecutive."""
+        """The same with `over` moments per sample, where samples are consecutive."""
         samples = np.concatenate([np.arange(b.start, b.stop) for b in stretched(self.samples, over)])
         parts: dict[str, list[np.ndarray]] = {name: [] for name in ("pass", "at", *MOVING)}
         record_row = self.samples[self.sample_index.numpy()]
@@ -115,7 +115,7 @@ class Traffic:
 
     @property
     def record_sample(self) -> Tensor:
-        """Which sample of the record each row is at, or last was, [row]."""
+        """The sample of the record at, or last before, each row, [row]."""
         return torch.from_numpy(np.cumsum(self.sampled) - 1)[self.sample_index]
 
     def superpose(self, rows: Tensor) -> Tensor:
@@ -135,7 +135,7 @@ def stretched(samples: np.ndarray, over: int) -> list[slice]:
 
 
 def _heading(one: Pass) -> np.ndarray:
-    # A vehicle that stands still keeps the direction of its whole passage.
+    # A stationary vehicle keeps the direction of its whole pass.
     chord = one.position[-1] - one.position[0]
     speed = np.linalg.norm(one.velocity, axis=1, keepdims=True)
     moving = np.where(speed > 0.5, one.velocity, chord)
