@@ -80,6 +80,15 @@ class Local:
         self._by_load.append((load, by))
         return by
 
+    def along_gauges(self, here: Gauges, change: Gauges) -> Tensor:
+        """Derivative [row, channel] by what changes gauges so; some of their points may lie elsewhere than in `by`."""
+        other = (here.points != self.by.gauges.points).flatten(2).any(2).any(0)
+        if not bool(other.any()):
+            return self.by.along_gauges(change)
+        # Each point adds what it adds, whatever the others are.
+        new = self.path.sensitivities_of(self.by.load, here.part(other), self.vehicles, self.poisson_ratio, self.values)
+        return self.by.part(~other).along_gauges(change.part(~other)) + new.along_gauges(change.part(other))
+
     def by_number(self, stages: Description, name: str) -> Tensor:
         """Derivative of `alone` with respect to a number of the cable, or the gauge length."""
         loose = stages.cable.loose
@@ -88,7 +97,7 @@ class Local:
             here = torch.as_tensor(number(stages, name), dtype=torch.float64)
             here = here.expand(len(stages.cable.counted)) if name in EACH else here
             moved = pushed_all(lambda x: self.gauges(with_number(stages, name, x)).tensors, here, torch.ones_like(here))
-            self._by_number[key] = self.path.traffic.superpose(self.by.along_gauges(Gauges(*moved)))
+            self._by_number[key] = self.path.traffic.superpose(self.along_gauges(self.gauges(stages), Gauges(*moved)))
         return self._by_number[key]
 
 
@@ -228,7 +237,8 @@ def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
         def gauges(value: Tensor) -> tuple[Tensor, ...]:
             return seen.gauges(path.described(changed(value))).tensors
 
-        total = total + by.along_gauges(Gauges(*pushed_all(gauges, here, torch.ones_like(here))))
+        moved = Gauges(*pushed_all(gauges, here, torch.ones_like(here)))
+        total = total + seen.local.along_gauges(Gauges(*gauges(here)), moved)
     if own.response is None and own.settlement is None and own.radiation is None:
         return total
     # Strain is proportional to the ground's response: apply the derivative of the response to the loads.

@@ -32,6 +32,10 @@ class Gauges:
         """Points, weights, and the change of Poisson's ratio if there is one."""
         return (self.points, self.weights) if self.change is None else (self.points, self.weights, self.change)
 
+    def part(self, chosen: Tensor) -> "Gauges":
+        """Some of the points, [point] bool."""
+        return Gauges(*(x[:, chosen] for x in self.tensors))
+
     @classmethod
     def of(cls, fiber: Fiber, stages: Description, curved: bool) -> "Gauges":
         """Gauges from the fiber's geometry, and from ground, cable and interrogator as the stages describe them.

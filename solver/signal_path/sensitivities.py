@@ -57,6 +57,12 @@ class Sensitivities:
         by_vehicle = {name: self.by_vehicle[name] for name in ("along", "across")}
         return replace(self, by_point=none, by_weight=none, by_ratio=none, by_load={}, by_vehicle=by_vehicle)
 
+    def part(self, chosen: Tensor) -> "Sensitivities":
+        """Those by some of the gauges' points, [point] bool."""
+        by_point, by_weight, by_ratio = (x[:, :, chosen] for x in (self.by_point, self.by_weight, self.by_ratio))
+        gauges = self.gauges.part(chosen)
+        return replace(self, gauges=gauges, by_point=by_point, by_weight=by_weight, by_ratio=by_ratio)
+
     @property
     def poisson_ratio(self) -> Tensor:
         """Derivative [row, channel] with respect to Poisson's ratio everywhere."""

@@ -7,12 +7,13 @@ import pytest
 import torch
 
 from solver.catalogue.catalogue import built_in
-from solver.catalogue.trial_survey import trial_survey
+from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.criticism.candidate import score_candidate
 from solver.criticism.score import FOUND
 from solver.criticism.scorer import Scorer
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
+from solver.signal_path.derivatives import derivative
 from solver.survey.anchors import Anchor
 
 
@@ -113,3 +114,20 @@ def test_vehicles_that_an_effect_is_not_about_say_nothing_of_its_size(scorer, na
         assert found.sigma == pytest.approx(np.median(first[heard]))
         assert 0 < 5 * found.sigma <= found.detectable_size
     assert len(set(told.estimate[:5])) == 1
+
+
+@pytest.mark.parametrize("name", [name for name, one in built_in().items() if one.shapes and one.seek is None])
+@pytest.mark.parametrize("curved", [False, True])
+def test_what_candidates_share_serves_each_of_their_shapes(name: str, curved: bool) -> None:
+    """Derivatives that a scorer makes of what it has of another shape, against those made for each shape alone."""
+    fit, state = trial_survey()
+    fit = MapFit(replace(fit.problem, curved=curved))
+    scorer, effect = Scorer(fit, state), built_in()[name]
+    trial = Trial(effect, fit, state)
+    for p in effect.shapes:
+        for value in (p.grid[0], p.grid[-1]):
+            numbers = trial.numbers({p.name: value})
+            seen, alone = scorer.seen(trial.extension), trial.seen(numbers)
+            for slot in (slot for slot in trial.extension.slots if not slot.parameter.is_shape):
+                found, expected = (derivative(one, slot, numbers) for one in (seen, alone))
+                torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-10 * float(expected.abs().max()))
