@@ -1,1 +1,1 @@
-"""Camera calibration: control points in, a ground homography or camera with honest errors out."""
+"""Camera calibration: from control points to a ground homography or camera with its covariance."""

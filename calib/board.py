@@ -16,7 +16,7 @@ from vision.stills import PICTURES
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
-FEWEST_CORNERS = 8  # of a view that is used
+FEWEST_CORNERS = 8  # corners of a view that is used
 FEWEST_VIEWS = 4
 WORST = 3.0  # times the median error of the views, beyond which one is left out
 VIDEO_FRAMES = 60  # looked at in a video
@@ -63,9 +63,9 @@ class BoardFit:
     Attributes
     ----------
     intrinsics : lens and its covariance
-    views : that were used
+    views : the views that were used
     residuals : of each view [n, 2], px
-    tilts : of each view's board against the picture, deg
+    tilts : angle of each view's board to the picture, deg
     coverage : share of the picture's cells with a corner in them
     warnings : one line each
     """
@@ -106,7 +106,7 @@ def draw_board(board: Board, pixels_per_square: int = 120) -> Image:
 def find_board(image: Image, board: Board, name: str = "") -> BoardView | None:
     """Find a board's corners in a picture [height, width, 3]; None where there are fewer than `FEWEST_CORNERS`.
 
-    Pixels are counted from the upper left corner of the picture, as everywhere here: OpenCV's plus 0.5.
+    Pixels are counted from the upper left corner of the picture, as throughout roadfiber: OpenCV's plus 0.5.
     """
     import cv2
 
@@ -191,12 +191,12 @@ def _expanded(sources: Iterable[Path]) -> Iterator[Path]:
 def fit_board(views: Sequence[BoardView], size: tuple[int, int]) -> BoardFit:
     """Fit focal lengths, principal point and five distortion terms to views of a board (Zhang 2000).
 
-    Views whose error is over three times the median are left out once. The covariance of the lens is that of the
-    joint least squares with every view's pose eliminated, from the corners' own scatter.
+    Views whose error is over three times the median are left out once. The covariance of the lens is that of the joint
+    least squares with every view's pose as a nuisance parameter, scaled by the scatter of the corners.
 
     Parameters
     ----------
-    views : at least four, of different poses
+    views : at least four, in different poses
     size : width, height, px
 
     Raises

@@ -1,4 +1,4 @@
-"""A fit as a calibration, and what it says of a point that was left out of it."""
+"""A fit as a calibration, and its leave-one-out errors."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,12 +66,12 @@ def _symmetric(matrix: Array) -> Array:
 
 
 def leave_one_out(fit: Estimate, points: ControlPoints, image_size: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Where the others put each point.
+    """Distance of each point from where the other points put it.
 
     Returns
     -------
-    distances [point], px and m, and the root mean square distance, m, that the others' own covariance and the point's
-    sigma let one expect; inf where they cannot say
+    distances [point], px and m, and the root mean square distance, m, expected from the covariance of the others and
+    the point's sigma; inf where the others do not determine it
     """
     found = [_left_out(fit, points, index, image_size) for index in range(len(points))]
     in_pixels, in_meters, expected = np.array(found).T

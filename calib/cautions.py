@@ -1,4 +1,4 @@
-"""What to be warned of in a calibration: outliers, points that nothing checks, weak layouts, misfit."""
+"""Warnings about a calibration: outliers, points that nothing checks, weak layouts, misfit."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +8,8 @@ from calib.estimate import Estimate
 from vision.camera import Calibration
 
 Array = NDArray[np.float64]
-WEAK = 5.0  # uncertainty of a projected pixel over that of a control point that deserves a warning
-BRITTLE, LARGE = 4.0, 0.5  # leave-one-out error over fit error, and m, that together deserve a warning
+WEAK = 5.0  # ratio of the uncertainties of a projected pixel and a control point from which on to warn
+BRITTLE, LARGE = 4.0, 0.5  # leave-one-out error over fit error, and in m, that together cause a warning
 
 
 def cautions(
@@ -27,8 +27,8 @@ def cautions(
     ----------
     points, used : all control points; [point], False where left out
     errors_px, errors_m : [point], of the fit
-    calibration : with the leave-one-out errors of the points used, if there are any
-    fit : that the calibration is of
+    calibration : with the leave-one-out errors of the points used, if known
+    fit : from which the calibration was made
     dilution : largest sd of the fit over the surveyed area, sigmas of a control point
     """
     messages = []

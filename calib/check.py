@@ -25,7 +25,7 @@ from vision.camera import Calibration
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 SUSPECT = 3.0  # standard deviations that a length may be off
-REACH = 80.0  # m; the grid goes no farther
+REACH = 80.0  # m; largest distance of the grid
 
 
 def draw_check(image: Image, calibration: Calibration, lengths: Lengths | None, found: Predicted | None) -> Image:
@@ -49,7 +49,7 @@ def draw_check(image: Image, calibration: Calibration, lengths: Lengths | None, 
 
 
 def grid_area(calibration: Calibration) -> Array:
-    """Places [2, 2], m, that span the grid: the control points, or the road that is seen within `REACH`."""
+    """Corners [2, 2], m, of the grid: around the control points, or the visible road within `REACH`."""
     if calibration.control_points:
         return np.array([(point.x, point.y) for point in calibration.control_points])
     low, high = seen_area(calibration)

@@ -11,7 +11,7 @@ from vision.contract import InputError, read_toml
 from vision.frames import Video
 from vision.video import open_video
 
-SPEED = 50 / 3.6  # m/s; of a vehicle, to say what a second is worth
+SPEED = 50 / 3.6  # m/s; speed of a vehicle, to translate time errors into distance
 GAP = 1.5  # median frame intervals that make a gap
 
 
@@ -21,10 +21,10 @@ class Clock:
 
     Attributes
     ----------
-    start : UTC of the video's time zero by the camera's clock, as site.toml has it
-    header : UTC of creation that the video's own header has, or None
-    clock_offset : s; how far the camera's clock is ahead, taken off
-    first, last : UTC of the first and of the last frame, after that
+    start : UTC of the video's time zero by the camera's clock, as given in site.toml
+    header : UTC of creation from the video's own header, or None
+    clock_offset : s; how far the camera's clock is ahead; it is subtracted
+    first, last : UTC of the first and last frame, corrected
     frames, interval, longest : count of frames, median and longest time between two, s
     gaps : count of intervals over 1.5 times the median
     """
@@ -46,12 +46,12 @@ class Clock:
 
 
 def read_clock(site: Path, clock_offset: float | None = None) -> Clock:
-    """Read the clock of a survey's video; `clock_offset`, s, in place of what site.toml has, to try one.
+    """Read the clock of a survey's video; `clock_offset`, s, overrides that of site.toml.
 
     Raises
     ------
     InputError
-        If there is no [camera] with video and start, a value is none, or the video cannot be read.
+        If there is no [camera] with video and start, a value is not valid, or the video cannot be read.
     """
     path = site / "site.toml" if site.is_dir() else site
     camera = read_toml(path, "a TOML file, as site.toml").get("camera")

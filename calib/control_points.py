@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
-PIXEL_SIGMA = 1.0  # px; how well a person clicks, where the file does not say
+PIXEL_SIGMA = 1.0  # px; accuracy of a click, if the file does not say
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class ControlPoints:
 
 
 def control_points(names: tuple[str, ...], pixels: Array, ground: Array, sigma: float = PIXEL_SIGMA) -> ControlPoints:
-    """Control points that are all found equally well, `sigma` px, at places without error.
+    """Control points with the same `sigma`, px, at places without error.
 
     >>> control_points(("curb",), np.array([[312.5, 401.0]]), np.array([[10.0, -3.5]])).sigma.tolist()
     [1.0]
@@ -65,8 +65,8 @@ def read_control_points(path: str | Path, frame: LocalFrame | None = None, crs: 
     Parameters
     ----------
     path : columns `name, px, py` and `x, y` (m), or `latitude, longitude` (degrees, WGS 84), or `easting, northing`
-        (m) with `zone` (UTM, as 32N) or `crs`; optionally `sigma`, px, how well the mark is found in the image (1 px
-        where it is absent), and `sigma_xy`, m, how well its place is measured (0); others are ignored
+        (m) with `zone` (UTM, as 32N) or `crs`; optionally `sigma`, px, accuracy of the mark in the image (1 px if
+        absent), and `sigma_xy`, m, accuracy of its measured place (0 if absent); other columns are ignored
     frame : local frame that geographic and projected coordinates are turned into
     crs : coordinate reference system of easting and northing without a zone, as EPSG:25832
 
@@ -74,7 +74,7 @@ def read_control_points(path: str | Path, frame: LocalFrame | None = None, crs: 
     ------
     InputError
         If the file is missing, empty or lacks a column, a value is not a number, a sigma is not positive, a name or a
-        point is there twice, coordinates look swapped, or there are latitudes and no frame.
+        point occurs twice, coordinates look swapped, or there are latitudes and no frame.
 
     Examples
     --------

@@ -12,8 +12,8 @@ from calib.posterior import TRUST, decided, posterior_covariance
 
 Array = NDArray[np.float64]
 
-LOST = 1e3  # standard deviations; residual of a point that a trial puts behind the camera
-DOUBT = 0.01  # chance of so large a misfit below which the stated sigmas are not believed
+LOST = 1e3  # sigmas; residual given to a point that a trial puts behind the camera
+DOUBT = 0.01  # probability of so large a misfit below which the stated sigmas are rejected
 STEP = 1e-5
 
 
@@ -25,8 +25,8 @@ class Estimate:
     ----------
     model, theta : family and parameters [p]
     covariance : [p, p] of theta
-    chi2, freedom : misfit and its degrees of freedom, of the points and of what is known beforehand
-    decided : how many of the parameters the points decide; what is known beforehand decides the others
+    chi2, freedom : misfit and its degrees of freedom, of the points and the priors
+    decided : how many of the parameters the points decide; the priors decide the others
     """
 
     model: GroundModel
@@ -62,7 +62,7 @@ def estimate(model: GroundModel, points: ControlPoints, start: Array, robust: bo
 
     Parameters
     ----------
-    robust : weigh points that are far off by a Cauchy loss, to find outliers; the covariance then means nothing
+    robust : use a Cauchy loss to find outliers; the covariance is then meaningless
     """
     from scipy.optimize import least_squares
 
@@ -95,9 +95,9 @@ def _whitening(view: View, points: ControlPoints) -> Array:
 
 
 def scatters_more(fit: Estimate, other: Estimate) -> bool:
-    """Whether the points leave one fit by more than another, beyond chance, whatever the scatter that both share.
+    """Whether the points scatter about one fit more than about another, beyond chance, whatever their common scatter.
 
-    Fisher's test of two variances, to which the stated sigmas count as `TRUST` degrees of freedom.
+    Fisher's test of two variances, in which the stated sigmas count as `TRUST` degrees of freedom.
     """
     from scipy.stats import f
 
@@ -107,7 +107,7 @@ def scatters_more(fit: Estimate, other: Estimate) -> bool:
 
 
 def slope_of(function: Callable[[Array], Array], theta: Array, covariance: Array) -> Array:
-    """Derivative [m, p] of a vector function by theta, with steps that suit the parameters' covariance."""
+    """Derivative [m, p] of a vector function with respect to theta, with steps scaled by the parameters' covariance."""
     steps = STEP * np.maximum(np.sqrt(np.diagonal(covariance)), 1e-9)
     columns = [(function(theta + d) - function(theta - d)) / (2 * d.max()) for d in np.diag(steps)]
     return np.stack(columns, axis=-1)

@@ -19,9 +19,9 @@ from vision.contract import InputError, LocalFrame
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-THRESHOLD = 5.0  # px; a mark further off than this is left out
+THRESHOLD = 5.0  # px; a mark with a larger error is left out
 BEYOND_CHANCE = 2.0  # standard errors by which a homography must predict better than a camera
-ROUNDING = 1e-6  # equations left over that are none
+ROUNDING = 1e-6  # redundancy that counts as zero
 Model = Literal["auto", "homography", "camera"]
 MODELS: tuple[Model, ...] = ("auto", "homography", "camera")
 
@@ -48,13 +48,13 @@ class Candidate:
 
     @property
     def redundancy(self) -> float:
-        """Equations of the points used, over the numbers that they decide."""
+        """Redundancy: equations of the points used minus the parameters that they decide."""
         return 2 * float(self.used.sum()) - self.fit.decided
 
 
 @dataclass(frozen=True)
 class GroundFit:
-    """A calibration and what to think of it.
+    """A calibration and its assessment.
 
     Attributes
     ----------
@@ -64,8 +64,8 @@ class GroundFit:
     held_out_px : [point], error of each point as the others predict it, or None
     worst_sigma : m; largest standard deviation of the ground position of a pixel known exactly, over the corners of
         the surveyed area
-    decided : how many numbers of every model that fits the points decide
-    scores : root mean square of the held-out errors, px, of every model tried; or why there is none
+    decided : how many parameters the points decide, for every model that fits
+    scores : root mean square of the held-out errors, px, of every model tried, or why it has none
     warnings : one line each
     """
 
@@ -104,7 +104,7 @@ def fit_ground(
     image_size : width, height, px
     threshold : px
     frame : origin and azimuth to note in the file
-    lens : what is known of the lens; by default only that it is an ordinary one
+    lens : prior of the lens; by default that of an ordinary lens
     height : of the camera above the road and its standard deviation, m
 
     Raises
@@ -132,7 +132,7 @@ def fit_ground(
             tried[name] = error
     fitted = {name: found for name, found in tried.items() if isinstance(found, Candidate)}
     errors = [found for found in tried.values() if isinstance(found, InputError)]
-    # So few points bend a camera to anything: what no homography can be is a mistake then, not a lens.
+    # A camera fits so few points whatever they are: if no homography fits, a point is wrong; it is not the lens.
     if errors and (not fitted or len(points) < ROBUST_FROM):
         raise errors[0]
     scores = _scores(fitted)
@@ -201,12 +201,12 @@ def _scores(fitted: dict[str, Candidate]) -> dict[str, float | str]:
 def _choice(fitted: dict[str, Candidate]) -> str:
     """Name the model to take.
 
-    First, points must leave equations over that check the model (at four points they are as many as a homography's
-    numbers; of a camera's, what is known of ordinary lenses decides some). Then, a homography is a camera whose lens is
-    known to be straight, which nobody knows. Where distortion hides in the noise it predicts the points as well, by
-    chance better, but errs between them by more than its sigma: taken whenever its held-out errors are smaller, 95 %
-    ellipses held 92 % (`benchmarks/calibration.py`). So they must be smaller beyond chance, or the points must fit no
-    camera but a homography, as in pictures that were squeezed or rectified.
+    First, redundant equations must check the model (four points give as many equations as a homography has parameters;
+    for a camera, the lens prior decides some). Second, a homography is a camera with a lens known to be free of
+    distortion, which nobody knows. Where noise hides the distortion, a homography predicts the points as well, or by
+    chance better, but errs between them by more than its sigma: when it was chosen whenever its held-out errors were
+    smaller, 95 % ellipses covered 92 % (`benchmarks/calibration.py`). So its errors must be smaller beyond chance, or
+    the points must fit a homography and no camera, as in pictures that were squeezed or rectified.
     """
     checked = {name: found for name, found in fitted.items() if found.redundancy > ROUNDING}
     if len(checked) < 2:
@@ -225,7 +225,7 @@ def _choice(fitted: dict[str, Candidate]) -> str:
 def smaller_beyond_chance(errors: Array, others: Array) -> bool:
     """Whether the mean square of errors [n] is below that of others [n], of the same points, beyond chance.
 
-    That is by two standard errors, or, where points are few, by as many as are as rare in Student's t.
+    That is by two standard errors or, with few points, by the equivalent in Student's t.
 
     >>> noise = np.random.default_rng(0).normal(size=(2, 20))
     >>> smaller_beyond_chance(noise[0], noise[1]), smaller_beyond_chance(noise[0], 2 + noise[0])

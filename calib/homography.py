@@ -1,4 +1,4 @@
-"""Homographies between the road and the image: eight comparable parameters."""
+"""Homographies between the road and the image, by eight parameters of comparable scale."""
 
 from dataclasses import dataclass
 
@@ -36,7 +36,7 @@ def _normalization(values: Array) -> Array:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Eight comparable parameters of a homography: its entries between centered, scaled coordinates (Hartley 1997).
+    """Eight parameters of comparable scale: a homography's entries between centered, scaled coordinates (Hartley 1997).
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ def rgba(image: Image, alpha: Image | None = None) -> NDArray[np.uint32]:
 
 
 def grid_in_picture(calibration: Calibration, ground: Array) -> tuple[list[Array], list[Array]]:
-    """Pixels u and v of the ground grid's lines over the area of places [n, 2], NaN where they are not seen."""
+    """Pixels u and v of the ground grid's lines over the area of places [n, 2], NaN where not visible."""
     width, height = calibration.image_size
     lines = [calibration.to_image(line) for line, _ in grid_lines(ground)]
     margin = max(width, height)
@@ -33,7 +33,7 @@ def grid_in_picture(calibration: Calibration, ground: Array) -> tuple[list[Array
 
 
 def from_above(image: Image, calibration: Calibration, low: Array, high: Array) -> NDArray[np.uint32]:
-    """Frame as seen from above [row, column], packed RGBA, x to the right and y down, clear where it is not seen."""
+    """Frame as seen from above [row, column], packed RGBA, x to the right and y down, transparent where unseen."""
     import cv2
 
     span = np.maximum(high - low, 1e-6)
@@ -48,9 +48,9 @@ def from_above(image: Image, calibration: Calibration, low: Array, high: Array) 
 
 
 def ellipses(calibration: Calibration, pixels: Array, sigma: Array) -> tuple[list[Array], list[Array]]:
-    """Outlines, x and y, m, of the errors of the places of pixels [n, 2], `ELLIPSE` standard deviations around them.
+    """Error ellipses, x and y, m, of the places of pixels [n, 2], at `ELLIPSE` standard deviations.
 
-    Of calibration and of the pixels' own sigma [n], px.
+    They combine the errors of the calibration and of the pixels, sigma [n], px.
     """
     jacobian = calibration.jacobian(pixels) * sigma[:, None, None]
     covariance = calibration.position_covariance(pixels) + jacobian @ jacobian.transpose(0, 2, 1)

@@ -1,4 +1,4 @@
-"""Whether control points can determine a view, and lie where one can see them."""
+"""Check that control points can determine a view and lie where the camera can see them."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from vision.camera import Calibration
 from vision.contract import InputError
 
 Array = NDArray[np.float64]
-THIN = 0.01  # width over length of a set of points that is one line
+THIN = 0.01  # width over length below which a set of points counts as one line
 FEWEST = 4
 MIRRORED = "control points: mirrored; y must be to the right of +x seen from above (exchange its sign)"
 
@@ -31,7 +31,7 @@ def require_layout(points: ControlPoints, image_size: tuple[int, int]) -> None:
 
 
 def require_spread(points: ControlPoints) -> None:
-    """Raise InputError where all points, or all but one, are on a line."""
+    """Raise InputError if all points, or all but one, are on a line."""
     if flaw := flaw_of(points):
         raise InputError(f"control points: {flaw}; add marks to the side of that line, as on the other curb")
 

@@ -1,4 +1,4 @@
-"""Known lengths on the road, as a calibration predicts them: the check that needs no coordinates."""
+"""Known lengths on the road against a calibration's predictions: a check without coordinates."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +13,8 @@ from vision.contract.csv_table import read_csv
 
 Array = NDArray[np.float64]
 COLUMNS = ("name", "px1", "py1", "px2", "py2", "length")
-PIXEL_SIGMA = 1.0  # px; how well an end is clicked
-LENGTH_SIGMA = 0.02  # m; how well a length is measured, where the file does not say
+PIXEL_SIGMA = 1.0  # px; accuracy of a clicked end
+LENGTH_SIGMA = 0.02  # m; accuracy of a measured length, if the file does not say
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Lengths:
 
 @dataclass(frozen=True)
 class Predicted:
-    """What a calibration makes of lengths.
+    """Lengths as predicted by a calibration.
 
     Attributes
     ----------
@@ -75,8 +75,8 @@ def read_lengths(path: Path) -> Lengths:
 def predict_lengths(calibration: Calibration, lengths: Lengths) -> Predicted:
     """Predict lengths and their standard deviations, to first order.
 
-    The ends share the calibration's error, so that it is carried through their difference: with S the derivative of
-    both places by its parameters, C their covariance and u the line's direction, u'(S2 - S1) C (S2 - S1)'u.
+    The ends share the calibration's error, so it is propagated through their difference: with S the derivatives of the
+    two places with respect to its parameters, C their covariance and u the line's direction, u'(S2 - S1) C (S2 - S1)'u.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What is known of a lens before any control point: little, or what `roadfiber calibrate board` measured."""
+"""Prior of a lens: a weak one, or what `roadfiber calibrate board` measured."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,11 +36,11 @@ class LensPrior:
 
     @property
     def size(self) -> int:
-        """Count of what is free."""
+        """Count of free parameters."""
         return self.factor.shape[1]
 
     def lens(self, z: Array) -> Lens:
-        """Lens at z [k]; a trial further off than `WILD` is taken to be there, where numbers are still numbers."""
+        """Lens at z [k]; trials are clipped to `WILD`, so that numbers stay finite."""
         return Lens.from_vector(self.mean + self.factor @ np.clip(z, -WILD, WILD))
 
 
@@ -102,7 +102,7 @@ class Intrinsics(BaseModel):
 
 
 def read_intrinsics(path: str | Path) -> Intrinsics:
-    """Read what `roadfiber calibrate board` wrote; InputError, one line, where it is none."""
+    """Read what `roadfiber calibrate board` wrote; InputError if it is not one."""
     try:
         return Intrinsics.model_validate_json(read_text(Path(path), "what roadfiber calibrate board wrote"))
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""Maps of what a calibration is worth: meters per pixel, standard deviation of a position, a view from above."""
+"""Maps of a calibration's accuracy: meters per pixel, standard deviation of a position, a view from above."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 CELLS = 160  # across the picture
-COARSEST = 5.0  # m/px; farther off there is nothing to see
+COARSEST = 5.0  # m/px; coarser parts of the picture are useless
 SUFFIXES = (".png", ".pdf", ".svg", ".jpg")
-GOOD = 0.35  # m; sigma of a position beyond which it is of little use to a fiber
+GOOD = 0.35  # m; sigma of a position beyond which it helps little to locate a fiber
 LEVELS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 1.0, 2.0, 5.0)
-PIXEL_SIGMA = 1.0  # px; of a detection's pixel
-MARGIN = 0.15  # of the surveyed area, shown around it from above
+PIXEL_SIGMA = 1.0  # px; sigma of a detection's pixel
+MARGIN = 0.15  # share of the surveyed area shown around it in the view from above
 
 
 def meters_per_pixel(calibration: Calibration, pixels: Array) -> Array:
-    """Longest way on the road, m, that one pixel stands for, [n]; NaN where there is no road."""
+    """Longest distance on the road that one pixel covers, m, [n]; NaN where there is no road."""
     return _largest(calibration.jacobian(pixels), root=False)
 
 
@@ -138,7 +138,7 @@ def _from_above(axes: "Axes", calibration: Calibration) -> None:
         _contours(axes, x, y, sigma.reshape(len(y), len(x)))
     for point in calibration.control_points:
         axes.plot(point.x, point.y, "k+", ms=7)
-        inward = 1 if point.x < (low[0] + high[0]) / 2 else -1  # so that no name leaves the panel
+        inward = 1 if point.x < (low[0] + high[0]) / 2 else -1  # so that no name extends beyond the panel
         axes.annotate(
             point.name, (point.x, point.y), xytext=(3 * inward, 3), textcoords="offset points", fontsize=7,
             ha="left" if inward > 0 else "right", path_effects=[withStroke(linewidth=2, foreground="white")],

@@ -1,4 +1,4 @@
-"""Models of a view of the road: a homography or a camera, each with its free parameters and what is known of them."""
+"""Models of a view of the road: a homography or a camera, each with its free parameters and their priors."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """How the road is seen.
+    """A view of the road.
 
     Attributes
     ----------
     to_image : [3, 3], ground (x, y, 1), m -> ideal pixels (u, v, 1), third one > 0 in front of the camera
-    lens : what then bends them, or None
+    lens : which then distorts them, or None
     """
 
     to_image: Array
@@ -52,11 +52,11 @@ class GroundModel(ABC):
 
     @abstractmethod
     def penalty(self, theta: Array) -> Array:
-        """Deviations from what is known beforehand, in standard deviations."""
+        """Deviations from the prior, in standard deviations."""
 
     @abstractmethod
     def determined_by(self, points: ControlPoints) -> bool:
-        """Whether points, with what is known beforehand, leave no direction of theta open."""
+        """Whether points and prior together determine all of theta."""
 
     @abstractmethod
     def describe(self, theta: Array) -> dict[str, tuple[float, str]]:
@@ -85,11 +85,11 @@ class HomographyModel(GroundModel):
         return np.append(self.scaling.parameters(to_image), np.zeros(self.prior.size if self.prior else 0))
 
     def determined_by(self, points: ControlPoints) -> bool:
-        """Whether there are four of which no three are on a line."""
+        """Whether there are four points of which no three are on a line."""
         return len(points) >= FEWEST and flaw_of(points) is None
 
     def describe(self, theta: Array) -> dict[str, tuple[float, str]]:
-        """Nothing: a homography's entries say nothing to people."""
+        """Nothing: the entries of a homography mean nothing to people."""
         return {}
 
 
@@ -132,7 +132,7 @@ class CameraModel(GroundModel):
         return np.concatenate([z, np.zeros(3), position])
 
     def determined_by(self, points: ControlPoints) -> bool:
-        """Whether there are four that are not all on a line: the lens's prior bears the rest."""
+        """Whether there are four points that are not all on a line: the lens prior determines the rest."""
         return len(points) >= FEWEST and not on_a_line(points)
 
     def describe(self, theta: Array) -> dict[str, tuple[float, str]]:
@@ -171,7 +171,7 @@ def rotation_by(turn: Array) -> Array:
 
 
 def with_sigmas(values: dict[str, tuple[float, str]], sigmas: Array) -> dict[str, Parameter]:
-    """Join values and standard deviations [n], leaving out what is fixed at zero."""
+    """Pair values with standard deviations [n], leaving out what is fixed at zero."""
     return {
         name: Parameter(value=value, sigma=float(sigma), unit=unit)
         for (name, (value, unit)), sigma in zip(values.items(), sigmas, strict=True)

@@ -21,7 +21,7 @@ def local_frame(path: Path | None, origin: str | None, x_azimuth: float | None) 
     Raises
     ------
     InputError
-        Both are given, one of the two is missing, or a value is none.
+        If both are given, one of the two is missing, or a value is not valid.
 
     >>> local_frame(None, "32.1,34.8", 78.0)
     LocalFrame(origin=(32.1, 34.8), x_azimuth=78.0)
@@ -84,7 +84,7 @@ def picture_size(video: Path | None, image_size: str | None) -> tuple[tuple[int,
     Raises
     ------
     InputError
-        Neither is given, both and they differ, the text is not a size, or the video cannot be read.
+        If neither is given, both are given and differ, the text is not a size, or the video cannot be read.
 
     >>> picture_size(None, "1280x720")
     ((1280, 720), None)
@@ -104,12 +104,12 @@ def picture_size(video: Path | None, image_size: str | None) -> tuple[tuple[int,
 def read_frame(source: Path, time: float | None = None) -> Image:
     """Read a picture, or the frame of a video nearest to `time`, s since its start (by default its middle one).
 
-    A folder of pictures is a video, too; only with a `time` must they tell theirs.
+    A folder of pictures counts as a video; its pictures need times of their own only if `time` is given.
 
     Raises
     ------
     InputError
-        The file is missing or is neither, or the video is shorter.
+        If the file is missing or is neither, or the video is shorter.
     """
     if source.suffix.lower() in PICTURES:
         return read_picture(source)
@@ -126,7 +126,7 @@ def read_frame(source: Path, time: float | None = None) -> Image:
 
 
 def read_picture(path: Path) -> Image:
-    """Read a picture [height, width, 3], BGR; InputError where it is none."""
+    """Read a picture [height, width, 3], BGR; InputError if it is not one."""
     require_file(path)
     image = read_still(path)
     if image is None:

@@ -40,13 +40,13 @@ NO_IMAGE: dict[str, list[Any]] = {"image": [], "x": [], "y": [], "dw": [], "dh":
 NO_POINTS: dict[str, list[Any]] = {"x": [], "y": [], "name": []}
 LAYERS = ("ground grid", "residuals x20", "error map")
 PIXELS = ("px", "py", "residual_px", "sigma")
-WAIT = 80  # ms, in which changes are gathered before the fit
+WAIT = 80  # ms over which changes are gathered before a fit
 MAGNIFY = 20.0
 WIDTH = 700  # of the frame on the page
 
 
 class Page:
-    """The models of one open page, and what keeps them in step with its session."""
+    """The Bokeh models of one open page, kept in sync with its session."""
 
     def __init__(self, document: Document, session: Session, image: Image, out: Path):
         self.document, self.session, self.image, self.out = document, session, image, out
@@ -155,7 +155,7 @@ class Page:
         return row(left, right)
 
     def show_layers(self, active: list[int]) -> None:
-        """Show the layers of these numbers."""
+        """Show the layers with these indices."""
         for index, layer in enumerate(self.layers):
             layer.visible = index in active
 
@@ -190,7 +190,7 @@ class Page:
             self.saved.text = f"<b style='color:#c00'>not saved: {html.escape(str(error))}</b>"
 
     def edited(self) -> None:
-        """Take over what was dragged or typed, once the hand rests."""
+        """Apply what was dragged or typed, after a pause in the input."""
         if self.writing or self.waiting:
             return
         self.waiting = True
@@ -221,7 +221,7 @@ class Page:
         return self.session.marks[chosen[0]] if len(chosen) == 1 else None
 
     def typed(self) -> None:
-        """Take over what was typed for the selected mark."""
+        """Apply what was typed for the selected mark."""
         mark = self._selected()
         if self.writing or mark is None:
             return
@@ -236,7 +236,7 @@ class Page:
             self.show()
 
     def show(self) -> None:
-        """Fit, and put everything that follows from the marks on the page."""
+        """Fit, and update everything on the page that depends on the marks."""
         fit, message = None, ""
         try:
             fit = self.session.fit()

@@ -24,7 +24,7 @@ USED, LEFT_OUT, UNPLACED = "#37d067", "#ff4040", "#ffd23c"
 def read_marks(data: dict[str, Any]) -> Marks:
     """Marks of the table's columns.
 
-    The tool that adds one fills its other columns with zeros and its name with nothing: only its pixel means anything.
+    Bokeh's tool that adds a mark sets only its pixel; other columns are zero and the name is empty.
 
     >>> rows = {"name": ["a", ""], "px": [1, 5], "py": [2, 6], "x": [3, 0], "y": [4, 0]}
     >>> [mark.placed for mark in read_marks(rows | {"sigma": [1, 0], "sigma_xy": [0, 0]})]
@@ -38,7 +38,7 @@ def read_marks(data: dict[str, Any]) -> Marks:
 
 
 def with_place(texts: dict[str, str], frame: LocalFrame | None) -> dict[str, str]:
-    """Turn "LATITUDE, LONGITUDE" typed or pasted for x into x and y, m; leave all else as it is.
+    """Turn "LATITUDE, LONGITUDE" typed or pasted for x into x and y, m; leave anything else unchanged.
 
     Raises
     ------

@@ -1,18 +1,18 @@
-"""How sure a fit to few points is: their scatter is known roughly, and one of them may be misread."""
+"""Covariance of a fit to few points: their scatter is known roughly, and one of them may be misread."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-TRUST = 4.0  # degrees of freedom that the stated sigmas are worth: they are known to a factor of about 1.5
-MISREAD = 0.02  # chance that a point is misread, and
-FAR = 10.0  # then by this many of its sigmas
-OPEN = 1e-13  # information, of 1, in a direction that is open
+TRUST = 4.0  # degrees of freedom assigned to the stated sigmas, which are known to a factor of about 1.5
+MISREAD = 0.02  # probability that a point is misread, and
+FAR = 10.0  # its error then, in sigmas
+OPEN = 1e-13  # information, of 1, in an undetermined direction
 
 
 def scatter(chi2: float, freedom: int) -> float:
-    """Variance of the points' errors over the stated one, as far as their misfit shows it.
+    """Variance of the points' errors relative to the stated one, estimated from their misfit.
 
     Of a scaled inverse chi-square: `TRUST` degrees of freedom for the stated sigmas, and those of the fit; its mean, so
     that few of them count as in Student's t (Gelman et al. 2013, Bayesian Data Analysis, section 3.2).
@@ -26,15 +26,15 @@ def scatter(chi2: float, freedom: int) -> float:
 def posterior_covariance(off: Array, slope: Array, penalty: Array, bend: Array) -> Array:
     """Covariance [p, p] of parameters at the least squares minimum.
 
-    A mixture, to second moments about the minimum: no point is misread, or one of them, with `FAR` times its sigma. To
-    first order a point's sigma only takes its share out of the normal equations, and Laplace's method says how much
-    better or worse the others then fit. Points that others check gain nothing by it; one that alone decides something
-    makes that as uncertain as its being misread does.
+    Second moments, about the minimum, of a mixture: no point is misread, or one of them is, with `FAR` times its sigma.
+    To first order, a larger sigma removes a point's share from the normal equations, and Laplace's method tells how
+    much better or worse the others then fit. This hardly matters for points that others check; a parameter that one
+    point alone decides becomes as uncertain as that point's possible misreading makes it.
 
     Parameters
     ----------
-    off, slope : [point, 2], errors over their sigmas, and their derivative [point, 2, p]
-    penalty, bend : [q], deviations from what is known beforehand, and their derivative [q, p]
+    off, slope : [point, 2], errors over their sigmas, and their derivatives [point, 2, p]
+    penalty, bend : [q], deviations from the prior, and their derivatives [q, p]
     """
     count, parameters = len(off), slope.shape[2]
     length = np.maximum(np.sqrt((slope**2).sum(axis=(0, 1)) + (bend**2).sum(axis=0)), 1e-12)
@@ -60,11 +60,11 @@ def posterior_covariance(off: Array, slope: Array, penalty: Array, bend: Array) 
 
 
 def decided(slope: Array, bend: Array) -> float:
-    """How many of the parameters data decide, of which others are known beforehand: the trace of their leverage.
+    """How many of the parameters the data decide rather than the prior: the trace of the data's leverage.
 
     Parameters
     ----------
-    slope, bend : derivatives [m, p] of the data and [q, p] of the deviations from what is known, in their sigmas
+    slope, bend : derivatives [m, p] of the data and [q, p] of the deviations from the prior, in their sigmas
 
     >>> round(decided(np.array([[3.0, 0.0], [3.0, 0.0]]), np.array([[0.0, 1.0]])), 6)
     1.0

@@ -1,4 +1,4 @@
-"""A local frame for control points on the globe, where nobody has given one."""
+"""Propose a local frame for control points in geographic coordinates, if none is given."""
 
 import logging
 from pathlib import Path
@@ -48,7 +48,7 @@ def frame_for(
 
 
 def propose_frame(points: Path, crs: str | None = None) -> LocalFrame | None:
-    """Frame in the middle of control points, +x along their longest way, 0 to 180 degrees; None for points in meters.
+    """Frame centered on control points, +x along their longest extent, 0 to 180 degrees; None for points in meters.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def propose_frame(points: Path, crs: str | None = None) -> LocalFrame | None:
     if place_columns(table, points) == ("x", "y"):
         return None
     latitude, longitude = geographic(table, crs, points)
-    # Clipped, so that what is off the globe is told of the points, row by row.
+    # Clipped, so that the error names the rows whose coordinates are out of range.
     middle = (
         round(float(np.clip(np.median(latitude), -90, 90)), PLACES),
         round(float(np.clip(np.median(longitude), -180, 180)), PLACES),

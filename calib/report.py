@@ -1,4 +1,4 @@
-"""Say how good a calibration is: as a table for people, as a dict for machines."""
+"""Report how good a calibration is: a table for people, a dict for machines."""
 
 from typing import Any
 
@@ -62,7 +62,7 @@ def summary(points: ControlPoints, fit: GroundFit) -> dict[str, Any]:
 
 
 def _spread(fit: GroundFit, values: tuple[float | None, ...] | None) -> Array:
-    """Values of the points used, NaN where there is none, over all points [point]."""
+    """Spread the values of the points used over all points [point], NaN for the others."""
     spread = np.full(len(fit.used), np.nan)
     spread[fit.used] = np.nan if values is None else np.array(values, float)
     return spread

@@ -4,7 +4,7 @@ from math import floor, log10
 
 
 def with_sigma(value: float, sigma: float) -> str:
-    """A number and its standard deviation, of which two digits count.
+    """A number and its standard deviation, rounded to two digits of the latter.
 
     >>> with_sigma(6368.4, 1596.0), with_sigma(-0.2712, 0.0134), with_sigma(3.8e-5, 1.1), with_sigma(1.5, 0.0)
     ('6400 ± 1600', '-0.271 ± 0.013', '0.0 ± 1.1', '1.5 ± 0')

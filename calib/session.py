@@ -1,4 +1,4 @@
-"""What the page edits, without the page: marks that may still lack a place, undo, the fit, and saving."""
+"""State of the calibration page without its widgets: marks that may still lack a place, undo, the fit, and saving."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -57,7 +57,7 @@ class Session:
     future: list[Marks] = field(default_factory=list)
 
     def change(self, marks: Marks) -> bool:
-        """Take marks over; say whether they differ from what was there. New ones without a name get one."""
+        """Replace the marks; return whether they changed. New ones without a name get one."""
         marks = named(marks)
         if same(marks, self.marks):
             return False
@@ -67,7 +67,7 @@ class Session:
         return True
 
     def undo(self) -> bool:
-        """Go one step back; False where there is none."""
+        """Go one step back; False if there is none."""
         if not self.past:
             return False
         self.future.append(self.marks)
@@ -75,7 +75,7 @@ class Session:
         return True
 
     def redo(self) -> bool:
-        """Go one step forward again; False where there is none."""
+        """Go one step forward again; False if there is none."""
         if not self.future:
             return False
         self.past.append(self.marks)

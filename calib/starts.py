@@ -1,4 +1,4 @@
-"""First guesses that outliers do not spoil, and which points agree with them."""
+"""First guesses that are robust to outliers, and the points that agree with them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,10 @@ from vision.lens import Lens
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 ROBUST_FROM = 6  # points; with fewer, no majority can outvote an outlier
-FOCALS = (-2.0, -1.0, 0.0, 1.0, 2.0)  # standard deviations of a guessed focal length that are tried
+FOCALS = (-2.0, -1.0, 0.0, 1.0, 2.0)  # guesses of the focal length, in standard deviations of its prior
 REFINED = 6  # best guesses that are refined
-BENT = 6.0  # a distorted picture of a plane agrees with a homography to within this many thresholds
-SIGMAS = 4.0  # a point this many of its sigmas off may be right all the same
+BENT = 6.0  # thresholds within which a distorted picture of a plane agrees with a homography
+SIGMAS = 4.0  # a point may be off by this many of its sigmas and still agree
 
 
 def agree(view: View, points: ControlPoints, threshold: float) -> Mask:
@@ -33,7 +33,7 @@ def agree(view: View, points: ControlPoints, threshold: float) -> Mask:
 
 
 def most(count: int) -> int:
-    """Smallest count of points that a fit to `count` must agree with."""
+    """Fewest points that must agree with a fit to `count` points."""
     return max(5, count // 2 + 1) if count >= ROBUST_FROM else count
 
 
@@ -50,7 +50,7 @@ def start_homography(points: ControlPoints, threshold: float, prior: LensPrior |
         raise InputError("control points: some are where the lens of --intrinsics shows nothing; check the intrinsics")
     to_image = magsac(points.ground, pixels, threshold)
     if to_image is None and magsac(points.ground * [1, -1], pixels, threshold) is not None:
-        # MAGSAC++ draws only samples seen from above, so that a mirrored frame has none that fits.
+        # MAGSAC++ draws only samples seen from above, so that none fits a mirrored frame.
         raise InputError(MIRRORED)
     if to_image is None:
         raise InputError(
@@ -68,7 +68,7 @@ def start_homography(points: ControlPoints, threshold: float, prior: LensPrior |
 
 
 def magsac(ground: Array, pixels: Array, threshold: float) -> Array | None:
-    """Homography [3, 3], ground -> pixels [point, 2]: robust where there are points enough; None without majority."""
+    """Homography [3, 3], ground -> pixels [point, 2]: robust where there are points enough; None without a majority."""
     import cv2
 
     cv2.setRNGSeed(0)

@@ -1,8 +1,8 @@
-"""An independent generator of surveys: numpy and scipy, nothing shared with the signal path it is there to check.
+"""An independent generator of surveys in numpy and scipy; it shares no code with the signal path that it checks.
 
 `simulate(Scenario(seed=3))` returns a `Survey`; `write_survey(survey, folder)` writes it as a user would
-bring it. `Scenario(effects={"shear_lag": 2.0})` hides an effect; `EFFECTS` says which there are, what their amounts
-mean, and what else can be set of each.
+bring it. `Scenario(effects={"shear_lag": 2.0})` hides an effect; `EFFECTS` lists all effects, the meaning of their
+amounts, and their further settings.
 """
 
 from solver.simulator.check import RouteError, route_error

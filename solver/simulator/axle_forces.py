@@ -1,4 +1,4 @@
-"""What the wheels press on the ground: where, and with which force, when."""
+"""Forces of the wheels on the ground: places, sizes and times."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ def contact(scenario: Scenario, vehicle: Vehicle, time: Array) -> tuple[Array, A
 
 
 def _dip(shares: Array, ahead: Array, height: float) -> Array:
-    """Share of the load that each wheel gains per g of deceleration: the moment m a h, in the plane of the axles."""
+    """Share of the load that each wheel gains per g of deceleration, from the pitching moment m a h."""
     lever = ahead - (shares * ahead).sum() / shares.sum()
     inertia = (shares * lever**2).sum()
     return height * shares * lever / inertia if inertia else np.zeros_like(shares)
@@ -46,7 +46,7 @@ def _bounce(scenario: Scenario, vehicle: Vehicle, time: Array) -> Array:
 
 
 def _after_bump(scenario: Scenario, vehicle: Vehicle, time: Array) -> Array:
-    """Free oscillation of a body on damped springs, from when the middle of its wheelbase meets the bump."""
+    """Free oscillation of a body on damped springs after the middle of its wheelbase meets the bump."""
     first, last = scenario.view
     since = time - vehicle.time_when_at(first + scenario.effect("road_bump_at") * (last - first))
     omega, damping = 2 * np.pi * scenario.effect("road_bump_frequency"), scenario.effect("road_bump_damping")

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from vision.contract import InputError
 
 Array = NDArray[np.float64]
-STEP = 0.02  # m between the points a curve is kept as
+STEP = 0.02  # m between the stored points of a curve
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def street_route(
         np.array([[first, side * leg], [first, 0.0], [last, 0.0], [last, side * 2 * length]]), radius
     )
     x = plan[:, 0]
-    # The undulation dies out before the corners, so that those stay round.
+    # The undulation fades out before the corners, so that these stay round.
     taper = np.clip((x - first - radius) / 12, 0, 1) * np.clip((last - radius - x) / 12, 0, 1)
     taper = taper**2 * (3 - 2 * taper)
     z = depth + depth_undulation * _waves(rng, STEP * np.arange(len(x), dtype=np.float64))

@@ -1,4 +1,4 @@
-"""How far a located route is from the known one."""
+"""Distance of a located route from the true one."""
 
 import json
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class RouteError:
 def route_error(route_csv: str | Path, truth_json: str | Path) -> RouteError:
     """Compare `route.csv` of a run with the `truth.json` of a simulated survey over the channels in view.
 
-    Channels that the route lacks are not compared; they are missing from `channels`.
+    Channels that the route lacks are neither compared nor counted in `channels`.
     """
     import pandas as pd
 

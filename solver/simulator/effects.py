@@ -1,4 +1,4 @@
-"""All that can be hidden in a simulated survey."""
+"""All effects that can be hidden in a simulated survey."""
 
 import zlib
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ SHOWN = ("gauge_length", "pulse_width", "stiffness_contrast", "time_averaging")
 
 
 def effect_rng(seed: int, name: str) -> np.random.Generator:
-    """Stream of chance of one effect, so that hiding one changes nothing of another.
+    """Random stream of one effect, so that hiding one effect does not change another.
 
     >>> effect_rng(1, "braking").random() == effect_rng(1, "braking").random()
     True
@@ -32,7 +32,7 @@ def amount_of(effects: Mapping[str, float], seed: int, name: str) -> float:
     Raises
     ------
     KeyError
-        A name that is neither.
+        If the name is neither.
 
     >>> amount_of({"shear_lag": 2.0}, 0, "shear_lag"), amount_of({}, 0, "lowpass_order")
     (2.0, 4.0)

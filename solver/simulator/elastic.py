@@ -1,7 +1,7 @@
 """Strain of a homogeneous elastic half-space under a point load, and its average along a curve.
 
-Written from the strain tensor in cylindrical coordinates, so that nothing here is shared with the solver's
-signal path, which differences displacements.
+Derived from the strain tensor in cylindrical coordinates, to share nothing with the solver's signal path, which
+differences displacements.
 """
 
 from collections.abc import Sequence
@@ -132,7 +132,7 @@ def gauge_weights(center: Array, gauge_length: float, first: float, last: float,
     low = np.clip(center[:, None] - gauge_length / 2, edges[:-1], edges[1:])
     high = np.clip(center[:, None] + gauge_length / 2, edges[:-1], edges[1:])
     middle, half = (low + high)[..., None] / 2, (high - low)[..., None] / 2
-    # Places in the panel, -1..1, of quadrature points laid over its covered part: [channel, panel, order].
+    # Places in the panel, -1..1, of quadrature points over its covered part: [channel, panel, order].
     inside = 2.0 * (middle + half * abscissa - edges[:-1, None]) / np.diff(edges)[:, None] - 1.0
     basis = np.polynomial.legendre.legvander(inside, order - 1) @ to_coefficients
     weights = np.einsum("cpq,cpqn->cpn", half * quadrature, basis)

@@ -1,6 +1,6 @@
-"""The cable between ground and light: where its channels are, and how it hands the ground's strain on.
+"""The cable between ground and light: where its channels are, and how it transfers the ground's strain.
 
-The *light path* is the distance that the interrogator counts; the *arc* is the distance along the route. They differ
+The *light path* is the distance that the interrogator measures; the *arc* is the distance along the route. They differ
 where channels lie closer than the file says, wander, or where fiber lies coiled.
 """
 
@@ -62,7 +62,7 @@ def gain(scenario: Scenario, light: Array, channels: Array) -> Array:
 
 
 def shear_lag(average: Array, nodes: Array, length: float) -> Array:
-    """Let a fiber in a soft coat be stretched by the ground: e - L^2 e'' = g along it, by linear finite elements.
+    """Transfer the ground's strain to a fiber in a soft coating: e - L^2 e'' = g along it, by linear finite elements.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def shear_lag(average: Array, nodes: Array, length: float) -> Array:
 
 
 def slip(average: Array, nodes: Array, measure: Array, first: float, last: float) -> Array:
-    """Let the fiber between `first` and `last`, m, slip: there it feels the mean of the ground's strain.
+    """Let the fiber slip between `first` and `last`, m: there it takes the mean of the ground's strain.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def slip(average: Array, nodes: Array, measure: Array, first: float, last: float
 
 
 def sense(scenario: Scenario, average: Array, light: Array, measure: Array, channels: Array, seen: Array) -> Array:
-    """Put what the cable does between the ground's strain at the nodes and the fiber's.
+    """Apply the cable's transfer from the ground's strain at the nodes to the fiber's strain.
 
     Parameters
     ----------

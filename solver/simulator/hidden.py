@@ -1,11 +1,11 @@
-"""What is told of an effect that a survey can hide."""
+"""Description of an effect that a survey can hide."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
 
 
 class Setting(NamedTuple):
-    """A secondary number of an effect, drawn between `low` and `high` by the seed where it is not given."""
+    """A secondary number of an effect; if not given, the seed draws it between `low` and `high`."""
 
     low: float
     high: float
@@ -20,7 +20,7 @@ class Hidden(NamedTuple):
     stage : of the signal path that it changes
     meaning : of the amount, with its unit
     plausible : amounts, low and high, met on streets
-    signed : whether a negative amount is as plausible; else there is none
+    signed : whether negative amounts are as plausible; else there are none
     settings : secondary numbers; `tau` of `viscoelastic_lag` is given as `viscoelastic_lag_tau`
     """
 

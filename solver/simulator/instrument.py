@@ -1,6 +1,6 @@
-"""What happens in time: how the ground and the instrument answer to the strain under the vehicles.
+"""Effects in time: how the ground and the instrument respond to the strain under the vehicles.
 
-All of it is stepped at a high rate, before the record is sampled.
+All are computed at a high rate, before the record is sampled.
 """
 
 import numpy as np
@@ -68,7 +68,7 @@ def rate_of(scenario: Scenario, strain: Array, step: float) -> Array:
 
 
 def _at(strain: Array, row: Array) -> Array:
-    """Rows between rows, linearly; the first one before the first."""
+    """Interpolate linearly between rows; before the first, repeat it."""
     row = np.maximum(row, 0.0)
     low = np.minimum(row.astype(int), len(strain) - 2)
     share = (row - low)[:, None]
@@ -90,7 +90,7 @@ def filtered(scenario: Scenario, rate: Array, step: float) -> Array:
 
 
 def clipped(scenario: Scenario, rate: Array) -> Array:
-    """What saturation and cycle skips leave of a sampled strain rate [time, channel]."""
+    """Apply saturation and cycle skips to a sampled strain rate [time, channel]."""
     largest = np.abs(rate).max()
     if share := scenario.effect("saturation"):
         rate = np.clip(rate, -share * largest, share * largest)

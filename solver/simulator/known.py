@@ -192,7 +192,7 @@ KNOWN: dict[str, Hidden] = {
             "channels": Setting(5, 5, "window along the fiber"),
         },
     ),
-    # --- trajectory: the amount is what has to be added to the table's numbers to mend them
+    # --- trajectory: the amount is what must be added to the table's values to correct them
     "clock_offset": Hidden(
         "trajectory",
         "s; the interrogator's clock is ahead of the trajectories' by this much",

@@ -1,7 +1,8 @@
-"""Extension under a load on layered ground: the elastic layers solved for each wavenumber, the Hankel integrals summed.
+"""Extension under a load on layered ground: solve the layers per wavenumber, then sum the Hankel integrals.
 
-Every layer holds two decaying and two growing solutions of Navier's equations, each counted from the face it decays
-from; tractions and displacements meet at the faces (all unknowns in one linear system, so nothing overflows).
+Every layer has two decaying and two growing solutions of Navier's equations, each scaled from the face at which it
+decays; tractions and displacements are continuous at the faces (all unknowns in one linear system, so nothing
+overflows).
 """
 
 from typing import NamedTuple
@@ -74,7 +75,7 @@ def _solutions(k: Array, zeta: Array, modulus: float, nu: float, sign: float) ->
 
 
 def solve(layers: Layers, k: Array) -> Array:
-    """How much of each solution there is [k, 4 layer - 2] for wavenumbers `k` [k], 1/m, under a unit load.
+    """Amplitudes of the solutions [k, 4 layer - 2] for wavenumbers `k` [k], 1/m, under a unit load.
 
     Times k, in units where the modulus 1 is 1 / (4 pi).
     """
@@ -136,7 +137,7 @@ def strains(layers: Layers, distance: Array, depths: Array) -> Array:
     nu, weight = layers.poisson_ratio, solve(layers, coarse)
     amount = np.empty((4, len(k), len(depths)))
     for column, depth in enumerate(depths):
-        # What is left without its decay is smooth in k, so a spline carries it to the nodes.
+        # Without its decay the integrand is smooth in k, so a spline carries it to the nodes.
         smooth = CubicSpline(coarse, state(layers, coarse, weight, float(depth)) * np.exp(coarse * depth)[:, None])
         U, _, sigma, tau = smooth(np.minimum(k, coarse[-1])).T * np.exp(-k * depth) * measure
         modulus = layers.modulus[int(np.searchsorted(layers.face, depth, side="right"))]

@@ -1,9 +1,9 @@
-"""What the ground's inertia adds under a load that moves: the steady state of a moving point load on a half-space.
+"""Strain that the ground's inertia adds under a moving load: the steady state of a point load on a half-space.
 
 In the load's frame every wave of the ground's surface with wavenumber k decays downwards as exp(-gamma z),
 gamma_i^2 = k^2 - k_x^2 v^2 / c_i^2 for shear and pressure waves (Eason 1965). The horizontal strains, less their static
-limit, are summed by a two-dimensional FFT; vertical motion of a fiber that slopes by percents is left out of the small
-difference.
+limit, are summed by a two-dimensional FFT; vertical motion, for a fiber with slopes of a few percent, is left out of
+this small difference.
 """
 
 import numpy as np
@@ -15,8 +15,8 @@ from solver.simulator.vehicle import GRAVITY, Vehicle
 
 Array = NDArray[np.float64]
 PITCH = 0.4  # m between points of a table
-SHAPE = (1024, 512)  # points along and across the way of the load
-REFERENCE = 15.0  # m/s, of the speed that the scenario's amount belongs to
+SHAPE = (1024, 512)  # points along and across the load's path
+REFERENCE = 15.0  # m/s, speed to which the scenario's amount refers
 
 
 class Inertia:
@@ -59,7 +59,7 @@ class Inertia:
         return vehicle.mass * GRAVITY * total
 
     def _table(self, vehicle: Vehicle) -> Array:
-        """xx, yy and xy strain [level, 3, along, across] of a whole vehicle, its middle in the middle."""
+        """xx, yy and xy strain [level, 3, along, across] of a whole vehicle, centered in the table."""
         slowness = self.scenario.effect("moving_load") / REFERENCE
         nu = self.scenario.poisson_ratio + self.scenario.effect("poisson_ratio")
         kx = np.asarray(2 * np.pi * np.fft.fftfreq(SHAPE[0], PITCH)[:, None], np.float64)
@@ -86,7 +86,7 @@ def excess(k: Array, kx: Array, z: float, speed: float, nu: float) -> Array:
 
     Parameters
     ----------
-    k, kx : 1/m; wavenumber and its part along the way
+    k, kx : 1/m; wavenumber and its component along the path
     z : m
     speed : of the load, relative to that of shear waves; below the Rayleigh waves' (0.87 and more)
     nu : Poisson ratio
@@ -104,5 +104,5 @@ def excess(k: Array, kx: Array, z: float, speed: float, nu: float) -> Array:
     rayleigh = shear**2 - 4 * k**2 * gamma_p * gamma_s
     moving = -k * shear * np.exp(-gamma_p * z) + 2 * k * gamma_p * gamma_s * np.exp(-gamma_s * z)
     static = (k * z - (1 - 2 * nu)) * np.exp(-k * z) / (2 * k)  # the limit is its negative
-    slanted = slow > 1e-8 * k**2  # waves across the way stand still
+    slanted = slow > 1e-8 * k**2  # waves across the path stand still
     return 4 * np.pi * np.where(slanted, moving / np.where(slanted, rayleigh, 1.0) + static, 0.0)

@@ -1,4 +1,4 @@
-"""What the user of a survey gets to see besides the fiber's record: sample times, trajectories, anchors."""
+"""What the user of a survey has besides the fiber's record: sample times, trajectories, anchors."""
 
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ MILLIMETER = 1e-3  # a sigma is never 0 in a file
 
 
 def sample_times(scenario: Scenario, vehicles: tuple[Vehicle, ...]) -> Array:
-    """Sample times [time], s: from 0 until some quiet after the last vehicle left the view."""
+    """Sample times [time], s: from 0 until a quiet time after the last vehicle has left the view."""
     last = max(vehicle.times_within(*scenario.view, 0.05)[1] for vehicle in vehicles)
     return np.arange(int((last + MARGIN) * scenario.sampling_rate)) / scenario.sampling_rate
 

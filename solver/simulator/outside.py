@@ -1,4 +1,4 @@
-"""How the effects outside the catalogue act, stage by stage."""
+"""Effects outside the catalogue, stage by stage."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,7 @@ def wake(scenario: Scenario, vehicle: Vehicle, time: Array) -> tuple[Array, Arra
 def packet(
     scenario: Scenario, route: Route, arc: Array, vehicles: tuple[Vehicle, ...], time: Array, rate: Array
 ) -> Array:
-    """Strain rate [time, channel] of a wave packet that each vehicle pulls along; parameters as for `surface_wave`."""
+    """Strain rate [time, channel] of a wave packet that travels with each vehicle; parameters as for `surface_wave`."""
     points, tangents = route.position(arc), route.tangent(arc)
     heaviest = max(vehicle.mass for vehicle in vehicles)
     k = 2 * np.pi / scenario.effect("unknown_wave_packet_wavelength")
@@ -62,7 +62,7 @@ def packet(
 
 
 def strained(scenario: Scenario, strain: Array) -> Array:
-    """Strain [time, channel] of a ground that softens, or that rubs."""
+    """Strain [time, channel] of a ground that softens, or has internal friction."""
     largest = np.abs(strain).max()
     if share := scenario.effect("unknown_softening"):
         strain = strain * (1 + share * np.abs(strain) / largest)
@@ -72,7 +72,7 @@ def strained(scenario: Scenario, strain: Array) -> Array:
 
 
 def play(drive: Array, slack: float) -> Array:
-    """What a drive [time, ...] pulls along that has some slack either way.
+    """Response of a part that a drive [time, ...] moves with slack (backlash).
 
     >>> import numpy as np
     >>> play(np.array([0.0, 1.0, 3.0, 2.0, -1.0]), 1.0)
@@ -86,7 +86,7 @@ def play(drive: Array, slack: float) -> Array:
 
 
 def tails(scenario: Scenario) -> tuple[Array, Array]:
-    """Shifts [k] along the fiber, m, and their weights [k], of a kernel that looks ahead."""
+    """Shifts [k] along the fiber, m, and their weights [k], of a one-sided kernel."""
     share = scenario.effect("unknown_skewed_kernel")
     if not share:
         return np.zeros(1), np.ones(1)
@@ -95,7 +95,7 @@ def tails(scenario: Scenario) -> tuple[Array, Array]:
 
 
 def exhausted(scenario: Scenario, rate: Array, step: float) -> Array:
-    """Let the gain of each channel of a rate [time, channel] sink with what it had to bear lately."""
+    """Reduce the gain of each channel of a rate [time, channel] after strong recent signals."""
     lost = scenario.effect("unknown_exhaustion")
     if not lost:
         return rate
@@ -104,7 +104,7 @@ def exhausted(scenario: Scenario, rate: Array, step: float) -> Array:
 
 
 def read(scenario: Scenario, rate: Array, every: int, sampling_rate: float) -> Array:
-    """Every `every`-th row of a rate [time, channel], but channels later and later."""
+    """Every `every`-th row of a rate [time, channel], each channel a little later than the one before."""
     delay = scenario.effect("unknown_channel_delay")
     if not delay:
         return rate[::every]
@@ -117,7 +117,7 @@ def read(scenario: Scenario, rate: Array, every: int, sampling_rate: float) -> A
 
 
 def amplified(scenario: Scenario, rate: Array, time: Array) -> Array:
-    """Echo, quadratic answer and swinging gain of a sampled rate [time, channel]."""
+    """Apply echo, quadratic response and oscillating gain to a sampled rate [time, channel]."""
     if share := scenario.effect("unknown_echo"):
         farther = round(scenario.effect("unknown_echo_channels"))
         rate = rate + share * np.pad(rate, ((0, 0), (0, farther)))[:, farther:]
@@ -131,7 +131,7 @@ def amplified(scenario: Scenario, rate: Array, time: Array) -> Array:
 
 
 def handled(scenario: Scenario, record: Array) -> Array:
-    """Differences of channels, or equalized samples, of a record [time, channel]."""
+    """Difference the channels, or equalize the samples, of a record [time, channel]."""
     if share := scenario.effect("unknown_difference"):
         record = record - share * np.concatenate([record[:, :1], record[:, :-1]], axis=1)
     if power := scenario.effect("unknown_equalized"):
@@ -141,6 +141,6 @@ def handled(scenario: Scenario, record: Array) -> Array:
 
 
 def misplaced(scenario: Scenario, vehicle: Vehicle) -> float:
-    """How much farther to the right a vehicle is than told, m."""
+    """How much farther to the right a vehicle is than reported, m."""
     tall = {"truck": 1.0, "bus": 1.0, "van": 0.5}.get(vehicle.vehicle_class, 0.0)
     return tall * scenario.effect("unknown_tall_vehicles")

@@ -1,4 +1,4 @@
-"""What was done to a record before the user got it."""
+"""Processing of a record before the user receives it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def processed(scenario: Scenario, record: Array, noise_sd: float) -> Array:
-    """Common mode left in or taken out, and filters, of a record [time, channel], 1/s."""
+    """Add laser noise to a record [time, channel], 1/s, remove the common mode, and filter."""
     if amount := scenario.effect("laser_noise"):
         laser = effect_rng(scenario.seed, "laser_noise").normal(size=(len(record), 1))
         record = record + amount * noise_sd * laser
@@ -34,7 +34,7 @@ def processed(scenario: Scenario, record: Array, noise_sd: float) -> Array:
 
 
 def fan(record: Array, sampling_rate: float, spacing: float, speeds: tuple[float, float], highest: float) -> Array:
-    """Keep what moves along the fiber at `speeds` (low, high), m/s, below `highest`, Hz; edges fade over a fifth.
+    """Fan filter: keep motion along the fiber at `speeds` (low, high), m/s, below `highest`, Hz, fading over a fifth.
 
     >>> import numpy as np
     >>> t, s = np.arange(200)[:, None] / 5.0, np.arange(100.0)

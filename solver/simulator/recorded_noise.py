@@ -1,4 +1,4 @@
-"""Noise of an interrogator, and what goes wrong in a record."""
+"""Noise of an interrogator, and faults of a record."""
 
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ WHITE = Color(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def color(scenario: Scenario) -> Color:
-    """Kind of noise of a scenario: `street` draws it.
+    """Kind of noise of a scenario; for `street` it is drawn at random.
 
     >>> color(Scenario(noise="white")).common_share
     0.0
@@ -70,7 +70,7 @@ def noise(rng: np.random.Generator, shape: tuple[int, int], kind: Color) -> Arra
 
 def _colored(rng: np.random.Generator, rows: int, columns: int, pink_share: float, lag_one: float) -> Array:
     """White noise shaped to a sum of an AR(1) and a 1/f spectrum, unit expected variance."""
-    size = 2 * rows  # so that the end does not meet the beginning
+    size = 2 * rows  # so that the periodic end does not join the beginning
     frequency = np.fft.rfftfreq(size)
     autoregressive = 1.0 / np.abs(1.0 - lag_one * np.exp(-2j * np.pi * frequency)) ** 2
     pink = 1.0 / np.maximum(frequency, frequency[1])

@@ -1,4 +1,4 @@
-"""What is to be simulated: one dataclass, from a TOML file or by a built-in name."""
+"""What to simulate: one dataclass, read from a TOML file or taken by a built-in name."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -18,13 +18,13 @@ TRACK_NOISES = ("white", "camera")
 
 @dataclass(frozen=True)
 class Scenario:
-    """A survey to simulate. A range (low, high) is drawn from by the seed.
+    """A survey to simulate. Where a range (low, high) is given, the seed draws a value from it.
 
     Attributes
     ----------
     name : of the survey
-    seed : the same seed is the same survey, bit by bit
-    passes : vehicles that go by; a number or a range
+    seed : the same seed gives the same survey, bit by bit
+    passes : vehicles that drive by; a number or a range
     snr_db : 10 log10(mean signal^2 / noise variance) over the maps of all passes (channels and times in view);
         a number or a range
     noise : "white"; "colored", a fixed mixture of 1/f and common noise; "street", such a mixture drawn by the seed
@@ -52,13 +52,13 @@ class Scenario:
     classes : name -> share of the traffic
     frame_rate : fixes per second
     fix_sigma, anchor_sigma : m
-    track_noise : of the fixes: "white"; "camera", as trackers leave it, the mean of three fixes
+    track_noise : of the fixes: "white"; or "camera", correlated as by a tracker: the mean of three fixes
     track_wander, track_wander_time : m, sd of a slow error of each track besides, and its correlation time, s
     gps : trajectories in latitude and longitude
     origin, x_azimuth : the local frame, degrees
     start : of the record, ISO 8601, UTC
     effects : name -> amount, see `EFFECTS`; secondary settings are named after their effect, such as
-        `viscoelastic_lag_tau`, and drawn by the seed where not given
+        `viscoelastic_lag_tau`, and drawn by the seed if not given
     """
 
     name: str = "street"
@@ -104,11 +104,11 @@ class Scenario:
         check(self)
 
     def effect(self, name: str) -> float:
-        """Amount of a hidden effect, 0 where it is absent; or a setting of one, drawn where it is not given."""
+        """Amount of a hidden effect, 0 if absent; or a setting of one, drawn if not given."""
         return amount_of(self.effects, self.seed, name)
 
     def drawn(self) -> "Scenario":
-        """The same with a number where `passes` or `snr_db` is a range."""
+        """The same with numbers drawn from the ranges of `passes` and `snr_db`."""
         if not isinstance(self.passes, tuple) and not isinstance(self.snr_db, tuple):
             return self
         rng = effect_rng(self.seed, "passes, snr_db")
@@ -147,12 +147,13 @@ def read_scenario(source: str | Path, **overrides: Any) -> Scenario:
     ----------
     source : path of a TOML file whose keys are the fields of `Scenario` (`base = "street-gps"` starts from a
         built-in one), or a name in `BUILT_IN`
-    **overrides : fields that win over the file's; None leaves the file's
+    **overrides : fields that override the file's; None keeps the file's
 
     Raises
     ------
     InputError
-        No such file or name, no TOML, an unknown key, a value of the wrong type or out of range.
+        If there is no such file or name, it is not TOML, a key is unknown, or a value is of the wrong type or out of
+        range.
 
     >>> read_scenario("street-gps", seed=3, passes=None).gps
     True
@@ -175,7 +176,7 @@ def amounts(words: Sequence[str]) -> dict[str, float]:
     Raises
     ------
     InputError
-        A word that is not NAME=NUMBER.
+        If a word is not NAME=NUMBER.
 
     >>> amounts(["lowpass=1.5", "lowpass_order=2"])
     {'lowpass': 1.5, 'lowpass_order': 2.0}
@@ -280,7 +281,7 @@ def _rules(s: Scenario) -> list[tuple[bool, str]]:
 
 
 def _effect_rules(s: Scenario) -> list[tuple[bool, str]]:
-    """What effects can be computed with; only for names that are known."""
+    """Check the amounts that effects can be computed with; names must be known."""
     if not set(s.effects) <= {*EFFECTS, *SETTINGS}:
         return []
     ratio = s.poisson_ratio + s.effect("poisson_ratio")

@@ -1,4 +1,4 @@
-"""Simulate a survey: vehicles drive by, the ground bends, a fiber is stretched, an interrogator listens."""
+"""Simulate a survey: vehicles drive by, the ground deforms, a fiber is stretched, an interrogator records."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -27,14 +27,14 @@ class Survey:
 
     Attributes
     ----------
-    scenario : what was asked for, with what was drawn of its ranges
+    scenario : as asked for, with the values drawn from its ranges
     start : UTC, of the first sample
     time : [time] s since `start`
     strain_rate : [time, channel] 1/s, as recorded; NaN in a gap
     signal : [time, channel] 1/s, before noise and processing
     distance : [channel] m along the fiber, as the file has it
     route : [channel, 3] m; the middle of each channel's gauge
-    vehicles : all that drove by; the last of them unseen where the scenario says so
+    vehicles : all that drove by; the last one is unseen if the scenario says so
     trajectories : table as in the contract (GPS: latitude, longitude, sigma)
     anchors : table as in the anchors file
     active : first and last channel in view
@@ -66,13 +66,13 @@ def simulate(scenario: Scenario) -> Survey:
     Raises
     ------
     InputError
-        A route that no vehicle in view comes near, or that is too short.
+        If no vehicle in view comes near the route, or it is too short.
 
     >>> survey = simulate(Scenario(seed=1, passes=1))
     >>> survey.strain_rate.shape[1], survey.route.shape
     (241, (241, 3))
     """
-    # One stream per purpose: asking for more passes or another SNR leaves the route as it was.
+    # One random stream per purpose: more passes or another SNR leave the route unchanged.
     streams = np.random.SeedSequence(scenario.seed).spawn(5)
     scenario = scenario.drawn()
     ways, traffic, fixes, dust, extra = (np.random.default_rng(stream) for stream in streams)

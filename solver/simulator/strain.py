@@ -1,4 +1,4 @@
-"""What the fiber records, before noise: gauge-averaged strain under every wheel, and its rate."""
+"""The fiber's signal before noise: gauge-averaged strain under every wheel, and its rate."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 PANEL = 0.5  # m of fiber per four Gauss-Legendre nodes
 REACH = 150.0  # m beyond the view where vehicles appear and vanish; the strain rate there is 1e-4 of its peak
 STENCIL = 0.01  # s; step of the central difference
-FINE_RATE = 100.0  # Hz, about, at which strain is computed where anything happens in time
+FINE_RATE = 100.0  # Hz, about; rate at which strain is computed if an effect acts in time
 BLOCK = 40_000  # times x nodes at once, so that the work stays in the cache
 
 
@@ -55,7 +55,7 @@ def listen(
 
 
 def _instant(fiber: "Fiber", vehicles: tuple[Vehicle, ...], time: Array) -> Array:
-    """Fourth-order central difference of the strain at each sample."""
+    """Strain rate at each sample by a fourth-order central difference."""
     rate = np.zeros((len(time), fiber.channels))
     lag = STENCIL * np.array([-2, -1, 1, 2])
     weight = np.array([1, -8, 8, -1]) / (12 * STENCIL)
@@ -67,7 +67,7 @@ def _instant(fiber: "Fiber", vehicles: tuple[Vehicle, ...], time: Array) -> Arra
 
 
 def _stepwise(fiber: "Fiber", vehicles: tuple[Vehicle, ...], time: Array, every: int) -> Array:
-    """Strain `every` times per sample, and what becomes of it in time; rate [time * every, channel]."""
+    """Rate [time * every, channel] from strain at `every` times per sample, with the effects in time."""
     step = (time[1] - time[0]) / every
     edges = time[0] + step * (np.arange(len(time) * every + 1) - 0.5)
     strain = np.zeros((len(edges), fiber.channels))
@@ -130,7 +130,7 @@ class Fiber:
             field[rows] = self._under(vehicle, time[rows], self.points)
             if share := self.scenario.effect("unknown_twin_path"):
                 field[rows] += share * (self._under(vehicle, time[rows], self.twin) - field[rows])
-        # One product for all blocks: many small ones spend their time on waking threads.
+        # One product for all blocks: many small ones would spend their time on waking threads.
         return np.asarray(field @ self.average)
 
     def _under(self, vehicle: Vehicle, time: Array, points: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Lay the fiber and let the vehicles drive: what chance decides about a street."""
+"""Lay the fiber and let the vehicles drive: all that is random about a street."""
 
 from dataclasses import replace
 
@@ -64,7 +64,7 @@ def drive(scenario: Scenario, rng: np.random.Generator) -> tuple[Vehicle, ...]:
 
 
 def _driven(scenario: Scenario, vehicle: Vehicle, number: int) -> Vehicle:
-    """Put the hidden effects that belong to a vehicle and its driver."""
+    """Apply the hidden effects that belong to a vehicle and its driver."""
     vehicle = replace(vehicle, front_share=vehicle.front_share + scenario.effect("front_share"))
     if (length := scenario.effect("long_vehicle")) and number % 3 == 0:
         count = max(2, round(scenario.effect("long_vehicle_axles")))
@@ -83,7 +83,7 @@ def _driven(scenario: Scenario, vehicle: Vehicle, number: int) -> Vehicle:
 
 
 def _brakes(scenario: Scenario, vehicle: Vehicle, number: int) -> tuple[tuple[float, float, float], ...]:
-    """When a vehicle brakes: the share that does is spread over the traffic; nobody loses over 60 % of the speed."""
+    """When a vehicle brakes: braking vehicles are spread over the traffic; none loses over 60 % of its speed."""
     share = scenario.effect("braking_share")
     start = effect_rng(scenario.seed, "braking").random()
     if int((number + 1) * share + start) == int(number * share + start):

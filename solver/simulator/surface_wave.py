@@ -1,4 +1,4 @@
-"""Rayleigh waves that the vehicles radiate: far, weak, and faster than anything they do otherwise."""
+"""Rayleigh waves that the vehicles radiate: far-reaching, weak, and faster than the static response."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ def surface_wave(
     """Strain rate [time, channel] of A (10 m / r)^1/2 cos(w (t - r / c)) (cos of wave and fiber)^2 from each vehicle.
 
     A is the scenario's share of the largest rate [time, channel] that the vehicles cause otherwise, taken in proportion
-    to their weight; the vehicle's place is that at the time of sending.
+    to their weight; the vehicle's place is that at the time of emission.
 
     Parameters
     ----------

@@ -83,14 +83,14 @@ def write_survey(survey: Survey, folder: str | Path) -> Path:
 
 
 def write_recording(survey: Survey, folder: Path) -> None:
-    """Write what does not depend on how the vehicles were seen: `das/*.h5`, `anchors.csv`, `truth.json`."""
+    """Write what does not depend on how the vehicles were observed: `das/*.h5`, `anchors.csv`, `truth.json`."""
     _write_das(survey, folder / "das")
     survey.anchors.round(4).to_csv(folder / "anchors.csv", index=False)
     (folder / TRUTH).write_text(json.dumps(truth(survey), indent=1) + "\n", encoding="utf-8")
 
 
 def site_text(scenario: Scenario, observed: str) -> str:
-    """Compose `site.toml`; `observed` is `TRAJECTORIES` or `CAMERA`, how the vehicles were seen.
+    """Compose `site.toml`; `observed` is `TRAJECTORIES` or `CAMERA`, how the vehicles were observed.
 
     >>> print(site_text(Scenario(), TRAJECTORIES).splitlines()[4])
     origin = [32.113, 34.804]   # latitude, longitude of (0, 0)
@@ -162,7 +162,7 @@ def _write_das(survey: Survey, folder: Path) -> None:
 def _unbroken(recorded: NDArray[np.bool_], rows: int) -> list[tuple[int, int]]:
     """First and end of every stretch of rows that were recorded, cut into equal parts of about `rows`.
 
-    A row alone is left out: a file of one sample has no rate.
+    A single row is left out: a file of one sample has no rate.
 
     >>> _unbroken(np.array([True, True, False, True, True, True, True, False, True]), 2)
     [(0, 2), (3, 5), (5, 7)]

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def reported(scenario: Scenario, vehicle: Vehicle, time: Array, rng: np.random.Generator) -> Array:
-    """Fixes [fix, 2], m, of a vehicle at `time` [fix], s, as the table has them."""
+    """Fixes [fix, 2], m, of a vehicle at `time` [fix], s, as the table reports them."""
     told = _mistaken(scenario, vehicle, time) + scenario.fix_sigma * fix_noise(scenario, rng, len(time))
     for name in ("track_wander", "track_jitter"):
         sd = scenario.track_wander if name == "track_wander" else scenario.effect(name)
@@ -23,7 +23,7 @@ def reported(scenario: Scenario, vehicle: Vehicle, time: Array, rng: np.random.G
 
 
 def _mistaken(scenario: Scenario, vehicle: Vehicle, time: Array) -> Array:
-    """Where a table with the scenario's errors says that the vehicle is; adding the effect's amount mends it."""
+    """Position in a table with the scenario's errors; adding the effect's amount corrects it."""
     x, y = vehicle.position(time).T
     middle, half = sum(scenario.view) / 2, (scenario.view[1] - scenario.view[0]) / 2
     y = y - scenario.effect("track_bend") * ((x - middle) / half) ** 2
@@ -38,12 +38,12 @@ def _mistaken(scenario: Scenario, vehicle: Vehicle, time: Array) -> Array:
 
 
 def stamps(scenario: Scenario, time: Array) -> Array:
-    """What the trajectories' clock shows, s, at `time` [fix], s."""
+    """Reading of the trajectories' clock, s, at `time` [fix], s."""
     return time * (1.0 - scenario.effect("clock_drift")) - scenario.effect("clock_offset")
 
 
 def fix_noise(scenario: Scenario, rng: np.random.Generator, count: int) -> Array:
-    """Noise [fix, 2] of sd 1: white, or as trackers leave it, the mean of three fixes (lag one 2/3, lag three 0).
+    """Noise [fix, 2] of sd 1: white, or correlated as by a tracker: the mean of three fixes (lag one 2/3, lag three 0).
 
     >>> import numpy as np
     >>> n = fix_noise(Scenario(track_noise="camera"), np.random.default_rng(0), 20_000)[:, 0]
@@ -59,7 +59,7 @@ def fix_noise(scenario: Scenario, rng: np.random.Generator, count: int) -> Array
 def wander(rng: np.random.Generator, time: Array, duration: float) -> Array:
     """Slow error [fix] of sd 1: an Ornstein-Uhlenbeck process of correlation time `duration`, s, passed twice.
 
-    Twice, with half the time each, so that it has a speed.
+    Two passes, with half the time each, make it differentiable.
     """
     step = duration / 50
     grid = np.arange(time[0] - 6 * duration, time[-1] + 2 * step, step)

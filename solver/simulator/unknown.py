@@ -1,4 +1,4 @@
-"""Effects outside any catalogue, to see what a diagnosis says of what it does not know."""
+"""Effects outside the catalogue, to test what a diagnosis says about effects that it does not know."""
 
 from solver.simulator.hidden import Hidden, Setting
 

@@ -1,4 +1,4 @@
-"""Vehicles that drive by: what they weigh, where their wheels are, and where they are when."""
+"""Vehicles that drive by: their weight, wheels and motion."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -45,10 +45,10 @@ class Vehicle:
     lane : m; mean y
     time_at : s; when the middle of the wheelbase passes `x_at`, m
     speed : m/s, mean
-    surge : [k, 3]; amplitude m, angular frequency 1/s, phase of the sines that its progress departs by
+    surge : [k, 3]; amplitude m, angular frequency 1/s, phase of sines added to its progress
     weave : [k, 3]; amplitude m, wavenumber 1/m, phase of its lateral wander
     brakes : [k, 3]; when it begins to brake, s, for how long, s, and the largest deceleration, m/s^2
-    axles : [k, 2]; m ahead of the middle of the wheelbase, share of the load; () for the two of the class
+    axles : [k, 2]; m ahead of the middle of the wheelbase, share of the load; () for the two axles of its class
 
     >>> steady = ((0.0, 1.0, 0.0),)
     >>> car = Vehicle("1", "car", 1400, 2.65, 1.55, 0.56, 4.5, 1.8, 1, 0.0, 10.0, 50.0, 15.0, steady, steady)
@@ -98,7 +98,7 @@ class Vehicle:
         return self._braked(time)[0]
 
     def _braked(self, time: ArrayLike) -> tuple[Array, Array, Array]:
-        """Deceleration, lost speed and lost way [n] by brakes that come and go as sin^2."""
+        """Deceleration, lost speed and lost distance [n] by brakes that come and go as sin^2."""
         time = np.asarray(time, float)
         sums = np.zeros((3, *time.shape))
         for begin, duration, most in self.brakes:
@@ -146,7 +146,7 @@ class Vehicle:
 
     @property
     def _slack(self) -> float:
-        """How much longer than at mean speed a way may take."""
+        """How much longer than at mean speed a distance may take."""
         return 3.5 if self.brakes else 1.2
 
     def times_within(self, first: float, last: float, step: float) -> tuple[float, float]:
@@ -169,7 +169,7 @@ def draw_vehicle(
     x_at: float,
     speed: float,
 ) -> Vehicle:
-    """Draw a vehicle of a class, with the sizes, weight and driving that chance gives it.
+    """Draw a vehicle of a class, with random size, weight and driving.
 
     >>> import numpy as np
     >>> rng = np.random.default_rng(1)
