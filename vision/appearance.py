@@ -1,4 +1,4 @@
-"""What vehicles look like, as vectors of an ONNX embedding: the same vehicle after a tree is more like itself."""
+"""Appearance of vehicles as vectors of an ONNX embedding, to recognize a vehicle after it was hidden."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +13,10 @@ from vision.detectors.session import open_session
 
 Array = NDArray[np.float64]
 
-# Of ImageNet, red, green, blue: what networks for re-identification are trained with.
+# Of ImageNet, red, green, blue, with which networks for re-identification are trained.
 MEAN, DEVIATION = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
-USUAL = (256, 128)  # height and width, px, where the model leaves them free
-SMALLEST = 4.0  # px; a box with less inside the image has no looks
+USUAL = (256, 128)  # height and width, px, if the model leaves them free
+SMALLEST = 4.0  # px; a box with less inside the image has no appearance vector
 
 
 @dataclass(frozen=True)
@@ -61,14 +61,14 @@ class Appearance:
         return found
 
     def run(self, images: NDArray[np.float32]) -> Array:
-        """Images [n, 3, height, width] -> what the graph answers, one row each."""
+        """Images [n, 3, height, width] -> outputs of the graph, one row each."""
         batches = [images] if self.whole_batches else np.split(images, len(images))
         return np.concatenate([self.session.run(None, {self.name: part})[0] for part in batches]).astype(float)
 
     def embed(self, image: NDArray[np.uint8], boxes: Array) -> Array:
-        """Vectors [n, d] of length 1 of what boxes [n, 4], px, show of an image [height, width, 3], BGR.
+        """Appearance vectors [n, d], of length 1, of the boxes [n, 4], px, in an image [height, width, 3], BGR.
 
-        Zero, alike to nothing, where less than four pixels of a side are inside the image.
+        A vector is zero (unknown) if less than four pixels of a side of its box are inside the image.
         """
         corners = np.clip(boxes, 0, np.tile(image.shape[1::-1], 2)).round().astype(int)
         seen = (corners[:, 2:] - corners[:, :2]).min(axis=1) >= SMALLEST if len(boxes) else np.zeros(0, bool)

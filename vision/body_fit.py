@@ -1,4 +1,4 @@
-"""Where a vehicle must stand for its silhouette to fill the boxes it was seen in."""
+"""Fit the position of a vehicle so that its silhouette fills its boxes."""
 
 from dataclasses import dataclass
 
@@ -10,10 +10,10 @@ from vision.vehicles import VehicleShape
 
 Array = NDArray[np.float64]
 
-ROUNDS = 4  # of a fit, which goes on from where the last one of the same vehicle ended
+ROUNDS = 4  # of a fit, which starts where the last one of the same vehicle ended
 LONGEST_STEP = 4.0  # m, per round
 HUBER = 2.0  # sd beyond which an edge is trusted less (an occluded side)
-EVIDENCE = 3.0  # fixes' worth of what a track tells of the size: a detector errs alike on all images of one vehicle
+EVIDENCE = 3.0  # a track counts as this many fixes for the size: a detector errs alike on all images of one vehicle
 SETTLED = 3e-3  # m
 EDGES, AXES = np.arange(4), np.array([0, 1, 0, 1])  # left, top, right, bottom, and the image's axis each is along
 
@@ -98,8 +98,8 @@ def fit_body(
     -----
     Gauss-Newton on the maximum a posteriori, edges weighted by Huber's rule. The positions are eliminated from the
     normal equations (Schur complement; Triggs et al. 2000, Bundle adjustment, section 6.1), so a round costs as much
-    as its projections. The size gathers the evidence of three fixes, however many there are, because edges err alike in
-    all of a track's boxes.
+    as its projections. However many fixes there are, they count as three for the size, because edges err alike in all
+    boxes of a track.
     """
     prior, alike = np.array(shape.size), max(1.0, len(boxes) / EVIDENCE)
     precision = np.diag(np.array(shape.deviation) ** -2.0)
@@ -107,7 +107,7 @@ def fit_body(
     for _ in range(ROUNDS):
         residual, by_position, by_size, seen = _linearize(camera, image_size, shape, boxes, position, turn, size)
         weight = seen * sigma**-2.0 * np.minimum(1.0, HUBER / np.maximum(np.abs(residual / sigma), 1e-9))
-        # A whisper of prior (10 m) keeps a fix with one visible edge solvable.
+        # A weak prior (10 m) keeps a fix with one visible edge solvable.
         pulled, stretched = weight[..., None] * by_position, weight[..., None] * by_size
         near = _transposed(pulled) @ by_position + 0.01 * np.eye(2)
         cross = _transposed(pulled) @ by_size
@@ -147,9 +147,9 @@ def _linearize(
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
     """Residuals [n, 4], their slopes over position [n, 4, 2] and over size [n, 4, 3], px and px/m; which edges count.
 
-    An edge moves as the corner that makes it. One that is made by a corner outside the image does not count: a detector
-    bounds what is left of the body inside. All are zero where a guess reaches behind the camera: such a fix stays where
-    it is, with the prior's sigma.
+    An edge moves with the corner that defines it. An edge defined by a corner outside the image does not count: a
+    detector bounds the part of the body inside. All are zero if a guess reaches behind the camera: such a fix stays in
+    place, with the prior's sigma.
     """
     pixels, ideal, depth = seen_from(camera, shape.corners(size)[None], position, turn)
     which = np.concatenate([pixels.argmin(axis=1), pixels.argmax(axis=1)], axis=1)

@@ -1,4 +1,4 @@
-"""Results that are kept between runs, in a folder per user, by checksum of what they came from."""
+"""Results cached between runs, in a folder per user, by checksum of their inputs."""
 
 import hashlib
 import logging
@@ -23,8 +23,8 @@ from vision.contract.progress import progress
 log = logging.getLogger("roadfiber.cache")
 
 BLOCK = 1 << 24  # bytes read at a time
-LIMIT = 1_000_000_000  # bytes that the folder may hold: some days of video at 25 frames/s
-KINDS = ("detections/*/*.npz", "timestamps/*.npz")  # what is kept, below the folder
+LIMIT = 1_000_000_000  # most bytes in the folder: a few days of video at 25 frames/s
+KINDS = ("detections/*/*.npz", "timestamps/*.npz")  # patterns of cached files in the folder
 
 
 def cache_folder() -> Path | None:
@@ -47,7 +47,7 @@ def cache_folder() -> Path | None:
 
 
 def checksum(path: Path) -> str:
-    """SHA-256 of a file; a file that did not change since is not read twice.
+    """SHA-256 of a file; an unchanged file is not read twice.
 
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "a"
@@ -70,7 +70,7 @@ def _checksum(path: Path, size: int, modified: int) -> str:
 
 
 def keep_arrays(path: Path, arrays: Mapping[str, Any]) -> bool:
-    """Write arrays whole or not at all; say so in the log and return False where that cannot be done."""
+    """Write arrays whole or not at all; if that fails, log it and return False."""
     try:
         with writing(path) as temporary:
             np.savez_compressed(temporary, **arrays)
@@ -81,7 +81,7 @@ def keep_arrays(path: Path, arrays: Mapping[str, Any]) -> bool:
 
 
 def kept_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Read kept arrays; None where there are none, or (with a line in the log) damaged ones, which are removed."""
+    """Read cached arrays; None if there are none. Damaged ones are logged and removed."""
     if not path.is_file():
         return None
     try:
@@ -92,12 +92,12 @@ def kept_arrays(path: Path) -> dict[str, NDArray[Any]] | None:
         path.unlink(missing_ok=True)
         return None
     with suppress(OSError):  # a folder that can only be read
-        os.utime(path)  # used now, so it goes last
+        os.utime(path)  # used now, so it is pruned last
     return found
 
 
 def prune(folder: Path, limit: int) -> int:
-    """Remove what was used longest ago until no more than `limit` bytes are kept; return how many went.
+    """Remove the least recently used files until at most `limit` bytes are left; return how many were removed.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def prune(folder: Path, limit: int) -> int:
     """
     files = list[tuple[int, int, Path]]()
     for path in (path for kind in KINDS for path in folder.glob(kind)):
-        with suppress(FileNotFoundError):  # another run prunes, too
+        with suppress(FileNotFoundError):  # another run is pruning, too
             state = path.stat()
             files.append((state.st_mtime_ns, state.st_size, path))
     excess, gone = sum(size for _, size, _ in files) - limit, 0
@@ -127,7 +127,7 @@ def prune(folder: Path, limit: int) -> int:
 
 
 def allowed() -> int:
-    """Bytes that may be kept: `LIMIT`, or what `ROADFIBER_CACHE_MB` says; InputError where that is not a number."""
+    """Most bytes in the cache: `LIMIT`, or the value of `ROADFIBER_CACHE_MB`; InputError if that is not a number."""
     stated = os.environ.get("ROADFIBER_CACHE_MB")
     if not stated:
         return LIMIT

@@ -1,4 +1,4 @@
-"""The camera calibration: pixels to meters on the road plane, as a file people can read and write by hand."""
+"""The camera calibration: pixels to meters on the road plane, in a file that people can read and write by hand."""
 
 import re
 from collections.abc import Sequence
@@ -52,7 +52,7 @@ Covariance = Annotated[Array, BeforeValidator(_covariance), PlainSerializer(lamb
 class ControlPoint(BaseModel):
     """A mark on the road: (u, v), px from the top left of the image, is at (x, y), m in the local frame.
 
-    `sigma`, px, and `sigma_xy`, m, say how well it is found in the image and was measured on the road.
+    `sigma`, px, and `sigma_xy`, m, are its accuracies in the image and on the road.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -85,7 +85,7 @@ class Pinhole:
     focal : focal length, px
     matrix : [3, 4], (x, y, z, 1) in the local frame (m, z down) -> homogeneous pixels, third one > 0 in front
     position : (x, y, z) of the camera, m; z is negative, above the road
-    lens : that distorts the picture, or None
+    lens : which distorts the picture, or None
     """
 
     focal: float
@@ -113,7 +113,7 @@ class Pinhole:
 
 
 class Calibration(BaseModel):
-    """What a fixed camera sees of the road plane.
+    """The view of the road plane from a fixed camera.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class Calibration(BaseModel):
     control_points : the marks it was fitted to
     residuals_px, residuals_m : distance of every control point from its fitted place, in image and on road
     leave_one_out_m : distance on the road of every control point predicted by the others; None beyond their horizon
-    leave_one_out_sigma_m : root mean square distance that these predictions state of themselves
+    leave_one_out_sigma_m : root mean square distance expected from the covariances of these predictions
     origin : (latitude, longitude) of x = y = 0, degrees
     x_azimuth : direction of +x, degrees clockwise from north
 
@@ -262,7 +262,7 @@ class Calibration(BaseModel):
         if abs(planar) < 1e-4 * np.sum(np.abs(circular[:2]) ** 2):
             return None
         inverse_square = -(planar.conjugate() * deep).real / abs(planar) ** 2
-        # Beyond these fields of view (about 1 and 170 degrees) the answer is noise: no perspective to see.
+        # Outside these fields of view (about 1 to 170 degrees) the result is noise: there is no visible perspective.
         if not (1 / (60 * width) ** 2 < inverse_square < 1 / (0.04 * width) ** 2):
             return None
         focal = float(inverse_square**-0.5)
@@ -279,7 +279,7 @@ class Calibration(BaseModel):
 
     @classmethod
     def read(cls, path: str | Path) -> "Calibration":
-        """Read a calibration file; InputError, one line, where it is none."""
+        """Read a calibration file; InputError if it is not one."""
         try:
             return cls.model_validate_json(read_text(Path(path), "a calibration.json (roadfiber calibrate ground)"))
         except ValidationError as error:
@@ -299,7 +299,7 @@ def _pinhole_from_columns(focal: float, intrinsic: Array, columns: Array, lens: 
     # The nearest rotation, in Frobenius norm, to what the homography holds.
     u, _, vt = np.linalg.svd(np.column_stack([r1, r2, np.cross(r1, r2)]))
     rotation = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
-    # Only the vertical is taken from it: the road must stay where the homography, fitted to control points, puts it.
+    # Used for the vertical only: the road must stay where the homography, fitted to control points, puts it.
     axes = np.column_stack([r1, r2, rotation[:, 2]])
     matrix = intrinsic @ np.column_stack([axes, translation])
     return Pinhole(focal=focal, matrix=matrix, position=-np.linalg.solve(axes, translation), lens=lens)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 CODECS = ("avc1", "mp4v")  # H.264 where this OpenCV can write it, else MPEG-4
 TAIL = 2.0  # s
-MOST_REPEATED = 50  # times that a picture is shown again at most where frames are far apart
+MOST_REPEATED = 50  # most repeats of a picture where frames are far apart
 
 
 def require_drawable(out: Path, video: Path) -> None:
@@ -97,7 +97,7 @@ def vehicles_by_frame(table: "pd.DataFrame", times: dict[int, float]) -> dict[in
 
 
 def words_of(name: str, label: str, speed: float) -> str:
-    """What is written of a vehicle; its speed, m/s, where it is known.
+    """Label of a vehicle, with its speed, m/s, if known.
 
     >>> words_of("12", "car", 8.94), words_of("3", "bus", float("nan"))
     ('12 car 8.9 m/s', '3 bus')
@@ -116,9 +116,7 @@ def _images(video: Video, places: NDArray[np.intp]) -> Iterator[Image]:
 def _writer(path: Path, rate: float, size: tuple[int, int], out: Path) -> Any:
     import cv2
 
-    cv2.utils.logging.setLogLevel(
-        cv2.utils.logging.LOG_LEVEL_SILENT
-    )  # a codec that is not there is the next one's turn
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # if a codec is missing, try the next one
     for codec in CODECS:
         writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, size)
         if writer.isOpened():

@@ -1,4 +1,4 @@
-"""Edges of boxes: how well each is known, and which a nearer vehicle hides."""
+"""Edges of boxes: the sd of each, and which ones a nearer vehicle hides."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 EDGE_BIAS = 1.0  # px, and
-SHAPE_BIAS = 0.02  # sizes of the box (about 5 cm): sd of an edge that no repetition shows
-USUAL_JITTER = 0.03  # sd of an edge, sizes of the box, of tracks too short to show theirs
-FEWEST_FIXES = 5  # of a track that shows it
+SHAPE_BIAS = 0.02  # sizes of the box (about 5 cm): sd of an edge error that is common to all frames
+USUAL_JITTER = 0.03  # sd of an edge, sizes of the box, for tracks too short to estimate it
+FEWEST_FIXES = 5  # fixes of a track long enough to estimate it
 COVERED = 0.5  # share of an edge behind another box that makes it hidden
 MARGIN = 2.0  # px; a box nearer to the image's border than this may be cut by it
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("roadfiber.follow")
 
-STANDING = 0.5  # sizes of its box; what ends so near to where it began has not passed by
+STANDING = 0.5  # sizes of its box; a track that ends so close to its start is not a passing vehicle
 FEWEST_FIXES = 5  # of a track; less is more often a false alarm than a vehicle
 PATIENCE = 1.0  # s without a fix after which a track ends, or
 PATIENT_FRAMES = 6  # looked-at frames, whichever is longer
@@ -34,8 +34,8 @@ def follow(seen: Sequence[tuple[Look, NDArray[np.float64] | None]], tracker: Tra
 
     Parameters
     ----------
-    seen : frames and what they show, in order of time, each with vectors of its looks where there are any
-    tracker : that has seen nothing yet
+    seen : frames and their detections, in order of time, each with appearance vectors if there are any
+    tracker : a new one
 
     Returns
     -------
@@ -56,8 +56,8 @@ def follow(seen: Sequence[tuple[Look, NDArray[np.float64] | None]], tracker: Tra
 def moving(table: "pd.DataFrame") -> "pd.Series":
     """Whether each fix [fix] is of a track that ends elsewhere than it began: an edge by more than half its box's size.
 
-    Parked vehicles, and what only looks like one, would else be the longest tracks of all. The ends are medians of up
-    to five fixes, so that a box that slips is not motion; one that grows comes nearer.
+    Parked vehicles and similar objects would otherwise be the longest tracks of all. The ends are medians of up to five
+    fixes, so that a single misplaced box is not motion; a growing box is an approaching vehicle.
 
     >>> import pandas as pd
     >>> frame = np.arange(9)

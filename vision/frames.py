@@ -1,4 +1,4 @@
-"""What everything that is looked at gives: frames, each with the time it was taken."""
+"""The common interface of videos and picture folders: frames, each with the time it was taken."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Video(ABC):
-    """Frames that were counted and timed, so their number is not what a header claims.
+    """Frames whose number and times were measured, not taken from a header.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Video(ABC):
     @property
     @abstractmethod
     def checksum(self) -> str:
-        """SHA-256 of what is decoded."""
+        """SHA-256 of the source."""
 
     @abstractmethod
     def decoded(self, wanted: NDArray[np.intp]) -> Iterator[Frame | None]:

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-HIDDEN_BIAS = 0.15  # sizes of the box: sd of an edge that a nearer vehicle hides, where a detector must guess
-MOST_HIDDEN = 2  # edges of a box that still says where a vehicle is
-WINDOW = 1.5  # lengths of the vehicle, of travel over which its heading is taken
+HIDDEN_BIAS = 0.15  # sizes of the box: sd of an edge that a nearer vehicle hides, which a detector must guess
+MOST_HIDDEN = 2  # fewest usable edges of a box that locate a vehicle
+WINDOW = 1.5  # travel, in lengths of the vehicle, over which its heading is estimated
 LONGEST_WINDOW = 2.0  # s
 MOVED = 1.0  # m in that time, below which a vehicle stands
 LEAST_NOISE = 0.01  # m; no fix is better
 MEDIAN = 1.386  # of a chi-square with two degrees of freedom
-WORST_SIGMA = 1.5  # m; a fix less certain than this says nothing about a fiber
+WORST_SIGMA = 1.5  # m; a fix less certain than this is useless to locate a fiber
 WORST_MISFIT = 4.0  # sd; boxes that no vehicle of the class fills
 FEWEST_FIXES = 5  # of a track
 TURNS = 6  # rounds, at most, of heading from positions and positions from headings
@@ -80,7 +80,7 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> tuple["pd
     hidden = hidden_edges(tracks["frame"].to_numpy(), boxes)
     seen = ~tracks["interpolated"].to_numpy(bool)
     cause = np.full(len(tracks), "", object)
-    # A box inside a nearer one is more often a second box of that vehicle than a vehicle behind it.
+    # A box inside a nearer one is usually a second box of that vehicle, not a vehicle behind it.
     cause[seen & (hidden.sum(axis=1) > MOST_HIDDEN)] = HIDDEN
     cause[seen & ~np.isfinite(calibration.to_ground(_contact(boxes))).all(axis=1)] = HORIZON
     names = tracks["class"].to_numpy()
@@ -253,7 +253,7 @@ def contact_positions(
 ) -> tuple[Array, Array]:
     """Positions [n, 2], m, and covariances [n, 2, 2] from the lower edges of boxes alone.
 
-    The line of sight on the road is where the contact point would go if it moved up in the image.
+    The line of sight on the road is the direction in which the contact point would go if it moved up in the image.
     """
     contact = _contact(boxes)
     jacobian = calibration.jacobian(contact)
@@ -271,8 +271,8 @@ def contact_positions(
 def headings(time: Array, position: Array, whole: NDArray[np.bool_], window: float) -> Array:
     """Heading [n], rad from +x toward +y, of a track with positions [n, 2], m, those of `whole` boxes to be believed.
 
-    The slope of a straight line through the fixes within about `window` m of travel. Where a vehicle stands, it is
-    headed as it was or will be when it moves; one that never moves is taken to stand along the road (0).
+    The slope of a straight line through the fixes within about `window` m of travel. A standing vehicle keeps its
+    heading from before or after; one that never moves is assumed to stand along the road (0).
     """
     every, (time, position) = time, (time[whole], position[whole]) if whole.sum() > 1 else (time, position)
     steps = np.linalg.norm(np.diff(position, axis=0), axis=1)

@@ -21,7 +21,7 @@ BINS = 10
 LIMIT = 0.35  # m; jitter beyond it blurs what a vehicle says about the fiber
 STANDING = 1.0  # m; a vehicle that stays as near as this to one place is parked
 LONG_ENOUGH = 5.0  # s of standing that make a vehicle a parked one
-INSIDE = 0.95  # share of its fixes that must be so near
+INSIDE = 0.95  # share of its fixes that must be that close
 
 
 def deviations(tracks: "pd.DataFrame", *, window: int = WINDOW, straight: bool = False) -> "pd.DataFrame":
@@ -31,9 +31,9 @@ def deviations(tracks: "pd.DataFrame", *, window: int = WINDOW, straight: bool =
     ----------
     tracks : [fix] with track_id, frame, time (s, or datetime), x, y (m)
     window : frames of the centered rolling mean, odd; those that were looked at count
-    straight : take the deviation from a straight line in time through the fixes of the window instead of from their
-        mean. Where frames come evenly and none is missing both are the same; elsewhere only this one is free of the
-        vehicle's own motion.
+    straight : take the deviation from a straight line in time through the fixes of the window, not from their mean.
+        With evenly spaced frames and none missing both agree; otherwise only this one is free of the vehicle's own
+        motion.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def _from_neighbors(frame: Array, time: Array, place: Array, half: float, straig
 
 
 def stride(frame: NDArray[np.int64]) -> int:
-    """Distance of the frames that were looked at.
+    """Step between the frames that were processed.
 
     >>> stride(np.array([0, 4, 8, 8, 14]))
     2
@@ -155,7 +155,7 @@ def bin_edges(x: "pd.Series | Array", bins: int = BINS) -> Array:
 
 
 def parked(tracks: "pd.DataFrame") -> list[str]:
-    """Name the tracks of vehicles that stood the whole time: whose jitter has no motion in it.
+    """Name the tracks of parked vehicles, whose jitter contains no motion.
 
     A track counts where it lasts five seconds and 95 % of its fixes lie within one meter of their median.
     """
@@ -170,7 +170,7 @@ def parked(tracks: "pd.DataFrame") -> list[str]:
 
 
 def jitter_floor(tracks: "pd.DataFrame") -> float | None:
-    """Root mean square jitter of parked vehicles, m: what detector and camera alone make; None where none is parked."""
+    """Root mean square jitter of parked vehicles, m, from detector and camera alone; None if none is parked."""
     standing = tracks[tracks["track_id"].astype(str).isin(parked(tracks))]
     if standing.empty:
         return None

@@ -68,7 +68,7 @@ class Lens(BaseModel):
 
     @cached_property
     def reach(self) -> float:
-        """Radius r up to which what is further out is also seen further out; beyond it the polynomial folds back."""
+        """Largest radius r up to which the distorted radius grows with r; beyond it the polynomial folds back."""
         k1, k2, _, _, k3 = self.distortion
         if min(k1, k2, k3) >= 0:
             return np.inf
@@ -83,7 +83,7 @@ class Lens(BaseModel):
         return np.asarray(seen if self._unfolded(place) else np.where(self._reached(place), seen, np.nan))
 
     def undistort(self, pixels: ArrayLike) -> Array:
-        """Pixels [n, 2] -> ideal pixels [n, 2], by Newton's method; NaN for pixels that no direction is seen at."""
+        """Pixels [n, 2] -> ideal pixels [n, 2], by Newton's method; NaN for pixels that no direction maps to."""
         target = self._normalized(pixels)
         place = target.copy()
         with np.errstate(all="ignore"):
@@ -124,7 +124,7 @@ class Lens(BaseModel):
         return np.asarray((place**2).sum(axis=1, keepdims=True) < self.reach**2)
 
     def _unfolded(self, place: Array) -> bool:
-        """Whether all directions [n, 2] are surely within `reach`: a bound that costs little."""
+        """Whether all directions [n, 2] are surely within `reach`, by a cheap bound."""
         k1, k2, _, _, k3 = (min(k, 0.0) for k in self.distortion)
         square = float((place**2).sum(axis=1).max(initial=0.0))
         return 1 + square * (3 * k1 + square * (5 * k2 + square * 7 * k3)) > 0

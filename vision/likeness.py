@@ -1,4 +1,4 @@
-"""What a likeness of looks is worth: learned from the vehicles in view, as every embedding has its own scale."""
+"""Likelihood ratios of appearance similarities, learned from the vehicles in view, as embeddings differ in scale."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-STRONGEST = 4.0  # of a ratio's logarithm: looks change in shade and behind leaves
+STRONGEST = 4.0  # largest logarithm of a ratio: appearance changes in shade and behind leaves
 NARROWEST = 0.02  # sd
 
 
@@ -21,11 +21,11 @@ class Cosines:
 
     @classmethod
     def of(cls, mean: float, sd: float, count: float) -> "Cosines":
-        """As if `count` had been seen."""
+        """Prior statistics, worth `count` cosines."""
         return cls(count, count * mean, count * (mean**2 + sd**2))
 
     def and_also(self, seen: Array) -> "Cosines":
-        """With those of `seen` [n]."""
+        """The statistics updated with the cosines `seen` [n]."""
         return Cosines(self.count + len(seen), self.total + float(seen.sum()), self.squares + float((seen**2).sum()))
 
     def log_density(self, value: Array) -> Array:
@@ -35,16 +35,16 @@ class Cosines:
         return np.asarray(-(((value - mean) / sd) ** 2) / 2 - np.log(sd))
 
 
-# Of networks for re-identification, about; a dozen pairs outweigh them.
+# Typical of networks for re-identification; a dozen pairs outweigh them.
 USUAL_SAME, USUAL_OTHER = Cosines.of(0.9, 0.1, 10.0), Cosines.of(0.3, 0.3, 10.0)
 
 
 @dataclass(frozen=True)
 class Likeness:
-    """Cosines between the looks of a track and of a detection: of the same vehicle, and of two that are seen at once.
+    """Cosines between appearance vectors of a track and a detection: of one vehicle, and of two seen at the same time.
 
-    A histogram of colors makes two gray cars alike to 0.98, a network for re-identification to 0.4: what tells vehicles
-    apart is how much likelier a cosine is between looks of one than of two (Neyman & Pearson 1933).
+    Two gray cars have a cosine of 0.98 by a color histogram, and of 0.4 by a network for re-identification: what tells
+    vehicles apart is how much likelier a cosine is for one vehicle than for two (Neyman & Pearson 1933).
 
     >>> likeness = Likeness()
     >>> for _ in range(50):
@@ -58,7 +58,7 @@ class Likeness:
 
     def ratio(self, cosine: Array) -> Array:
         """Logarithm of how much likelier cosines [...] are for one vehicle than for two, within ±4."""
-        highest = self.same.total / self.same.count  # liker than usual is no less the same
+        highest = self.same.total / self.same.count  # more similar than usual is no evidence against the same vehicle
         held = np.minimum(cosine, highest)
         return np.clip(self.same.log_density(held) - self.other.log_density(held), -STRONGEST, STRONGEST)
 

@@ -16,10 +16,10 @@ COLORS: tuple[Color, ...] = (
     *((178, 114, 0), (0, 94, 213), (167, 121, 204)),
 )
 BLACK, WHITE = (0, 0, 0), (255, 255, 255)
-BRIGHT = 120  # luminance of a color from which black words stand out on it
-LIGHTER = 0.55  # share of white in the color of what was not detected
+BRIGHT = 120  # luminance of a background from which black text is readable on it
+LIGHTER = 0.55  # share of white in the color of undetected boxes
 DASH = 6.0  # lengths of a dash and of a gap, in lines' thicknesses
-LETTERS = 22.0  # px of a picture per px of its letters' height
+LETTERS = 22.0  # px of picture height per px of letter height
 SMALLEST = 11.0  # px
 
 

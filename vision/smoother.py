@@ -16,14 +16,14 @@ Array = NDArray[np.float64]
 JERK = 1.0  # spectral density of the white jerk, m^2/s^5: the acceleration changes by about 1 m/s^2 in 1 s
 FIRST_SPEED = 30.0  # sd of the speed at the first fix, m/s, before any is seen
 FIRST_ACCELERATION = 1.5  # and of the acceleration, m/s^2
-GATE = 16.0  # squared Mahalanobis distance beyond which a fix pulls no harder (Huber 1964)
+GATE = 16.0  # squared Mahalanobis distance beyond which the influence of a fix is bounded (Huber 1964)
 BATCH = 64  # tracks at once
 PLACE = np.array([0, 3])  # where x and y are in the state (x, vx, ax, y, vy, ay)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Places of one vehicle in time.
+    """Positions of one vehicle over time.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def predict(mean: Array, covariance: Array, step: Array) -> tuple[Array, Array]:
 def update(mean: Array, covariance: Array, fix: Array, noise: Array, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Correct states by fixes [track, 2] with covariances [track, 2, 2], where they were `seen` [track].
 
-    A fix farther off than `GATE` gets the covariance that puts it there: it pulls no harder.
+    A fix beyond `GATE` has its covariance inflated until it is at `GATE`, which bounds its influence.
     """
     offset = np.where(seen[:, None], fix - mean[:, PLACE], 0.0)
     spread = covariance[:, PLACE[:, None], PLACE] + noise

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from vision.contract.errors import InputError
 
-STREAM = re.compile(r"([a-z][a-z0-9+.-]+):/{1,2}(?:[^/@]*@)?(.*)", re.IGNORECASE)  # without the password
+STREAM = re.compile(r"([a-z][a-z0-9+.-]+):/{1,2}(?:[^/@]*@)?(.*)", re.IGNORECASE)  # the address without the password
 LACKING = {"AV01": "AV1", "vvc1": "VVC (H.266)", "vvi1": "VVC (H.266)"}  # codecs that OpenCV's FFmpeg cannot decode
 
 

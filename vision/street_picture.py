@@ -33,7 +33,7 @@ class StreetPicture:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the camera's picture, px, which places in it are in."""
+        """Width and height of the camera's picture, px, in which pixels are given."""
         return self.calibration.image_size
 
     @property
@@ -45,7 +45,7 @@ class StreetPicture:
         """Points of the road [n, 2], m -> places in the picture [n, 2], px; NaN where it does not show them."""
         there = self.calibration.to_image(ground)
         back = self.calibration.to_ground(np.nan_to_num(there))
-        # A lens that is asked for what it never saw answers anything.
+        # Outside the calibrated view a lens model returns arbitrary pixels.
         seen = np.isfinite(there).all(1) & (np.linalg.norm(back - np.asarray(ground, float), axis=1) < 1.0)
         return np.where(seen[:, None], there, np.nan)
 

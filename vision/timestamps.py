@@ -1,4 +1,4 @@
-"""When the frames of a video were taken: from its packets where they can be believed, else from decoding them all."""
+"""Times of a video's frames: from its packets if they are reliable, else from decoding all frames."""
 
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,9 @@ SAME = 5e-4  # s
 def frame_times(path: Path) -> tuple[Array, tuple[int, int]]:
     """Read the time of every frame that decodes, s since the file's time zero, in decoding order.
 
-    Packets are read without decoding them, which costs a fiftieth. They are believed where none is missing, their times
-    are all different and about in order, and the first and last frames that do decode come at just these times. Where
-    they are not, the whole file is decoded. A frame may then still prove to be damaged: `Video.decoded` says so.
+    Packets are read without decoding them, which costs a fiftieth. They are used if none is missing, their times are
+    all different and about in order, and the first and last frames that decode have these times. Otherwise the whole
+    file is decoded. A frame may then still prove to be damaged: `Video.decoded` says so.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def open_capture(path: Path, packets: bool = False) -> Any:
     """Open a video for decoding, or for its packets; InputError where FFmpeg cannot read it."""
     import cv2
 
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # a refused file is our line to say
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # roadfiber itself reports a refused file
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1] if packets else [])
     if not capture.isOpened():
         raise InputError(f"{path}: not a video, or damaged; give a file that FFmpeg reads (mp4, mkv, avi, ...)")

@@ -30,19 +30,19 @@ GROWTH = 2.5  # largest ratio of areas in a pair
 FORBIDDEN = 1e4
 
 # On the ground, with a calibration:
-NEAR = 3.0  # m, that two boxes of one vehicle may be apart whatever else, and
+NEAR = 3.0  # m, distance always allowed between two boxes of one vehicle, and
 EDGES = 4.0  # sd of an edge, by the size of a pixel there
 BORDER = 2.0  # px; a box that ends so near to the image's lower border may stand below it
 HARDEST = 7.0  # m/s^2; full braking
-FASTEST = 45.0  # m/s; of a track too young to know its speed
+FASTEST = 45.0  # m/s; assumed for a track too young to know its speed
 SETTLED = 3  # fixes from which it does
 
-# Looks, with an embedding:
-MEMORY = 3.0  # times as long as without, that a track is kept for a vehicle that looks like its own
+# Appearance, with an embedding:
+MEMORY = 3.0  # factor on how long a track is kept for a vehicle of similar appearance
 ALIKE = 2.0  # logarithm of the likelihood ratio of two looks from which they may be one vehicle's after such a time
 TRUST = 0.2  # of the same in the cost of a pair
-MIXED = 0.1  # overlap with another box from which a box shows two vehicles, and its look is not taken
-FRESH = 0.2  # share of the newest look in a track's
+MIXED = 0.1  # overlap with another box beyond which a box shows two vehicles and its appearance is not used
+FRESH = 0.2  # weight of the newest appearance vector in a track's
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Tracks:
     identity : [track], never used twice
     seen : [track], s, time of the last fix
     fixes : [track], how many there were
-    look : [track, d], what it looks like, length 1; d = 0 without an embedding
+    look : [track, d], appearance vector, length 1; d = 0 without an embedding
     """
 
     state: Array = field(default_factory=lambda: np.zeros((5, 0, 4)))
@@ -87,8 +87,8 @@ class Tracker:
     Each of center x, center y, width and height is a value with a rate driven by white noise (Bar-Shalom et al. 2001,
     section 6.2.2). Pairs are chosen by the assignment of least total cost, 1 - overlap + d^2 / (2 GATE), with d the
     Mahalanobis distance of centers: overlap decides while boxes overlap, motion where a low frame rate leaves none.
-    With looks (`vision.appearance`) their likelihood ratio counts too (`vision.likeness`), and a track lives three
-    times as long for a vehicle that looks like its own.
+    With appearance vectors (`vision.appearance`) their likelihood ratio counts too (`vision.likeness`), and a track is
+    kept three times as long for a vehicle of similar appearance.
 
     >>> tracker = Tracker()
     >>> car = np.array([[10.0, 10, 50, 40]])
@@ -113,7 +113,7 @@ class Tracker:
         time : of the frame, s
         boxes : [n, 4], px
         scores : [n]
-        looks : [n, d], vectors of length 1 (zero: unknown) of what the boxes show; in all frames or in none
+        looks : [n, d], appearance vectors of the boxes, length 1 (zero: unknown); in all frames or in none
 
         Returns
         -------
@@ -163,7 +163,7 @@ class Tracker:
     def _costs(
         self, tracks: Tracks, measured: Array, boxes: Array, cosines: Array | None, time: float
     ) -> tuple[Array, Array]:
-        """Cost of pairs, `FORBIDDEN` for those that cannot be, and their overlap, each [track, detection]."""
+        """Cost of pairs, `FORBIDDEN` for impossible ones, and their overlap, each [track, detection]."""
         overlaps, distance = compare(tracks, measured, boxes)
         cost = 1 - overlaps + distance / (2 * GATE)
         admissible = ((distance <= GATE) | (overlaps >= AGREEING)) & similar(tracks, measured)
@@ -196,13 +196,13 @@ class Tracker:
 
 
 def unmixed(looks: Array, boxes: Array) -> Array:
-    """Looks [n, d] of boxes [n, 4], zero, which is unknown, where a box overlaps another."""
+    """Appearance vectors [n, d] of boxes [n, 4]; zero (unknown) where a box overlaps another."""
     shared = overlap(boxes, boxes) * ~np.eye(len(boxes), dtype=bool)
     return np.where((shared > MIXED).any(axis=1, keepdims=True), 0.0, looks)
 
 
 def cosines_of(tracks: Array, looks: Array) -> Array | None:
-    """Cosines [track, detection] of looks [track, d] and [detection, d], 0 where one is unknown; None without any."""
+    """Cosines [track, detection] of appearance vectors [track, d] and [detection, d]; 0: unknown; None without any."""
     return tracks @ looks.T if tracks.shape[1] and looks.shape[1] else None
 
 
@@ -264,7 +264,7 @@ def similar(tracks: Tracks, measured: Array) -> NDArray[np.bool_]:
 
 
 def within_reach(calibration: Calibration, tracks: Tracks, boxes: Array, time: float) -> NDArray[np.bool_]:
-    """Whether a vehicle can have come so far on the road [track, detection].
+    """Whether a vehicle can have traveled that far on the road [track, detection].
 
     Distances are those of the lower edges' middles from where the tracks are predicted. True where one is above the
     horizon or cut off by the image's lower border.
@@ -294,7 +294,7 @@ def associate(cost: Array, rows: NDArray[np.intp], columns: NDArray[np.intp], ow
 
 
 def correct(tracks: Tracks, measured: Array, looks: Array, owner: NDArray[np.intp], time: float) -> Tracks:
-    """Give every track its detection (Kalman 1960, on each coordinate by itself) and a share of its look."""
+    """Update every track with its detection (Kalman 1960, on each coordinate) and its appearance vector."""
     detection = np.flatnonzero(owner >= 0)
     row = owner[detection]
     value, rate, vv, vr, rr = tracks.state[:, row]
@@ -316,7 +316,7 @@ def correct(tracks: Tracks, measured: Array, looks: Array, owner: NDArray[np.int
 
 
 def blended(look: Array, newest: Array, row: NDArray[np.intp]) -> Array:
-    """Looks of tracks [track, d] with a share of the newest [n, d] in those of `row` [n]; zeros are unknown."""
+    """Appearance vectors of tracks [track, d], those of `row` [n] blended with the newest [n, d]; zero is unknown."""
     look = widened(look, newest.shape[1]).copy()
     share = np.where(look[row].any(axis=1), FRESH, 1.0)[:, None] * newest.any(axis=1, keepdims=True)
     mixed = (1 - share) * look[row] + share * newest

@@ -20,7 +20,7 @@ from vision.timestamps import SAME, clock, codec_of, frame_times, open_capture
 
 log = logging.getLogger("roadfiber.video")
 
-# FFmpeg's own complaints would stand beside our one line. It reads this once, before the first file.
+# Silence FFmpeg's own messages, which would add to our one line. FFmpeg reads this once, before the first file.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 MP4_EPOCH = np.datetime64("1904-01-01T00:00:00", "ns")
@@ -39,7 +39,7 @@ class VideoFile(Video):
         capture, now, damaged = open_capture(self.path), -np.inf, 0
         for place in wanted:
             refused = 0
-            # Grabbing is exact where seeking is not (key frames, variable rates); damaged packets are refused singly.
+            # Grabbing is exact, unlike seeking (key frames, variable rates); damaged packets are refused one by one.
             while now < self.time[place] - SAME:
                 if capture.grab():
                     now = clock(capture)
@@ -96,7 +96,7 @@ def open_video(path: str | Path, cache: Path | None = None, rate: float | None =
 
 
 def _kept_times(path: Path, cache: Path) -> tuple[NDArray[np.float64], tuple[int, int]]:
-    """`frame_times`, or what it gave for the same file before."""
+    """`frame_times`, cached by file."""
     place = cache / "timestamps" / f"{checksum(path)}.npz"
     kept = kept_arrays(place)
     if kept is None:
@@ -108,7 +108,7 @@ def _kept_times(path: Path, cache: Path) -> tuple[NDArray[np.float64], tuple[int
 
 
 def _require_whole(path: Path, decoded: float, duration: float) -> None:
-    # Headers may count the last frame's length, or frames that a recorder dropped at the end.
+    # Headers may include the last frame's duration, or frames that a recorder dropped at the end.
     if duration - decoded > max(1.0, 0.03 * duration):
         raise InputError(
             f"{path}: decodes to {decoded:.1f} s of the {duration:.1f} s its header claims, so it is cut "

@@ -13,16 +13,16 @@ from vision.contract.frame import LocalFrame
 if TYPE_CHECKING:
     import pandas as pd
 
-# Beyond this the plane of the local frame is no longer the ground's, and so long a way off is a mistake anyway.
+# Beyond this the plane of the local frame no longer follows the ground, and such a distance is a mistake anyway.
 REACH_OF_FRAME = 100e3
-# Points that are all nearer to the origin than this, in degrees, are within 11 km; in meters, within a hand's breadth.
+# Points all closer to the origin than this are within 11 km if in degrees, and within a hand's breadth if in meters.
 DEGREES_OFF = 0.1
 # Other names of columns, as receivers and web maps write them.
 ALSO_CALLED = {"lat": "latitude", "lon": "longitude", "lng": "longitude", "long": "longitude"}
 
 
 def with_positions(table: "pd.DataFrame") -> "pd.DataFrame":
-    """The table with latitude and longitude named so, where that is what it gives in place of x and y.
+    """The table with its columns renamed to latitude and longitude, if it gives these in place of x and y.
 
     >>> import pandas as pd
     >>> list(with_positions(pd.DataFrame({"lat": [32.1], "lng": [34.8]})))
@@ -30,7 +30,7 @@ def with_positions(table: "pd.DataFrame") -> "pd.DataFrame":
     """
     also = {name: ALSO_CALLED[name] for name in table if name in ALSO_CALLED}
     names = [*also.values(), *(name for name in ("latitude", "longitude") if name in table)]
-    # Of two of a kind, or beside meters, nobody knows which are meant.
+    # If there are two of a kind, or meters too, it is unclear which are meant.
     clear = sorted(names) == ["latitude", "longitude"] and "x" not in table
     return table.rename(columns=also) if clear else table
 

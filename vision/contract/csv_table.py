@@ -1,4 +1,4 @@
-"""Tables of text as programs of all sorts write them: separator, decimal mark and encoding are told from the file."""
+"""Text tables from any program: separator, decimal mark and encoding are detected from the file."""
 
 import codecs
 import csv
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SEPARATORS = ",;\t"
-LOOKED_AT = 1 << 16  # bytes from which the form is told
+LOOKED_AT = 1 << 16  # bytes from which the form is detected
 SAVE = "save it as CSV UTF-8"
 # A number with a decimal comma that fills a whole field.
 DECIMAL_COMMA = re.compile(r'(?:^|[;\t])[ "]*[-+]?\d*,\d+(?:[eE][-+]?\d+)?[ "]*(?=[;\t]|$)', re.MULTILINE)
@@ -41,12 +41,12 @@ class Form:
 
 
 def encoding_of(start: bytes, path: Path) -> str:
-    """Tell how text is encoded from its first bytes; InputError where it is not text."""
+    """Detect the encoding of text from its first bytes; InputError if it is not text."""
     if start.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     if start.startswith(b"PK"):
         raise InputError(f"{path}: is a workbook or an archive, no csv; open it and {SAVE}")
-    # A header is ASCII: in UTF-16 every other of its bytes is 0.
+    # A header is ASCII: in UTF-16 every second byte of it is 0.
     for encoding, high in (("utf-16-le", start[1:64:2]), ("utf-16-be", start[0:64:2])):
         if high and not any(high):
             return encoding
@@ -56,14 +56,14 @@ def encoding_of(start: bytes, path: Path) -> str:
 
 
 def form_of(path: Path) -> Form:
-    """Tell the form of a table from its beginning.
+    """Detect the form of a table from its beginning.
 
     Lines of `#` and Excel's `sep=;` before the header are passed over.
 
     Raises
     ------
     InputError
-        If the file is empty or no text, a name is there twice, or the first row has more fields than the header.
+        If the file is empty or not text, a name occurs twice, or the first row has more fields than the header.
     """
     with path.open("rb") as stream:
         start = stream.read(LOOKED_AT)
@@ -83,14 +83,14 @@ def form_of(path: Path) -> Form:
 
 
 def read_csv(path: Path, text_columns: Collection[str] = (), comment: str | None = None) -> "pd.DataFrame":
-    r"""Read a table of text with a header.
+    r"""Read a text table with a header.
 
     Parameters
     ----------
     path : UTF-8 or UTF-16; fields separated by commas, semicolons or tabs; with these two, numbers may have decimal
         commas
-    text_columns : that stay text
-    comment : character from which on a line is none of the table; by default lines of `#` before the header only
+    text_columns : columns that stay text
+    comment : character that starts a comment within a line; by default only lines of `#` before the header are comments
 
     Returns
     -------
@@ -99,7 +99,7 @@ def read_csv(path: Path, text_columns: Collection[str] = (), comment: str | None
     Raises
     ------
     InputError
-        If the file is missing, empty, no text or no table, or a name is there twice.
+        If the file is missing, empty, not text or not a table, or a name occurs twice.
 
     Examples
     --------

@@ -33,7 +33,7 @@ def place(figure: Figure, name: str, left: float, top: float, width: float, heig
 def color_scale(whitened: NDArray[np.float64]) -> AsinhNorm:
     """One scale for measured, model and residual, in noise sigmas: linear to 3, then logarithmic.
 
-    So the noise, and what the model leaves above it, stays visible beside a signal a hundred times larger.
+    So the noise, and any residual above it, stays visible beside a signal a hundred times larger.
 
     Parameters
     ----------

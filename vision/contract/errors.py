@@ -1,9 +1,9 @@
-"""The one error a user can mend, and what the machine refuses, in its words."""
+"""The one error that a user can mend, and errors of the machine in its own words."""
 
 import errno
 import os
 
-#: What ends a file too early, on this disk or for this user.
+#: Error numbers of a full disk, a used-up quota, or a file beyond the size limit.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -19,7 +19,7 @@ class InputError(ValueError):
 
 
 def is_full(error: BaseException) -> bool:
-    """Whether an error tells of a full disk; libraries wrap the system's number in words.
+    """Whether an error means a full disk; libraries turn the system's error number into words.
 
     >>> is_full(RuntimeError("Can't close file (file write failed: errno = 28, No space left on device)"))
     True
@@ -28,7 +28,7 @@ def is_full(error: BaseException) -> bool:
 
 
 def machine_words(error: BaseException) -> str | None:
-    """What the machine refuses, in one line; None for every other error: those are faults of the program.
+    """An error of the machine, in one line; None for every other error, which is a fault of the program.
 
     >>> machine_words(PermissionError(13, "Permission denied", "run"))
     'run: Permission denied'

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from vision.contract.errors import InputError, is_full, machine_words
 
-#: Bytes that must fit where something is to be written, before the work begins.
+#: Free bytes required at the target before the work begins.
 ROOM = 1 << 20
 
 
@@ -48,7 +48,7 @@ def writing_into(folder: str | Path) -> Iterator[Path]:
     Raises
     ------
     InputError
-        As of `writing`.
+        As in `writing`.
     """
     folder = Path(folder)
     with scratch_for(folder / "files", folder) as scratch:
@@ -66,9 +66,9 @@ def scratch_for(target: Path, named: Path | None = None) -> Iterator[Path]:
         made.clear()
     except Exception as error:
         if isinstance(error, InputError) and str(scratch) in str(error):
-            # Told by what wrote within: its file was to be beside the target.
+            # Already reported by the writer inside: its file belongs beside the target.
             raise InputError(str(error).replace(str(scratch), str(target.parent))) from error
-        # An error of what is read meanwhile is none of writing.
+        # Errors of reading inside are not errors of writing.
         ours = is_full(error) or (isinstance(error, OSError) and str(scratch) in str(error.filename or scratch))
         if not ours or isinstance(error, InputError):
             raise
@@ -79,7 +79,7 @@ def scratch_for(target: Path, named: Path | None = None) -> Iterator[Path]:
 
 
 def beside(target: Path, named: Path | None = None) -> tuple[Path, list[Path]]:
-    """Make an empty folder beside `target`, and return it with the folders made for it, the deepest first.
+    """Make an empty folder beside `target`; return it and the parent folders made for it, the deepest first.
 
     A folder of its own on the same file system keeps the suffix (writers choose the format by it) and the replacing
     atomic.
@@ -102,7 +102,7 @@ def beside(target: Path, named: Path | None = None) -> tuple[Path, list[Path]]:
 
 
 def remove(made: list[Path]) -> None:
-    """Remove folders, the deepest first, that nobody has put anything into."""
+    """Remove folders that are still empty, the deepest first."""
     with suppress(OSError):
         for folder in made:
             folder.rmdir()
@@ -117,12 +117,12 @@ def unwritable(target: Path, error: Exception) -> str:
 
 
 def require_writable(*targets: str | Path) -> None:
-    """Try, before the work rather than after it, whether files or folders can be written; nothing of that stays.
+    """Test, before the work rather than after it, whether files or folders can be written; leave no trace.
 
     Raises
     ------
     InputError
-        If one cannot: its folder is read-only or no folder, or its disk is full.
+        If one cannot: its folder is read-only or not a folder, or its disk is full.
 
     >>> require_writable(Path(tempfile.mkdtemp()) / "new" / "a.txt")
     """

@@ -33,7 +33,7 @@ def progress(label: str, total: int | None = None) -> Iterator[Callable[[int], N
         def advance(steps: int = 1) -> None:
             bar.advance(task, steps)
             if bar.tasks[0].finished:
-                # There was more to do than was thought.
+                # There was more to do than expected.
                 bar.update(task, total=bar.tasks[0].completed)
 
         yield advance

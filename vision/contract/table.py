@@ -22,7 +22,7 @@ GPS_COLUMNS = ("time", "track_id", "class", "latitude", "longitude", "sigma")
 SUFFIXES = (".csv", ".parquet", ".gpx")
 TEXT_COLUMNS = ("time", "track_id", "class")
 
-# A clock time and then Z or an offset; a time without them is local to somebody unknown.
+# A time of day, then Z or an offset; without these the time zone is unknown.
 ZONED = r"\d{1,2}:\d{2}.*(?:[Zz]|UTC|[+-]\d{2}(?::?\d{2})?)\s*$"
 TIME_MEND = "write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z"
 # Unix times of the years 2001 to 2096, s; in ms, us and ns they are 10^3, 10^6 and 10^9 times that.
@@ -189,14 +189,14 @@ def trajectories_of(table: "pd.DataFrame", frame: LocalFrame | None, path: Path 
 
     Parameters
     ----------
-    table : columns as of `read_trajectories`
+    table : columns as in `read_trajectories`
     frame : local frame that GPS positions are projected into
     path : its name in errors
 
     Raises
     ------
     InputError
-        As of `read_trajectories`.
+        As in `read_trajectories`.
     """
     table = with_positions(table)
     check_columns(table, path)
@@ -218,9 +218,8 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
     Parameters
     ----------
     paths : `.csv` or `.parquet` with the columns of `COLUMNS`, or GPS: `latitude, longitude, sigma` (or `lat, lon`) in
-        place of x, y, sigma_x, sigma_y; or `.gpx`. `wheelbase, sigma_wheelbase` (m) say of a track what its class does
-        not.
-        Further columns are kept.
+        place of x, y, sigma_x, sigma_y; or `.gpx`. `wheelbase, sigma_wheelbase` (m) of a track override those of its
+        class. Further columns are kept.
     frame : local frame that GPS positions are projected into; not needed for meters
 
     Returns

@@ -1,4 +1,4 @@
-"""Text and TOML that editors of all sorts save."""
+"""Text and TOML as any editor saves them."""
 
 import codecs
 import tomllib
@@ -14,12 +14,12 @@ def read_text(path: Path, wanted: str) -> str:
     Parameters
     ----------
     path : of the file
-    wanted : what to give in its place, for the message
+    wanted : what the user should give instead, for the message
 
     Raises
     ------
     InputError
-        If there is no such file, it cannot be read, or it is in UTF-16 or no text.
+        If there is no such file, it cannot be read, or it is in UTF-16 or not text.
 
     >>> import tempfile
     >>> path = Path(tempfile.mkdtemp()) / "site.toml"

@@ -1,4 +1,4 @@
-"""What a detector is, and what it answers."""
+"""Detectors and their detections."""
 
 from dataclasses import dataclass
 from typing import Protocol, Self
@@ -37,10 +37,10 @@ class Detector(Protocol):
 
     @property
     def threshold(self) -> float:
-        """Score above which a detection is one to believe on its own."""
+        """Score above which a single detection is credible."""
 
     def prepare(self, video: Video) -> Self:
-        """Return a detector that has seen what it needs of the video (a background, say)."""
+        """Return a detector prepared for the video (with a background, say)."""
 
     def detect(self, image: NDArray[np.uint8]) -> Detections:
         """Find the vehicles in an image [height, width, 3], BGR."""

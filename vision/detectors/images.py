@@ -1,4 +1,4 @@
-"""An image into the network's input, and boxes back out of it."""
+"""Fit an image into the network's input, and map boxes back to the image."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -92,9 +92,9 @@ class Normalization:
         return out
 
     def fill(self, image: NDArray[np.uint8], out: NDArray[Any], channels_last: bool = False) -> None:
-        """Write an image [h, w, 3] BGR into `out` [1, 3, h, w]; bytes stay as they are: such a network normalizes.
+        """Write an image [h, w, 3] BGR into `out` [1, 3, h, w]; bytes stay unchanged: such a network normalizes.
 
-        Room for a tensor costs more than filling it where it is asked for anew with every frame.
+        Allocating a tensor anew for every frame would cost more than filling it.
         """
         import cv2
 

@@ -1,4 +1,4 @@
-"""Detections that are kept between runs: a second look costs nothing, and a run that was cut short goes on."""
+"""Detections cached between runs: a second run costs nothing, and an interrupted run continues."""
 
 import hashlib
 import json
@@ -18,8 +18,7 @@ class Kept:
 
     They lie in `detections/KEY` of the cache: files of some hundred frames each, every one written whole or not at all
     and never changed. KEY is a checksum of the video's and the model's content and of the options that decide what is
-    found. How often one looks, which detections start tracks, and which processor or accelerator the model ran on are
-    not among them.
+    found. The frame step, the score that starts tracks, and the processor or accelerator are not among these options.
 
     >>> import tempfile
     >>> kept, found = Kept(Path(tempfile.mkdtemp())), Detections(np.ones((1, 4)), np.array([0.5]), np.array(["car"]))
@@ -49,7 +48,7 @@ class Kept:
     def add(self, chunk: Sequence[tuple[int, Detections]], spent: Sequence[tuple[float, float]]) -> None:
         """Keep detections of frames, given by their place, and the s that decoding and detecting each took.
 
-        After a first failure to write, no more are kept.
+        After a first failure to write, nothing more is cached.
         """
         self.found.update(chunk)
         if not chunk or not self.writable:

@@ -1,4 +1,4 @@
-"""What a layout is: how to know a detector's graph, feed it and read its answer."""
+"""Layouts: how to recognize a detector's graph, feed it and read its output."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,7 +29,7 @@ class Candidates(NamedTuple):
 
 @dataclass(frozen=True)
 class Graph:
-    """What a graph shows of itself.
+    """What can be seen of a graph.
 
     Parameters
     ----------
@@ -74,9 +74,10 @@ class Layout:
     classes : number of classes, from the output shapes; None where they do not show it
     reads : names of the outputs to read, in the order `decode` takes them; all of them by default
     names : class names of models that carry none
-    dense : it answers for every place of the image, so scores of exactly zero everywhere are a broken graph
+    dense : the graph gives a score for every place of the image, so that scores of exactly zero everywhere mean a
+        broken graph
     fitting, fill, normalization : what the input is made of
-    threshold : score above which its detections are believable on their own
+    threshold : score above which a single detection is credible
     """
 
     name: str
@@ -94,7 +95,7 @@ class Layout:
 
 
 def in_bgr(layout: Layout) -> Layout:
-    """Return the layout for weights trained on blue, green, red, which a graph does not show: it must be named.
+    """Return the layout for weights trained on blue, green, red; a graph does not show this, so it must be named.
 
     PaddleDetection trains PicoDet on red, green, blue, but its demos (deploy/third_engine/demo_onnxruntime) and what
     was trained after them feed OpenCV's order, with mean and deviation in that order.
@@ -162,7 +163,7 @@ def best_of(
 ) -> tuple[NDArray[np.intp], NDArray[np.floating], NDArray[np.intp]]:
     """Rows of scores [n, classes] whose best wanted class reaches the floor, that score, and that class.
 
-    The best of the wanted ones, wherever another class wins, is still evidence for a vehicle.
+    Even if another class wins, the best of the wanted classes is evidence for a vehicle.
     """
     scores = scores[:, wanted]
     rows = np.flatnonzero(scores.max(axis=1, initial=-np.inf) >= floor)
@@ -183,7 +184,7 @@ def listed(
     wanted: NDArray[np.intp],
     floor: float,
 ) -> Candidates:
-    """Candidates of graphs that list what they found: boxes [n, 4], scores [n], class numbers [n]."""
+    """Candidates of graphs that list detections: boxes [n, 4], scores [n], class numbers [n]."""
     places = np.rint(label).astype(np.intp)
     rows = np.flatnonzero((score >= floor) & np.isin(places, wanted))
     return Candidates(box[rows], score[rows], places[rows])

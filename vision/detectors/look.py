@@ -1,4 +1,4 @@
-"""What a detector finds in the frames of a video, one after another."""
+"""Run a detector on the frames of a video, one after another."""
 
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from vision.detectors.kept import Kept
 from vision.detectors.onnx_detector import OnnxDetector
 from vision.frames import Frame, Video
 
-CHUNK = 250  # frames after which detections are written: some seconds of work
+CHUNK = 250  # frames after which detections are written: a few seconds of work
 BURST = 16  # frames that are decoded before they are detected, see `OnnxDetector.detect_all`
 NOTHING = Detections(np.zeros((0, 4)), np.zeros(0), np.zeros(0, str))
 
@@ -27,10 +27,10 @@ class Look:
     ----------
     index : place in the file
     time : s since the file's time zero
-    found : what is in it
+    found : the detections in it
     image : [height, width, 3] BGR; None unless images were asked for
-    fresh : whether it was detected now, not kept from before
-    decode, detect : s spent on it, as on each of its burst; for one that is kept, those it took when it was detected
+    fresh : whether it was detected now, rather than read from the cache
+    decode, detect : s spent on it, the mean over its burst; for a cached frame, the times when it was detected
     """
 
     index: int
@@ -47,18 +47,18 @@ def look(
 ) -> Generator[Look, None, None]:
     """Go through every `every`-th frame of a video.
 
-    Close the iterator where the loop over it may end early (`contextlib.closing`): what was found until then is kept.
+    If the loop over the iterator may end early, close it (`contextlib.closing`): detections so far are then cached.
 
     Parameters
     ----------
     video, detector : what to look at, and with what; it is prepared for the video here
     every : look at every n-th frame
-    cache : folder of detections to use and to add to (ONNX detectors only); by default nothing is kept
-    images : decode frames whose detections are kept, too
+    cache : folder of cached detections to use and extend (ONNX detectors only); by default nothing is cached
+    images : also decode frames whose detections are cached
 
     Raises
     ------
-    InputError, where the detector cannot be used on this video, or the video changed meanwhile.
+    InputError, if the detector cannot be used on this video, or the video changed meanwhile.
     """
     kept = Kept.of(cache, video, detector) if cache is not None and isinstance(detector, OnnxDetector) else None
     limit = allowed()
@@ -99,7 +99,7 @@ def _burst(
     known: Mapping[int, Detections],
     images: bool,
 ) -> list[Look]:
-    """Look at some frames, given by their places in the video, taking from `frames` those that must be decoded.
+    """Process some frames, given by their places in the video; those that must be decoded come from `frames`.
 
     Nothing is found in a damaged frame.
     """

@@ -20,11 +20,11 @@ from vision.detectors.names import class_names, wanted_classes
 from vision.detectors.session import ImageInput, dry_run, find_input, open_session, run, side_feeds
 from vision.frames import Video
 
-FLOOR = 0.1  # lowest score handed on; the tracker continues tracks, but starts none, on weak detections
-LARGEST = 0.5  # share of the image; small models call an empty road one huge car
+FLOOR = 0.1  # lowest score reported; weak detections continue tracks but start none
+LARGEST = 0.5  # share of the image; small models detect an empty road as one huge car
 BACKGROUND_FRAMES = 50
-LISTENING_FRAMES = 5  # looked at before a graph whose scores were all zero is called mute
-REVISION = 3  # of what `detect` makes of a graph's answer: raise it when that changes, and kept detections lapse
+LISTENING_FRAMES = 5  # frames tried before a graph whose scores are all zero is rejected as mute
+REVISION = 3  # version of the decoding: raise it when `detect` changes, which invalidates cached detections
 BUILT_IN = {
     "nanodet": Path(__file__).parents[1] / "nanodet" / "nanodet_g.onnx",  # the default
     "street": Path(__file__).parents[1] / "street_detector" / "street.onnx",  # for the demo's renderings
@@ -45,11 +45,11 @@ class OnnxDetector:
     reads : names of the outputs to read
     names : class names in the model's order
     wanted : classes to look for, places in `names`
-    threshold : score above which a detection is believable on its own
-    mute : whether all its scores were exactly zero in the dry run, though it answers for every place
-    background : median image [height, width, 3] of the video at input size, for graphs that want one
-    feeds, rooms : what the graph takes, by where the image lies in it, and scaled images: filled anew with every frame,
-        so that one detector serves one thread
+    threshold : score above which a single detection is credible
+    mute : whether all its scores were exactly zero in the dry run, though it gives one for every place
+    background : median image [height, width, 3] of the video at input size, for graphs that need one
+    feeds, rooms : input tensors, by placement of the image, and scaled images; both are refilled for every frame, so a
+        detector serves one thread only
     """
 
     path: Path
@@ -68,7 +68,7 @@ class OnnxDetector:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What decides the detections beside the image: checksum of the model and the options, for keeping them."""
+        """Key of the cache: checksum of the model and the options that decide its detections."""
         return {
             "model": model_checksum(self.path),
             "layout": self.layout.name,
@@ -78,7 +78,7 @@ class OnnxDetector:
         }
 
     def prepare(self, video: Video) -> Self:
-        """Return a detector that knows the background: the median of 50 frames spread over the video.
+        """Return a detector with the background: the median of 50 frames spread over the video.
 
         Raises InputError, where the graph was mute in the dry run and is so on frames of the video.
         """
@@ -100,7 +100,8 @@ class OnnxDetector:
     def detect_all(self, images: Iterable[NDArray[np.uint8]]) -> list[Detections]:
         """Detect in some images, step by step rather than one by one.
 
-        A network drives all else from the processor's cache; steps that find their code and tables there cost half.
+        A network evicts everything else from the processor's cache; steps that find their code and tables there cost
+        half.
         """
         scaled = [(self._scaled(number, image), image.shape[:2]) for number, image in enumerate(images)]
         answers = [self._answer(small, shape) for small, shape in scaled]
@@ -110,7 +111,7 @@ class OnnxDetector:
         return window_of(shape, self.size, self.layout.fitting)
 
     def _scaled(self, number: int, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Image number `number` of a few, as large as the input shows it, in room that the next few will use again."""
+        """Image number `number` of a few, as large as the input shows it, in a buffer that is reused."""
         (rows, columns), _ = self._place(image.shape[:2])
         shape = (rows.stop - rows.start, columns.stop - columns.start, 3)
         room = self.rooms.get(number)
@@ -120,7 +121,7 @@ class OnnxDetector:
         return room
 
     def _answer(self, small: NDArray[np.uint8], shape: tuple[int, int]) -> list[NDArray[Any]]:
-        """Outputs of the graph for a scaled image that was of a shape (height, width)."""
+        """Outputs of the graph for a scaled image whose original shape was (height, width)."""
         (rows, columns), placement = self._place(shape)
         if placement not in self.feeds:
             empty = np.full((self.size[1], self.size[0], 3), self.layout.fill, np.uint8)
@@ -201,7 +202,7 @@ def load_detector(
 
 
 def is_street(detector: Detector) -> bool:
-    """Whether this is the built-in detector that was made for the demo's renderings."""
+    """Whether this is the built-in detector for the demo's renderings."""
     return isinstance(detector, OnnxDetector) and detector.path == BUILT_IN["street"]
 
 
@@ -231,7 +232,7 @@ def _require_task(metadata: Mapping[str, str], path: Path) -> None:
 
 
 def _places(outputs: Sequence[str], layout: Layout, path: Path) -> list[int]:
-    """Places of the outputs a layout reads."""
+    """Indices of the outputs that a layout reads."""
     missing = [name for name in layout.reads if name not in outputs]
     if missing:
         raise no_detector(str(path), f"cannot be read as {layout.name} ({layout.graph}) without {', '.join(missing)}")

@@ -20,7 +20,7 @@ from vision.detectors.layouts import no_detector
 
 log = logging.getLogger("roadfiber.detectors")
 
-# TensorRT comes after CUDA: it plans for minutes at every start.
+# TensorRT comes after CUDA: it takes minutes to plan at every start.
 ACCELERATORS = (
     "CUDAExecutionProvider",
     "TensorrtExecutionProvider",
@@ -72,7 +72,7 @@ def open_session(path: Path) -> Any:
 
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
-    # Spinning threads would take the cores that decode the next frame.
+    # Spinning threads would occupy the cores that decode the next frame.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.intra_op_num_threads = allotted_cores()
     present = onnxruntime.get_available_providers()
@@ -97,7 +97,7 @@ def open_session(path: Path) -> Any:
 def allotted_cores() -> int:
     """Return how many cores this process is confined to (taskset, a container); 0 where it has all.
 
-    Left alone, onnxruntime would bind a thread to every core of the machine.
+    By default, onnxruntime would bind a thread to every core of the machine.
     """
     allotted = len(os.sched_getaffinity(0)) if sys.platform == "linux" else 0
     return allotted if allotted < (os.cpu_count() or 0) else 0
@@ -121,7 +121,7 @@ def find_input(session: Any, path: Path) -> ImageInput:
 
 
 def sizes_to_try(image: ImageInput, metadata: Mapping[str, str], path: Path) -> Iterator[Size]:
-    """(width, height), px: what the graph fixes; where it leaves it free the metadata's `imgsz`, then usual ones."""
+    """(width, height), px: that fixed by the graph; if it is free, the metadata's `imgsz`, then usual sizes."""
     height, width = image.shape
     stated = stated_size(metadata, path)
     if width and height:
@@ -148,7 +148,7 @@ def stated_size(metadata: Mapping[str, str], path: Path) -> Size | None:
 
 
 def side_feeds(session: Any, image: ImageInput, size: Size) -> dict[str, NDArray[Any]]:
-    """What the graph takes beside the image."""
+    """Inputs of the graph other than the image."""
     others = (entry for entry in session.get_inputs() if entry.name not in image.names)
     return {entry.name: np.array(SIDE_INPUTS[entry.name](size), NUMBERS[entry.type]) for entry in others}
 
@@ -162,9 +162,9 @@ def run(session: Any, feeds: Mapping[str, NDArray[Any]], reads: Sequence[str] = 
 def dry_run(
     session: Any, image: ImageInput, metadata: Mapping[str, str], path: Path
 ) -> tuple[Size, list[NDArray[Any]]]:
-    """Show the graph noise; return the size it took, (width, height), and what it answered.
+    """Run the graph on noise; return the size that it accepted, (width, height), and its outputs.
 
-    Raises InputError, where it takes no size.
+    Raises InputError if it accepts no size.
     """
     reason, sizes = "", list(sizes_to_try(image, metadata, path))
     for size in sizes:

@@ -16,7 +16,7 @@ from vision.interpolate import BOX
 if TYPE_CHECKING:
     import pandas as pd
 
-# MOT16's classes, table 3; of its other numbers no file says what they mean.
+# MOT16's classes, table 3; the meaning of other numbers is not defined.
 CLASSES = {
     **{1: "person", 2: "rider", 3: "car", 4: "bicycle", 5: "motorcycle", 6: "push vehicle", 7: "person"},
     **{8: "distractor", 9: "occluder", 10: "occluder", 11: "occluder", 12: "reflection"},
@@ -92,7 +92,7 @@ def read_mot(path: Path | str, frame_rate: float | None = None) -> "pd.DataFrame
     rows = _numbers_in(Path(path))
     table = pd.DataFrame(rows, columns=FIELDS[: rows.shape[1]]).reindex(columns=FIELDS)
     truth = rows.shape[1] >= len(FIELDS) and (table["label"] > 0).all()
-    # Who has one class only numbers it 1, whatever it is.
+    # Files with a single class number it 1, whatever it is.
     named = truth and (table["label"] != 1).any()
     if truth:
         table = table[table["confidence"] > 0]

@@ -1,4 +1,4 @@
-"""What the figures of the report share: colors of classes, and panels side by side."""
+"""Common parts of the report's figures: class colors, and panels side by side."""
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

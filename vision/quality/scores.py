@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 
 MATCHED = 0.5  # similarity that makes a pair, for MOTA and IDF1
-ALPHAS = np.arange(0.05, 0.96, 0.05)  # and those that HOTA is the mean over
-TOO_FAR = 2.0  # m; positions so far apart are not alike at all
-KEPT = 1000.0  # bonus of a pair that was one in the frame before
+ALPHAS = np.arange(0.05, 0.96, 0.05)  # similarities over which HOTA is averaged
+TOO_FAR = 2.0  # m; positions this far apart have similarity 0
+KEPT = 1000.0  # bonus of a pair that was matched in the previous frame
 EPSILON = 1e-9
 
 
@@ -39,8 +39,8 @@ class Scores:
     deta, assa : the parts of HOTA, detection and association
     switches : times that a vehicle changes its track
     misses, false_alarms, boxes : boxes of the truth that were missed, boxes found where nothing is, boxes of the truth
-    not_asked : boxes found that are of no class that is compared, and do not count
-    unplaced : boxes of the truth that were found and could not be placed on the road, and do not count
+    not_asked : boxes found of classes that are not compared; they do not count
+    unplaced : boxes of the truth that were found but could not be placed on the road; they do not count
     """
 
     mota: float
@@ -90,8 +90,8 @@ def score_tracks(
     ----------
     truth, found : [fix] with track_id, frame, and the box (px) or x, y (m); where `found` saw only every n-th frame,
         the truth counts in those only
-    others : [fix] of the truth that nobody asks for (persons, say): what was found there is no false alarm
-    unplaced : [fix] that was detected and could not be placed on the road: what is true there is no miss
+    others : [fix] of the truth, of classes not compared (persons, say): detections there are no false alarms
+    unplaced : [fix] that were detected but could not be placed on the road: truth there is not missed
 
     Raises
     ------
@@ -206,7 +206,7 @@ def nearness(a: Array, b: Array) -> Array:
 def clear_mot(pairs: Pairs) -> tuple[float, int, int, int]:
     """Return MOTA, switches, misses and false alarms: pairs that held in the frame before are kept first."""
     switches = matched = 0
-    latest: dict[int, int] = {}  # of every vehicle, the track it was last
+    latest: dict[int, int] = {}  # last track of every vehicle
     before: dict[int, int] = {}
     for truth, found, similarity in zip(pairs.truth, pairs.found, pairs.similarity, strict=True):
         kept = np.array([[before.get(int(t)) == f for f in found] for t in truth]).reshape(similarity.shape)
@@ -254,7 +254,7 @@ def higher_order(pairs: Pairs) -> tuple[float, float, float]:
     for truth, found, similarity in zip(pairs.truth, pairs.found, pairs.similarity, strict=True):
         rows, columns = linear_sum_assignment(-(alignment[np.ix_(truth, found)] * similarity))
         good = similarity[rows, columns] >= ALPHAS[:, None] - EPSILON
-        matched[:, truth[rows], found[columns]] += good  # no pair is twice in one frame
+        matched[:, truth[rows], found[columns]] += good  # no pair occurs twice in one frame
     total = matched.sum(axis=(1, 2))
     association = (matched**2 / np.maximum(either - matched, 1)).sum(axis=(1, 2)) / np.maximum(total, 1)
     detection = total / np.maximum(in_truth.sum() + in_found.sum() - total, 1)

@@ -10,11 +10,11 @@ from vision.quality.measures import Measures
 from vision.quality.route_effect import FEWEST
 
 GRADES = ("good", "fair", "weak", "poor")
-AS_GOOD = 0.1  # relative difference of two effects on the route that decides nothing
+AS_GOOD = 0.1  # relative difference of two effects on the route that counts as equal
 Z95 = 1.96  # standard deviations that hold 95 %
 MOST = 0.5  # share of bins beyond the limit that makes a setting poor
 
-RULES = {  # by what is known of the tables; what they say is what `judge` does
+RULES = {  # by what is known of the tables; each describes what `judge` does
     "truth": "the highest HOTA against the truth, to three digits; of equal ones the higher MOTA; then the first given",
     "meters": (
         f"the best grade by the {100 * LIMIT:.0f} cm rule; of these the least effect on the route, a tenth more being "
