@@ -125,8 +125,8 @@ def box_tracks(
 ) -> tuple["pd.DataFrame", Speed, "pd.DataFrame"]:
     """Follow vehicles through the pictures.
 
-    With a calibration, vehicles too far off to be placed are not followed: near the vanishing point one that leaves
-    and one that comes are the same few pixels, and would become one track. With a folder as `cache`, what an ONNX
+    With a calibration, vehicles too far away to be placed are not followed: near the vanishing point a leaving and an
+    arriving vehicle cover the same few pixels, and would become one track. With a folder as `cache`, what an ONNX
     detector finds is kept there, and what it found before is used. With an `appearance` embedding, vehicles are found
     again by their looks after they were hidden.
 

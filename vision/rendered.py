@@ -5,7 +5,7 @@ import uuid
 from pathlib import Path
 
 KIND = uuid.uuid5(uuid.NAMESPACE_DNS, "rendered.roadfiber")
-# A box of a kind of one's own (ISO 14496-12, 11.1): players pass over it, copies keep it.
+# A box of a private type (ISO 14496-12, 11.1): players skip it, copies keep it.
 NOTE = struct.pack(">I4s16s", 24, b"uuid", KIND.bytes)
 
 

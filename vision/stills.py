@@ -19,7 +19,7 @@ from vision.still_times import exif_times, name_times
 log = logging.getLogger("roadfiber.video")
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
-ANY_RATE = 1.0  # 1/s, where it does not matter when pictures were taken
+ANY_RATE = 1.0  # 1/s, used if it does not matter when the pictures were taken
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Stills(Video):
 
     @cached_property
     def checksum(self) -> str:
-        """SHA-256 of those of all pictures, in their order."""
+        """SHA-256 of the checksums of all pictures, in their order."""
         digest = hashlib.sha256()
         with progress(f"checksum of {self.path.name}", len(self)) as advance:
             for path in self.files:
@@ -61,7 +61,7 @@ class Stills(Video):
 
 
 def read_still(path: Path) -> NDArray[np.uint8] | None:
-    """Read a picture [height, width, 3], BGR; None where it is none."""
+    """Read a picture [height, width, 3], BGR; None if it is not one."""
     import cv2
 
     try:

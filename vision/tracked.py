@@ -25,8 +25,8 @@ class Speed:
     Parameters
     ----------
     frames : looked at
-    fresh : of these, detected now; of the others detections were kept
-    decode, detect, track : s spent on it; of kept frames, what the first two took when they were detected
+    fresh : of these, detected now; detections of the others were cached
+    decode, detect, track : s spent on each; for cached frames, the first two are the times when they were detected
     """
 
     frames: int
@@ -91,7 +91,7 @@ class Tracked:
     dropped : what was detected and not placed on the road [fix] of `vision.dropped.COLUMNS`; None in pixels
     speed : where the time went
     clip : the video
-    every : of so many frames one was looked at
+    every : one of so many frames was processed
     """
 
     table: "pd.DataFrame"

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-SAYS_MORE = 0.8  # share of the class's sd of length, at most, of one that was measured
+SAYS_MORE = 0.8  # a length counts as measured if its sd is at most this share of the class's
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ WIDE, NARROW = 1060, 350  # px
 HIGH = 200  # px, of a panel
 BESIDE = 50  # px, that the labels of an axis take
 PER_ENTRY = 150  # px, that an entry of a legend takes
-DETAIL = 12  # points of a line between two changes of class; more would not be seen
+DETAIL = 12  # points of a line between two changes of class; more would not be visible
 
 
 def columns(width: int) -> int:
@@ -85,7 +85,7 @@ def route_figure(found: Sequence[Measures], width: int = WIDE) -> Figure:
                 xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=7.5, color=MUTED,
             )  # fmt: skip
         ax.set_title(fitted(one.setting.name, panel_width(width)))
-    # Of all, as they share it: figures beyond would stand in the panel beside.
+    # Limits for all panels, as they share the axis: values beyond would spill into the next panel.
     reach = [effect[effect["passes"] > 0] for one in found if (effect := one.effect) is not None]
     edges = np.concatenate([part[["low", "high"]].to_numpy().ravel() for part in reach])
     if len(edges):

@@ -52,7 +52,7 @@ def heat_map(setting: Setting, scene: Image) -> Image:
     row = np.clip((seen[:, 3] * scale).astype(int), 0, size[1] - 1)
     counts = np.bincount(row * size[0] + column, minlength=size[0] * size[1]).reshape(size[::-1]).astype(float)
     density = np.asarray(cv2.GaussianBlur(counts, (0, 0), max(SMOOTH * WIDTH, 1.0)))
-    # The square root keeps what is seen rarely visible beside a parked car.
+    # The square root keeps rare detections visible beside a parked car.
     share = np.sqrt(density / max(float(density.max()), 1e-12))
     colors = matplotlib.colormaps["inferno"](0.25 + 0.75 * share)[..., :3] * 255
     weight = (OPAQUE * np.clip(2 * share, 0, 1))[..., None]

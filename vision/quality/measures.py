@@ -25,19 +25,19 @@ class Measures:
 
     Parameters
     ----------
-    setting : whose
+    setting : that was measured
     by_class : tracks by class, after one class was given to each track
-    by_detected_class : tracks by every class that was detected in them: more, where detections waver
+    by_detected_class : tracks by every class detected in them; a track with several classes counts for each
     frames_per_track : mean, of frames between first and last
     fragment : longest run of frames without a miss; the mean over tracks of each one's longest
     breaks : runs of missed frames inside tracks
     switches : changes of the detected class inside tracks
     switching : tracks that have any
-    missed : share of fixes that no detection is behind
+    missed : share of fixes without a detection
     not_placed : detected fixes that could not be placed on the road, by cause; they are not misses
     before, after : jitter by bin of moving vehicles, before and after missed frames are interpolated
-    floor : jitter of parked vehicles, None where there is none
-    parked : how many there are
+    floor : jitter of parked vehicles, None if there are none
+    parked : count of parked vehicles
     effect : on the route, by bin; None in pixels
     scores : against the truth, where it is known
     """

@@ -81,7 +81,7 @@ def tidy(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
     detected = table["detected_class"].fillna("").astype(str).map(plain_name) if "detected_class" in table else named
     interpolated = table["interpolated"] if "interpolated" in table else table["frame"] < 0
     flags = interpolated.astype(str).str.lower().isin(TRUE)
-    # What was detected and could not be placed is not a miss of the detector.
+    # A fix that was detected but could not be placed is not a miss of the detector.
     missed = flags & (detected == "") if "detected_class" in table else flags
     table = table.assign(
         track_id=table["track_id"].astype(str),

@@ -55,7 +55,7 @@ def write_report(
 
     Parameters
     ----------
-    paths, names, frame_rate : as for `read_settings`; tables that cannot be used are left out, and why is told
+    paths, names, frame_rate : as for `read_settings`; tables that cannot be used are left out, with the reason
     out : folder to write: `report.html`, `quality.json`, `jitter.png`, `classes.png`, with meters `route.png`, with
         boxes `heat-NAME.png`; an earlier report there is replaced
     truth : true tracks, of a kind that `paths` may be; adds MOTA, IDF1 and HOTA

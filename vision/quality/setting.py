@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-BEYOND = 0.5  # px; a box that reaches no farther beyond the picture is as good as inside
-MOST_OUTSIDE = 0.1  # share of boxes with their middle outside the picture, beyond which they are of another video
+BEYOND = 0.5  # px; a box that extends no farther beyond the picture counts as inside
+MOST_OUTSIDE = 0.1  # share of boxes with their middle outside the picture, above which they are of another video
 Source = TypeVar("Source")
 
 
@@ -92,7 +92,7 @@ class Tables:
 
 
 def usable(make: Callable[[Source], Setting], sources: Sequence[Source]) -> Tables:
-    """Make a setting of every source; InputError where none can be made."""
+    """Make a setting of every source; InputError if none can be made."""
     made: list[Setting] = []
     refused: list[InputError] = []
     for source in sources:
@@ -153,7 +153,7 @@ def read_settings(
 
 
 def distinct(names: Sequence[str]) -> list[str]:
-    """Names with a number where one comes twice.
+    """Names, with a number added to repeated ones.
 
     >>> distinct(["a", "b", "a"])
     ['a', 'b', 'a 2']
@@ -231,7 +231,7 @@ def clip_boxes(tracks: "pd.DataFrame", picture: Picture, path: Path) -> tuple["p
             f"{path}: has boxes or frames that {picture.path} ({picture.width} x {picture.height} px, "
             f"{picture.frames} frames) has not; give the video of these tracks"
         )
-    # What lies outside altogether keeps a pixel at the border, so that no track is cut.
+    # A box entirely outside keeps a pixel at the border, so that no track is interrupted.
     low = np.clip(box[:, :2], 0.0, size - 1)
     high = np.clip(box[:, 2:], low + 1, size)
     inside = np.concatenate([low, high], axis=1)
