@@ -221,7 +221,8 @@ def empty_trajectories(folder: Path) -> None:
 
 
 def corrupt_das(folder: Path) -> None:
-    next(folder.glob("das/*.h5")).write_bytes(b"no HDF5 at all")
+    for path in folder.glob("das/*.h5"):
+        path.write_bytes(b"no HDF5 at all")
 
 
 def remove_das(folder: Path) -> None:
@@ -269,6 +270,8 @@ BROKEN = {
     shuffle_channels: "DAS record",
     nan_channel: "100",
 }
+#: Records in which nothing follows the trajectories: a picture shows what was seen.
+PICTURED = (in_feet, spacing_in_feet, shuffle_channels)
 
 
 @pytest.mark.parametrize("damage", BROKEN, ids=lambda damage: damage.__name__)
@@ -281,7 +284,7 @@ def test_bad_input_is_one_line_and_nothing_written(
     assert status == 2
     assert said == ""
     assert error.count("\n") == 1 and error.startswith("roadfiber: ") and BROKEN[damage] in error
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["s"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run-refused.png"] * (damage in PICTURED) + ["s"]
 
 
 def dead_channels(folder: Path, first: int, last: int) -> None:

@@ -126,7 +126,7 @@ def test_an_earlier_report_is_replaced_and_nothing_else(files, command, tmp_path
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years of work")
     code, _, err = command(files / "fine.csv", "--out", "mine")
-    assert code == 2 and "no earlier report" in err and (tmp_path / "mine" / "thesis.txt").exists()
+    assert code == 2 and "is not an earlier report" in err and (tmp_path / "mine" / "thesis.txt").exists()
 
 
 def test_classes_that_no_table_has_are_reported_and_do_not_count(files, command, tmp_path):
