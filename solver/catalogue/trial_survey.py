@@ -127,7 +127,7 @@ class Trial:
         """The model with the effect, for derivatives."""
         values, state = self.extension.local(numbers), self.state
         gauges = partial(self.fit.gauges_at, self.path, state.coefficients)
-        local = Local(self.path, gauges, state.vehicles.rows(self.path.traffic), state.poisson_ratio, values)
+        local = Local.of(self.path, gauges, state.vehicles.rows(self.path.traffic), state.poisson_ratio, values)
         return Seen(self.path, gauges, local)
 
     def derivatives(self, numbers: Tensor) -> dict[str, Tensor]:

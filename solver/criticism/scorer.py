@@ -143,7 +143,7 @@ class Scorer:
         key = here.points.shape, here.change is None, path.traffic.over
         if key not in self._local:
             vehicles = self.state.vehicles.rows(path.traffic)
-            self._local[key] = Local(path, gauges, vehicles, self.state.poisson_ratio, values)
+            self._local[key] = Local.of(path, gauges, vehicles, self.state.poisson_ratio, values)
         self._seen = Seen(path, gauges, self._local[key])
         return self._seen
 

@@ -68,7 +68,7 @@ class _Felt(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, *given: Tensor) -> Tensor:
-        arrays = _packed(given)
+        arrays = _arrays(given)
         rows, channels, points, _ = given[0].shape
         if not any(ctx.needs_input_grad):
             out = np.zeros((rows, channels))
@@ -93,7 +93,7 @@ class _Felt(torch.autograd.Function):
         return *by_point, wheel[..., :2], wheel[..., 2], speed.permute(1, 2, 0), vectors[..., 6]
 
 
-def _packed(given: tuple[Tensor, ...]) -> tuple[Array, Array, Array, Array, Array, Array]:
+def _arrays(given: tuple[Tensor, ...]) -> tuple[Array, Array, Array, Array, Array, Array]:
     point, weight, place, share, velocity, ratio = given
     return (
         packed(point, (3, 0, 2, 1)),

@@ -5,7 +5,7 @@ of strain rate with respect to them come from `solver.signal_path.sensitivities`
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import torch
@@ -31,6 +31,7 @@ EACH, ALIKE, LOOSE = ("shift", "slack", "gain"), ("vertical", "path_integral"), 
 Changed = Callable[[Tensor], Values]
 
 
+@dataclass(frozen=True)
 class Local:
     """Response of single gauges to single vehicles at a state: what all derivatives share.
 
@@ -41,30 +42,31 @@ class Local:
     vehicles : per row
     poisson_ratio : of the state
     values : of the effects
-    by : sensitivities at the state, if known
+    by : sensitivities at the state
     """
 
-    def __init__(
-        self,
+    path: SignalPath
+    gauges: Callable[[Description], Gauges]
+    vehicles: Vehicles
+    poisson_ratio: Tensor
+    values: Values
+    by: Sensitivities
+    _by_load: list[tuple[Load, ByLoad]] = field(default_factory=list, init=False)
+    _by_number: dict[tuple[object, ...], Tensor] = field(default_factory=dict, init=False)
+
+    @classmethod
+    def of(
+        cls,
         path: SignalPath,
         gauges: Callable[[Description], Gauges],
         vehicles: Vehicles,
         poisson_ratio: Tensor,
         values: Values,
-        by: Sensitivities | None = None,
-    ):
-        self.path, self.gauges, self.vehicles, self.poisson_ratio, self.values = (
-            path,
-            gauges,
-            vehicles,
-            poisson_ratio,
-            values,
-        )
-        self.by = by or path.sensitivities_of(
-            path.loads(columns(vehicles), values), gauges(path.described(values)), vehicles, poisson_ratio, values
-        )
-        self._by_load: list[tuple[Load, ByLoad]] = [(self.by.load, self.by.by_load)]
-        self._by_number: dict[tuple[object, ...], Tensor] = {}
+    ) -> "Local":
+        """With the sensitivities computed."""
+        load, here = path.loads(columns(vehicles), values), gauges(path.described(values))
+        by = path.sensitivities_of(load, here, vehicles, poisson_ratio, values)
+        return cls(path, gauges, vehicles, poisson_ratio, values, by)
 
     @cached_property
     def alone(self) -> Tensor:
@@ -73,7 +75,7 @@ class Local:
 
     def by_load(self, load: Load) -> ByLoad:
         """Derivatives with respect to a load that may have other wheels than `by`, or further forces that are zero."""
-        for known, by in self._by_load:
+        for known, by in ((self.by.load, self.by.by_load), *self._by_load):
             if known.alike(load):
                 return by
         by = self.path.by_load(load, self.by.gauges, self.poisson_ratio, self.values)
@@ -230,7 +232,7 @@ def by_gauges(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor]
 def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
     """Derivative [row, channel] with respect to a parameter of the ground's law or of its local properties."""
     path, by = seen.path, seen.local.by
-    own = replace(path.extension, effects=(slot.effect,)).described(changed(here), path.gauge_length).ground
+    own = described_alone(path, slot, changed(here)).ground
     total = torch.zeros_like(by.alone)
     if own.compliance is not None or own.poisson_change is not None:
 
@@ -267,11 +269,16 @@ def varying(ground: Ground) -> Ground:
     )
 
 
+def described_alone(path: SignalPath, slot: Slot, values: Values) -> Description:
+    """The stages as they are with no other effect in the model."""
+    return replace(path.extension, effects=(slot.effect,)).described(values, path.gauge_length)
+
+
 def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:
     """Whether an effect changes the response of single channels to single vehicles."""
     if slot.effect.stage in ("trajectory", "load"):
         return True
-    alone = replace(seen.path.extension, effects=(slot.effect,)).described(values, seen.path.gauge_length)
+    alone = described_alone(seen.path, slot, values)
     return alone.in_rows or alone.cable.moved
 
 
@@ -279,6 +286,6 @@ def acts_on_map(seen: Seen, slot: Slot, values: Values) -> bool:
     """Whether an effect acts on the whole map."""
     if slot.effect.stage in ("trajectory", "load"):
         return False
-    alone = replace(seen.path.extension, effects=(slot.effect,)).described(values, seen.path.gauge_length)
+    alone = described_alone(seen.path, slot, values)
     gained = isinstance(alone.interrogator.gain, Tensor)
     return bool(gained or alone.along_fiber or alone.in_time or alone.nonlinear or alone.processing.steps)

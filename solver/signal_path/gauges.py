@@ -32,6 +32,10 @@ class Gauges:
         """Points, weights, and the change of Poisson's ratio if there is one."""
         return (self.points, self.weights) if self.change is None else (self.points, self.weights, self.change)
 
+    def ratio(self, poisson_ratio: Tensor) -> Tensor:
+        """Poisson's ratio at the points: a scalar, or [channel, point]."""
+        return poisson_ratio if self.change is None else poisson_ratio + self.change
+
     def part(self, chosen: Tensor) -> "Gauges":
         """Some of the points, [point] bool."""
         return Gauges(*(x[:, chosen] for x in self.tensors))

@@ -103,7 +103,7 @@ class SignalPath:
 
     def alone(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, ground: Callable[[slice], Ground]) -> Tensor:
         """The same per unit amplitude, for given loads, gauges and ground of some rows."""
-        ratio = poisson_ratio if gauges.change is None else poisson_ratio + gauges.change
+        ratio = gauges.ratio(poisson_ratio)
         parts = (
             strain_rates(load.part(rows), ground(rows), gauges.points, gauges.weights, ratio)
             for rows in self.blocks(load, gauges, ground)
@@ -116,7 +116,8 @@ class SignalPath:
         The base model's response to vertical loads is computed in one pass, whatever their number.
         """
         rows = len(self.traffic.pass_index)
-        others = ground(slice(0, 1)).response, ground(slice(0, 1)).radiation, *map(load.tensors.get, FORCES)
+        here = ground(slice(0, 1))
+        others = here.response, here.radiation, *map(load.tensors.get, FORCES)
         plain = all(one is None for one in others)
         count = max(1, rows if plain else BLOCK // gauges.points.shape[:2].numel())
         return [slice(first, min(first + count, rows)) for first in range(0, max(rows, 1), count)]
@@ -192,12 +193,11 @@ def _block(
 ) -> tuple[tuple[Tensor, Tensor, Tensor, Tensor], dict[str, Tensor]]:
     """Strain rate [row, channel] of some rows, and its derivatives by points, weights, ratio and loads."""
     shape = (len(load.share), *gauges.points.shape[:2])
-    ratio = poisson_ratio if gauges.change is None else poisson_ratio + gauges.change
 
     def leaf(x: Tensor, *whole: int) -> Tensor:
         return x.detach().expand(*whole).requires_grad_()
 
-    own = leaf(gauges.points, *shape, 3), leaf(gauges.weights, *shape, 3), leaf(ratio, *shape)
+    own = leaf(gauges.points, *shape, 3), leaf(gauges.weights, *shape, 3), leaf(gauges.ratio(poisson_ratio), *shape)
     # Nothing else depends on the channel.
     named = [name for name in load.tensors if name in ("position", "share", *FORCES, "trajectory.velocity")]
     forces = {name: leaf(load.tensors[name], *shape[:2], *load.tensors[name].shape[2:]) for name in named}

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,28 +109,21 @@ def read_headers(files: Sequence[Path]) -> tuple[list[Part], list[LeftOut]]:
     return sorted(parts, key=lambda part: part.runs[0][2]), left_out
 
 
-def describe(
-    files: Sequence[Path],
-    *,
-    gauge_length: float | None = None,
-    channel_spacing: float | None = None,
-    quantity: str | None = None,
-    channels: tuple[int, int] | None = None,
-    exclude: Sequence[int] = (),
-    scale: float | None = None,
-) -> Description:
-    """Describe the record of some files from their headers; arguments and errors are those of `read_das`."""
+class Stated(TypedDict, total=False):
+    """What may be stated about a record beside its files; see `solver.survey.das.reader.read_das`."""
+
+    gauge_length: float | None
+    channel_spacing: float | None
+    quantity: str | None
+    channels: tuple[int, int] | None
+    exclude: Sequence[int]
+    scale: float | None
+
+
+def describe(files: Sequence[Path], **stated: Unpack[Stated]) -> Description:
+    """Describe the record of some files from their headers; errors are those of `read_das`."""
     parts, left_out = read_headers(files)
-    return description_of(
-        parts,
-        left_out=left_out,
-        gauge_length=gauge_length,
-        channel_spacing=channel_spacing,
-        quantity=quantity,
-        channels=channels,
-        exclude=exclude,
-        scale=scale,
-    )
+    return description_of(parts, left_out=left_out, **stated)
 
 
 def description_of(

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
 from solver.survey.das.block import Block
-from solver.survey.das.description import Description, describe, description_of
+from solver.survey.das.description import Description, Stated, describe, description_of
 from solver.survey.das.grid import part_of
 from solver.survey.das.lowpass import factor_of
 from solver.survey.das.reading import Reading
@@ -64,9 +64,9 @@ def read_das(
     return record_from(known)
 
 
-def record_of(blocks: Sequence[Block], *, rate: float | None = None, **said: Any) -> DASRecord:
-    """Join blocks, sorted by time, into one record; `said` is as in `read_das`, `rate` as in `record_from`."""
-    return record_from(description_of([part_of(block) for block in blocks], **said), rate=rate)
+def record_of(blocks: Sequence[Block], *, rate: float | None = None, **stated: Unpack[Stated]) -> DASRecord:
+    """Join blocks, sorted by time, into one record; `rate` is as in `record_from`."""
+    return record_from(description_of([part_of(block) for block in blocks], **stated), rate=rate)
 
 
 def spans_of(known: Description, times: Sequence[tuple[np.datetime64, np.datetime64]] | None) -> list[tuple[int, int]]:
