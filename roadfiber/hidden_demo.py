@@ -7,9 +7,10 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from solver.catalogue.catalogue import title_of
 from solver.run.ladder_file import read_ladder
 from solver.run.report.ladder_page import headline as ladder_headline
-from solver.run.report.ladder_page import ladder_figure, thumbnails, title
+from solver.run.report.ladder_page import ladder_figure, thumbnails
 from solver.run.report.parts import page, with_commands
 from solver.simulator import route_error
 from solver.simulator.check import RouteError
@@ -89,7 +90,7 @@ def errors(out: Path) -> dict[str, RouteError]:
     """How far the route of each rung is from the true one, by what its model has."""
     found = {"as located": route_error(out / FIRST / "route.csv", out / TRUTH)}
     if (out / SECOND / "route.csv").is_file():
-        names = ", ".join(map(title, read_ladder(out / SECOND)[-1].effects[-1:]))
+        names = ", ".join(map(title_of, read_ladder(out / SECOND)[-1].effects[-1:]))
         found[f"with {names}"] = route_error(out / SECOND / "route.csv", out / TRUTH)
     return found
 
@@ -97,7 +98,7 @@ def errors(out: Path) -> dict[str, RouteError]:
 def answer(out: Path) -> str:
     """What was hidden, and how far from the truth each rung was, in a sentence."""
     effects = facts_in(out / TRUTH)["switches"]
-    names = ", ".join(f"{title(name).lower()} ({name} = {effects[name]:g})" for name in effects if name in EFFECTS)
+    names = ", ".join(f"{title_of(name).lower()} ({name} = {effects[name]:g})" for name in effects if name in EFFECTS)
     far = ", ".join(f"{one.mean:.2f} m on average {where}" for where, one in errors(out).items())
     return f"hidden was: {names}; the route was off by {far}"
 
@@ -126,7 +127,7 @@ def envelope(out: Path) -> str:
     """What was hidden, and the true error of each rung; closed until it is opened."""
     known = facts_in(out / TRUTH)
     lines = "".join(
-        f"<p><b>{escape(title(name))}</b>: <code>{escape(name)} = {known['switches'][name]:g}</code> "
+        f"<p><b>{escape(title_of(name))}</b>: <code>{escape(name)} = {known['switches'][name]:g}</code> "
         f"({escape(EFFECTS[name].meaning)}).</p>"
         for name in known["switches"]
         if name in EFFECTS

@@ -116,3 +116,12 @@ def find(name: str, catalogue: Mapping[str, Known]) -> Known:
         hint = f"did you mean {', '.join(near)}? " if near else ""
         raise InputError(f"effect {name}: not known; {hint}`roadfiber effects` lists all")
     return catalogue[name]
+
+
+def title_of(name: str) -> str:
+    """Title of a built-in effect or of a fault, as pages show it; of a user's own effect its name.
+
+    >>> title_of("gauge_length"), title_of("mine")
+    ('Gauge length', 'mine')
+    """
+    return FAULTS[name].title if name in FAULTS else built_in()[name].title if name in built_in() else name

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from solver.catalogue.catalogue import title_of
 from solver.run.report.parts import next_section, page, with_commands
 from vision.contract import writing_into
 
@@ -117,7 +118,7 @@ def rung_links(folder: Path) -> str:
     for rung in rows_in(facts_in(folder, "ladder.json"), "rungs")[:-1]:
         at, effects = rung.get("run"), rung.get("effects")
         if isinstance(at, str) and not Path(at).is_absolute() and "\0" not in at:
-            names = [str(one) for one in effects] if isinstance(effects, list) else []
+            names = [title_of(str(one)) for one in effects] if isinstance(effects, list) else []
             label = escape(", ".join(names) or "the start")
             items.append(f'<li><a href="./{quote(at)}/{INDEX}">{label}</a></li>')
     return f"<section><h2>Rungs below</h2><ul>{''.join(items)}</ul></section>" if items else ""

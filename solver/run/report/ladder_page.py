@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from solver.catalogue.catalogue import FAULTS, built_in
+from solver.catalogue.catalogue import title_of
 from solver.run.report.parts import next_section, page, with_commands
 from solver.run.rung import Rung
 from vision.contract.drawing import ROUTE, canvas, color_map, color_scale, place
@@ -21,15 +21,10 @@ WIDTH, HEIGHT = 1060, 250
 HELD = "#0072b2"
 
 
-def title(name: str) -> str:
-    """What an effect is called on pages; a user's own by its name."""
-    return FAULTS[name].title if name in FAULTS else built_in()[name].title if name in built_in() else name
-
-
 def news(rungs: Sequence[Rung]) -> list[str]:
     """What each rung has that the one below has not."""
-    added = [[title(n) for n in after.effects if n not in before.effects] for before, after in pairwise(rungs)]
-    first = ", ".join(map(title, rungs[0].effects))
+    added = [[title_of(n) for n in after.effects if n not in before.effects] for before, after in pairwise(rungs)]
+    first = ", ".join(map(title_of, rungs[0].effects))
     return [
         f"Start: {first}" if first else "Start",
         *(f"+ {', '.join(names)}" if names else "again" for names in added),
@@ -189,7 +184,7 @@ def ladder_body(rungs: Sequence[Rung]) -> str:
 def doubt_list(rungs: Sequence[Rung]) -> str:
     """What must be said of rungs before their numbers."""
     lines = [(rung.effects[-1], line) for rung in rungs for line in rung.words]
-    items = "".join(f"<li><b>+ {escape(title(name))}:</b> {with_commands(line)}.</li>" for name, line in lines)
+    items = "".join(f"<li><b>+ {escape(title_of(name))}:</b> {with_commands(line)}.</li>" for name, line in lines)
     return f'<ul class="doubts">{items}</ul>' if items else ""
 
 

@@ -39,11 +39,8 @@ def page(title: str, body: str) -> str:
 def next_section(lines: Sequence[str]) -> str:
     """What to do next, commands between backticks; nothing where there is nothing."""
     items = "".join(f"<li>{with_commands(line)}</li>" for line in lines)
-    return (
-        f'<section class="next"><h2>Next <small>(RUN is the folder of this page)</small></h2><ul>{items}</ul></section>'
-        if items
-        else ""
-    )
+    note = " <small>(RUN is the folder of this page)</small>" if "RUN" in " ".join(lines) else ""
+    return f'<section class="next"><h2>Next{note}</h2><ul>{items}</ul></section>' if items else ""
 
 
 def with_commands(text: str) -> str:
