@@ -31,7 +31,7 @@ SHORTEST = 0.02
         unit="%",
     ),
     source="Reinsch et al. 2017, Geophys. J. Int. 210, 1017.",
-    told_from="stiffness of the ground that changes along it",
+    confounders="stiffness of the ground that changes along it",
     families=("gain",),
 )
 def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
@@ -48,7 +48,7 @@ def channel_coupling(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     physics="The jacket passes strain on over a length L: 1 / (1 + k^2 L^2).",
     plain=Plain("Soft jacket", "The cable's jacket blurs strain over a length of {size}.", size=root, unit="m"),
     source="Ansari and Libo 1998, J. Eng. Mech. 124, 385.",
-    told_from="pulse width",
+    confounders="pulse width",
     families=("blur",),
 )
 def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
@@ -95,7 +95,7 @@ def coiled(fitted: Fitted) -> Start | None:
     physics="Fiber lies coiled in a manhole: all channels beyond it are nearer than they count.",
     plain=Plain("Coil of slack", "About {along} along the fiber, {size} of it lie coiled.", size=absolute),
     source="ITU-T L.1430: slack storage at closures.",
-    told_from="smooth errors of the channels' positions",
+    confounders="smooth errors of the channels' positions",
     families=("place",),
     start=coiled,
 )
@@ -166,7 +166,7 @@ def curved_gauge(cable: Cable, p: Values, survey: Surroundings) -> Cable:
         unit="m",
     ),
     source="Lindsey et al. 2020, JGR Solid Earth 125.",
-    told_from="the route and the clock's rate; only anchors tell",
+    confounders="the route and the clock's rate; only anchors tell",
     families=("rigid",),
 )
 def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
@@ -186,7 +186,7 @@ def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     physics="Channels lie off their place along the fiber by a smooth amount: slack, snaking, index.",
     plain=Plain("Misplaced channels", "Channels lie off their place along the fiber by about {size}.", size=absolute),
     source="Piana Agostinetti et al. 2022, Solid Earth 13, 449.",
-    told_from="the route",
+    confounders="the route",
     families=("place",),
 )
 def channel_wander(cable: Cable, p: Values, survey: Surroundings) -> Cable:

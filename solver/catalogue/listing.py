@@ -56,7 +56,7 @@ def effect_row(one: Effect, effects: Collection[Effect]) -> Row:
         "physics": one.physics,
         "law": (one.change.__doc__ or "").strip().split("\n")[0],
         "source": one.source,
-        "told_from": one.told_from,
+        "confounders": one.confounders,
         "families": {kind: [other for other in family(kind, effects) if other != one.name] for kind in families},
     }
 
@@ -72,7 +72,7 @@ def fault_row(fault: FaultKind) -> Row:
         "physics": fault.physics,
         "law": f"usual size {fault.plausible[0]:g} to {fault.plausible[1]:g}{unit_words(fault.unit)}",
         "source": fault.source,
-        "told_from": "",
+        "confounders": "",
         "families": {},
     }
 
@@ -139,7 +139,7 @@ def parameter_words(p: Row) -> str:
 def confounded_words(row: Row) -> str:
     """What an effect is hard to tell from, in words; "" where that is nothing."""
     families = " and ".join(row["families"])
-    parts = [row["told_from"], f"family {families}" if families else ""]
+    parts = [row["confounders"], f"family {families}" if families else ""]
     return "; ".join(part for part in parts if part)
 
 
@@ -194,8 +194,8 @@ def print_details(row: Row, rows: Sequence[Row]) -> None:
         out.print(Text(parameter_words(p), "green"))
         if p["grid"]:
             out.print(Text(f"  tried: {', '.join(f'{value:g}' for value in p['grid'])}"))
-    if row["told_from"]:
-        out.print(Text(f"Confounded with: {row['told_from']}", "yellow"))
+    if row["confounders"]:
+        out.print(Text(f"Confounded with: {row['confounders']}", "yellow"))
     physics = {other["name"]: other["physics"] for other in rows}
     for kind, members in row["families"].items():
         out.print(Text(f"Family {kind}: not named without these unless the survey separates them", "yellow"))

@@ -246,7 +246,7 @@ def check_null(trial: Trial, shape: Mapping[str, float]) -> None:
 
 def check_derivatives(trial: Trial) -> None:
     """Derivatives at null are finite, right, and somewhere not zero."""
-    felt: set[str] = set()
+    effective: set[str] = set()
     for shape in sampled_shapes(trial.effect):
         numbers = trial.numbers(shape)
         for name, columns in trial.derivatives(numbers).items():
@@ -258,9 +258,9 @@ def check_derivatives(trial: Trial) -> None:
                     "of a length, and avoid sqrt(0), abs and 0/0"
                 )
             if check_slope(trial, parameter, shape, columns):
-                felt.add(name)
+                effective.add(name)
     for parameter in trial.effect.amplitudes:
-        if parameter.name not in felt:
+        if parameter.name not in effective:
             raise InputError(flat(trial, parameter))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.fit.robust import felt, huber, joint_scale, near_noise
+from solver.fit.robust import huber, joint_scale, near_noise, solved_amplitudes
 from solver.fit.state import Evaluation, State, Weights
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def best_amplitudes(
         matrix[mine[:, None], mine] += flat.T @ flat
         right[mine] += flat.T @ seen.flatten()
         kept.append((mine, columns, seen))
-    found = felt(matrix, right)
+    found = solved_amplitudes(matrix, right)
     left = [seen - columns @ found[mine] for mine, columns, seen in kept]
     return list(found.split(counts)), left
 

@@ -18,7 +18,7 @@ from solver.fit.parameter_prior import ParameterPrior
 from solver.fit.parameter_space import ParameterSpace
 from solver.fit.problem import Problem
 from solver.fit.residual import unexplained
-from solver.fit.robust import felt, huber, near_noise, scale_of
+from solver.fit.robust import huber, near_noise, scale_of, solved_amplitudes
 from solver.fit.state import Evaluation, Linearized, State, Weights
 from solver.signal_path.derivatives import Local, Seen, derivative, observed_tangents
 from solver.signal_path.extension import Values
@@ -145,7 +145,7 @@ class MapFit(ParameterSpace):
         columns = self.whiten(self.alone(rows, values) * weights.good[..., None])
         columns = (columns * scale[..., None]).flatten(0, 1)
         data = (self.whiten(self.data * weights.good) * scale).flatten()
-        return felt(columns.T @ columns, columns.T @ data)
+        return solved_amplitudes(columns.T @ columns, columns.T @ data)
 
     def unexplained(self, model: Tensor) -> Tensor:
         """Measured - model [sample, channel], 1/s; 0 where not measured."""
@@ -171,10 +171,10 @@ class MapFit(ParameterSpace):
         scale = local.amplitude[:, None, None, None]
         moved = (local.by_point * scale).permute(1, 3, 0, 2).reshape(channels, 3 * rows, -1)
         columns = torch.bmm(moved, places).reshape(channels, 3, rows, -1).permute(0, 2, 3, 1)
-        felt = (local.by_weight * scale).flatten(2)
+        gauges = (local.by_weight * scale).flatten(2)
         if local.gauges.change is not None:
-            felt = torch.cat([felt, local.by_ratio * scale[..., 0]], 2)
-        columns += torch.bmm(felt.transpose(0, 1).contiguous(), others).unflatten(2, (-1, 3))
+            gauges = torch.cat([gauges, local.by_ratio * scale[..., 0]], 2)
+        columns += torch.bmm(gauges.transpose(0, 1).contiguous(), others).unflatten(2, (-1, 3))
         return columns.transpose(0, 1)
 
     def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:

@@ -45,6 +45,6 @@ def joint_scale(residuals: Sequence[Tensor], measured: Sequence[Tensor]) -> Tens
     return scale_of(together, torch.ones_like(together, dtype=torch.bool))
 
 
-def felt(matrix: Tensor, right: Tensor) -> Tensor:
-    """Amplitudes [pass] from their normal equations; a vehicle that is not felt at all keeps one near zero."""
+def solved_amplitudes(matrix: Tensor, right: Tensor) -> Tensor:
+    """Amplitudes [pass] from their normal equations; a vehicle that no channel records keeps one near zero."""
     return torch.linalg.solve(matrix + 1e-12 * matrix.diagonal().max() * torch.eye(len(matrix)).double(), right)

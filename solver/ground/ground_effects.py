@@ -33,7 +33,7 @@ def shear_speed(slowness_squared: float, setting: Setting) -> float:
         "Poisson's ratio of the ground is {size} lower than assumed.",
     ),
     source="Boussinesq 1885; Johnson 1985, eq. 3.18.",
-    told_from="depth, camber and anisotropy; a depth known from an anchor helps",
+    confounders="depth, camber and anisotropy; a depth known from an anchor helps",
     families=("depth",),
 )
 def poisson_ratio(ground: Ground, p: Values, survey: Surroundings) -> Ground:
@@ -56,7 +56,7 @@ def poisson_ratio(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         size=lambda v, s: 2 * abs(v),
     ),
     source="Das 2010, Principles of Geotechnical Engineering, table 11.",
-    told_from="a change of stiffness along the road",
+    confounders="a change of stiffness along the road",
     families=("gain",),
 )
 def poisson_gradient(ground: Ground, p: Values, survey: Surroundings) -> Ground:
@@ -81,7 +81,7 @@ def poisson_gradient(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         "%",
     ),
     source="Boussinesq 1885: displacement is F / (4 pi G) times geometry.",
-    told_from="coupling of the cable that changes along it, and the route",
+    confounders="coupling of the cable that changes along it, and the route",
     families=("gain",),
 )
 def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Ground:
@@ -110,7 +110,7 @@ def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Groun
         "%",
     ),
     source="Burmister 1945, J. Appl. Phys. 16, 89; Kausel and Roesset 1981, BSSA 71, 1743.",
-    told_from="whatever blurs; several speeds, lanes and distances separate them",
+    confounders="whatever blurs; several speeds, lanes and distances separate them",
     families=("blur",),
 )
 def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
@@ -125,7 +125,7 @@ def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="A thin stiff pavement spreads the load.",
     plain=Plain("Stiff pavement", "A stiff pavement spreads the load over {size}."),
     source="Burmister 1945; Huang 2004, Pavement Analysis and Design, section 2.2.",
-    told_from="depth and Poisson's ratio together",
+    confounders="depth and Poisson's ratio together",
     families=("blur",),
 )
 def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
@@ -142,7 +142,7 @@ def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         "Soil that stiffens with depth", "The soil is {size} stiffer with every meter of depth.", size=percent, unit="%"
     ),
     source="Gibson 1967, Geotechnique 17, 58.",
-    told_from="a layered ground",
+    confounders="a layered ground",
     families=("blur",),
 )
 def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
@@ -162,7 +162,7 @@ def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         unit="m/s",
     ),
     source="Eason 1965, Int. J. Eng. Sci. 2, 581: gamma_i = sqrt(1 - v^2 cos^2 / c_i^2).",
-    told_from="other blurs, unless speeds are mixed",
+    confounders="other blurs, unless speeds are mixed",
     families=("blur",),
 )
 def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
@@ -187,7 +187,7 @@ def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         "Creeping ground", "A part of the strain, {size} of the rest, comes late, over {time}.", size=percent, unit="%"
     ),
     source="Findley, Lai and Onaran 1976, Creep and Relaxation, section 5.",
-    told_from="grade and drag for long times, a clock offset for short ones",
+    confounders="grade and drag for long times, a clock offset for short ones",
     families=("even",),
 )
 def viscoelastic_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
@@ -202,7 +202,7 @@ def viscoelastic_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="The ground follows its load with a lag: a Kelvin-Voigt solid.",
     plain=Plain("Lagging ground", "The ground follows its load {size} late."),
     source="Findley, Lai and Onaran 1976, section 3.",
-    told_from="other lags: clock offset, the vehicle's reference point",
+    confounders="other lags: clock offset, the vehicle's reference point",
     families=("lag",),
 )
 def kelvin_voigt_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
@@ -217,7 +217,7 @@ def kelvin_voigt_lag(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     physics="The ground yields as long as it is loaded: a Maxwell solid.",
     plain=Plain("Yielding ground", "Under load the ground yields by {size} a second.", size=percent, unit="%"),
     source="Findley, Lai and Onaran 1976, section 3.",
-    told_from="grade and drag, an AC-coupled interrogator",
+    confounders="grade and drag, an AC-coupled interrogator",
     families=("even",),
 )
 def maxwell_flow(ground: Ground, p: Values, survey: Surroundings) -> Ground:

@@ -15,7 +15,9 @@ from solver.ground.compiled import compiled
 Array = NDArray[np.float64]
 
 
-def felt(point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: Tensor, ratio: Tensor) -> Tensor | None:
+def gauge_response(
+    point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: Tensor, ratio: Tensor
+) -> Tensor | None:
     """Sum over points and wheels of weight . displacement rate, by `solver.ground.boussinesq.displacement_rate`.
 
     Differentiable once, in backward mode, with respect to all arguments; each may have fewer axes or axes of size 1.
@@ -35,7 +37,7 @@ def felt(point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: 
     >>> from solver.ground.boussinesq import displacement_rate
     >>> at, v = torch.tensor([[[[3.0, 1.0, 0.9]]]]).double(), torch.tensor([[[10.0, 0.0]]]).double()
     >>> one, nu = torch.ones(1, 1, 1).double(), torch.tensor(0.25).double()
-    >>> found = felt(at, at, torch.zeros(1, 1, 1, 2).double(), one, v, nu)
+    >>> found = gauge_response(at, at, torch.zeros(1, 1, 1, 2).double(), one, v, nu)
     >>> bool(torch.allclose(found, (at * displacement_rate(at, v[0, 0], nu)).sum((-1, -2))))
     True
     """
@@ -52,7 +54,7 @@ def felt(point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: 
     same = all(x.shape[1] == 1 or x.stride(1) == 0 for x in given[2:5])
     if not same or any(map(forward_mode, given)):
         return None
-    found: Tensor = _Felt.apply(*given)
+    found: Tensor = _GaugeResponse.apply(*given)
     return found
 
 
@@ -63,8 +65,8 @@ def packed(x: Tensor, order: tuple[int, ...]) -> Array:
     return np.ascontiguousarray(x.permute(order).numpy())
 
 
-class _Felt(torch.autograd.Function):
-    """`felt` for arguments that have all their axes."""
+class _GaugeResponse(torch.autograd.Function):
+    """`gauge_response` for arguments that have all their axes."""
 
     @staticmethod
     def forward(ctx: Any, *given: Tensor) -> Tensor:
@@ -72,7 +74,7 @@ class _Felt(torch.autograd.Function):
         rows, channels, points, _ = given[0].shape
         if not any(ctx.needs_input_grad):
             out = np.zeros((rows, channels))
-            add_felt(*arrays, out)
+            add_response(*arrays, out)
             return torch.from_numpy(out)
         by_point = np.zeros((7, rows, points, channels))
         by_wheel, by_velocity = np.zeros((3, given[2].shape[2], rows, channels)), np.zeros((2, rows, channels))
@@ -106,7 +108,7 @@ def _arrays(given: tuple[Tensor, ...]) -> tuple[Array, Array, Array, Array, Arra
 
 
 @partial(compiled, fastmath=True)
-def add_felt(
+def add_response(
     point: Array, weight: Array, place: Array, share: Array, velocity: Array, softness: Array, out: Array
 ) -> None:
     """Add the response to each wheel to `out` [row, channel].
@@ -157,7 +159,7 @@ def add_derivatives(
     by_wheel: Array,
     by_velocity: Array,
 ) -> None:
-    """Add the derivatives of `add_felt`'s sums with respect to all its arguments.
+    """Add the derivatives of `add_response`'s sums with respect to all its arguments.
 
     Parameters
     ----------

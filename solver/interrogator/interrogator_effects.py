@@ -42,7 +42,7 @@ def averaged(x: Tensor) -> Tensor:
         unit="m",
     ),
     source="Dean, Cuny and Hartog 2017, Geophys. Prospect. 65, 184.",
-    told_from="nothing, on data that no FK filter has touched",
+    confounders="nothing, on data that no FK filter has touched",
 )
 def gauge_length(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """The true gauge length is (1 + relative) times the one told."""
@@ -56,7 +56,7 @@ def gauge_length(interrogator: Interrogator, p: Values, survey: Surroundings) ->
     physics="The light pulse blurs strain along the fiber, beside the gauge.",
     plain=Plain("Pulse width", "The light pulse blurs strain over {size} of fiber.", size=root, unit="m"),
     source="Dean, Cuny and Hartog 2017.",
-    told_from="shear lag and wheels",
+    confounders="shear lag and wheels",
     families=("blur",),
 )
 def pulse_width(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
@@ -71,7 +71,7 @@ def pulse_width(interrogator: Interrogator, p: Values, survey: Surroundings) -> 
     physics="Each sample is the mean over the interval before it.",
     plain=Plain("Averaging in time", "Each sample is the mean over the {size} before it."),
     source="Oppenheim and Schafer 2010, section 4: decimation by block means.",
-    told_from="a clock offset of half the interval",
+    confounders="a clock offset of half the interval",
     families=("blur", "lag"),
 )
 def time_averaging(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
@@ -86,7 +86,7 @@ def time_averaging(interrogator: Interrogator, p: Values, survey: Surroundings) 
     physics="The interrogator is AC-coupled: it loses slow changes.",
     plain=Plain("AC coupling", "The interrogator loses what changes more slowly than {size}."),
     source="First-order RC filter.",
-    told_from="a Maxwell ground",
+    confounders="a Maxwell ground",
     families=("even",),
 )
 def highpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
@@ -109,7 +109,7 @@ def highpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Int
         unit="%",
     ),
     source="Butterworth 1930, of fourth order.",
-    told_from="a layered ground; the delay from a clock offset",
+    confounders="a layered ground; the delay from a clock offset",
     families=("blur", "lag"),
 )
 def lowpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
@@ -134,7 +134,7 @@ def lowpass(interrogator: Interrogator, p: Values, survey: Surroundings) -> Inte
         "Filter without delay", "A filter without delay removed what is faster than {corner}.", size=percent, unit="%"
     ),
     source="Butterworth 1930, of fourth order, forward and backward (Gustafsson 1996).",
-    told_from="a layered ground and other blurs",
+    confounders="a layered ground and other blurs",
     families=("blur",),
 )
 def lowpass_zero_phase(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
@@ -156,7 +156,7 @@ def lowpass_zero_phase(interrogator: Interrogator, p: Values, survey: Surroundin
     physics="Strain rates beyond the instrument's range are clipped.",
     plain=Plain("Clipping", "Strain rates beyond {level} times the largest are clipped.", size=percent, unit="%"),
     source="Hartog 2017, An Introduction to Distributed Optical Fibre Sensors, section 6.",
-    told_from="a gauge length that is wrong, in part",
+    confounders="a gauge length that is wrong, in part",
 )
 def saturation(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """Clipping at a level relative to the largest strain rate of the record."""

@@ -63,7 +63,7 @@ def on_usual_wheels(fitted: Fitted) -> Start | None:
     physics="Vehicles stand on axles and wheels, not on a point: the load is spread along and across the lane.",
     plain=Plain("Wheels", "Vehicles press on axles about {size} apart, not on one point.", size=root, unit="m"),
     source="Superposition of Boussinesq loads; class means are makers' data sheets, see solver.load.wheel_layout.",
-    told_from="pulse width, if there is one type of vehicle only",
+    confounders="pulse width, if there is one type of vehicle only",
     families=("blur",),
     base_part="wheels",
     start=on_usual_wheels,
@@ -106,7 +106,7 @@ def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
         "%",
     ),
     source="Gillespie 1992, Fundamentals of Vehicle Dynamics, section 1.",
-    told_from="other lags",
+    confounders="other lags",
     families=("lag",),
 )
 def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
@@ -128,7 +128,7 @@ def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
         "Long vehicles", "Long vehicles carry {size} of their load on axles over {length}.", size=percent, unit="%"
     ),
     source="EU Directive 96/53/EC, annex I: lengths and axles of lorries.",
-    told_from="nothing where one pass differs from the others",
+    confounders="nothing where one pass differs from the others",
 )
 def long_vehicle(load: Load, p: Values, survey: Surroundings) -> Load:
     """Five axles, evenly apart, carry a share of a heavy or unknown vehicle."""
@@ -208,7 +208,7 @@ def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
     physics="A vehicle that brakes pushes the road ahead and loads its front axle, for some seconds.",
     plain=Plain("Braking", "Some vehicles brake or speed up by about {size} within the view.", size=absolute),
     source="Cerruti 1882; Johnson 1985, Contact Mechanics, section 3.6; Gillespie 1992, section 3.",
-    told_from="an error of the track over the same seconds",
+    confounders="an error of the track over the same seconds",
 )
 def braking(load: Load, p: Values, survey: Surroundings) -> Load:
     """Smooth push some time after passing so far before a place, either way; each vehicle brakes as hard as it does."""
@@ -239,7 +239,7 @@ def braking(load: Load, p: Values, survey: Surroundings) -> Load:
         "%",
     ),
     source="Cerruti 1882; Johnson 1985, section 3.6.",
-    told_from="a viscous ground, an AC-coupled interrogator",
+    confounders="a viscous ground, an AC-coupled interrogator",
     families=("even",),
 )
 def grade_drag(load: Load, p: Values, survey: Surroundings) -> Load:
@@ -260,7 +260,7 @@ def grade_drag(load: Load, p: Values, survey: Surroundings) -> Load:
         "%",
     ),
     source="Johnson 1985, section 3.6.",
-    told_from="Poisson's ratio and depth, exactly",
+    confounders="Poisson's ratio and depth, exactly",
     families=("depth",),
 )
 def camber(load: Load, p: Values, survey: Surroundings) -> Load:

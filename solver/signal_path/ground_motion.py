@@ -5,7 +5,7 @@ from torch import Tensor
 
 from solver.ground.ground import Ground
 from solver.ground.tangential import tangential_displacement, tangential_displacement_rate
-from solver.ground.wheel_motion import felt
+from solver.ground.wheel_motion import gauge_response
 from solver.load.load import Load
 
 
@@ -19,7 +19,7 @@ def strain_rates(load: Load, ground: Ground, points: Tensor, weights: Tensor, ra
     """
     static = None
     if ground.response is None:
-        static = felt(points, weights, load.position, load.share, load.trajectory.velocity, ratio)
+        static = gauge_response(points, weights, load.position, load.share, load.trajectory.velocity, ratio)
     moving = ground_motion(load, ground, points, ratio, static is None)
     if moving is None:
         assert static is not None

@@ -23,7 +23,7 @@ Values = Mapping[str, Tensor]
         "The DAS clock is {size} behind the vehicles' clock.",
     ),
     source="Video and DAS have clocks of their own; two speeds tell their offset from a shift of the fiber.",
-    told_from="other lags: the vehicle's reference point, an averaging interval, a viscous ground",
+    confounders="other lags: the vehicle's reference point, an averaging interval, a viscous ground",
     families=("lag",),
 )
 def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
@@ -40,7 +40,7 @@ def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
         "Clock drift", "The two clocks drift apart by {size} an hour.", size=lambda v, s: 3600 * abs(v), unit="s"
     ),
     source="Mills 1991, IEEE Trans. Commun. 39, 1482.",
-    told_from="a stretched fiber, if all passes are equally fast",
+    confounders="a stretched fiber, if all passes are equally fast",
 )
 def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """Offset that grows with time, none in the middle of the survey."""
@@ -59,7 +59,7 @@ def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
         "Vehicles are {size} farther back than tracks say.",
     ),
     source="Box centers against contact points: Rezaei et al. 2021, arXiv:2109.06783, section III.",
-    told_from="other lags; opposite directions and speeds separate them",
+    confounders="other lags; opposite directions and speeds separate them",
     families=("lag",),
 )
 def track_bias(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
@@ -74,7 +74,7 @@ def track_bias(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     physics="All tracks are shifted as a whole.",
     plain=Plain("Shifted tracks", "All tracks are shifted by about {size} as a whole.", size=absolute),
     source="Rigid motion; the route moves along with the tracks, so that anchors alone can tell.",
-    told_from="the route itself; only anchors tell",
+    confounders="the route itself; only anchors tell",
     families=("rigid",),
 )
 def track_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
@@ -91,7 +91,7 @@ def track_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
         "Turned tracks", "All tracks are turned by {size} about the middle of the view.", size=absolute, unit="degrees"
     ),
     source="Rigid motion; the route turns along with the tracks, so that anchors alone can tell.",
-    told_from="the route itself; only anchors tell",
+    confounders="the route itself; only anchors tell",
     families=("rigid",),
 )
 def track_rotation(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
@@ -120,7 +120,7 @@ def track_rotation(driven: Trajectory, p: Values, survey: Surroundings) -> Traje
         "%",
     ),
     source="Similarity; a known length in the scene, or anchors, decide.",
-    told_from="the route itself and the channel spacing; only anchors tell",
+    confounders="the route itself and the channel spacing; only anchors tell",
     families=("rigid", "curve"),
 )
 def track_scale(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
@@ -136,7 +136,7 @@ def track_scale(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
     physics="The ground is not flat or the lens not straight: the lateral error depends on the place alone.",
     plain=Plain("Bent tracks", "Tracks are off sideways by about {size}, depending on the place.", size=absolute),
     source="Hartley and Zisserman 2004, section 7.4: distortion left in a homography.",
-    told_from="the route and the channels' positions",
+    confounders="the route and the channels' positions",
     families=("place", "curve"),
 )
 def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
@@ -152,7 +152,7 @@ def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajector
     physics="Each track has an error of its own that lasts for seconds.",
     plain=Plain("Wandering tracks", "Each track wanders off by about {size} for some seconds.", size=absolute),
     source="Correlated errors of detections: Bar-Shalom, Li and Kirubarajan 2001, section 8.",
-    told_from="the route, if there is one pass only",
+    confounders="the route, if there is one pass only",
     slow_error=True,
 )
 def track_jitter(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:

@@ -1,0 +1,36 @@
+"""What an effect is: a differentiable change to one stage of the signal path, exactly absent at its null value.
+
+`effect` makes one of a function; `Effect` is what it declares, `Parameter` one parameter, `Plain` its plain words.
+"""
+
+from solver.effect.effect import BASE_PARTS, FAMILIES, STAGES, Change, Discrepancy, Effect, effect
+from solver.effect.known import Fitted, Heard, Proposal, Recorded, Start, Surroundings
+from solver.effect.parameter import BY_ROW, SCOPES, Parameter
+from solver.effect.plain import Plain, Setting, absolute, as_it_is, grown, percent, percents, root
+
+__all__ = [
+    "BASE_PARTS",
+    "BY_ROW",
+    "FAMILIES",
+    "SCOPES",
+    "STAGES",
+    "Change",
+    "Discrepancy",
+    "Effect",
+    "Fitted",
+    "Heard",
+    "Parameter",
+    "Plain",
+    "Proposal",
+    "Recorded",
+    "Setting",
+    "Start",
+    "Surroundings",
+    "absolute",
+    "as_it_is",
+    "effect",
+    "grown",
+    "percent",
+    "percents",
+    "root",
+]
