@@ -4,9 +4,9 @@
 """
 
 from solver.effect.effect import BASE_PARTS, FAMILIES, STAGES, Change, Discrepancy, Effect, effect
-from solver.effect.known import Fitted, Heard, Proposal, Recorded, Start, Surroundings
 from solver.effect.parameter import BY_ROW, SCOPES, Parameter
 from solver.effect.plain import Plain, Setting, absolute, as_it_is, grown, percent, percents, root
+from solver.effect.survey_context import Fitted, Heard, Proposal, Recorded, Start, Surroundings
 
 __all__ = [
     "BASE_PARTS",

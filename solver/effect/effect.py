@@ -7,9 +7,9 @@ from typing import Any
 
 from torch import Tensor
 
-from solver.effect.known import Fitted, Heard, Proposal, Recorded, Start, Surroundings
 from solver.effect.parameter import BY_ROW, SCOPES, Parameter
 from solver.effect.plain import Plain
+from solver.effect.survey_context import Fitted, Heard, Proposal, Recorded, Start, Surroundings
 
 #: The stages of the signal path, in order.
 STAGES = ("trajectory", "load", "ground", "cable", "interrogator", "processing")
