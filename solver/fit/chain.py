@@ -7,7 +7,7 @@ own (`solver.fit.stretches`), with the noise taken for independent between them;
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -19,7 +19,7 @@ from solver.cable.fiber import SplineBasis
 from solver.fit.convoy import Sums, best_amplitudes, glances, jacobians, settled, weighed, whitened
 from solver.fit.links import Link, linked
 from solver.fit.map_fit import MapFit
-from solver.fit.normal import Assembly, Block, Normal, Part
+from solver.fit.normal import Assembly, Block, Part
 from solver.fit.parameter_layout import of_route
 from solver.fit.parameter_prior import ParameterPrior, RouteRows
 from solver.fit.parameter_space import ParameterSpace
@@ -27,66 +27,10 @@ from solver.fit.problem import Problem
 from solver.fit.robust import HUBER, SPIKE
 from solver.fit.state import Linearized, State, Weights
 from solver.fit.stretches import is_long, parts
+from solver.fit.visit import Looked, Visit
 
 T = TypeVar("T")
 THREADS = 2
-
-
-@dataclass(frozen=True)
-class Looked:
-    """Some convoys near a state, weighed together.
-
-    Parameters
-    ----------
-    amplitudes : [pass] of each link, that fit best
-    cost : misfit by the weights given
-    weights, models, residuals : of each link
-    equations : of each convoy, as `Assembly.add` takes them
-    """
-
-    amplitudes: list[Tensor]
-    cost: float
-    weights: list[Weights]
-    models: list[Tensor]
-    residuals: list[Tensor]
-    equations: list[tuple[Block, np.ndarray, Part]]
-
-    @property
-    def misfit(self) -> float:
-        """Chi2 by the new weights."""
-        return sum(float((one**2).sum()) for one in self.residuals)
-
-
-@dataclass(frozen=True)
-class Visit:
-    """A chain near a state, its amplitudes settled.
-
-    Parameters
-    ----------
-    state : visited
-    cost : misfit by the weights of the visit before, and priors
-    misfit : chi2 of the whitened residual by its own weights
-    normal : equations there
-    border, own : which of the shared parameters beside the route, and of each convoy's own, are at a bound and would
-        leave it
-    weights, models : of each link
-    residuals : of each link, whitened and weighted, [sample, channel]
-    """
-
-    state: State
-    cost: float
-    misfit: float
-    normal: Normal
-    border: np.ndarray
-    own: list[np.ndarray]
-    weights: list[Weights]
-    models: list[Tensor]
-    residuals: list[Tensor]
-
-    @cached_property
-    def open(self) -> Normal:
-        """The equations of the next step, without what stays at its bound."""
-        return self.normal.holding(self.border, self.own)
 
 
 @contextmanager
@@ -204,7 +148,7 @@ class Chain(ParameterSpace):
         """The same state with the amplitudes [pass] of each link."""
         return replace(state, vehicles=replace(state.vehicles, amplitude=torch.cat(list(amplitudes))))
 
-    def cost(self, visit: "Visit") -> float:
+    def cost(self, visit: Visit) -> float:
         """-2 ln of the posterior density at a visit, but for a constant that all fits of one problem have in common.
 
         A weight is what is left of a sample's precision, so that a fit that trusts its samples less pays for it; a

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solver.fit.chain import Chain, Visit
+from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.state import State
+from solver.fit.visit import Visit
 
 #: A step that would gain less than this in sigmas, over all parameters together, is not worth taking.
 ENOUGH = 0.2

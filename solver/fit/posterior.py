@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.fit.chain import Chain, Visit
+from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Block, Reduced
 from solver.fit.parameter_layout import PER_PASS, of_route
@@ -19,6 +19,7 @@ from solver.fit.parameter_prior import RouteRows
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.fit.state import State
+from solver.fit.visit import Visit
 from solver.trajectory.vehicle_pass import Pass
 
 if TYPE_CHECKING:
