@@ -34,7 +34,7 @@ Array = NDArray[Any]
 SPACING, GAUGE, RATE = 1.021, 10.0, 5.0
 AMPLITUDE, WAVELENGTH = 30.0, 2000.0  # m, of the road's bends: radii of 3 km and more
 POISSON, MODULUS = 0.25, 6e7
-STRETCH, REACH = 100, 45.0  # channels made at once; m beyond which a vehicle is not felt
+STRETCH, REACH = 100, 45.0  # channels made at once; m beyond which a vehicle is not sensed
 STENCIL = 0.01  # s
 
 

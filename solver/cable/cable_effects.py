@@ -64,7 +64,7 @@ def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
         Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 3.0).tolist())),
         Parameter("length", "m", 2.0, lower=4, upper=60, grid=(8.0, 13.0, 20.0, 35.0)),
     ],
-    physics="The fiber slips in its conduit and feels only the mean strain between the points that hold it.",
+    physics="The fiber slips in its conduit and senses only the mean strain between the points that hold it.",
     plain=Plain(
         "Slipping fiber", "About {along} along the fiber, {length} of it slip in the conduit.", size=percent, unit="%"
     ),
@@ -100,7 +100,7 @@ def coiled(fitted: Fitted) -> Start | None:
     start=coiled,
 )
 def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
-    """Gauges end where the fiber leads, which stands still over the coil; what lies coiled feels nothing.
+    """Gauges end where the fiber leads, which stands still over the coil; what lies coiled senses nothing.
 
     Half of the length counts on either side, which leaves the middle of the route where it was.
     """

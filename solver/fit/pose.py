@@ -69,7 +69,7 @@ def pose(
     if not passes:
         raise InputError(
             f"trajectories: no vehicle comes within {VEHICLE_REACH:g} m of channels {channel[0]} to {channel[-1]}, "
-            "where the DAS feels vehicles; check the frame (origin, x_azimuth) and the clocks"
+            "where the DAS records vehicles; check the frame (origin, x_azimuth) and the clocks"
         )
     traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))
     return Problem(

@@ -28,7 +28,7 @@ FILTERED, REPEATED = 5.0, 0.05
     source="Lindsey et al. 2020, JGR Solid Earth 125: removal of laser phase noise.",
 )
 def common_mode(processing: Processing, p: Values, survey: Surroundings) -> Processing:
-    """A share of the mean over the record's channels is removed; those not fitted are taken to feel nothing."""
+    """A share of the mean over the record's channels is removed; those not fitted are taken to sense nothing."""
     channels = max(survey.recorded, len(survey.distance))
     return processing.then(lambda rate: rate - p["share"] * rate.sum(-1, keepdim=True) / channels)
 

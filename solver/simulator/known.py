@@ -108,13 +108,13 @@ KNOWN: dict[str, Hidden] = {
     "shear_lag": Hidden("cable", "m; L of the strain transfer 1 / (1 + k^2 L^2)", (1.2, 3)),
     "conduit_slip": Hidden(
         "cable",
-        "m of fiber that slips in its conduit and feels its mean strain only",
+        "m of fiber that slips in its conduit and senses its mean strain only",
         (8, 50),
         {"at": Setting(0.4, 0.6, "middle, as share of the active channels")},
     ),
     "slack_spool": Hidden(
         "cable",
-        "m of fiber that lie coiled in a manhole and feel nothing",
+        "m of fiber that lie coiled in a manhole and sense nothing",
         (1, 30),
         {"at": Setting(0.4, 0.6, "place, as share of the channels")},
     ),

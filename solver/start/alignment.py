@@ -99,7 +99,7 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
             lines.append((float(snr_db[inliers].sum()), line, polarity))
     if lines:
         # Upside down, the filter sees the outer lobes on either side of the vehicle: two lines, each fainter. In dB,
-        # since where the ground is soft its lobes are louder than all that is felt elsewhere.
+        # since where the ground is soft its lobes are louder than all that is recorded elsewhere.
         _, line, polarity = max(lines, key=lambda choice: choice[0])
         return line, polarity
     best = max(looks, key=lambda one: int(one.inliers.sum()))
@@ -173,7 +173,7 @@ def active_range(share: Array, view: tuple[float, float], bridge: int) -> tuple[
 
 
 def direction_residual(line: FiberLine, detections: Sequence[Detections]) -> dict[int, float]:
-    """Median of the vehicle's x minus that of the channel that feels it, m, by the direction of travel (1, -1)."""
+    """Median of the vehicle's x minus that of the channel that senses it, m, by the direction of travel (1, -1)."""
     x, speed, channel = together(detections)
     off = x - line.x_of(channel)
     return {sign: float(np.median(off[speed * sign > 0])) for sign in (1, -1) if (speed * sign > 0).any()}

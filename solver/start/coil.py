@@ -1,4 +1,4 @@
-"""Fiber that lies coiled in a manhole: beyond it vehicles are felt by channels farther along than one line says."""
+"""Fiber that lies coiled in a manhole: beyond it vehicles are recorded by channels farther along than one line says."""
 
 from dataclasses import dataclass, replace
 
@@ -20,7 +20,7 @@ class JumpingLine:
     Parameters
     ----------
     line : of the channels before the coil
-    channel : middle of the channels where it may jump, as those that lie coiled feel nothing
+    channel : middle of the channels where it may jump, as those that lie coiled sense nothing
     coiled : channels that lie coiled
     """
 

@@ -11,7 +11,7 @@ from solver.start.straight_fiber import straight_strain_rate
 from solver.start.wavelets import Array, best_scale, wide_bank
 from vision.contract import InputError
 
-FARTHEST = 20.0  # m; a fiber farther from the lane is beyond what a survey feels
+FARTHEST = 20.0  # m; a fiber farther from the lane is beyond what a survey senses
 STEP = 0.5  # m, of the tabulated offsets
 JUMP = 0.1  # share by which the width may grow from one tabulated offset to the next
 

@@ -50,7 +50,7 @@ class FiberLine:
         return x + speed * self.lag - self.x0 - self.slope * channel
 
     def channel_of(self, x: NDArray[Any], speed: NDArray[Any] | float = 0.0) -> Array:
-        """Channel, with a fraction, that feels a vehicle said to be at x with a speed, m and m/s."""
+        """Channel, with a fraction, that senses a vehicle said to be at x with a speed, m and m/s."""
         return (x + speed * self.lag - self.x0) / self.slope
 
     def x_of(self, channel: NDArray[Any]) -> Array:

@@ -29,7 +29,7 @@ class FirstRoutes:
     channel : [channel], numbers of the channels to fit
     routes : rough routes [channel, 3], m, of which any may lead to the fiber
     anchors : within reach of the channels
-    disputed : sentences on anchors that are left out because vehicles are felt elsewhere
+    disputed : sentences on anchors that are left out because vehicles are recorded elsewhere
     coil : fiber that seems to lie coiled; None where none does
     """
 
@@ -76,8 +76,8 @@ def find_first_routes(
     keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing), recorded)
     for end in sorted({int(rough.channel[0]), int(rough.channel[-1])} - set(rough.channel[keep][[0, -1]].tolist())):
         warnings.append(
-            f"vehicles are not felt beyond channel {end}, though the view and the record go on: the fiber leaves the "
-            "road there, or records nothing; it is not located beyond"
+            f"vehicles are not recorded beyond channel {end}, though the view and the record go on: the fiber leaves "
+            "the road there, or records nothing; it is not located beyond"
         )
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     routes = [start_route(rough, y, used)[keep] for y in sides]
@@ -131,8 +131,8 @@ def along_road(
     gaps = np.flatnonzero(np.diff(channel) > 1)
     for gap in gaps:
         warnings.append(
-            f"no vehicle is felt between channels {channel[gap]} and {channel[gap + 1]}; the route there follows from "
-            "the rest alone"
+            f"no vehicle is recorded between channels {channel[gap]} and {channel[gap + 1]}; the route there follows "
+            "from the rest alone"
         )
     routes = [route] if used or evidence > TOLD * len(found) else [route, joined(found, other)[1]]
     return FirstRoutes(channel, routes, used, [misplaced_line(one, channel, route[:, 0]) for one in wrong])

@@ -30,7 +30,7 @@ class Initialization:
 
     Parameters
     ----------
-    active : first and last channel number that vehicles passed in view and that felt them
+    active : first and last channel number that vehicles passed in view and that recorded them
     direction : 1 for a fiber that runs along +x, -1 against it
     x_of_channel : x0 and slope of x = x0 + slope channel, m and m per channel
     channel : numbers of the active channels [channel]
@@ -41,7 +41,7 @@ class Initialization:
         assumed
     clock_ahead : how far the clock of the trajectories is ahead of the DAS's, s; 0 where all vehicles go one way.
         Loads that are not in the middle of the wheelbase count as a few hundredths
-    direction_residual : median of x of the vehicle minus x of the channel that feels it, m, for vehicles going along
+    direction_residual : median of x of the vehicle minus x of the channel that senses it, m, for vehicles going along
         (1) and against (-1) +x; the line is halfway between the two
     detections : of each pass, in the order given
     snr_db : median of each pass's detections [pass], dB; -inf for a pass never seen

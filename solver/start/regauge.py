@@ -1,6 +1,6 @@
 """Records of very long gauges as short ones would have made them: what the matched filter can look for.
 
-A gauge of 50 m feels a vehicle at either end, 50 m apart, and nothing between: one vehicle looks like two. Its strain
+A gauge of 50 m senses a vehicle at either end, 50 m apart, and nothing between: one vehicle looks like two. Its strain
 rate is the difference of the ground's velocity along the fiber at its two ends. Summed from the fiber's start, where
 nothing moves, in steps of a gauge, that gives the velocity everywhere, and so what a short gauge would see. Noise adds
 up along with it: this is for the first look only, and fits take the record as it is.

@@ -34,7 +34,7 @@ def silent(record: DASRecord, ends: np.ndarray) -> str | None:
 def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int, recorded: tuple[int, int]) -> slice:
     """Active channels to fit: without the last gauge length where the fiber leaves the road before the view ends.
 
-    A gauge across a sharp bend feels both legs; the end-point difference of the base model does not hold there. Where
+    A gauge across a sharp bend senses both legs; the end-point difference of the base model does not hold there. Where
     the record ends within a gauge length of the active channels, nothing shows that the fiber leaves.
 
     Parameters

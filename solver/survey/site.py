@@ -147,7 +147,7 @@ class GroundSection(Section):
         """Refuse a depth at which no vehicle can be recorded."""
         if max(depth) > VEHICLE_REACH:
             raise ValueError(
-                f"mean {depth[0]:g} m, sd {depth[1]:g} m; no vehicle is felt deeper than {VEHICLE_REACH:g} m: "
+                f"mean {depth[0]:g} m, sd {depth[1]:g} m; no vehicle is sensed deeper than {VEHICLE_REACH:g} m: "
                 "give both in m, as [0.9, 0.3]"
             )
         return depth

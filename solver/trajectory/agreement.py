@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 ANCHOR_REACH = 50.0
 #: Share by which channel spacings may be off, and sigmas by which anchors may be.
 SPACING_OFF, SURE = 0.05, 5.0
-#: An anchor this far along the road from where vehicles are felt on its channel, m, is wrong: rough routes are within
-#: half of it. One that is nearer than `ON_PLACE` is where it should be.
+#: An anchor this far along the road from where vehicles are recorded on its channel, m, is wrong: rough routes are
+#: within half of it. One that is nearer than `ON_PLACE` is where it should be.
 OFF_PLACE, ON_PLACE = 10.0, 5.0
-#: m before and behind a gauge from which a vehicle is felt most.
+#: m before and behind a gauge from which a vehicle strains the gauge most.
 BESIDE = 5.0
 #: m/s; on few roads a vehicle is faster (144 km/h).
 FAST = 40.0
@@ -72,12 +72,12 @@ def zone_line(first: float, last: float, end: float) -> str | None:
 def slow_line(record: DASRecord, passes: "Sequence[Pass]") -> str | None:
     """Say that a record has too few samples to see every vehicle pass every channel, and how many it takes."""
     speed = float(np.median([abs(one.speed) for one in passes]))
-    felt = record.gauge_length + 2 * BESIDE
-    if speed / record.sampling_rate <= felt:
+    reach = record.gauge_length + 2 * BESIDE
+    if speed / record.sampling_rate <= reach:
         return None
     return (
         f"{record.sampling_rate:g} samples/s are too few: vehicles go {speed / record.sampling_rate:.0f} m from one to "
-        f"the next, and a channel feels them over {felt:.0f} m; record at least {speed / felt:.1f} samples/s"
+        f"the next, and a channel senses them over {reach:.0f} m; record at least {speed / reach:.1f} samples/s"
     )
 
 
@@ -101,8 +101,8 @@ def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, war
     far = [f"{a.name} (channel {a.channel:g})" for a in anchors if a not in used]
     if far:
         warnings.append(
-            f"more than {ANCHOR_REACH:g} m of fiber from the channels that feel vehicles ({active[0]} to {active[1]}), "
-            f"so not used: anchors {', '.join(far)}"
+            f"more than {ANCHOR_REACH:g} m of fiber from the channels that record vehicles ({active[0]} to "
+            f"{active[1]}), so not used: anchors {', '.join(far)}"
         )
     return used
 
@@ -154,32 +154,32 @@ def from_tracks(anchor: Anchor, passes: "Sequence[Pass]") -> float:
 
 
 def check_reach(anchors: Sequence[Anchor], passes: "Sequence[Pass]", active: tuple[int, int], spacing: float) -> None:
-    """Raise InputError where an anchor is too far from all tracks for its channel to feel a vehicle.
+    """Raise InputError where an anchor is too far from all tracks for its channel to sense a vehicle.
 
     Parameters
     ----------
-    active : first and last channel that feel vehicles; anchors beyond are allowed the fiber to there
+    active : first and last channel that record vehicles; anchors beyond are allowed the fiber to there
     spacing : of channels, m
     """
     for one in anchors:
         fiber = max(active[0] - one.channel, one.channel - active[1], 0.0) * spacing
         distance = from_tracks(one, passes)
         if distance > VEHICLE_REACH + (1 + SPACING_OFF) * fiber + SURE * one.sigma_xy:
-            felt = f"felt {fiber:.0f} m of fiber from" if fiber else "felt on"
+            recorded = f"recorded {fiber:.0f} m of fiber from" if fiber else "recorded on"
             raise InputError(
-                f"anchor {one.name} is {distance:.1f} m from every track, but vehicles are {felt} its channel "
+                f"anchor {one.name} is {distance:.1f} m from every track, but vehicles are {recorded} its channel "
                 f"{one.channel:g}; check its channel and place, the tracks, and [frame] in site.toml"
             )
 
 
 def misplaced(anchors: Sequence[Anchor], channel: NDArray[np.int64], x: Array) -> list[Anchor]:
-    """Anchors that are elsewhere along the road than vehicles are felt on their channels.
+    """Anchors that are elsewhere along the road than vehicles are recorded on their channels.
 
     Where all are so by the same length, it is not they that are wrong: the ground's waves may be of another form.
 
     Parameters
     ----------
-    channel, x : [channel], channels that feel vehicles and where, m
+    channel, x : [channel], channels that record vehicles and where, m
 
     Raises
     ------
@@ -198,19 +198,19 @@ def misplaced(anchors: Sequence[Anchor], channel: NDArray[np.int64], x: Array) -
         exchanged = np.abs(np.interp([one.channel, other.channel], channel, x) - [other.x, one.x])
         if exchanged.max() < ON_PLACE:
             raise InputError(
-                f"anchors {one.name} and {other.name} seem to be exchanged: each lies where vehicles are felt on the "
-                f"channel of the other ({one.channel:g}, {other.channel:g}); exchange their channels or places, or see "
-                "whether the tracks run backwards"
+                f"anchors {one.name} and {other.name} seem to be exchanged: each lies where vehicles are recorded on "
+                f"the channel of the other ({one.channel:g}, {other.channel:g}); exchange their channels or places, or "
+                "see whether the tracks run backwards"
             )
     agree = len(miss) > 1 and np.ptp(miss) < ON_PLACE
     return [] if agree else far
 
 
 def misplaced_line(anchor: Anchor, channel: NDArray[np.int64], x: Array) -> str:
-    """Say that an anchor is left out because it is not where vehicles are felt on its channel."""
+    """Say that an anchor is left out because it is not where vehicles are recorded on its channel."""
     distance = abs(anchor.x - float(np.interp(anchor.channel, channel, x)))
     return (
-        f"anchor {anchor.name} is {distance:.0f} m along the road from where vehicles are felt on its channel "
+        f"anchor {anchor.name} is {distance:.0f} m along the road from where vehicles are recorded on its channel "
         f"{anchor.channel:g}; check its channel and place; it is left out"
     )
 

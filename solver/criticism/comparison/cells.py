@@ -148,7 +148,7 @@ class Cells:
     residual : unit variance where only noise is left, 0 where nothing was measured
     gain : change of the data if the response were 100 % larger
     late : change if it came 1 s later
-    place : change if it were felt 1 m farther along the fiber
+    place : change if it lay 1 m farther along the fiber
     offset : change by a constant of one noise sigma
     changes : the four by name, of any size and not whitened
     whiten : raw [sample, channel], 1/s, and the whole blocks of samples it is of -> whitened and weighted

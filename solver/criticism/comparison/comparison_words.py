@@ -13,7 +13,7 @@ from solver.run.run import Run
 #: Misfit above the noise, as a share of it, that is worth words.
 SLIGHT = 0.01
 MEANING = {
-    "channel gain": "some channels feel more or less than modeled: coupling to the ground, or its stiffness",
+    "channel gain": "some channels sense more or less strain than modeled: coupling to the ground, or its stiffness",
     "channel shift": "some channels lie elsewhere along the fiber: channel spacing, slack, spools",
     "pass gain": "some passes are heavier or lighter than modeled",
     "pass shift": "some passes come late or early: clock, tracking, load not under the middle of the wheelbase",

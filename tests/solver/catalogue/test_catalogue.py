@@ -211,7 +211,7 @@ def test_effects_add_up():
 
 
 def test_the_mean_that_is_taken_off_is_that_of_the_whole_record():
-    """Most of a long record feels no vehicle."""
+    """Most of a long record senses no vehicle."""
     fit, state = trial_survey()
     effect = built_in()["common_mode"]
     long = Trial(effect, MapFit(replace(fit.problem, recorded=3200)), state)

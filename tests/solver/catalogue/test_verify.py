@@ -91,7 +91,7 @@ def test_a_plausible_value_stays_within_bounds():
 
 
 def test_the_trial_records_every_vehicle_class():
-    """An effect on one class only is felt."""
+    """An effect on one class only is noticed."""
     for number in range(5):
 
         def change(load, p, survey, number=number):

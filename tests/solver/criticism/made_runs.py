@@ -135,7 +135,7 @@ class Maker:
 
 
 def gain(channels: slice, factor: float) -> Callable:
-    """Some channels feel more or less."""
+    """Some channels sense more or less."""
 
     def change(model, passes):
         model[:, channels] *= factor
@@ -157,13 +157,13 @@ def late(number: int, seconds: float) -> Callable:
 
 
 def moved(channels: slice, meters: float) -> Callable:
-    """Some channels lie elsewhere than thought: they feel what lower ones should."""
+    """Some channels lie elsewhere than thought: they sense what lower ones should."""
 
     def change(model, passes):
         x = np.arange(CHANNELS) * SPACING
         for one in passes:
-            felt = wave(one, np.arange(len(one.rows)) / RATE, x - meters)
-            model[one.rows, channels] = felt[:, channels]
+            shifted = wave(one, np.arange(len(one.rows)) / RATE, x - meters)
+            model[one.rows, channels] = shifted[:, channels]
         return model
 
     return change

@@ -1,4 +1,4 @@
-"""Derivatives of models with a fiber that slips and one more effect on what its gauges feel."""
+"""Derivatives of models with a fiber that slips and one more effect on what its gauges sense."""
 
 from dataclasses import replace
 

@@ -260,7 +260,7 @@ BROKEN = {
     in_feet: "they would follow if x and y of the trajectories were in feet: give them in m",
     spacing_in_feet: "they would follow if gauge_length and channel_spacing were in feet: give them in m",
     far_anchor: "m apart, but from channel",
-    exchanged_anchors: "seem to be exchanged: each lies where vehicles are felt on the channel of the other",
+    exchanged_anchors: "seem to be exchanged: each lies where vehicles are recorded on the channel of the other",
     late_clock: "s ahead of that of the DAS; take",
     empty_trajectories: "trajectories.csv",
     corrupt_das: "das",

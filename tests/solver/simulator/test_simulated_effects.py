@@ -213,10 +213,10 @@ def test_shear_lag_passes_waves_by_its_transfer_and_keeps_the_mean():
 def test_fiber_that_slips_feels_the_mean_only():
     nodes = np.arange(0.5, 40)
     strain = nodes**2
-    felt = slip(np.eye(40), nodes, np.ones(40), 10.0, 20.0) @ strain
-    np.testing.assert_allclose(felt[10:20], strain[10:20].mean())
-    np.testing.assert_array_equal(felt[:10], strain[:10])
-    np.testing.assert_array_equal(felt[20:], strain[20:])
+    sensed = slip(np.eye(40), nodes, np.ones(40), 10.0, 20.0) @ strain
+    np.testing.assert_allclose(sensed[10:20], strain[10:20].mean())
+    np.testing.assert_array_equal(sensed[:10], strain[:10])
+    np.testing.assert_array_equal(sensed[20:], strain[20:])
 
 
 def test_a_spool_shifts_the_channels_beyond_and_feels_nothing():

@@ -85,7 +85,7 @@ def test_sign_convention_of_the_maker_does_not_matter():
 
 
 def test_soft_ground_on_one_side_does_not_turn_the_sign():
-    """Its outer lobes are louder than all that is felt elsewhere."""
+    """Its outer lobes are louder than all that is recorded elsewhere."""
     effects = {"stiffness_contrast": -1.6, "braking": 0.3}
     survey = simulate(Scenario(seed=5, passes=5, snr_db=15.0, effects=effects))
     record = record_of_survey(survey)

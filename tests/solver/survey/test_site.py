@@ -96,7 +96,10 @@ def test_a_file_that_two_patterns_match_counts_once(folder):
             "ground.poisson_ratio: input should be less than 0.5",
         ),
         ([FRAME, DAS, TRACKS, "[ground]\npoisson_ratio = 0\n"], "ground.poisson_ratio: input should be greater than 0"),
-        ([FRAME, DAS, TRACKS, "[ground]\ndepth = [90, 30]\n"], "ground.depth: mean 90 m, sd 30 m; no vehicle is felt"),
+        (
+            [FRAME, DAS, TRACKS, "[ground]\ndepth = [90, 30]\n"],
+            "ground.depth: mean 90 m, sd 30 m; no vehicle is sensed",
+        ),
         ([FRAME, DAS, TRACKS, "[ground]\ndepth = [0.9, 300]\n"], "ground.depth: mean 0.9 m, sd 300 m; no vehicle is"),
         ([FRAME, DAS, TRACKS, "[ground]\ndepth = [0.9, 0]\n"], "ground.depth.1: input should be greater than 0"),
         ([FRAME, DAS, CAMERA.replace("+02:00", "")], "camera.start: input should have timezone info"),

@@ -41,7 +41,7 @@ def test_anchors_far_along_the_fiber_are_named_with_their_channels() -> None:
     said: list[str] = []
     assert near([anchor("a", 10, 0.0)], (100, 200), 1.0, said) == []
     assert (
-        "more than 50 m of fiber from the channels that feel vehicles (100 to 200), so not used: anchors a (ch"
+        "more than 50 m of fiber from the channels that record vehicles (100 to 200), so not used: anchors a (ch"
         in said[0]
     )
 
@@ -51,10 +51,10 @@ def test_anchors_far_along_the_fiber_are_named_with_their_channels() -> None:
     [
         (
             anchor("a", 80, 12600.0),
-            r"anchor a is 12\d{3}\.\d m from every track, but vehicles are felt on its channel 80;",
+            r"anchor a is 12\d{3}\.\d m from every track, but vehicles are recorded on its channel 80;",
         ),
         (anchor("a", 80, 30.0, 40.0), r"anchor a is 40\.0 m from every track, but"),
-        (anchor("a", 130, 160.0, 0.0), r"but vehicles are felt 20 m of fiber from its channel 130;"),
+        (anchor("a", 130, 160.0, 0.0), r"but vehicles are recorded 20 m of fiber from its channel 130;"),
     ],
     ids=["12.6 km along", "across", "beyond the view"],
 )
@@ -79,9 +79,9 @@ def test_an_anchor_elsewhere_along_the_road_is_left_out() -> None:
     right, wrong = anchor("a", 60, 12.0), anchor("b", 100, 70.0)
     assert misplaced([right, wrong], CHANNEL, X) == [wrong]
     assert misplaced_line(wrong, CHANNEL, X).startswith(
-        "anchor b is 20 m along the road from where vehicles are felt on"
+        "anchor b is 20 m along the road from where vehicles are recorded on"
     )
-    # Beyond the channels that feel vehicles, nothing tells.
+    # Beyond the channels that record vehicles, nothing tells.
     assert misplaced([right, anchor("c", 140, 60.0)], CHANNEL, X) == []
 
 
@@ -96,11 +96,11 @@ def test_a_gauge_longer_than_the_fiber_is_refused(survey) -> None:
 
 
 def test_a_record_too_slow_for_its_vehicles_is_reported(survey) -> None:
-    """Median speed of 7.5 m/s; a gauge of 10 m feels a vehicle over 20 m."""
+    """Median speed of 7.5 m/s; a gauge of 10 m senses a vehicle over 20 m."""
     assert slow_line(replace(survey.record, sampling_rate=0.5), survey.passes) is None
     said = str(slow_line(replace(survey.record, sampling_rate=0.25), survey.passes))
     assert said.startswith(
-        "0.25 samples/s are too few: vehicles go 30 m from one to the next, and a channel feels them"
+        "0.25 samples/s are too few: vehicles go 30 m from one to the next, and a channel senses them"
     )
     assert said.endswith("over 20 m; record at least 0.4 samples/s")
 
