@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from roadfiber.locating import locate as locate
     from roadfiber.locating import open as open
     from roadfiber.locating import read as read
+    from roadfiber.planning import Plan as Plan
+    from roadfiber.planning import plan as plan
     from roadfiber.simulating import Simulated as Simulated
     from roadfiber.simulating import simulate as simulate
     from solver.effect import Effect as Effect
@@ -70,6 +72,7 @@ _HOMES = {
     "Ladder": "roadfiber.growing",
     "LocalFrame": "vision.contract.frame",
     "Parameter": "solver.effect",
+    "Plan": "roadfiber.planning",
     "Quality": "roadfiber.cameras",
     "Run": "solver.run.run",
     "Simulated": "roadfiber.simulating",
@@ -89,6 +92,7 @@ _HOMES = {
     "ladder": "roadfiber.growing",
     "locate": "roadfiber.locating",
     "open": "roadfiber.locating",
+    "plan": "roadfiber.planning",
     "quality": "roadfiber.cameras",
     "read": "roadfiber.locating",
     "simulate": "roadfiber.simulating",

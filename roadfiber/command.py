@@ -14,7 +14,7 @@ import typer
 
 import calib.cli
 import vision.cli
-from roadfiber import criticism_commands, record_commands, survey_commands
+from roadfiber import criticism_commands, planning_commands, record_commands, survey_commands
 from vision.contract.errors import InputError, machine_words
 
 if TYPE_CHECKING:
@@ -32,7 +32,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(calib.cli.app, name="calibrate")
-for group in (vision.cli.app, survey_commands.app, record_commands.app, criticism_commands.app):
+for group in (
+    vision.cli.app,
+    survey_commands.app,
+    planning_commands.app,
+    record_commands.app,
+    criticism_commands.app,
+):
     app.registered_commands += group.registered_commands
 
 

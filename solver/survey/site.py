@@ -21,6 +21,7 @@ from pydantic import (
 from solver.survey.das.units import Quantity
 from solver.survey.limits import VEHICLE_REACH
 from solver.survey.patterns import files_matching
+from solver.survey.plan_section import PlanSection
 from vision.contract import InputError, LocalFrame, read_toml
 
 STORE_FILE = "store.json"  # which identifies the folder of a store
@@ -160,7 +161,7 @@ class Site(Section):
     ----------
     name : of the survey; by default the folder's
     frame : the local frame
-    das, camera, trajectories, anchors, ground : the sections; at least one of `camera` and `trajectories` is given
+    das, camera, trajectories, anchors, ground, plan : the sections; at least one of `camera` and `trajectories` is given
     """
 
     name: str = ""
@@ -170,6 +171,7 @@ class Site(Section):
     trajectories: TrajectoriesSection | None = None
     anchors: AnchorsSection | None = None
     ground: GroundSection = GroundSection()
+    plan: PlanSection | None = None
 
     @cached_property
     def frame(self) -> LocalFrame:
@@ -185,13 +187,14 @@ class Site(Section):
         return self
 
 
-SECTIONS: dict[str, type[Section]] = {
+SECTIONS: dict[str, type[BaseModel]] = {
     "frame": FrameSection,
     "das": DASSection,
     "camera": CameraSection,
     "trajectories": TrajectoriesSection,
     "anchors": AnchorsSection,
     "ground": GroundSection,
+    "plan": PlanSection,
 }
 
 
