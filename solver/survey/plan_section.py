@@ -68,15 +68,15 @@ class PlanSection(Table):
         """Refuse a plan without traffic, without noise, or with a fiber that no lane is near."""
         if not 0 < self.vehicles <= MOST_VEHICLES:
             raise ValueError(
-                f"lanes have {self.vehicles} vehicles; give 1 to {MOST_VEHICLES}, as vehicles = {{ car = 4, truck = 1 }}"
+                f"lanes have {self.vehicles} vehicles; give 1 to {MOST_VEHICLES}, as {{ car = 4, truck = 1 }}"
             )
         if (self.snr_db is None) == (self.noise is None):
             raise ValueError("give one of snr_db (of the passes' maps, dB) and noise (of a sample, 1/s)")
         nearest = min(abs(lane.y - self.offset) for lane in self.lanes)
         if nearest > VEHICLE_REACH:
             raise ValueError(
-                f"the fiber at offset {self.offset:g} m is {nearest:.0f} m from the nearest lane; no vehicle is felt "
-                f"beyond {VEHICLE_REACH:g} m"
+                f"the fiber at offset {self.offset:g} m is {nearest:.0f} m from the nearest lane; no "
+                f"channel records one from beyond {VEHICLE_REACH:g} m"
             )
         if any(not 0 <= x <= self.length for x in self.anchors):
             raise ValueError(f"anchors: give x of each between 0 and length ({self.length:g} m)")

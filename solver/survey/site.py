@@ -161,7 +161,8 @@ class Site(Section):
     ----------
     name : of the survey; by default the folder's
     frame : the local frame
-    das, camera, trajectories, anchors, ground, plan : the sections; at least one of `camera` and `trajectories` is given
+    das, camera, trajectories, anchors, ground : the sections; at least one of `camera` and `trajectories` is given
+    plan : of the survey before it was driven
     """
 
     name: str = ""

@@ -6,16 +6,19 @@ of the plan, and the best are taken one by one (Krause, Singh and Guestrin 2008,
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.criticism.planning.planned import Drive, Planned
 from solver.fit.choice import EVERY, Informed
 from solver.fit.map_fit import MapFit
 from solver.fit.parameter_layout import AXES
 from solver.fit.posterior import Posterior
 from solver.survey.plan_section import LaneSection
+
+if TYPE_CHECKING:
+    from solver.criticism.planning.planned import Planned
 
 Array = NDArray[np.float64]
 
@@ -98,7 +101,7 @@ class Known:
     depth: Array
 
     @classmethod
-    def of(cls, planned: Planned, posterior: Posterior) -> "Known":
+    def of(cls, planned: "Planned", posterior: Posterior) -> "Known":
         """What the planned survey knows."""
         size = len(posterior.visit.normal.right)
         covariance = posterior.columns(np.arange(size))
@@ -127,14 +130,14 @@ class Known:
         return Sigmas(float(np.sqrt(across.max())), float(np.sqrt(depth.max())))
 
 
-def pass_options(planned: Planned) -> list[Option]:
+def pass_options(planned: "Planned") -> list[Option]:
     """One more pass of each class that the plan names, in each lane, at the middle speed."""
     plan, found = planned.site.plan, []
     classes = dict.fromkeys(name for lane in plan.lanes for name in lane.vehicles)
     speed = sum(plan.speeds) / 2 / 3.6
     for lane in plan.lanes:
         for name in classes:
-            problem, state = planned.alone(Drive(name, lane, speed))
+            problem, state = planned.alone(name, lane, speed)
             told = Informed.of(MapFit(problem, basis=planned.problem.basis), state)
             shared = told.chain.size + len(told.chain.border)
             words = f"one pass of a {name} in the {lane_words(plan.lanes, lane, plan.offset)}"
@@ -155,7 +158,7 @@ def lane_words(lanes: Sequence[LaneSection], lane: LaneSection, offset: float) -
     return f"{name} (y {lane.y:g} m, toward {lane.toward})"
 
 
-def anchor_options(planned: Planned, known: Known) -> list[Option]:
+def anchor_options(planned: "Planned", known: Known) -> list[Option]:
     """One more anchor every few meters of the view."""
     problem, size = planned.problem, len(known.covariance)
     sigma, found = planned.site.plan.anchor_sigma, []

@@ -66,9 +66,7 @@ def smallest(scorer: Scorer, effect: Effect, setting: Setting) -> Detectable:
 
 def of(effect: Effect, setting: Setting, null: float, plausible: float, size: float, retained: float) -> Detectable:
     """What is told of the smallest size of an effect."""
-    shown, usual = (
-        told(effect, setting, estimate=null, sigma=1.0, detectable=one) for one in (size, plausible)
-    )
+    shown, usual = (told(effect, setting, estimate=null, sigma=1.0, detectable=one) for one in (size, plausible))
     visible = "yes" if size < 0.5 * plausible else "large" if size < 3 * plausible else "no"
     return Detectable(
         effect.name, effect.title, effect.stage, shown.detectable, shown.unit, usual.detectable, visible, retained

@@ -89,9 +89,8 @@ class Plan:
 
         route, sigma = self.result.route[self.shown], self.result.sigma[self.shown]
         columns = dict(zip(("x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), np.hstack([route, sigma]).T, strict=True))
-        return pd.DataFrame(
-            {"channel": self.result.channel[self.shown]} | columns | {"constrained": self.result.constrained[self.shown]}
-        )
+        channel, constrained = self.result.channel[self.shown], self.result.constrained[self.shown]
+        return pd.DataFrame({"channel": channel} | columns | {"constrained": constrained})
 
     @property
     def effect_table(self) -> "pd.DataFrame":
@@ -126,10 +125,11 @@ class Plan:
         lines = []
         share = float(np.median(result.data_share[self.shown, 2]))
         if share < 0.5:
-            lines.append(f"the expected depth decides {100 * (1 - share):.0f} % of the depth's variance, not the survey")
-        if not plan.anchors:
-            lines.append("without an anchor the side of the road is open where all lanes lie on one line with the fiber")
-        if len({lane.toward for lane in plan.lanes if any(lane.vehicles.values())}) == 1:
+            lines.append(f"{100 * (1 - share):.0f} % of the depth's variance is the expected depth's, not measured")
+        driven = [lane for lane in plan.lanes if any(lane.vehicles.values())]
+        if not plan.anchors and len({lane.y for lane in driven}) == 1:
+            lines.append("without an anchor, and with one lane, the fiber may be on either side of the road")
+        if len({lane.toward for lane in driven}) == 1:
             lines.append("all vehicles drive one way: an offset of the clocks is taken for a shift of the fiber")
         return lines
 
@@ -256,8 +256,9 @@ def plan_survey(
     fit = MapFit(planned.problem)
     chain = Chain.single(fit)
     visit = chain.visit(planned.state)
-    seconds = {"method": "plan", "iterations": 0, "seconds": 0.0, "converged": True}
-    result = assemble(planned.problem, chain, visit.state, near=visit, **seconds)
+    result = assemble(
+        planned.problem, chain, visit.state, method="plan", iterations=0, seconds=0.0, converged=True, near=visit
+    )
     known = Known.of(planned, Posterior(chain, visit))
     limits = Sigmas(wanted or np.inf, wanted_depth or np.inf)
     passes, anchors = pass_options(planned), anchor_options(planned, known)

@@ -168,8 +168,9 @@ class Planned:
         problem = replace(problem, noise=torch.full_like(problem.noise, noise), record=heard(problem, signal))
         return cls(site, record, made, problem, state, noise)
 
-    def alone(self, drive: Drive) -> tuple[Problem, State]:
-        """A vehicle more, by itself: its problem on the same fiber, and the state of that."""
+    def alone(self, vehicle_class: str, lane: LaneSection, speed: float) -> tuple[Problem, State]:
+        """A vehicle more, by itself, at a speed in m/s: its problem on the same fiber, and the state of that."""
+        drive = Drive(vehicle_class, lane, speed)
         record = empty_record(self.site, [drive])
         route = expected_route(self.site, record.distance)
         passes = driven(self.site.plan, [drive], record, route)
@@ -191,7 +192,7 @@ def empty_record(site: PlannedSite, made: list[Drive]) -> DASRecord:
         strain_rate=np.broadcast_to(np.zeros(1), (rows, count)),
         time=np.arange(rows) / rate,
         start=EPOCH,
-        distance=spacing * np.arange(count),
+        distance=spacing * np.arange(count, dtype=np.float64),
         channel=np.arange(count),
         gauge_length=site.das.gauge_length,
         channel_spacing=spacing,
@@ -230,7 +231,8 @@ def driven(plan: PlanSection, made: list[Drive], record: DASRecord, route: Array
     """The passes as the smoother would give them, near the fiber, in the order of the drives."""
     import pandas as pd
 
-    table = pd.concat([fixes(plan, number, *one) for number, one in enumerate(zip(made, times(plan, made), strict=True))])
+    both = enumerate(zip(made, times(plan, made), strict=True))
+    table = pd.concat([fixes(plan, number, *one) for number, one in both])
     smoothed = {one.track_id: one for one in smooth_passes(table, record, reach=BEYOND)}
     near = [nearby(smoothed[str(number)], route) for number in range(len(made))]
     return [guessed_less(one) for one in near if one is not None]
@@ -248,14 +250,16 @@ def fixes(plan: PlanSection, number: int, drive: Drive, when: tuple[float, float
     y = drive.lane.y + WEAVE * np.sin(2 * np.pi * x / WAVE + phase[1])
     noise = plan.fix_sigma * rng.normal(size=(2, len(time)))
     stamps = EPOCH + np.round(time * 1e9).astype("timedelta64[ns]")
-    columns = {"time": pd.DatetimeIndex(stamps, tz="UTC"), "track_id": str(number), "class": drive.vehicle_class}
+    columns: dict[str, Any] = {
+        "time": pd.DatetimeIndex(stamps, tz="UTC"),
+        "track_id": str(number),
+        "class": drive.vehicle_class,
+    }
     columns |= {"x": x + noise[0], "y": y + noise[1], "sigma_x": plan.fix_sigma, "sigma_y": plan.fix_sigma}
     return pd.DataFrame(columns)
 
 
-def posed(
-    site: PlannedSite, record: DASRecord, passes: list[Pass], anchors: Any, route: Array
-) -> Problem:
+def posed(site: PlannedSite, record: DASRecord, passes: list[Pass], anchors: Any, route: Array) -> Problem:
     """The fitting problem of the planned passes, with unit noise and nothing measured yet."""
     ground, count = site.ground, len(record.channel)
     problem = Problem(
