@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from roadfiber.planning import plan as plan
     from roadfiber.simulating import Simulated as Simulated
     from roadfiber.simulating import simulate as simulate
+    from roadfiber.web.workbench import workbench as workbench
     from solver.effect import Effect as Effect
     from solver.effect import Parameter as Parameter
     from solver.effect import effect as effect
@@ -99,6 +100,7 @@ _HOMES = {
     "track": "roadfiber.cameras",
     "vehicles": "roadfiber.listening",
     "view": "roadfiber.ingesting",
+    "workbench": "roadfiber.web.workbench",
 }
 
 __all__ = sorted(_HOMES)

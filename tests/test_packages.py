@@ -68,5 +68,5 @@ def test_help_lists_the_commands() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "roadfiber", "--help"], capture_output=True, text=True, check=True, cwd=ROOT
     )
-    for command in ("locate", "track", "calibrate", "simulate", "demo"):
+    for command in ("locate", "track", "calibrate", "simulate", "demo", "workbench"):
         assert command in done.stdout

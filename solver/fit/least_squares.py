@@ -1,5 +1,6 @@
 """Levenberg-Marquardt on a chain of maximum a posteriori problems."""
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,6 +10,8 @@ from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.state import State
 from solver.fit.visit import Visit
+
+log = logging.getLogger("roadfiber.fit")
 
 #: A step that would gain less than this in sigmas, over all parameters together, is not worth taking.
 ENOUGH = 0.2
@@ -85,4 +88,16 @@ def solve(
             continue
         damping = max(damping / 8, 1e-9)
         at, cost = new, new.misfit + chain.prior.total(new.state)
+        told = names(chain), len(chain.problem.passes), taken, at.misfit / samples(chain)
+        log.debug("fit with %s, %d passes: step %d, chi2 per sample %.4f", *told)
     return Solution(taken, converged, at, damping)
+
+
+def names(chain: Chain) -> str:
+    """Effects in the model, by comma."""
+    return ", ".join(one.name for one in chain.problem.effects)
+
+
+def samples(chain: Chain) -> int:
+    """Measured samples that are fitted."""
+    return max(sum(int(link.fit.measured.sum()) for link in chain.links), 1)

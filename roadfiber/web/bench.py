@@ -1,0 +1,332 @@
+"""What is on the workbench: a run and the rungs that grew out of it, what they lack, and the work that is under way.
+
+One bench serves all browsers that look at a run. It knows nothing of how it is drawn.
+"""
+
+import re
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import roadfiber as rf
+from roadfiber.web.worker import Worker
+from solver.catalogue.catalogue import title_of
+from solver.criticism.comparison import Comparison
+from solver.run.run import Run
+from vision.contract import InputError, writing
+from vision.contract.errors import machine_words
+
+#: Messages that are kept.
+KEPT = 6
+#: A file name of Python code.
+PYTHON = re.compile(r"[A-Za-z_]\w{0,60}\.py")
+
+
+@dataclass
+class Job:
+    """Work under way in the background, or done.
+
+    Parameters
+    ----------
+    title : what is done
+    begun : when, s of a clock that only runs forward
+    words : what it said last
+    fits : of each fit so far: in words, and chi2 per sample by step
+    done, of : how far it is, where that is known
+    ended : whether it has ended
+    """
+
+    title: str
+    begun: float = field(default_factory=time.monotonic)
+    words: str = ""
+    fits: list[tuple[str, list[tuple[int, float]]]] = field(default_factory=list)
+    done: int = 0
+    of: int = 0
+    ended: bool = False
+
+    def take(self, step: tuple[Any, ...]) -> None:
+        """Take in what the worker told.
+
+        >>> job = Job("adding")
+        >>> for step in (1, 2, 1):
+        ...     job.take(("step", ("gauge_length", 8, step, 1.2)))
+        >>> job.fits
+        [('Gauge length, 8 passes', [(1, 1.2), (2, 1.2)]), ('Gauge length, 8 passes', [(1, 1.2)])]
+        """
+        if step[0] == "step":
+            effects, passes, number, misfit = step[1]
+            titles = ", ".join(map(title_of, filter(None, effects.split(", "))))
+            name = f"{titles or 'the base model'}, {passes} passes"
+            if not self.fits or self.fits[-1][0] != name or self.fits[-1][1][-1][0] >= number:
+                self.fits.append((name, []))
+            self.fits[-1][1].append((number, misfit))
+        elif step[0] == "done":
+            self.done, self.of = step[1:]
+        else:
+            self.words = str(step[1])
+
+
+class Bench:
+    """A run on the workbench.
+
+    Parameters
+    ----------
+    run : as `roadfiber.open` reads it; of a folder
+    plugins : files with effects of the user's own
+    """
+
+    def __init__(self, run: Run, plugins: Iterable[Path] = ()):
+        if run.folder is None:
+            raise InputError('the run is in memory only; save it first: run.save("run"); run = rf.open("run")')
+        self.first = run.folder
+        self.runs, self.at = [run], 0
+        self.plugins = tuple(Path(one).resolve() for one in plugins)
+        self.candidates: list[dict[str, Any]] = []
+        self.source = ""
+        self.comparison: Comparison | None = None
+        self.job: Job | None = None
+        self.messages: list[str] = []
+        self.version = 0
+        self.looker, self.adder = Worker("the worker that looks"), Worker("the worker that fits")
+        self._written: dict[Path, str] = {}
+        self._lock = threading.RLock()
+        self._watchers: list[Callable[[], None]] = []
+        self.look()
+
+    # ---- what a page asks --------------------------------------------------------------------------------------------
+
+    @property
+    def run(self) -> Run:
+        """The rung that is looked at."""
+        return self.runs[self.at]
+
+    @property
+    def before(self) -> Run | None:
+        """The rung below, where it is on the bench."""
+        return self.runs[self.at - 1] if self.at else None
+
+    @property
+    def folder(self) -> Path:
+        """Of that rung."""
+        assert self.run.folder is not None
+        return self.run.folder
+
+    @property
+    def busy(self) -> bool:
+        """Whether a fit or diagnosis is under way."""
+        return self.job is not None and not self.job.ended
+
+    def watch(self, called: Callable[[], None]) -> Callable[[], None]:
+        """Have a function called, in any thread, whenever something changes; what is returned ends that."""
+        with self._lock:
+            self._watchers.append(called)
+
+        def end() -> None:
+            with self._lock:
+                if called in self._watchers:
+                    self._watchers.remove(called)
+
+        return end
+
+    def changed(self, message: str = "") -> None:
+        """Say that something has changed, to all pages."""
+        with self._lock:
+            if message:
+                self.messages = [*self.messages, message][-KEPT:]
+            self.version += 1
+            watchers = list(self._watchers)
+        for called in watchers:
+            called()
+
+    # ---- looking -----------------------------------------------------------------------------------------------------
+
+    def look(self) -> None:
+        """Find out what the rung that is looked at lacks: from its diagnosis, else by scores, in the background."""
+        run, self.comparison = self.run, None
+        self.candidates, self.source = kept_candidates(self.folder), "its diagnosis"
+        self.changed()
+
+        def compared(found: Comparison) -> None:
+            if run is self.run:
+                self.comparison = found
+                self.changed()
+
+        self.looker.ask("compare", self.folder, self.plugins, then=compared, failed=self.changed)
+        if self.candidates:
+            return
+        self.source = "scoring ..."
+
+        def scored(rows: list[dict[str, Any]]) -> None:
+            if run is self.run and not self.candidates:
+                self.candidates, self.source = rows, "scores alone; a diagnosis fits the best of them in full"
+                self.changed()
+
+        def told(step: tuple[Any, ...]) -> None:
+            if run is self.run and step[0] == "done":
+                self.source = f"scoring, {step[1]} of {step[2]} ..."
+                self.changed()
+
+        def failed(words: str) -> None:
+            if run is self.run and not self.candidates:
+                self.source = "none"
+                self.changed(words)
+
+        self.looker.ask("score", self.folder, self.plugins, then=scored, told=told, failed=failed)
+
+    # ---- growing -----------------------------------------------------------------------------------------------------
+
+    def begin(self, title: str, task: str, *given: Any, then: Callable[[Any], None]) -> Job | None:
+        """Begin work in the background; None, and a message, where some is under way."""
+        with self._lock:
+            if self.busy:
+                self.changed(f"{self.job.title if self.job else 'something'} is under way; wait for it, or cancel it")
+                return None
+            job = self.job = Job(title)
+
+        def told(step: tuple[Any, ...]) -> None:
+            job.take(step)
+            self.changed()
+
+        def ended(found: Any) -> None:
+            job.ended = True
+            then(found)
+
+        def failed(words: str) -> None:
+            job.ended, job.words = True, words
+            stopped = words == "stopped"
+            kept = "; nothing was written, and all rungs are as they were"
+            self.changed(f"{title}: {'canceled' if stopped else words}{kept if stopped else ''}")
+
+        self.changed()
+        self.adder.ask(task, self.folder, self.plugins, *given, then=ended, told=told, failed=failed)
+        return job
+
+    def add(self, effect: str, title: str, force: bool = False) -> None:
+        """Put an effect into the model and fit everything again, in the background; a rung of its own folder."""
+        try:
+            out = reserved(self.first)
+        except OSError as error:
+            self.changed(f"{title} was not added: {machine_words(error)}")
+            return
+        below = self.at
+
+        def grown(folder: Path) -> None:
+            better = rf.open(folder)
+            rung = better.rungs[-1]
+            with self._lock:
+                self.runs, self.at = [*self.runs[: below + 1], better], below + 1
+            was, now = better.rungs[-2].chi2_per_dof, rung.chi2_per_dof
+            self.changed(
+                f"{title} was added: misfit {was:.3f} -> {now:.3f}, route moved {rung.route_change:.2f} m; {folder}"
+            )
+            self.look()
+
+        if self.begin(f"adding {title}", "add", effect, out, force, then=grown) is None and not any(out.iterdir()):
+            out.rmdir()
+
+    def diagnose(self) -> None:
+        """Diagnose the rung that is looked at, in the background, and write that into its folder."""
+        run = self.run
+
+        def found(facts: dict[str, Any]) -> None:
+            if run is self.run:
+                self.candidates, self.source = facts["candidates"], "its diagnosis"
+            self.changed(f"diagnosis: {facts['headline']}")
+
+        self.begin("diagnosing", "diagnose", then=found)
+
+    def cancel(self) -> None:
+        """Stop what is under way in the background."""
+        if self.busy:
+            threading.Thread(target=self.adder.stop, daemon=True).start()
+
+    def undo(self) -> None:
+        """Go back to the rung below; the folder of the one above stays."""
+        self.go(self.at - 1, "back to the rung below; the one above stays in {}")
+
+    def redo(self) -> None:
+        """Go to the rung above."""
+        self.go(self.at + 1, "")
+
+    def go(self, at: int, words: str) -> None:
+        """Look at another rung of the bench."""
+        with self._lock:
+            if self.busy or not 0 <= at < len(self.runs):
+                return
+            left, self.at = self.folder, at
+        self.changed(words.format(left))
+        self.look()
+
+    # ---- effects of the user's own -----------------------------------------------------------------------------------
+
+    def own(self, name: str, text: str) -> None:
+        """Keep a file with effects of the user's own beside the run, try it under guard, and score what it defines."""
+        try:
+            path = self.kept(name, text)
+        except InputError as error:
+            self.changed(str(error))
+            return
+
+        def scored(rows: list[dict[str, Any]]) -> None:
+            self.plugins = (*(one for one in self.plugins if one != path), path)
+            names = {row["effect"] for row in rows}
+            others = [row for row in self.candidates if row["effect"] not in names]
+            self.candidates = sorted([*rows, *others], key=lambda row: -(row["evidence"] or 0.0))
+            said = ", ".join(f"{row['told']['title']} (chi2 falls by {row['delta_chi2']:.0f})" for row in rows)
+            self.changed(f"{path.name}: checked; {said or 'it does nothing in this survey'}")
+
+        self.begin(f"checking {name}", "own", path, then=scored)
+
+    def kept(self, name: str, text: str) -> Path:
+        """Write a file beside the run, never into a run folder, and never over one that this bench did not write.
+
+        Raises
+        ------
+        InputError
+            If the name is none of a Python file, or taken, or it cannot be written.
+        """
+        if not PYTHON.fullmatch(name):
+            raise InputError(f"{name}: no file name; give one such as my_effect.py")
+        path = self.first.parent / name
+        if (path.parent / "fit.json").exists():
+            raise InputError(f"{path.parent}: is a run folder, which holds no code; move the run elsewhere")
+        if path.exists() and self._written.get(path) != path.read_text(encoding="utf-8", errors="replace"):
+            raise InputError(f"{path}: is there already, and not from here; choose another name")
+        with writing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        self._written[path] = text
+        return path
+
+    def close(self) -> None:
+        """End all work."""
+        self.looker.stop()
+        self.adder.stop()
+
+
+def reserved(folder: Path) -> Path:
+    """An empty folder beside another, of its name and the first number that is free: two benches never share one.
+
+    >>> import tempfile
+    >>> first = Path(tempfile.mkdtemp()) / "run"
+    >>> reserved(first).name, reserved(first).name
+    ('run-2', 'run-3')
+    """
+    number = 2
+    while True:
+        path = folder.with_name(f"{folder.name}-{number}")
+        try:
+            path.mkdir()
+            return path
+        except FileExistsError:
+            number += 1
+
+
+def kept_candidates(folder: Path) -> list[dict[str, Any]]:
+    """Candidates of a run's diagnosis, best first; none where there is none, or it cannot be read."""
+    from solver.run.report.joined import facts_in, rows_in
+
+    rows = rows_in(facts_in(folder, "diagnosis.json"), "candidates")
+    return [row for row in rows if isinstance(row.get("effect"), str) and isinstance(row.get("told"), dict)]

@@ -1,0 +1,341 @@
+"""The figures of the workbench, Bokeh's: the map, the depth, three maps of strain rate with one zoom, traces, misfits.
+
+Each class holds the models of one figure and changes what they show; none knows of the bench.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from bokeh.events import MouseMove, RangesUpdate, Reset, Tap
+from bokeh.models import (
+    Arrow,
+    ColumnDataSource,
+    CrosshairTool,
+    CustomJS,
+    HoverTool,
+    Label,
+    LinearColorMapper,
+    NormalHead,
+    Range1d,
+    ScaleBar,
+    Span,
+)
+from bokeh.plotting import figure
+from numpy.typing import NDArray
+
+from roadfiber.web.strain_maps import PassMaps, limit_of, palette, picture, steps
+from solver.run.geojson import Z95, corridor_ring, half_width, runs
+from solver.run.run import Run
+from solver.run.rung import Rung
+from vision.contract.drawing import BACKWARD, FORWARD, ROUTE
+
+Array = NDArray[np.float64]
+Columns = dict[str, list[Any]]
+
+INK, MUTED = "#1f2933", "#5d6873"
+#: Where there is no measurement.
+NOTHING = "#b5bac0"
+#: ms between two moments under the cursor that the server is told of.
+PACE = 150
+WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "toolbar_location": "right", "min_width": 120}
+
+
+def plain(plot: Any) -> Any:
+    """A figure in the style of the pages."""
+    plot.outline_line_color = "#d5dae0"
+    plot.title.text_font_size, plot.title.text_color = "13px", INK
+    plot.grid.grid_line_alpha = 0.35
+    plot.axis.axis_label_text_font_style = "normal"
+    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = MUTED
+    plot.toolbar.logo = None
+    plot.toolbar.autohide = True
+    return plot
+
+
+def table(**columns: Any) -> dict[str, list[Any]]:
+    """Columns of a source."""
+    return {name: list(values) for name, values in columns.items()}
+
+
+class RouteMap:
+    """The street from above: route with its corridor, tracks, anchors, where a preview or the rung below puts it."""
+
+    def __init__(self) -> None:
+        self.corridor = ColumnDataSource(table(xs=[], ys=[]))
+        self.tracks = ColumnDataSource(table(xs=[], ys=[], color=[], name=[]))
+        self.other, self.route = (ColumnDataSource(table(x=[], y=[])) for _ in range(2))
+        self.anchors = ColumnDataSource(table(x=[], y=[], name=[]))
+        self.place, self.vehicle = (ColumnDataSource(table(x=[], y=[])) for _ in range(2))
+        self.plot = plain(
+            figure(name="map", height=230, match_aspect=True, tools="pan,wheel_zoom,reset", active_scroll="wheel_zoom",
+                   title="From above", x_axis_label="x along the road, m", y_axis_label="y, m", **WIDE)
+        )  # fmt: skip
+        self.plot.y_range.flipped = True
+        tracks = self.plot.multi_line("xs", "ys", source=self.tracks, color="color", line_width=1, alpha=0.7)
+        self.plot.add_tools(HoverTool(renderers=[tracks], tooltips=[("vehicle", "@name")]))
+        self.plot.patches("xs", "ys", source=self.corridor, fill_color=ROUTE, fill_alpha=0.25, line_alpha=0)
+        self.plot.line("x", "y", source=self.other, color=INK, line_width=2, line_dash=[5, 4])
+        self.plot.line("x", "y", source=self.route, color=ROUTE, line_width=2.5)
+        marks = self.plot.scatter("x", "y", source=self.anchors, marker="square", size=9, color=INK, fill_alpha=0)
+        self.plot.add_tools(HoverTool(renderers=[marks], tooltips=[("anchor", "@name")]))
+        self.plot.scatter("x", "y", source=self.vehicle, marker="circle", size=9, color=FORWARD)
+        self.plot.scatter("x", "y", source=self.place, marker="diamond", size=12, color=ROUTE, line_color="white")
+        self.plot.add_layout(
+            ScaleBar(range=self.plot.x_range, unit="m", location="bottom_left", background_fill_alpha=0.7)
+        )
+
+    def show(self, run: Run) -> None:
+        """Draw a run, once for all that does not change with its rungs."""
+        result = run.result
+        known = [slice(a, b + 1) for a, b in runs(result.constrained) if result.constrained[a] and b > a]
+        rings = [
+            corridor_ring(result.route[one, :2], half_width(result.route[one], result.covariance[one]))
+            for one in known
+            if np.isfinite(result.covariance[one]).all()
+        ]
+        self.corridor.data = table(xs=[one[:, 0].tolist() for one in rings], ys=[one[:, 1].tolist() for one in rings])
+        x, y = (np.where(result.constrained, result.route[:, at], np.nan) for at in (0, 1))
+        self.route.data = table(x=x, y=y)
+        low, high = np.nanmin(x) - 15, np.nanmax(x) + 15
+        paths = [one.position[(one.position[:, 0] > low) & (one.position[:, 0] < high)] for one in run.passes]
+        self.tracks.data = table(
+            xs=[one[:, 0].tolist() for one in paths],
+            ys=[one[:, 1].tolist() for one in paths],
+            color=[FORWARD if one.speed > 0 else BACKWARD for one in run.passes],
+            name=[f"{one.track_id}, {one.vehicle_class}" for one in run.passes],
+        )
+        anchors = run.anchors
+        self.anchors.data = table(
+            x=[one.x for one in anchors], y=[one.y for one in anchors], name=[one.name for one in anchors]
+        )
+        if not self.plot.select(tags="north"):
+            self.north(run.frame.x_azimuth)
+
+    def north(self, azimuth: float) -> None:
+        """An arrow to the north, by the azimuth of +x, degrees; +y points down on the screen."""
+        turn = np.radians(azimuth)
+        middle, reach = np.array([46.0, 36.0]), 22.0
+        way = np.array([np.cos(turn), np.sin(turn)])
+        (x0, y0), (x1, y1) = middle - reach * way, middle + reach * way
+        screen = {f"{end}_units": "screen" for end in ("start", "end")}
+        self.plot.add_layout(
+            Arrow(x_start=x0, y_start=y0 + 60, x_end=x1, y_end=y1 + 60, end=NormalHead(size=9, fill_color=INK),
+                  line_color=INK, tags=["north"], **screen)
+        )  # fmt: skip
+        at = middle + (reach + 9) * way
+        self.plot.add_layout(
+            Label(x=at[0] - 4, y=at[1] + 53, x_units="screen", y_units="screen", text="N", text_color=INK,
+                  text_font_size="12px")
+        )  # fmt: skip
+
+    def beside(self, route: Array) -> None:
+        """Draw another route [place, 2 or 3] dashed, or none of no places."""
+        self.other.data = table(x=route[:, 0], y=route[:, 1])
+
+    def point(self, place: Array, vehicle: Array) -> None:
+        """Mark a place of the fiber and one of a vehicle, m."""
+        for source, at in ((self.place, place), (self.vehicle, vehicle)):
+            source.data = table(x=[at[0]], y=[at[1]])
+
+
+class DepthProfile:
+    """Depth of the fiber by channel, with its 95 % band."""
+
+    def __init__(self, channels: Range1d):
+        self.source = ColumnDataSource(table(channel=[], z=[], low=[], high=[]))
+        self.other = ColumnDataSource(table(channel=[], z=[]))
+        self.plot = plain(
+            figure(name="depth", height=150, tools="pan,wheel_zoom,reset", x_range=channels, title="Depth",
+                   x_axis_label="channel", y_axis_label="z, m", **WIDE)
+        )  # fmt: skip
+        self.plot.y_range.flipped = True
+        self.plot.varea("channel", "low", "high", source=self.source, fill_color=ROUTE, fill_alpha=0.25)
+        self.plot.line("channel", "z", source=self.other, color=INK, line_width=2, line_dash=[5, 4])
+        self.plot.line("channel", "z", source=self.source, color=ROUTE, line_width=2.5)
+
+    def show(self, run: Run) -> None:
+        """Draw a run."""
+        result = run.result
+        z, half = (np.where(result.constrained, one, np.nan) for one in (result.route[:, 2], Z95 * result.sigma[:, 2]))
+        self.source.data = table(channel=result.channel, z=z, low=z - half, high=z + half)
+
+    def beside(self, channel: NDArray[np.int64], z: Array) -> None:
+        """Draw another depth dashed."""
+        self.other.data = table(channel=channel, z=z)
+
+
+class StrainMaps:
+    """Measured, model and residual of one pass: one zoom, one cursor, one scale of colors.
+
+    Parameters
+    ----------
+    tapped : called with channel and second where somebody clicked
+    moved : called when the zoom has changed
+    """
+
+    NAMES = ("measured", "model", "residual")
+
+    def __init__(self, tapped: Callable[[float, float], None], moved: Callable[[], None]):
+        self.maps: PassMaps | None = None
+        self.channels, self.seconds = Range1d(0, 1), Range1d(1, 0)
+        self.images = [ColumnDataSource(table(image=[], x=[], y=[], dw=[], dh=[])) for _ in self.NAMES]
+        self.path = ColumnDataSource(table(x=[], y=[]))
+        self.boxes = ColumnDataSource(table(xs=[], ys=[], width=[]))
+        self.under = ColumnDataSource({"channel": [0.0], "second": [0.0]}, name="under")
+        self.colors = LinearColorMapper(palette=list(palette(10.0)), low=-10, high=10, nan_color=NOTHING)
+        lines = [Span(dimension=way, line_color=INK, line_alpha=0.5) for way in ("width", "height")]
+        self.plots = [self.one(name, image, lines) for name, image in zip(self.NAMES, self.images, strict=True)]
+        follow = CustomJS(
+            args={"under": self.under, "pace": PACE},
+            code="""
+                const now = Date.now()
+                if (now - (window.roadfiber_told || 0) < pace) return
+                window.roadfiber_told = now
+                under.data = {channel: [cb_obj.x], second: [cb_obj.y]}
+            """,
+        )
+        for plot in self.plots:
+            plot.on_event(Tap, lambda event: tapped(event.x, event.y))
+            plot.on_event(RangesUpdate, lambda event: moved())
+            plot.on_event(Reset, lambda event: self.whole())
+            plot.js_on_event(MouseMove, follow)
+
+    def one(self, name: str, image: ColumnDataSource, lines: list[Span]) -> Any:
+        """One of the three."""
+        plot = plain(
+            figure(name=name, height=340, x_range=self.channels, y_range=self.seconds, title=name.capitalize(),
+                   tools="pan,box_zoom,wheel_zoom,reset", active_scroll="wheel_zoom", x_axis_label="channel",
+                   y_axis_label="time, s" if name == "measured" else None, **WIDE)
+        )  # fmt: skip
+        drawn = plot.image("image", source=image, x="x", y="y", dw="dw", dh="dh", color_mapper=self.colors)
+        plot.line("x", "y", source=self.path, color=INK, line_width=1.2, line_dash=[1, 3])
+        plot.multi_line("xs", "ys", source=self.boxes, color=INK, line_width="width")
+        tips = [("channel", "$x{0}"), ("second", "$y{0.00}"), (f"{name}, sigmas", "@image{0.0}")]
+        plot.add_tools(HoverTool(renderers=[drawn], tooltips=tips), CrosshairTool(overlay=lines))
+        return plot
+
+    def show(self, maps: PassMaps, keep: bool) -> None:
+        """Draw a pass; as it is zoomed where `keep`."""
+        self.maps = maps
+        limit = limit_of(maps.measured)
+        if limit != self.colors.high:
+            self.colors.update(palette=list(palette(limit)), low=-limit, high=limit)
+        path = maps.path[np.isfinite(maps.path).all(1)]
+        self.path.data = table(x=path[:, 0], y=path[:, 1])
+        if keep:
+            self.draw()
+        else:
+            self.whole()
+
+    def whole(self) -> None:
+        """Show all of the pass."""
+        if self.maps is not None:
+            left, right, first, last = self.maps.extent
+            self.zoom((left, right), (first, last))
+
+    def zoom(self, channels: tuple[float, float], seconds: tuple[float, float]) -> None:
+        """Show a window."""
+        self.channels.update(start=channels[0], end=channels[1])
+        self.seconds.update(start=seconds[1], end=seconds[0])
+        self.draw()
+
+    def draw(self) -> None:
+        """Draw what lies in the window, each cell with what is largest in it."""
+        if self.maps is None:
+            return
+        channels = sorted((self.channels.start, self.channels.end))
+        seconds = sorted((self.seconds.start, self.seconds.end))
+        for image, name in zip(self.images, self.NAMES, strict=True):
+            image.data = picture(self.maps, getattr(self.maps, name), tuple(channels), tuple(seconds))
+
+    def outline(self, boxes: Sequence[tuple[Array, Array, bool]]) -> None:
+        """Outline regions: channels and seconds of their corners, and whether it is the chosen one."""
+        self.boxes.data = table(
+            xs=[x.tolist() for x, *_ in boxes],
+            ys=[y.tolist() for _, y, *_ in boxes],
+            width=[2.6 if chosen else 1.0 for *_, chosen in boxes],
+        )
+
+
+class Traces:
+    """What one channel measured and what the model has, in time."""
+
+    def __init__(self) -> None:
+        self.measured, self.model, self.residual = (ColumnDataSource(table(x=[], y=[])) for _ in range(3))
+        self.now = Span(dimension="height", line_color=INK, line_dash="dotted")
+        self.plot = plain(
+            figure(name="traces", height=230, tools="pan,wheel_zoom,reset", x_axis_label="time, s",
+                   y_axis_label="noise sigmas", title="Click a map, or choose a channel", **WIDE)
+        )  # fmt: skip
+        self.plot.line("x", "y", source=self.residual, color=MUTED, line_width=1, legend_label="residual")
+        self.plot.line("x", "y", source=self.measured, color=INK, line_width=1.6, legend_label="measured")
+        self.plot.line("x", "y", source=self.model, color=ROUTE, line_width=1.4, line_dash=[5, 3], legend_label="model")
+        self.plot.add_layout(self.now)
+        self.plot.legend.orientation, self.plot.legend.background_fill_alpha = "horizontal", 0.6
+        self.plot.legend.padding = self.plot.legend.margin = 3
+
+    def show(self, maps: PassMaps, channel: float, second: float) -> int:
+        """Draw the channel nearest to a number; that channel."""
+        at, measured, model = maps.trace(channel)
+        parts = ((self.measured, measured), (self.model, model), (self.residual, measured - model))
+        for source, values in parts:
+            x, y = steps(values, maps.seconds)
+            source.data = table(x=x, y=y)
+        self.now.location = second
+        self.plot.title.text = f"Channel {at}"
+        return at
+
+
+class LadderFigure:
+    """Misfit and held-out misfit of each rung, down to the noise floor."""
+
+    def __init__(self) -> None:
+        self.misfit, self.held = (ColumnDataSource(table(x=[], y=[], name=[])) for _ in range(2))
+        self.floor = Span(dimension="width", line_color=INK, line_dash="dashed")
+        self.plot = plain(
+            figure(name="ladder", height=180, tools="", x_axis_label="rung", y_axis_label="misfit", **WIDE,
+                   title="Error ladder: dashed, what noise alone leaves")
+        )  # fmt: skip
+        style: tuple[tuple[Any, ...], ...] = (
+            (self.misfit, ROUTE, "circle", "fitted passes", []),
+            (self.held, FORWARD, "square", "passes held out", [6, 3]),
+        )
+        for source, color, marker, name, dash in style:
+            self.plot.line("x", "y", source=source, color=color, line_width=2, line_dash=dash, legend_label=name)
+            dots = self.plot.scatter("x", "y", source=source, color=color, marker=marker, size=8, legend_label=name)
+            self.plot.add_tools(HoverTool(renderers=[dots], tooltips=[("rung", "@name"), ("misfit", "@y{0.000}")]))
+        self.plot.add_layout(self.floor)
+        self.plot.legend.background_fill_alpha, self.plot.legend.padding = 0.6, 3
+        self.plot.xaxis.ticker.desired_num_ticks = 4
+        self.plot.xaxis.ticker.min_interval = 1
+
+    def show(self, rungs: Sequence[Rung], names: Sequence[str]) -> None:
+        """Draw a ladder, lowest rung first."""
+        at = list(range(1, len(rungs) + 1))
+        self.misfit.data = table(x=at, y=[one.chi2_per_dof for one in rungs], name=names)
+        held = [np.nan if (one := rung.held_out_chi2_per_dof) is None else one for rung in rungs]
+        self.held.data = table(x=at, y=held, name=names)
+        self.floor.location = rungs[-1].noise_floor or 1.0
+
+
+class LiveMisfit:
+    """The misfit of the fits under way, step by step."""
+
+    def __init__(self) -> None:
+        self.source = ColumnDataSource(table(xs=[], ys=[], color=[]))
+        self.plot = plain(
+            figure(name="live", height=140, tools="", x_axis_label="step", y_axis_label="chi² per sample", **WIDE,
+                   title="Fits under way: the last in color")
+        )  # fmt: skip
+        self.plot.multi_line("xs", "ys", source=self.source, color="color", line_width=2)
+
+    def show(self, fits: Sequence[tuple[str, list[tuple[int, float]]]]) -> None:
+        """Draw fits, the last in the color of routes."""
+        lines = [np.array(points, dtype=float) for _, points in fits]
+        self.source.data = table(
+            xs=[one[:, 0].tolist() for one in lines],
+            ys=[one[:, 1].tolist() for one in lines],
+            color=[*("#c3c9cf" for _ in lines[1:]), *(ROUTE for _ in lines[-1:])],
+        )
+        self.plot.title.text = f"Fitting with {fits[-1][0]}" if fits else "No fit under way"

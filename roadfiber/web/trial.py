@@ -1,0 +1,105 @@
+"""An effect whose size is moved by hand: what is asked of the worker, and what comes of it."""
+
+from collections.abc import Callable
+from typing import Any
+
+from roadfiber.web import words
+from roadfiber.web.bench import Bench
+from roadfiber.web.controls import Controls
+from roadfiber.web.preview import Dial, Preview
+
+#: Effect, its size, and whether all else follows.
+Wanted = tuple[str, float, bool]
+
+
+class Trial:
+    """The size of one effect on one page.
+
+    Parameters
+    ----------
+    bench, controls : of the page
+    later : has something done on the page, from any thread
+    show : draws the run with a preview, or without one
+    """
+
+    def __init__(
+        self, bench: Bench, controls: Controls, later: Callable[[Callable[[], Any]], None], show: Callable[[], None]
+    ):
+        self.bench, self.controls, self.later, self.show = bench, controls, later, show
+        self.preview: Preview | None = None
+        self.dial: Dial | None = None
+        self.wanted: Wanted | None = None
+        self.asking = False
+        controls.heard(controls.size, self.sized)
+        controls.heard(controls.follow, self.sized)
+
+    def begin(self, effect: str | None) -> None:
+        """Prepare to move the size of an effect, or of none; the run is shown as it is until then."""
+        self.dial, self.wanted = None, None
+        if self.preview is not None:
+            self.preview, self.controls.expected.object = None, ""
+            self.show()
+        self.slider()
+        if effect is None:
+            return
+        bench, size, started = self.bench, self.controls.size, object()
+        self.started = started
+        self.controls.set(size, name="Size: being prepared ...", disabled=True)
+
+        def ready(dial: Dial) -> None:
+            if self.started is started:
+                self.dial = dial
+                self.later(self.slider)
+
+        def failed(said: str) -> None:
+            if self.started is started:
+                self.later(lambda: self.controls.set(size, name=said, disabled=True))
+
+        bench.looker.ask("dial", bench.folder, bench.plugins, effect, then=ready, failed=failed)
+
+    def slider(self) -> None:
+        """Set the slider to where the effect is absent."""
+        dial, size = self.dial, self.controls.size
+        if dial is None:
+            self.controls.set(size, name="Size: choose what may be missing", disabled=True)
+            return
+        unit = "" if dial.unit == "1" else f", {dial.unit}"
+        name = f"Size ({dial.name}{unit}), absent at {dial.null:.3g}, fits best near {dial.best:.3g}"
+        step = (dial.upper - dial.lower) / 200
+        self.controls.set(size, start=dial.lower, end=dial.upper, step=step, value=dial.null, name=name, disabled=False)
+
+    def sized(self) -> None:
+        """The size was moved: show the residual with it."""
+        if self.dial is None:
+            return
+        self.wanted = (self.dial.effect, float(self.controls.size.value), bool(self.controls.follow.value))
+        if not self.asking:
+            self.ask("preview", self.wanted, self.wanted)
+
+    def ask(self, task: str, asked: Wanted, given: tuple[Any, ...]) -> None:
+        """Ask for a preview."""
+        self.asking = True
+
+        def shown(found: Preview | None) -> None:
+            self.later(lambda: self.take(asked, found))
+
+        def failed(said: str) -> None:
+            self.asking = False
+            self.bench.changed(said)
+
+        bench = self.bench
+        bench.looker.ask(task, bench.folder, bench.plugins, *given, then=shown, failed=failed)
+
+    def take(self, asked: Wanted, found: Preview | None) -> None:
+        """Show a preview, and ask for what comes next: what is wanted by now, or at rest a step nearer."""
+        self.asking = False
+        if self.wanted is None or self.dial is None:
+            return
+        if found is not None and self.wanted[0] == asked[0]:
+            self.preview = found
+            self.controls.expected.object = words.preview_words(found, self.bench)
+            self.show()
+        if self.wanted != asked:
+            self.ask("preview", self.wanted, self.wanted)
+        elif asked[2] and found is not None:
+            self.ask("nearer", asked, asked[:2])

@@ -1,0 +1,37 @@
+"""`roadfiber workbench`: pages that this machine serves to itself."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer()
+
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any that is free.")]
+Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the browser.")]
+
+
+@app.command()
+def workbench(
+    run: Annotated[Path, typer.Argument(help="A run folder that `roadfiber locate` or `add` wrote.")],
+    plugin: Annotated[
+        list[Path] | None, typer.Option("--plugin", help="File with effects of your own; may be repeated.")
+    ] = None,
+    port: Port = 0,
+    browser: Browser = True,
+) -> None:
+    """Question a run by hand in the browser: where it fails, what is missing, and the route when that is added.
+
+    Shows map, depth, measured, model and residual with one zoom, traces and the video's frame; lists where the model
+    fails and what may be missing; moves an effect's size by hand, adds it in the background, and undoes it. Every rung
+    is a run folder beside RUN (RUN-2, RUN-3 ...). It listens on this machine only.
+
+    Examples: `roadfiber workbench runs/main-street`, `roadfiber workbench run --no-browser --port 5006`
+    """
+    import roadfiber as rf
+
+    plugins = plugin or []
+    opened = rf.open(run, plugins=plugins)
+    from roadfiber.web.workbench import serve_workbench
+
+    serve_workbench(opened, plugins, port, browser)

@@ -1,0 +1,45 @@
+"""A run whose gauges are longer than told, with names that are markup; and a browser."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import roadfiber as rf
+
+#: A name that would show if it were not escaped.
+MARKUP = "<i id='injected'>9</i>"
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+
+
+@pytest.fixture(scope="session")
+def hidden(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run folder."""
+    folder = tmp_path_factory.mktemp("hidden")
+    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 3}
+    site = rf.simulate(folder / "survey", "street", effects={"gauge_length": 0.15}, **small).site
+    text = site.read_text().replace('name = "street"', f'name = "Elm {MARKUP}"')
+    assert MARKUP in text
+    site.write_text(text)
+    tracks = folder / "survey" / "trajectories.csv"
+    header, *rows = tracks.read_text().splitlines()
+    first = rows[0].split(",")[1]
+    renamed = [",".join([a, MARKUP if b == first else b, *more]) for a, b, *more in (row.split(",") for row in rows)]
+    tracks.write_text("\n".join([header, *renamed]) + "\n")
+    rf.locate(site).save(folder / "run")
+    return folder / "run"
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    if CHROMIUM is None:
+        pytest.skip("no chromium on the PATH")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        yield browser
+        browser.close()

@@ -1,0 +1,131 @@
+"""What happens on the bench, with workers that answer as they are told."""
+
+import json
+import shutil
+from types import SimpleNamespace
+
+import pytest
+
+import roadfiber as rf
+from roadfiber.web import bench as module
+from roadfiber.web import tasks
+from roadfiber.web.bench import Bench
+from roadfiber.web.own_effect import NAME, TEMPLATE
+from vision.contract import InputError
+
+
+class Told:
+    """A worker that keeps what it was asked."""
+
+    def __init__(self, name):
+        self.asked, self.stopped = [], False
+
+    def ask(self, task, *given, then, told=None, failed=None):
+        self.asked.append(SimpleNamespace(task=task, given=given, then=then, told=told, failed=failed))
+
+    def stop(self):
+        self.stopped = True
+
+
+ROW = {"effect": "gauge_length", "told": {"title": "Gauge length"}, "evidence": 9.0, "delta_chi2": 30.0}
+
+
+@pytest.fixture
+def bench(hidden, tmp_path, monkeypatch):
+    """A bench on a run folder of its own."""
+    monkeypatch.setattr(module, "Worker", Told)
+    shutil.copytree(hidden, tmp_path / "run")
+    return Bench(rf.open(tmp_path / "run"))
+
+
+def test_a_run_without_a_diagnosis_is_compared_and_scored(bench):
+    compare, score = bench.looker.asked
+    assert (compare.task, score.task, compare.given) == ("compare", "score", (bench.folder, ()))
+    score.told(("done", 3, 40))
+    assert bench.source == "scoring, 3 of 40 ..."
+    score.then([ROW])
+    assert bench.candidates == [ROW] and bench.source.startswith("scores alone")
+
+
+def test_a_diagnosis_is_read_and_a_damaged_one_is_none(bench):
+    facts = {"candidates": [ROW, {"effect": 5}]}
+    (bench.folder / "diagnosis.json").write_text(json.dumps(facts))
+    bench.look()
+    assert bench.candidates == [ROW] and bench.source == "its diagnosis"
+    (bench.folder / "diagnosis.json").write_text("{")
+    bench.look()
+    assert bench.candidates == []
+
+
+def test_one_fit_at_a_time_and_a_failure_leaves_all_as_it_was(bench):
+    bench.add("gauge_length", "Gauge length")
+    (asked,) = bench.adder.asked
+    assert asked.task == "add" and asked.given[3].name == "run-2" and bench.busy
+    bench.add("camber", "Camber")
+    assert len(bench.adder.asked) == 1 and "is under way" in bench.messages[-1]
+    assert not (bench.first.parent / "run-3").exists(), "what was not begun keeps no folder"
+    asked.failed("stopped")
+    assert not bench.busy and bench.at == 0
+    assert bench.messages[-1] == "adding Gauge length: canceled; nothing was written, and all rungs are as they were"
+
+
+def test_rungs_are_gone_up_and_down_and_their_folders_stay(bench):
+    first = bench.run
+    bench.add("gauge_length", "Gauge length")
+    folder, plugins, *given = bench.adder.asked[0].given
+    tasks.add(lambda step: None, folder, plugins, *given)
+    bench.adder.asked[0].then(given[1])
+    assert bench.at == 1 and bench.run.effects[-1] == "gauge_length" and bench.before is first
+    rungs = json.loads((bench.folder / "ladder.json").read_text())["rungs"]
+    assert f"misfit {rungs[0]['chi2_per_dof']:.3f} -> {rungs[1]['chi2_per_dof']:.3f}" in bench.messages[-1]
+    assert rungs[1]["chi2_per_dof"] < 1.05 < rungs[0]["chi2_per_dof"]
+    bench.undo()
+    assert bench.run is first and (bench.first.parent / "run-2" / "fit.json").is_file()
+    bench.undo()
+    assert bench.run is first, "there is nothing below"
+    bench.redo()
+    assert bench.at == 1
+
+
+def test_what_is_not_kept_leaves_no_folder(bench, tmp_path):
+    out = tmp_path / "run-2"
+    out.mkdir()
+    with pytest.raises(InputError, match="no_such"):
+        tasks.add(lambda step: None, bench.folder, (), "no_such", out, False)
+    assert not out.exists()
+
+
+def test_an_effect_of_one_s_own_is_kept_beside_the_run_tried_and_scored(bench):
+    bench.own(NAME, TEMPLATE)
+    path = bench.first.parent / NAME
+    (asked,) = bench.adder.asked
+    assert asked.task == "own" and path.read_text() == TEMPLATE
+    rows = tasks.own(lambda step: None, *asked.given)
+    assert [row["effect"] for row in rows] == ["downforce"] and bench.plugins == ()
+    asked.then(rows)
+    assert bench.plugins == (path,) and bench.candidates == rows
+    bench.own(NAME, TEMPLATE.replace("downforce", "lift"))
+    assert "lift" in path.read_text(), "what was written here may be written again"
+
+
+@pytest.mark.parametrize("name", ["../x.py", "x.txt", "a b.py", ".py", "x/y.py"])
+def test_only_a_file_beside_the_run_is_written(bench, name):
+    bench.own(name, TEMPLATE)
+    assert "no file name" in bench.messages[-1] and not bench.adder.asked
+
+
+def test_a_file_of_somebody_else_is_not_overwritten(bench):
+    (bench.first.parent / NAME).write_text("mine = 1\n")
+    bench.own(NAME, TEMPLATE)
+    assert "is there already, and not from here" in bench.messages[-1]
+    assert (bench.first.parent / NAME).read_text() == "mine = 1\n"
+
+
+def test_a_run_in_memory_is_saved_first(bench):
+    with pytest.raises(InputError, match="save it first"):
+        Bench(SimpleNamespace(folder=None))
+
+
+def test_closing_ends_both_workers(bench):
+    bench.close()
+    assert bench.looker.stopped and bench.adder.stopped

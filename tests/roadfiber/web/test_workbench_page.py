@@ -1,0 +1,138 @@
+"""The workbench in a real browser: read a failing region, try the first candidate, add it, undo, export."""
+
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+import roadfiber.command
+
+READY = "window.Bokeh && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle"
+PATIENCE = 150_000  # ms; tests share the machine
+
+#: Finds an element within all shadow roots.
+FIND = """
+    const find = (wanted, root = document) => {
+        const here = root.querySelector(wanted)
+        if (here) return here
+        for (const one of root.querySelectorAll('*')) {
+            const there = one.shadowRoot && find(wanted, one.shadowRoot)
+            if (there) return there
+        }
+        return null
+    };
+"""
+
+
+@pytest.fixture
+def server(hidden):
+    """The address that `roadfiber workbench` prints, and its process."""
+    words = [sys.executable, "-m", "roadfiber", "workbench", str(hidden), "--no-browser"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield re.search(r"http://\S+", process.stdout.readline())[0], process
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(30)
+
+
+def answer(address: str, path: str, **headers: str) -> int:
+    """Status of a request to the server."""
+    connection = http.client.HTTPConnection("127.0.0.1", urlsplit(address).port, timeout=60)
+    connection.request("GET", path, headers=headers)
+    status = connection.getresponse().status
+    connection.close()
+    return status
+
+
+def upgrade(origin: str) -> dict[str, str]:
+    """Headers that ask for a websocket."""
+    key = {"Sec-WebSocket-Key": "x3JJHMbDL1EzLkh9GBhXDw==", "Sec-WebSocket-Version": "13"}
+    return {"Connection": "Upgrade", "Upgrade": "websocket", "Origin": origin, **key}
+
+
+def opened(chromium, address):
+    """The page of a browser, ready; what it asked for is kept."""
+    page = chromium.new_page(viewport={"width": 1280, "height": 900})
+    page.asked = []
+    page.on("request", lambda request: page.asked.append(request.url))
+    page.set_default_timeout(PATIENCE)
+    page.goto(address)
+    page.wait_for_function(READY)
+    return page
+
+
+def test_a_missing_effect_is_found_by_eye_tried_added_and_undone(chromium, server, hidden):
+    address, process = server
+    token = urlsplit(address).path
+    assert answer(address, "/") == answer(address, "/workbench") == 404, "who has no token sees nothing"
+    assert answer(address, f"{token}/ws", **upgrade("http://evil.example")) == 403, "nor does another origin"
+    page, other = opened(chromium, address), opened(chromium, address)
+
+    regions = page.get_by_label("Where the model fails")
+    regions.locator("option").first.wait_for(state="attached")
+    regions.select_option(index=0)
+    page.locator("p", has_text=re.compile("^(all passes|channel)")).first.wait_for()
+    effects = page.get_by_label(re.compile("What may be missing"))
+    effects.locator("option", has_text="1. Gauge length").wait_for(state="attached")
+    effects.select_option(index=0)
+    page.get_by_text(re.compile("fits best near")).wait_for()
+    handle = page.get_by_role("slider").first
+    handle.focus()
+    for _ in range(20):  # by the keyboard alone
+        handle.press("ArrowRight")
+    before = float(page.locator("#misfit").inner_text())
+    page.wait_for_function(f"() => {{{FIND} return Number(find('#expected')?.textContent) < {before} - 0.05}}")
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 1280
+    assert page.locator("#injected").count() == 0 and page.get_by_text("<i id='injected'>").count() > 0
+    assert all(url.startswith(("http://localhost:", "data:", "blob:")) for url in page.asked)
+
+    page.get_by_role("button", name="Add to the model").click()
+    page.locator("#said", has_text="Gauge length was added").wait_for()
+    rungs = json.loads((hidden.parent / "run-2" / "ladder.json").read_text())["rungs"]
+    shown = float(page.locator("#misfit").inner_text())
+    assert shown == pytest.approx(rungs[1]["chi2_per_dof"], abs=5e-4) and shown < before - 0.3
+    other.locator("#said", has_text="Gauge length was added").wait_for()
+    page.get_by_role("button", name="Undo").click()
+    page.locator("#said", has_text="back to the rung below").wait_for()
+    assert float(page.locator("#misfit").inner_text()) == before
+    page.get_by_role("button", name="Redo").click()
+    page.locator("#misfit", has_text=f"{shown:.3f}").wait_for()
+    with page.expect_download() as downloaded:
+        page.get_by_text("Export route.geojson").click()
+    exported = Path(downloaded.value.path()).read_bytes()
+    assert exported == (hidden.parent / "run-2" / "route.geojson").read_bytes()
+
+    page.get_by_role("button", name="Diagnose").click()
+    page.get_by_role("button", name="Cancel").click()
+    page.locator("#said", has_text="diagnosing: canceled").wait_for()
+    process.send_signal(signal.SIGINT)
+    page.locator("#roadfiber-lost").wait_for()
+    assert process.wait(60) == 0 and sorted(os.listdir(hidden.parent)) == ["run", "run-2", "survey"]  # noqa: PTH208
+    page.close()
+    other.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda run: (run / "data.npz").unlink(), "data.npz"),
+        (lambda run: (run / "fit.json").write_text('{"format": "roadfiber run 1"}'), "written by an older roadfiber"),
+    ],
+)
+def test_a_run_that_cannot_be_read_is_one_line(hidden, tmp_path, monkeypatch, capsys, change, said):
+    shutil.copytree(hidden, tmp_path / "run")
+    change(tmp_path / "run")
+    monkeypatch.setattr(sys, "argv", ["roadfiber", "workbench", str(tmp_path / "run"), "--no-browser"])
+    with pytest.raises(SystemExit) as end:
+        roadfiber.command.main()
+    error = capsys.readouterr().err
+    assert end.value.code == 2 and error.count("\n") == 1 and said in error
