@@ -14,7 +14,14 @@ import typer
 
 import calib.cli
 import vision.cli
-from roadfiber import criticism_commands, planning_commands, record_commands, survey_commands, web_commands
+from roadfiber import (
+    criticism_commands,
+    export_commands,
+    planning_commands,
+    record_commands,
+    survey_commands,
+    web_commands,
+)
 from vision.contract.errors import InputError, machine_words
 
 if TYPE_CHECKING:
@@ -39,6 +46,7 @@ for group in (
     record_commands.app,
     criticism_commands.app,
     web_commands.app,
+    export_commands.app,
 ):
     app.registered_commands += group.registered_commands
 

@@ -137,6 +137,22 @@ class Combined:
         with writing_into(Path(path).parent) as folder:
             (folder / Path(path).name).write_text(json.dumps(self._features(), allow_nan=False), encoding="utf-8")
 
+    def to_gis(self, path: Path | str, *, crs: str | int = "EPSG:4326", ground_height: float | None = None) -> None:
+        """Write the route for a GIS or CAD; parameters and errors as of `Run.to_gis`."""
+        from solver.run.gis.export import export
+        from solver.run.gis.layers import Subject
+
+        anchors = {(a.name, a.channel): a for run in self.runs for a in run.anchors}
+        name = ", ".join(dict.fromkeys(run.name for run in self.runs))
+        grades = [str(run.facts["trust"]["grade"]) for run in self.runs]
+        grade = "weak" if not self.converged else max(grades, key=("good", "fair", "weak", "poor").index)
+        export(
+            Subject(self.place, self.frame, list(anchors.values()), name, grade, self.headline),
+            path,
+            crs,
+            ground_height,
+        )
+
     def save(self, folder: Path | str) -> None:
         """Write route.csv, route.geojson, combined.json and combined.html; InputError where that cannot be."""
         folder = Path(folder)

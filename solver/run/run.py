@@ -130,6 +130,36 @@ class Run:
         with writing(Path(path)) as temporary:
             temporary.write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
 
+    def to_gis(self, path: Path | str, *, crs: str | int = "EPSG:4326", ground_height: float | None = None) -> None:
+        """Write the route, its corridor and its anchors for a GIS or CAD, with accuracy classes; the suffix says how.
+
+        Parameters
+        ----------
+        path : `.gpkg`, `.geojson`, `.kml`, `.dxf`, `.csv`, or `.pdf`: one page for the file
+        crs : as pyproj reads it, such as "EPSG:2039", or "EPSG:2039+5773" with heights
+        ground_height : of the road in a vertical CRS, m: the route itself has depths below the road
+
+        Raises
+        ------
+        InputError
+            If the kind of file or the CRS cannot be used, a package is missing, or the file cannot be written.
+        """
+        from solver.run.gis.export import export
+        from solver.run.gis.layers import Subject
+
+        place = self.result, self.frame, self.anchors, self.name
+        export(Subject(*place, str(self.facts["trust"]["grade"]), self.trust), path, crs, ground_height)
+
+    def to_patch(self, patch: Any) -> Any:
+        """A DASCore patch of the record with the route as coordinates along its distance.
+
+        x, y, z and their sigmas (m), latitude and longitude; NaN where neither data nor anchors decide, or the route
+        does not reach. InputError where the patch has no distance on the route.
+        """
+        from solver.run.gis.patch_coords import with_route
+
+        return with_route(patch, self.route)
+
     def __repr__(self) -> str:
         return f"<Run {self.name}: {self.headline} {self.trust}>"
 

@@ -8,6 +8,7 @@ from solver.survey.limits import VEHICLE_REACH
 from vision.contract import InputError, LocalFrame
 from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame, with_positions
 from vision.contract.csv_table import read_csv
+from vision.contract.geometry import SUFFIXES, read_features
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,12 +38,12 @@ class Anchor:
 
 
 def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
-    r"""Read anchors from csv.
+    r"""Read anchors from csv, or from the points of a GeoJSON, KML or GeoPackage file.
 
     Parameters
     ----------
     path : columns `name, channel, x, y, z, sigma_xy, sigma_z`, or `latitude, longitude` (or `lat, lon`) in place
-        of x, y
+        of x, y; points have the same as attributes but for x and y, z too: the depth below the road, m
     frame : local frame that latitude and longitude are projected into
 
     Returns
@@ -63,7 +64,29 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     >>> read_anchors(path, LocalFrame((32.1, 34.8), 78.0))[0].channel
     84.0
     """
-    return anchors_of(read_csv(path, ["name"]), frame, path)
+    table = point_table(path) if path.suffix.lower() in SUFFIXES else read_csv(path, ["name"])
+    return anchors_of(table, frame, path)
+
+
+def point_table(path: Path) -> "pd.DataFrame":
+    """Points with attributes as an anchors table in latitude and longitude."""
+    import pandas as pd
+
+    found = [
+        one for one in read_features(path) if one.kind == "Point" and {"channel", "sigma_xy"} <= set(one.properties)
+    ]
+    if not found:
+        raise InputError(
+            f"{path}: no point with the attributes channel and sigma_xy; an anchor has name, channel, z (depth below "
+            "the road, m), sigma_xy and sigma_z"
+        )
+    names = [name for name in COLUMNS if name not in ("x", "y")]
+    rows = [{name: one.properties[name] for name in names if name in one.properties} for one in found]
+    places = {
+        "latitude": [one.coordinates[0, 1] for one in found],
+        "longitude": [one.coordinates[0, 0] for one in found],
+    }
+    return pd.DataFrame(rows).assign(**places)
 
 
 def anchors_of(table: "pd.DataFrame", frame: LocalFrame, path: Path = Path("anchors")) -> list[Anchor]:

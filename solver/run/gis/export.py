@@ -1,0 +1,141 @@
+"""Writes a route for surveyors: GeoPackage, GeoJSON, KML, DXF, csv and a sheet in PDF."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from solver.run.gis.accuracy import CLAIM
+from solver.run.gis.layers import LAYERS, Subject, channel_table
+from solver.run.gis.target import DEGREES, Target
+from vision.contract import InputError, require_writable, writing
+from vision.contract.geometry import with_geopandas
+
+#: Layers that a KML viewer can bear.
+DRAWN = ("route", "corridor", "anchors")
+
+
+def export(subject: Subject, path: Path | str, crs: str | int = DEGREES, ground_height: float | None = None) -> None:
+    """Write a route; the suffix of `path` says how.
+
+    Parameters
+    ----------
+    subject : the route
+    path : `.gpkg` (layers route, corridor, channels, anchors), `.geojson`, `.kml`, `.dxf`, `.csv` (a row per channel)
+        or `.pdf` (one page for the file)
+    crs : as pyproj reads it, with a vertical part or without
+    ground_height : height of the road in the vertical part, m
+
+    Raises
+    ------
+    InputError
+        If the suffix is not known, the CRS cannot be used or not in such a file, a package is missing, or the file
+        cannot be written.
+    """
+    path = Path(path)
+    write = WRITERS.get(path.suffix.lower())
+    if write is None:
+        raise InputError(f"{path}: unknown kind of file; give one of {', '.join(WRITERS)}")
+    target = Target.of(crs, ground_height)
+    require_writable(path)
+    with writing(path) as temporary:
+        write(subject, target, temporary)
+
+
+def tables(subject: Subject, target: Target, path: Path) -> dict[str, Any]:
+    """GeoDataFrames by layer, those without a row left out."""
+    gis = with_geopandas(path)
+    made = {name: layer(subject, target) for name, layer in LAYERS.items()}
+    return {
+        name: gis.GeoDataFrame([row for _, row in rows], geometry=[shape for shape, _ in rows], crs=target.crs)
+        for name, rows in made.items()
+        if rows
+    }
+
+
+def write_geopackage(subject: Subject, target: Target, path: Path) -> None:
+    """One file with all layers in any CRS, and the claim as its description."""
+    for name, table in tables(subject, target, path).items():
+        table.to_file(path, layer=name, driver="GPKG", engine="pyogrio", layer_metadata={"CLAIM": CLAIM})
+
+
+def write_geojson(subject: Subject, target: Target, path: Path) -> None:
+    """All layers as one collection, WGS 84: the standard (RFC 7946) has no other."""
+    require_wgs84(target, path)
+    features = []
+    for name, table in tables(subject, target, path).items():
+        for one in json.loads(table.to_json(drop_id=True))["features"]:
+            one["properties"] = {"layer": name} | one["properties"]
+            features.append(one)
+    whole = {"type": "FeatureCollection", "altitude": target.third, "claim": CLAIM, "features": features}
+    path.write_text(json.dumps(whole, allow_nan=False), encoding="utf-8")
+
+
+def write_kml(subject: Subject, target: Target, path: Path) -> None:
+    """Folders route, corridor and anchors, WGS 84: KML has no other."""
+    require_wgs84(target, path)
+    every = tables(subject, target, path)
+    for name in DRAWN:
+        if name in every:
+            every[name].to_file(path, layer=name, driver="LIBKML", engine="pyogrio")
+
+
+def require_wgs84(target: Target, path: Path) -> None:
+    """Refuse another CRS than longitude and latitude."""
+    if not target.is_wgs84:
+        raise InputError(f"{path}: {path.suffix} files are WGS 84 by their standard; leave --crs out, or write .gpkg")
+
+
+def write_csv(subject: Subject, target: Target, path: Path) -> None:
+    """A row per channel; the file of least surprise."""
+    digits = 9 if target.degrees else 4
+    table = channel_table(subject, target)
+    table = table.round(dict.fromkeys(target.names, digits))
+    table.to_csv(path, index=False, lineterminator="\n")
+
+
+def write_dxf(subject: Subject, target: Target, path: Path) -> None:
+    """Layers of a drawing in meters: 3-D polylines of the route, outlines of the corridor, anchors with names."""
+    if target.degrees:
+        raise InputError(f"{path}: a drawing is in meters; give a projected --crs, as EPSG:32636")
+    try:
+        import ezdxf
+    except ImportError as error:
+        raise InputError(f"{path}: .dxf files need ezdxf: pip install roadfiber[gis]") from error
+    drawing = ezdxf.new("R2018", units=6)
+    drawing.header.custom_vars.append("CRS", target.crs.to_string())
+    drawing.header.custom_vars.append("THIRD", target.third)
+    space = drawing.modelspace()
+    for name, color in (("route", 1), ("corridor", 30), ("anchors", 5)):
+        drawing.layers.add(f"FIBER_{name.upper()}", color=color)
+    for shape, row in LAYERS["route"](subject, target):
+        layer = {"layer": "FIBER_ROUTE"}
+        line = space.add_polyline3d(list(shape.coords), dxfattribs=layer)
+        line.set_xdata("ROADFIBER", [(1000, f"PAS 128 {row['pas128']}; ASCE 38-22 {row['asce38']}")])
+    drawing.appids.add("ROADFIBER")
+    for shape, _ in LAYERS["corridor"](subject, target):
+        space.add_lwpolyline(list(shape.exterior.coords), close=True, dxfattribs={"layer": "FIBER_CORRIDOR"})
+    for shape, row in LAYERS["anchors"](subject, target):
+        at, layer = tuple(shape.coords[0]), {"layer": "FIBER_ANCHORS"}
+        space.add_point(at, dxfattribs=layer)
+        space.add_text(str(row["name"]), height=0.5, dxfattribs=layer).set_placement(at)
+    drawing.saveas(path)
+
+
+def write_pdf(subject: Subject, target: Target, path: Path) -> None:
+    """One page for the file."""
+    from solver.run.gis.sheet import sheet
+
+    sheet(subject, target).savefig(path, format="pdf", metadata={"Title": f"{subject.name}: fiber route"})
+
+
+Writer = Callable[[Subject, Target, Path], None]
+
+WRITERS: dict[str, Writer] = {
+    ".gpkg": write_geopackage,
+    ".geojson": write_geojson,
+    ".kml": write_kml,
+    ".dxf": write_dxf,
+    ".csv": write_csv,
+    ".pdf": write_pdf,
+}

@@ -1,0 +1,112 @@
+"""The coordinates that a route is written in: any CRS that pyproj knows, with or without heights."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.contract import InputError, LocalFrame
+
+Array = NDArray[np.float64]
+
+#: Longitude and latitude, WGS 84.
+DEGREES = "EPSG:4326"
+DEPTHS = "minus the depth below the road"
+
+
+@dataclass(frozen=True)
+class Target:
+    """A CRS, and what a height is in it.
+
+    Parameters
+    ----------
+    crs : `pyproj.CRS`
+    ground_height : of the road in the vertical CRS, m; None: the third number is minus the depth below the road
+    """
+
+    crs: Any
+    ground_height: float | None = None
+
+    @classmethod
+    def of(cls, crs: str | int = DEGREES, ground_height: float | None = None) -> "Target":
+        """The target that a user names.
+
+        Parameters
+        ----------
+        crs : as pyproj reads it: "EPSG:2039", 2039, "EPSG:2039+5773" with a vertical CRS, or WKT
+        ground_height : of the road, in that vertical CRS
+
+        Raises
+        ------
+        InputError
+            If pyproj does not know it, or a vertical CRS comes without the height of the road: a route has depths.
+
+        >>> Target.of("EPSG:32636").horizontal.to_epsg()
+        32636
+        """
+        from pyproj import CRS
+        from pyproj.exceptions import CRSError
+
+        try:
+            known = CRS.from_user_input(crs)
+        except CRSError as error:
+            raise InputError(f"--crs {crs}: not known to pyproj; give one as EPSG:2039 or EPSG:2039+5773") from error
+        if not (known.is_geographic or known.is_projected):
+            raise InputError(f"--crs {crs}: no coordinates on a map; give one as EPSG:32636")
+        high = len(known.axis_info) == 3
+        if high and ground_height is None:
+            raise InputError(
+                f"--crs {crs}: has heights, and a route has depths below the road; give the road's height in it with "
+                "--ground-height, m"
+            )
+        if ground_height is not None and not high:
+            raise InputError(f"--ground-height: --crs {crs} has no heights; add a vertical CRS, as EPSG:2039+5773")
+        if ground_height is not None and not np.isfinite(ground_height):
+            raise InputError("--ground-height: give a number of meters")
+        return cls(known, ground_height)
+
+    @property
+    def horizontal(self) -> Any:
+        """Its horizontal part."""
+        return self.crs.to_2d() if not self.crs.is_compound else self.crs.sub_crs_list[0]
+
+    @property
+    def degrees(self) -> bool:
+        """Whether it counts in degrees."""
+        return bool(self.crs.is_geographic)
+
+    @property
+    def is_wgs84(self) -> bool:
+        """Whether it is longitude and latitude in WGS 84 without heights."""
+        return self.ground_height is None and self.horizontal.to_epsg() == 4326
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """What its horizontal coordinates are called."""
+        return ("longitude", "latitude") if self.degrees else ("easting", "northing")
+
+    @property
+    def third(self) -> str:
+        """What the third number is, in words."""
+        if self.ground_height is None:
+            return f"{DEPTHS}, m"
+        return f"height, m, with the road at {self.ground_height:g} m"
+
+    def points(self, frame: LocalFrame, places: Array) -> Array:
+        """Local places [point, 3] (x, y, depth z, m) -> east or longitude, north or latitude, third [point, 3].
+
+        >>> there = Target.of("EPSG:32636").points(LocalFrame((32.0, 34.8), 90.0), np.array([[0.0, 0.0, 0.9]]))
+        >>> there.round(1).tolist()
+        [[670032.0, 3541851.3, -0.9]]
+        """
+        from pyproj import Transformer
+
+        latitude, longitude = frame.to_geographic(places[:, 0], places[:, 1])
+        move = Transformer.from_crs(4326, self.horizontal, always_xy=True)
+        first, second = move.transform(longitude, latitude)
+        third = (self.ground_height or 0.0) - places[:, 2]
+        found = np.column_stack([first, second, third])
+        if not np.isfinite(found[:, :2][np.isfinite(places[:, :2]).all(1)]).all():
+            raise InputError(f"--crs {self.crs.name}: does not reach the survey; give one of its region")
+        return found

@@ -1,0 +1,223 @@
+"""A route in the files of surveyors: written, read back by other readers, classified, refused in one line."""
+
+import builtins
+import json
+from pathlib import Path
+from typing import Any
+
+import dascore
+import ezdxf
+import geopandas
+import numpy as np
+import pandas as pd
+import pyogrio
+import pytest
+from pyproj import Transformer
+from shapely import Point
+from typer.testing import CliRunner
+
+import roadfiber.command
+from solver.fit.result import Placed
+from solver.run.gis.accuracy import accuracy_of
+from solver.run.gis.export import WRITERS, export
+from solver.run.gis.layers import Subject, stretches
+from solver.run.gis.sheet import sheet
+from solver.run.gis.target import Target
+from solver.run.run import run_of
+from solver.survey.anchors import Anchor, read_anchors
+from vision.contract import InputError, LocalFrame
+from vision.contract.geometry import read_features
+
+FRAME = LocalFrame((32.113, 34.804), 78.0)
+UTM = "EPSG:32636"
+
+
+@pytest.fixture(scope="module")
+def subject() -> Subject:
+    """Sixty channels: sure in the middle, wide at one end, not measured at the other."""
+    channel = np.arange(100, 160)
+    x = np.arange(60.0)
+    route = np.column_stack([x, 4 + np.sin(x / 15), 0.9 + 0.001 * x])
+    sigma = np.interp(x, [0, 10, 45, 59], [0.2, 0.04, 0.06, 0.6])
+    covariance = np.einsum("c,ab->cab", sigma**2, np.diag([1.0, 1.0, 0.5]))
+    place = Placed(channel, channel * 1.0, route, covariance, channel < 150)
+    anchors = [Anchor("pit <1>", 110.25, *route[10], 0.05, 0.04), Anchor("tap", 130.0, *route[30], 0.1, 0.1)]
+    return Subject(place, FRAME, anchors, "Elm & 2nd", "good", "No check failed.")
+
+
+def places(subject: Subject, crs: str) -> np.ndarray:
+    """Route by pyproj alone, [channel, 2]."""
+    latitude, longitude = FRAME.to_geographic(*subject.place.route[:, :2].T)
+    return np.column_stack(Transformer.from_crs(4326, crs, always_xy=True).transform(longitude, latitude))
+
+
+@pytest.mark.parametrize("crs", ["EPSG:4326", UTM, "EPSG:2039"])
+def test_a_geopackage_comes_back_as_it_went(subject: Subject, tmp_path: Path, crs: str) -> None:
+    path = tmp_path / "route.gpkg"
+    export(subject, path, crs)
+    layers = {name: geopandas.read_file(path, layer=name) for name, _ in pyogrio.list_layers(path)}
+    assert set(layers) == {"route", "corridor", "channels", "anchors"}
+    assert all(table.crs.equals(geopandas.GeoSeries([], crs=crs).crs) for table in layers.values())
+    points = np.array([[one.x, one.y, one.z] for one in layers["channels"].geometry])
+    assert points[:, :2] == pytest.approx(places(subject, crs), abs=1e-6)
+    assert points[:, 2] == pytest.approx(-subject.place.route[:, 2])
+    table = layers["channels"].set_index("channel")
+    assert table["sigma_y_m"].to_numpy() == pytest.approx(subject.place.sigma[:, 1], abs=1e-4)
+    line = np.concatenate([np.array(one.coords) for one in layers["route"].geometry])
+    assert {tuple(row) for row in line.round(9)} == {tuple(row) for row in points.round(9)}
+    for shape, outline in zip(layers["route"].geometry, layers["corridor"].geometry, strict=True):
+        assert outline.buffer(1e-9).contains(Point(shape.interpolate(0.5, normalized=True).coords[0][:2]))
+    if crs == UTM:
+        width = layers["corridor"].area.sum() / layers["route"].length.sum()
+        assert width == pytest.approx(2 * 1.96 * subject.place.sigma[:, 1].mean(), rel=0.05)
+
+
+@pytest.mark.parametrize("suffix", [".gpkg", ".geojson", ".kml"])
+def test_anchors_come_back_from_a_map(subject: Subject, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"anchors{suffix}"
+    export(subject, path, UTM if suffix == ".gpkg" else "EPSG:4326")
+    for one, was in zip(read_anchors(path, FRAME), subject.anchors, strict=True):
+        assert (one.name, one.channel) == (was.name, was.channel)
+        both = [[getattr(a, name) for name in ("x", "y", "z", "sigma_xy", "sigma_z")] for a in (one, was)]
+        assert both[0] == pytest.approx(both[1], abs=1e-6)
+
+
+def test_heights_are_those_of_the_road_less_the_depth(subject: Subject, tmp_path: Path) -> None:
+    export(subject, tmp_path / "a.csv", "EPSG:2039+5773", 31.4)
+    table = pd.read_csv(tmp_path / "a.csv")
+    assert table["height_m"].to_numpy() == pytest.approx(31.4 - subject.place.route[:, 2], abs=1e-4)
+    assert table[["easting", "northing"]].to_numpy() == pytest.approx(places(subject, "EPSG:2039"), abs=1e-3)
+    export(subject, tmp_path / "a.gpkg", "EPSG:2039+5773", 31.4)
+    shape = geopandas.read_file(tmp_path / "a.gpkg", layer="channels")
+    assert shape.geometry.iloc[0].z == pytest.approx(31.4 - 0.9) and "height_m" in shape
+    assert geopandas.read_file(tmp_path / "a.gpkg", layer="route").crs.is_compound
+
+
+def test_a_drawing_has_lines_outlines_and_names(subject: Subject, tmp_path: Path) -> None:
+    export(subject, tmp_path / "a.dxf", UTM)
+    drawing = ezdxf.readfile(tmp_path / "a.dxf")
+    assert not drawing.audit().has_errors and drawing.units == 6
+    space = drawing.modelspace()
+    lines = space.query('POLYLINE[layer=="FIBER_ROUTE"]')
+    points = np.concatenate([[tuple(v.dxf.location) for v in line.vertices] for line in lines])
+    assert points[:, :2].min(0) == pytest.approx(places(subject, UTM).min(0), abs=1e-6)
+    assert len(lines) == len(stretches(subject)) == len(space.query('LWPOLYLINE[layer=="FIBER_CORRIDOR"]'))
+    assert "QL-B2" in lines[1].get_xdata("ROADFIBER")[0].value
+    assert [text.dxf.text for text in space.query("TEXT")] == ["pit <1>", "tap"]
+
+
+def test_geojson_is_what_the_standard_says(subject: Subject, tmp_path: Path) -> None:
+    export(subject, tmp_path / "a.geojson")
+    whole = json.loads((tmp_path / "a.geojson").read_text())
+    assert "crs" not in whole and "QLA needs exposure" in whole["claim"]
+    assert geopandas.read_file(tmp_path / "a.geojson").crs.to_epsg() == 4326
+    lines = [one for one in read_features(tmp_path / "a.geojson") if one.kind == "LineString"]
+    assert len(lines) == len(stretches(subject)) and np.isfinite(lines[0].coordinates).all()
+
+
+def test_classes_follow_from_widths_and_never_claim_exposure(subject: Subject) -> None:
+    found = accuracy_of(subject.place)
+    assert set(found.pas128) == {"QL-B2", "QL-B3", "QL-B4"}
+    assert (found.within[found.pas128 == "QL-B2"] == "QL-B1").any()
+    assert (found.across[found.within == "QL-B1"] <= 0.15).all()
+    assert (found.pas128[~subject.place.constrained] == "QL-B4").all()
+    assert (found.asce38[~subject.place.constrained] == "none").all()
+    assert set(accuracy_of(subject.place, "weak").pas128) == {"none"}
+    deep = subject.place.covariance.copy()
+    deep[:, 2, 2] = 1.0  # a depth that is not known leaves the class that has none
+    wide = Placed(subject.place.channel, subject.place.distance, subject.place.route, deep, subject.place.constrained)
+    assert "QL-B2" not in accuracy_of(wide).pas128 and "QL-B3" in accuracy_of(wide).pas128
+
+
+def test_the_sheet_is_one_page(subject: Subject, tmp_path: Path) -> None:
+    export(subject, tmp_path / "a.pdf", UTM)
+    assert (tmp_path / "a.pdf").read_bytes().count(b"/Type /Page ") == 1
+    figure = sheet(subject, Target.of(UTM))
+    assert {axes.get_label() for axes in figure.axes} == {"map", "side", "depth", "table"}
+
+
+@pytest.mark.parametrize(
+    ("name", "crs", "height", "said"),
+    [
+        ("a.shp", UTM, None, "unknown kind of file; give one of .gpkg"),
+        ("a.gpkg", "EPSG:99", None, "--crs EPSG:99: not known to pyproj"),
+        ("a.gpkg", "EPSG:4978", None, "--crs EPSG:4978: no coordinates on a map"),
+        ("a.gpkg", "EPSG:2039+5773", None, "give the road's height in it with --ground-height"),
+        ("a.gpkg", UTM, 3.0, "--ground-height: --crs EPSG:32636 has no heights"),
+        ("a.gpkg", "EPSG:32636+5773", float("nan"), "--ground-height: give a number"),
+        ("a.geojson", UTM, None, ".geojson files are WGS 84 by their standard"),
+        ("a.kml", UTM, None, ".kml files are WGS 84 by their standard"),
+        ("a.dxf", "EPSG:4326", None, "a drawing is in meters; give a projected --crs"),
+    ],
+)
+def test_what_cannot_be_written_is_one_line(
+    subject: Subject, tmp_path: Path, name: str, crs: str, height: float | None, said: str
+) -> None:
+    with pytest.raises(InputError) as error:
+        export(subject, tmp_path / name, crs, height)
+    assert said in str(error.value) and "\n" not in str(error.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_package_that_is_missing_is_named(subject: Subject, tmp_path: Path, monkeypatch: Any) -> None:
+    real = builtins.__import__
+
+    def without(name: str, *given: Any, **more: Any) -> Any:
+        if name.split(".")[0] in ("geopandas", "ezdxf"):
+            raise ImportError(name)
+        return real(name, *given, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    for name in ("a.gpkg", "a.dxf"):
+        with pytest.raises(InputError, match=r"pip install roadfiber\[gis\]"):
+            export(subject, tmp_path / name, UTM)
+    export(subject, tmp_path / "a.csv", UTM)  # and what needs none is written
+    assert set(WRITERS) == {".gpkg", ".geojson", ".kml", ".dxf", ".csv", ".pdf"}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.txt", "", "points and lines are read from"),
+        ("a.geojson", "{", "not GeoJSON"),
+        ("a.geojson", '{"type": "Polygon"}', "neither a point nor a line"),
+        ("a.geojson", '{"type": "Point", "coordinates": ["a", 3]}', "not longitude, latitude"),
+        ("a.geojson", '{"type": "Point", "coordinates": [180000, 660000]}', "in degrees"),
+        ("a.kml", "<kml>", "not a readable KML file"),
+        ("a.kml", '<!DOCTYPE a [<!ENTITY b "c">]><kml/>', "with a document type"),
+        ("a.gpkg", "no database", "not a readable GeoPackage"),
+    ],
+)
+def test_maps_that_cannot_be_read_are_one_line(tmp_path: Path, name: str, text: str, said: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError) as error:
+        read_features(tmp_path / name)
+    assert said in str(error.value) and "\n" not in str(error.value)
+
+
+def test_points_without_attributes_are_no_anchors(tmp_path: Path) -> None:
+    (tmp_path / "a.geojson").write_text('{"type": "Point", "coordinates": [34.8, 32.1]}')
+    with pytest.raises(InputError, match="no point with the attributes channel and sigma_xy"):
+        read_anchors(tmp_path / "a.geojson", FRAME)
+
+
+def test_a_run_is_exported_and_laid_on_its_record(survey: Any, tmp_path: Path) -> None:
+    run = run_of(survey.result, **survey.arguments)
+    run.save(tmp_path / "run")
+    words = ["export", str(tmp_path / "run"), "--to", str(tmp_path / "a.gpkg"), "--to", str(tmp_path / "a.pdf")]
+    done = CliRunner().invoke(roadfiber.command.app, [*words, "--crs", UTM])
+    assert done.exit_code == 0 and "a.pdf" in done.output
+    route = run.route
+    patch = dascore.Patch(
+        data=np.zeros((3, 200)),
+        coords={"time": np.arange(3) * np.timedelta64(1, "s"), "distance": np.arange(200.0)},
+        dims=("time", "distance"),
+    )
+    laid = run.to_patch(patch)
+    y = np.asarray(laid.get_coord("y").data)
+    at = route["channel"].to_numpy()[route["constrained"]]
+    assert np.flatnonzero(np.isfinite(y)).tolist() == at.tolist()
+    assert y[at] == pytest.approx(route["y"][route["constrained"]].to_numpy())
+    assert np.isfinite(np.asarray(laid.get_coord("sigma_z").data)[at]).all()
+    with pytest.raises(InputError, match="are not on the route"):
+        run.to_patch(patch.update_coords(distance=np.arange(200.0) + 5000))
