@@ -2,11 +2,13 @@
 # make demo-hidden: the same with something hidden in the record, which is found; SEED=7 is another street and secret.
 # make test: every check that a change must pass.
 # make coverage: the tests again, with the lines that none of them reaches; a quarter slower.
+# make docs: the documentation, with warnings as errors: build/docs/index.html opens offline.
+# make notebooks: run them again and keep what they show.
 PYTHON ?= python3
 BIN := .venv/bin
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 
-.PHONY: demo demo-hidden test coverage clean
+.PHONY: demo demo-hidden test coverage docs notebooks clean
 
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -29,6 +31,12 @@ test: .venv/installed
 
 coverage: .venv/installed
 	$(PYTEST) --cov --cov-report=term:skip-covered
+
+docs: .venv/installed
+	$(BIN)/sphinx-build -q -n -W --keep-going docs build/docs
+
+notebooks: .venv/installed
+	cd notebooks && OMP_NUM_THREADS=1 ../$(BIN)/jupyter-execute --inplace --NotebookClient.record_timing=False *.ipynb
 
 clean:
 	rm -rf .venv build *.egg-info runs

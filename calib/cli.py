@@ -211,6 +211,9 @@ def page(
     from calib.control_points import read_control_points
     from calib.lens_prior import read_intrinsics
     from calib.options import keep_inputs, measured, read_frame
+    from vision.contract.extras import require_extra
+
+    require_extra("workbench", ("bokeh",), "the calibration page")
     from calib.page import serve
     from calib.proposed_frame import frame_for
     from calib.session import Session, marks_of

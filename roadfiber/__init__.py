@@ -16,10 +16,16 @@ first used.
 
 import os
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from roadfiber.in_notebooks import prepare
+from roadfiber.own_packages import require_own
 
 # Read when torch is first imported: threads that spin while they wait make a busy machine four times slower.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+require_own(Path(__file__).parents[1])
+prepare()
 
 if TYPE_CHECKING:
     from roadfiber.cameras import Calibrated as Calibrated
@@ -27,6 +33,8 @@ if TYPE_CHECKING:
     from roadfiber.cameras import calibrate as calibrate
     from roadfiber.cameras import quality as quality
     from roadfiber.cameras import track as track
+    from roadfiber.checkup import Checkup as Checkup
+    from roadfiber.checkup import doctor as doctor
     from roadfiber.combining import Combined as Combined
     from roadfiber.combining import combine as combine
     from roadfiber.comparing import Comparison as Comparison
@@ -49,6 +57,7 @@ if TYPE_CHECKING:
     from roadfiber.locating import read as read
     from roadfiber.planning import Plan as Plan
     from roadfiber.planning import plan as plan
+    from roadfiber.schemas import schema as schema
     from roadfiber.simulating import Simulated as Simulated
     from roadfiber.simulating import simulate as simulate
     from roadfiber.web.workbench import workbench as workbench
@@ -64,6 +73,7 @@ if TYPE_CHECKING:
 #: Name -> module that it is loaded from at its first use.
 _HOMES = {
     "Calibrated": "roadfiber.cameras",
+    "Checkup": "roadfiber.checkup",
     "Combined": "roadfiber.combining",
     "Comparison": "roadfiber.comparing",
     "Diagnosis": "roadfiber.diagnosing",
@@ -87,6 +97,7 @@ _HOMES = {
     "combine": "roadfiber.combining",
     "compare": "roadfiber.comparing",
     "diagnose": "roadfiber.diagnosing",
+    "doctor": "roadfiber.checkup",
     "effect": "solver.effect",
     "explain": "roadfiber.growing",
     "ingest": "roadfiber.ingesting",
@@ -96,6 +107,7 @@ _HOMES = {
     "plan": "roadfiber.planning",
     "quality": "roadfiber.cameras",
     "read": "roadfiber.locating",
+    "schema": "roadfiber.schemas",
     "simulate": "roadfiber.simulating",
     "track": "roadfiber.cameras",
     "vehicles": "roadfiber.listening",

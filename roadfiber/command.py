@@ -17,6 +17,7 @@ import vision.cli
 from roadfiber import (
     criticism_commands,
     export_commands,
+    installation_commands,
     planning_commands,
     record_commands,
     survey_commands,
@@ -47,6 +48,7 @@ for group in (
     criticism_commands.app,
     web_commands.app,
     export_commands.app,
+    installation_commands.app,
 ):
     app.registered_commands += group.registered_commands
 
@@ -224,19 +226,10 @@ def run_demo(out: Path, scenario: "Scenario") -> Path:
 
 def write_demo(out: Path, scenario: "Scenario") -> None:
     """Write what a user would bring: `street.mp4`, `control_points.csv`, `das/*.h5`, `anchors.csv`, `site.toml`."""
+    from roadfiber.simulating import write_filmed
     from solver.simulator import simulate
-    from solver.simulator.survey_files import CAMERA, require_free, site_text, write_recording
-    from vision.contract import writing
-    from vision.scene.film import Driver, film, street_scene
 
-    require_free(out)
-    survey = simulate(scenario)
-    drivers = [Driver(v.vehicle_class, v.length, v.width, v.position, v.velocity) for v in survey.vehicles]
-    with writing(out) as folder:
-        folder.mkdir()
-        write_recording(survey, folder)
-        film(street_scene(drivers, scenario.seed), folder, float(survey.time[-1]), scenario.seed)
-        (folder / "site.toml").write_text(site_text(scenario, CAMERA), encoding="utf-8")
+    write_filmed(simulate(scenario), out)
 
 
 def run_command(*words: object) -> None:

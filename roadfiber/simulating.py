@@ -5,9 +5,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from solver.simulator import Survey as Street
 from solver.simulator import read_scenario, write_survey
 from solver.simulator import simulate as simulate_street
-from solver.simulator.survey_files import require_free
+from solver.simulator.survey_files import CAMERA, require_free, site_text, write_recording
+from vision.contract import writing
 
 
 @dataclass(frozen=True)
@@ -39,16 +41,23 @@ class Simulated:
 
 
 def simulate(
-    out: Path | str, scenario: Path | str = "street", *, effects: Mapping[str, float] | None = None, **changes: Any
+    out: Path | str,
+    scenario: Path | str = "street",
+    *,
+    effects: Mapping[str, float] | None = None,
+    film: bool = False,
+    **changes: Any,
 ) -> Simulated:
     """Simulate a survey: DAS files, trajectories, anchors, site.toml, and truth.json with all that they hide.
 
     Parameters
     ----------
     out : folder to write; an earlier simulated survey there is replaced
-    scenario : a TOML file, or the name of a built-in one: `street`, or `street-` with `gps`, `paper` (point loads),
-        `filtered`, `blind`, `filmed`
+    scenario : a TOML file, or the name of a built-in one: `street`, or `street-` with `short`, `gps`, `paper` (point
+        loads), `filtered`, `blind`, `filmed`
     effects : to hide, by name, with their amounts (`solver.simulator.EFFECTS` lists them)
+    film : render the street's camera in place of trajectories: `street.mp4` and the control points to calibrate it by;
+        of `street-filmed`, whose vehicles drive where it looks
     **changes : further fields of `solver.simulator.Scenario`, such as seed, passes, snr_db
 
     Raises
@@ -66,7 +75,32 @@ def simulate(
     folder = Path(out)
     require_free(folder)
     survey = simulate_street(wanted)
-    site = write_survey(survey, folder)
+    site = write_filmed(survey, folder) if film else write_survey(survey, folder)
     first, last = survey.active
     seconds = round(float(survey.time[-1]), 1)
     return Simulated(site, len(survey.vehicles), len(survey.distance), seconds, (int(first), int(last)))
+
+
+def write_filmed(survey: Street, folder: Path) -> Path:
+    """Write a survey with a camera: `street.mp4`, `control_points.csv`, `das/*.h5`, `anchors.csv`, `site.toml`.
+
+    Parameters
+    ----------
+    survey : what `solver.simulator.simulate` returned
+    folder : free, empty, or holding an earlier simulated survey, which is replaced
+
+    Returns
+    -------
+    path of `site.toml`
+    """
+    from vision.scene.film import Driver, film, street_scene
+
+    require_free(folder)
+    drivers = [Driver(v.vehicle_class, v.length, v.width, v.position, v.velocity) for v in survey.vehicles]
+    seed = survey.scenario.seed
+    with writing(folder) as temporary:
+        temporary.mkdir()
+        write_recording(survey, temporary)
+        film(street_scene(drivers, seed), temporary, float(survey.time[-1]), seed)
+        (temporary / "site.toml").write_text(site_text(survey.scenario, CAMERA), encoding="utf-8")
+    return folder / "site.toml"

@@ -13,7 +13,7 @@ def simulate(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="A TOML file, `street`, or `street-` with `gps`, `paper` (point loads), `filtered`, `blind`, `filmed`"
+            help="A TOML file, `street`, or `street-` and `short`, `gps`, `paper` (point loads), `filtered` ..."
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; an earlier simulated survey there is replaced.")],
@@ -23,6 +23,9 @@ def simulate(
     hide: Annotated[
         list[str] | None, typer.Option(help="Hide an effect or set one of its settings, NAME=AMOUNT; may be repeated.")
     ] = None,
+    film: Annotated[
+        bool, typer.Option("--film", help="Render a video in place of trajectories; of `street-filmed`.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
 ) -> None:
     """Simulate a survey: DAS files, trajectories, anchors, site.toml, and truth.json with all that they hide.
@@ -41,7 +44,7 @@ def simulate(
     from solver.simulator import amounts
 
     hidden = amounts(hide) if hide else None
-    made = rf.simulate(out, scenario, seed=seed, passes=passes, snr_db=snr, effects=hidden)
+    made = rf.simulate(out, scenario, seed=seed, passes=passes, snr_db=snr, effects=hidden, film=film)
     if as_json:
         print(json.dumps(made.to_dict()))
         return

@@ -8,7 +8,15 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    PlainSerializer,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
 
 from vision.contract.errors import InputError
 from vision.contract.files import writing
@@ -45,8 +53,10 @@ def _covariance(value: ArrayLike) -> Array:
     return matrix
 
 
-Matrix = Annotated[Array, BeforeValidator(_matrix), PlainSerializer(lambda matrix: matrix.tolist())]
-Covariance = Annotated[Array, BeforeValidator(_covariance), PlainSerializer(lambda matrix: matrix.tolist())]
+#: Of a matrix in the file's schema: rows of numbers.
+ROWS = WithJsonSchema({"type": "array", "items": {"type": "array", "items": {"type": "number"}}})
+Matrix = Annotated[Array, BeforeValidator(_matrix), PlainSerializer(lambda matrix: matrix.tolist()), ROWS]
+Covariance = Annotated[Array, BeforeValidator(_covariance), PlainSerializer(lambda matrix: matrix.tolist()), ROWS]
 
 
 class ControlPoint(BaseModel):

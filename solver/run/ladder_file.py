@@ -30,7 +30,19 @@ class GlimpseFile(Stored):
 
 
 class RungFile(Stored):
-    """A rung in ladder.json; fields as those of `Rung`, but `run`: its folder, seen from that of the ladder."""
+    """A rung in ladder.json; fields as those of `Rung`, but `run`.
+
+    Attributes
+    ----------
+    effects : in the model
+    chi2_per_dof, held_out_chi2_per_dof : misfit, and that of passes held out
+    noise_floor : what noise alone would leave
+    route_change, route_change_from_first : largest way that the route moved from the rung below, and from the first, m
+    run : its folder, seen from that of the ladder; null where it was not kept
+    route : channel, x, y, z (m) of some channels
+    words : what was added and what came of it
+    glimpse : one vehicle's residual and the anchors
+    """
 
     effects: tuple[Text, ...]
     chi2_per_dof: Maybe
@@ -45,7 +57,13 @@ class RungFile(Stored):
 
 
 class LadderFile(Stored):
-    """ladder.json."""
+    """ladder.json: the error ladder of a run, its model growing effect by effect.
+
+    Attributes
+    ----------
+    format : of the file
+    rungs : lowest first
+    """
 
     format: Format
     rungs: Annotated[tuple[RungFile, ...], Field(min_length=1, max_length=1000)]

@@ -48,7 +48,14 @@ class Stored(BaseModel):
 
 
 class FittedNumber(Stored):
-    """One of `parameters`."""
+    """One of `parameters`.
+
+    Attributes
+    ----------
+    value, sigma : and its standard deviation; null where it is not known
+    unit : of both
+    free : whether it was fitted, and not held
+    """
 
     value: float | None
     sigma: float | None
@@ -153,7 +160,17 @@ class InputFile(Stored):
 
 
 class GateFile(Stored):
-    """One of `trust.gates`; fields as those of `solver.run.trust.Gate`."""
+    """One of `trust.gates`; fields as those of `solver.run.trust.Gate`.
+
+    Attributes
+    ----------
+    name : of the check
+    verdict : passed, failed, or open where it could not be made
+    words : what was found, and what was expected
+    mend : what to do where it failed
+    found, expected, scatter : the number, what it should be, and by how much that scatters
+    taken_up : share of the error that the fit takes up, so that the check does not see it
+    """
 
     name: Text
     verdict: Verdict
@@ -166,7 +183,14 @@ class GateFile(Stored):
 
 
 class TrustFile(Stored):
-    """`trust`; fields as those of `solver.run.trust.Trust`."""
+    """`trust`; fields as those of `solver.run.trust.Trust`.
+
+    Attributes
+    ----------
+    sentence : whether the route may be relied on, and what to do next where not
+    grade : the same in a word
+    gates : every check
+    """
 
     sentence: Text
     grade: Literal["good", "fair", "weak", "poor"]
@@ -220,7 +244,43 @@ class AnyRun(Stored):
 
 
 class FitFile(Stored):
-    """fit.json: what `solver.run.facts.facts_of` makes, and what `solver.run.report.told` adds."""
+    """fit.json: what `solver.run.facts.facts_of` makes, and what `solver.run.report.told` adds.
+
+    Attributes
+    ----------
+    format : of the run folder
+    name : of the survey
+    method : spline or network
+    converged : whether the fit did
+    iterations : steps that it took
+    seconds : that it took
+    effects : in the model beyond the base
+    parameters : every fitted number but the route's, by name
+    chi2 : sum of the squared whitened residuals
+    chi2_per_dof : the same per degree of freedom
+    cost : chi2 and the priors' part
+    noise_floor : chi2 per degree of freedom that noise alone would leave; null where too few samples tell
+    held_out_chi2_per_dof : of passes that the fit has not seen; null where there are none
+    active_channels : first and last that were fitted
+    ambiguous_side : whether the mirror route on the other side of the traffic is not ruled out
+    disputed_anchors : that contradict the others, a sentence each
+    trust : every check of the fit, and the sentence that follows from them
+    headline : where the fiber is, in a sentence
+    notes : of `locate`, a line each
+    warnings : what else must be known before the route is relied on, a line each
+    frame : the local frame
+    start : of the record, UTC
+    anchors : as fitted
+    settings : what the fit was given
+    problem : what was fitted
+    choice : of many passes, those that were fitted and why; absent where all were
+    plugins : users' effects in the model, as text for people to read
+    record : where the record comes from: format, original unit, scale ...
+    inputs : every file that was read, with its checksum
+    timings : of each step, s
+    versions : of Python, roadfiber and what it computes with
+    created : UTC
+    """
 
     format: Format
     name: Annotated[str, Field(max_length=4096)]

@@ -120,6 +120,8 @@ class Scenario:
 
 BUILT_IN: dict[str, dict[str, Any]] = {
     "street": {},
+    # A short street: all that can be done with a survey takes a minute or two on it.
+    "street-short": {"view": (0.0, 40.0), "channels": 121, "passes": 4},
     "street-gps": {"gps": True, "frame_rate": 5.0},
     "street-paper": {"effects": {"point_load": 1.0}},
     "street-filtered": {"sampling": "filtered"},

@@ -71,7 +71,7 @@ def detector_of(detector: Any, info: ValidationInfo) -> Any:
 
 
 File = Annotated[Path, AfterValidator(existing)]
-Files = Annotated[list[Path], BeforeValidator(matching)]
+Files = Annotated[list[Path], BeforeValidator(matching, json_schema_input_type=str | list[str])]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -82,14 +82,32 @@ class Section(BaseModel):
 
 
 class FrameSection(Section):
-    """`[frame]`: where x = y = 0 is, and where +x points."""
+    """`[frame]`: where x = y = 0 is, and where +x points.
+
+    Attributes
+    ----------
+    origin : latitude and longitude of x = y = 0, WGS 84, degrees
+    x_azimuth : direction of +x, along the road, degrees clockwise from north
+    """
 
     origin: tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]]
     x_azimuth: Annotated[float, Field(ge=-360, le=360)]
 
 
 class DASSection(Section):
-    """`[das]`: the files, what they do not state themselves, and the folder of their store, if one is made."""
+    """`[das]`: the files, what they do not state themselves, and the folder of their store, if one is made.
+
+    Attributes
+    ----------
+    files : names or patterns of the DAS files, relative to site.toml
+    gauge_length : where the files do not say it, m
+    channel_spacing : where the files do not say it, m
+    quantity : what the files hold, where they do not say it
+    scale : factor from the stored numbers to the quantity's unit, where the files do not say it
+    channels : first and last to be used
+    exclude : channels to be left out
+    store : folder that `ingest` writes, relative to site.toml
+    """
 
     files: Files
     gauge_length: Positive | None = None
@@ -115,29 +133,54 @@ class DASSection(Section):
 
 
 class CameraSection(Section):
-    """`[camera]`: the video and how its pixels and its clock become meters and UTC."""
+    """`[camera]`: the video and how its pixels and its clock become meters and UTC.
+
+    Attributes
+    ----------
+    video : file, relative to site.toml
+    calibration : file that `calibrate ground` wrote
+    start : of the video, with a zone
+    clock_offset : added to the video's times, s
+    detector : `nanodet`, `street` or an .onnx file
+    """
 
     video: File
     calibration: File
     start: AwareDatetime
     clock_offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
-    detector: Annotated[Path | str, BeforeValidator(detector_of)] = DETECTORS[0]
+    detector: Annotated[Path | str, BeforeValidator(detector_of, json_schema_input_type=str)] = DETECTORS[0]
 
 
 class TrajectoriesSection(Section):
-    """`[trajectories]`: trajectory tables or GPS tracks."""
+    """`[trajectories]`: trajectory tables or GPS tracks.
+
+    Attributes
+    ----------
+    files : names or patterns of .csv, .parquet or .gpx files
+    """
 
     files: Files
 
 
 class AnchorsSection(Section):
-    """`[anchors]`: fiber points known from manholes or tap tests."""
+    """`[anchors]`: fiber points known from manholes or tap tests.
+
+    Attributes
+    ----------
+    file : csv of anchors
+    """
 
     file: File
 
 
 class GroundSection(Section):
-    """`[ground]`: what is known beforehand about the ground and the depth (mean, standard deviation; m)."""
+    """`[ground]`: what is known beforehand about the ground and the depth.
+
+    Attributes
+    ----------
+    poisson_ratio : of the ground
+    depth : mean and standard deviation of the fiber's mean depth, m
+    """
 
     poisson_ratio: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     depth: tuple[Positive, Positive] = (0.9, 0.3)

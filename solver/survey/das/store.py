@@ -52,7 +52,29 @@ class RawFile(Kept):
 
 
 class StoreFile(Kept):
-    """store.json; lengths in m, `interval` of the files' samples in ns, `gaps` in s after `start`."""
+    """store.json: what a store was made from and how.
+
+    Attributes
+    ----------
+    format : of the store
+    files : that it was made from
+    asked : the settings of `[das]` in site.toml
+    start : of row 0, UTC
+    interval : between samples of the files, ns
+    factor : samples of the files that are a row
+    rows : of the record
+    gauge_length, channel_spacing : of the record, m
+    channels : first and last
+    first_distance : of the first channel along the fiber, m
+    held : first and last channel of the files
+    parts : rows of each part: first, and one after the last
+    gaps : first and last time of missing samples, s after `start`
+    provenance : format, original unit, scale, notes
+    cautions : what must be known about the record, a line each
+    law : autocovariance of the error of rounding, by lag; empty where values were not rounded
+    whole : whether values were rounded to whole steps
+    complete : whether all parts are there
+    """
 
     format: Format
     files: tuple[RawFile, ...]

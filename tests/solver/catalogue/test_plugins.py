@@ -1,4 +1,4 @@
-"""Users' own effects: from a file, from installed packages, and as the README shows them."""
+"""Users' own effects: from a file, from installed packages, and as the documentation shows them."""
 
 import hashlib
 import os
@@ -16,7 +16,7 @@ from solver.catalogue.plugins import catalogue, load_plugin, read_plugin
 from solver.catalogue.trial_survey import Trial, trial_survey
 from vision.contract import InputError
 
-README = Path(__file__).parents[3] / "README.md"
+HOW = Path(__file__).parents[3] / "docs" / "howto" / "effect.md"
 
 MINE = """
 from dataclasses import replace
@@ -38,8 +38,8 @@ def written(folder: Path, name: str = "grip", null: str = "1") -> Path:
 
 
 def example() -> str:
-    """The Python block of the README."""
-    (block,) = re.findall(r"```python\n(# mine\.py\n.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    """The Python block of the documentation."""
+    (block,) = re.findall(r"```python\n(# mine\.py\n.*?)```", HOW.read_text(encoding="utf-8"), re.DOTALL)
     return block
 
 

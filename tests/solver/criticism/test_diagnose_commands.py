@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
+import roadfiber as rf
 import roadfiber.command
 from solver.catalogue import plugins
 from solver.catalogue.catalogue import built_in
@@ -45,9 +47,11 @@ def located(folder: Path, effects: dict[str, float]) -> Path:
 
 
 def diagnosis(folder: Path, *options: object) -> dict:
-    """What `roadfiber diagnose` writes."""
+    """What `roadfiber diagnose` writes, which its schema allows."""
     run("diagnose", folder, *options)
-    return json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    written: dict = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    Draft202012Validator(rf.schema("diagnosis.json")).validate(written)
+    return written
 
 
 def rungs(folder: Path) -> list[dict]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 import roadfiber as rf
 from solver.fit import fit_spline
@@ -78,6 +79,7 @@ def test_what_is_written_is_what_was_found(days, tmp_path) -> None:
     }
     facts = json.loads((tmp_path / "both" / "combined.json").read_text())
     assert facts == json.loads(json.dumps(combined.facts)) and len(facts["runs"]) == 2
+    Draft202012Validator(rf.schema("combined.json")).validate(facts)
     rows = (tmp_path / "both" / "route.csv").read_text().splitlines()
     assert len(rows) == 1 + len(combined.route) and rows[0].startswith("channel,distance,x,y,z,sigma_x")
     combined.to_geojson(tmp_path / "route.geojson")

@@ -1,0 +1,321 @@
+"""What the JSON files hold that roadfiber writes for other programs and never reads back."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from solver.criticism.audit import NoiseAudit
+from solver.criticism.candidate import Candidate
+from solver.run.combined import Agreement
+
+
+class Written(BaseModel):
+    """A JSON object that is only written: null stands for a number that is not known or not finite."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class DiagnosisFile(Written):
+    """diagnosis.json: which physical effect the model of a run lacks, if any.
+
+    Attributes
+    ----------
+    format : of the file
+    headline : the verdict as a sentence in plain words
+    verdict : on the model
+    words : the verdict in the commands' terms, with sizes
+    candidates : effects and faults, best first
+    audit : of the noise, which comes before everything else
+    stress : largest residual along what was fitted, posterior sigmas; far below 1 where the fit converged
+    separate : what survey would tell the confounded apart; empty where nothing is confounded
+    left : ln of the Bayes factor of the best effect beside the first candidate
+    """
+
+    format: Literal["roadfiber diagnosis 1"]
+    headline: str
+    verdict: Literal["adequate", "missing-effect", "unknown-effect", "inconclusive"]
+    words: str
+    candidates: tuple[Candidate, ...]
+    audit: NoiseAudit
+    stress: float
+    separate: str
+    left: float
+
+
+class RegionFile(Written):
+    """A place where the model fails.
+
+    Attributes
+    ----------
+    kind : gain (relative), late (s), place (m along the fiber), offset (noise sigmas), power (near vehicles), shape (at
+        one distance from the vehicle) or unseen (far from all vehicles)
+    passes : track ids
+    every_pass : whether these are all
+    channels : first and last
+    x : at those channels, m
+    time : first and last, ISO 8601 UTC; null where passes at several times are meant
+    ahead : of the vehicle, first and last, m; null where it does not matter
+    amount, sigma : size of the change and its standard deviation, in `unit`
+    meters : the delay of a single pass as a distance, m
+    speed : toward higher channels of what moves there, m/s
+    chi2 : how much of the misfit it is
+    z : statistic of the scan, standard deviations
+    words : the same as a sentence
+    unit : of amount and sigma
+    """
+
+    kind: str
+    passes: tuple[str, ...]
+    every_pass: bool
+    channels: tuple[int, int]
+    x: tuple[float, float]
+    time: tuple[str, str] | None
+    ahead: tuple[float, float] | None
+    amount: float
+    sigma: float
+    meters: float | None
+    speed: float | None
+    chi2: float
+    z: float
+    words: str
+    unit: str
+
+
+class SplitFile(Written):
+    """Whose the misfit is.
+
+    Attributes
+    ----------
+    chi2 : sum of the squared whitened residuals
+    explained : by source, beyond what it would explain of noise
+    freedom : numbers that each source spends
+    noise : that noise alone leaves
+    unexplained : the rest
+    shares : of `chi2`
+    """
+
+    chi2: float
+    explained: dict[str, float]
+    freedom: dict[str, int]
+    noise: float
+    unexplained: float
+    shares: dict[str, float]
+
+
+class StackFile(Written):
+    """Residual and model in the vehicle's frame, in units of the stacked model's peak.
+
+    Attributes
+    ----------
+    ahead : of the vehicle along the fiber [bin], m
+    channels : first and last of each group of channels; the first group is all of them
+    measured, model, residual : [group][bin]
+    symmetric, antisymmetric : parts of the residual, [group][bin]
+    sigma : of the residual if the noise were white, [group][bin]
+    """
+
+    ahead: tuple[float, ...]
+    channels: tuple[tuple[int, int], ...]
+    measured: tuple[tuple[float, ...], ...]
+    model: tuple[tuple[float, ...], ...]
+    residual: tuple[tuple[float, ...], ...]
+    symmetric: tuple[tuple[float, ...], ...]
+    antisymmetric: tuple[tuple[float, ...], ...]
+    sigma: tuple[tuple[float, ...], ...]
+
+
+class PowerFile(Written):
+    """Power of the residual at one value of a property.
+
+    Attributes
+    ----------
+    label : the value
+    chi2 : per sample; 1 where only noise is left
+    sigma : of chi2 if only noise were left
+    samples : how many
+    """
+
+    label: str
+    chi2: float
+    sigma: float
+    samples: int
+
+
+class CompareFile(Written):
+    """compare.json: model against measurement; where, when and how they differ.
+
+    Attributes
+    ----------
+    format : of the file
+    name : of the survey
+    created : when the run was made, UTC
+    effects : in the model
+    verdict : in words
+    trust : whether the route may be relied on, in a sentence
+    units : of everything below
+    chi2_per_sample : mean squared whitened residual
+    noise_floor : what noise alone would leave of it
+    samples : how many
+    regions : where the model fails, worst first
+    split : whose the misfit is
+    stack : the residual in the vehicle's frame
+    power : of the residual by channel, pass, speed, class, lane, gap; by pass and channel; and its spectrum
+    noise : mean square of the whitened residual by channel where no vehicle is
+    """
+
+    format: Literal["roadfiber comparison 1"]
+    name: str
+    created: str
+    effects: tuple[str, ...]
+    verdict: str
+    trust: str
+    units: dict[str, Any]
+    chi2_per_sample: float
+    noise_floor: float
+    samples: int
+    regions: tuple[RegionFile, ...]
+    split: SplitFile
+    stack: StackFile
+    power: dict[str, tuple[PowerFile, ...] | tuple[tuple[float, ...], ...] | dict[str, Any]]
+    noise: dict[str, float]
+
+
+class NumberFile(Written):
+    """A number.
+
+    Attributes
+    ----------
+    value, sigma : and its standard deviation
+    """
+
+    value: float
+    sigma: float
+
+
+class CombinedFile(Written):
+    """combined.json: one route from several runs.
+
+    Attributes
+    ----------
+    format : of the file
+    headline : what was combined and whether it agrees
+    converged : whether the fit did
+    chi2_per_dof : misfit of all
+    widened : what all sigmas are times since the runs differ by more than they say; 1 where they agree
+    poisson_ratio : of the ground
+    channels : first and last
+    runs : how far each by itself is from the whole
+    """
+
+    format: Literal["roadfiber combined 1"]
+    headline: str
+    converged: bool
+    chi2_per_dof: float
+    widened: float
+    poisson_ratio: NumberFile
+    channels: tuple[int, int]
+    runs: tuple[Agreement, ...]
+
+
+class VehicleFile(Written):
+    """A vehicle that the fiber heard.
+
+    Attributes
+    ----------
+    time : of passing the middle of the channels, UTC
+    speed : along x, m/s
+    snr_db : signal to noise, dB
+    share : of the channels that heard it
+    track_id : of its track; empty where no camera saw it
+    late : after the track, s
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    time: str
+    speed: float
+    snr_db: float
+    share: float
+    track_id: str
+    late: float
+
+
+class HeardFile(Written):
+    """What `roadfiber vehicles --json` prints: the vehicles that the fiber heard, and the two clocks.
+
+    Attributes
+    ----------
+    headline : in a line
+    clock_offset, clock_sigma : time by the record less time by the trajectories, and its standard deviation, s
+    unheard : tracks that go by and were not heard
+    vehicles : that were heard
+    """
+
+    headline: str
+    clock_offset: float
+    clock_sigma: float
+    unheard: tuple[str, ...]
+    vehicles: tuple[VehicleFile, ...]
+
+
+class QualityFile(Written):
+    """quality.json: how good tables of tracks are, and whether they are good enough for the fiber.
+
+    Attributes
+    ----------
+    format : of the file
+    created : UTC
+    version : of roadfiber
+    limit_m : the rule's largest jitter, m
+    use : name of the table to use
+    because, rule : why it, and by which rule
+    good_enough : its grade for the fiber
+    verdict : in words
+    notes, left_out : what else must be known; tables that could not be read
+    truth : tracks of the truth by class, where there is one
+    settings : a table each: its figures
+    inputs : role, name and SHA-256 of each file
+    """
+
+    format: Literal["roadfiber track quality 2"]
+    created: str
+    version: str
+    limit_m: float
+    use: str
+    because: str
+    rule: str
+    good_enough: Literal["good", "fair", "weak", "poor", "unknown"]
+    verdict: str
+    notes: tuple[str, ...]
+    left_out: tuple[str, ...]
+    truth: dict[str, Any] | None
+    settings: tuple[dict[str, Any], ...]
+    inputs: tuple[dict[str, str], ...]
+
+
+class Feature(Written):
+    """A GeoJSON feature (RFC 7946).
+
+    Attributes
+    ----------
+    type : Feature
+    geometry : LineString, Polygon or Point; longitude, latitude, and minus the depth, m
+    properties : `what` is `fiber route`, `95 % corridor` or `anchor`
+    """
+
+    type: Literal["Feature"]
+    geometry: dict[str, Any]
+    properties: dict[str, Any]
+
+
+class RouteFeatures(Written):
+    """route.geojson: the route, its 95 % corridor and the anchors, WGS 84 (RFC 7946).
+
+    Attributes
+    ----------
+    type : FeatureCollection
+    features : the route first, then a polygon per stretch of the corridor, then the anchors
+    """
+
+    type: Literal["FeatureCollection"]
+    features: tuple[Feature, ...]

@@ -1,0 +1,96 @@
+"""The documentation builds with warnings as errors, opens offline, and no link of it leads nowhere."""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+class Page(HTMLParser):
+    """Places and links of a page, and what it loads."""
+
+    def __init__(self, path: Path):
+        super().__init__()
+        self.places, self.links, self.loads = set[str](), list[str](), list[str]()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        known = {name: value or "" for name, value in attrs}
+        self.places |= {known.get("id", ""), known.get("name", "")}
+        if tag == "a" and "href" in known:
+            self.links.append(known["href"])
+        elif tag in ("script", "img", "iframe") and known.get("src"):
+            self.loads.append(known["src"])
+        elif tag == "link" and known.get("rel") in ("stylesheet", "icon"):
+            self.loads.append(known["href"])
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("sphinx", reason="the extra roadfiber[docs] is not installed")
+    out = tmp_path_factory.mktemp("docs")
+    command = [sys.executable, "-m", "sphinx", "-q", "-n", "-W", "--keep-going", "docs", str(out)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0, done.stdout + done.stderr
+    return out
+
+
+@pytest.fixture(scope="module")
+def pages(built: Path) -> dict[Path, Page]:
+    return {path: Page(path) for path in built.rglob("*.html")}
+
+
+def targets(pages: dict[Path, Page]) -> Iterator[tuple[Path, str, Path, str]]:
+    """Page, link, file and place of each link inside the documentation."""
+    for path, page in pages.items():
+        for link in page.links:
+            parts = urlsplit(link)
+            if not parts.scheme and not parts.netloc:
+                file = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+                yield path, link, file, unquote(parts.fragment)
+
+
+def test_every_link_leads_to_a_page_and_a_place_on_it(pages: dict[Path, Page]) -> None:
+    assert len(pages) > 30
+    wrong = list[str]()
+    for path, link, file, place in targets(pages):
+        if not file.is_file() or (place and file in pages and place not in pages[file].places):
+            wrong.append(f"{path.name}: {link}")
+    assert not wrong
+
+
+def test_a_page_needs_no_network(built: Path, pages: dict[Path, Page]) -> None:
+    assert not [load for page in pages.values() for load in page.loads if urlsplit(load).netloc]
+    for style in built.rglob("*.css"):
+        assert not re.findall(r"(?:@import|url\()\s*['\"]?https?:", style.read_text(encoding="utf-8")), style
+
+
+def test_formulas_are_there_without_a_script(built: Path) -> None:
+    text = (built / "mathematics" / "signal_path.html").read_text(encoding="utf-8")
+    assert text.count("<math") > 20 and "MathJax" not in text
+
+
+def test_every_public_name_is_in_the_reference(built: Path) -> None:
+    import roadfiber as rf
+
+    places = Page(built / "reference" / "python.html").places
+    assert [name for name in rf.__all__ if f"roadfiber.{name}" not in places] == []
+
+
+def test_every_command_is_in_the_reference(built: Path) -> None:
+    from typer.main import get_command
+
+    from roadfiber.command import app
+
+    places = Page(built / "reference" / "commands.html").places
+    assert [
+        name for name in get_command(app).commands if not any(p.startswith(f"roadfiber-{name}") for p in places)
+    ] == []
