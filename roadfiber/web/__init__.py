@@ -1,1 +1,5 @@
 """Pages in the browser that this machine serves to itself alone: the workbench, and the start of a survey."""
+
+from vision.contract.extras import require_extra
+
+require_extra("workbench", ("panel", "bokeh"), "the workbench")
