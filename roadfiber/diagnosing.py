@@ -5,13 +5,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from solver.criticism.diagnosis import Diagnosis as Finding
 from solver.criticism.diagnosis import diagnose as diagnose_problem
 from solver.criticism.diagnosis import steps
 from solver.criticism.diagnosis_figures import support_figure
 from solver.criticism.diagnosis_files import diagnosis_facts, write_diagnosis
+from solver.criticism.finding import Diagnosis as Finding
 from solver.criticism.pages import diagnosis_page
 from solver.criticism.plain_verdict import details, headline, size_words
+from solver.criticism.probability_figure import probability_figure, probability_line, title_of_explanation
 from solver.criticism.route_change import from_run
 from solver.effect import Effect
 from solver.run.fitted import fitted
@@ -66,13 +67,34 @@ class Diagnosis:
         return pd.DataFrame([{"title": c.title} | row for c, row in zip(self.finding.candidates, rows, strict=True)])
 
     @property
+    def probabilities(self) -> "pd.DataFrame":
+        """Every explanation, most probable first: explanation (title), kind, effects, stage, probability; sums to 1.
+
+        Kinds are `nothing` (that would show), `effect`, `two` (an effect, and more beside it), `fault` and `unknown`.
+        Empty where the noise is not understood.
+        """
+        import pandas as pd
+
+        titles = [title_of_explanation(one, self.finding.candidates) for one in self.finding.explanations]
+        rows = [asdict(one) for one in self.finding.explanations]
+        columns = ["explanation", "kind", "effects", "stage", "probability"]
+        return pd.DataFrame(
+            [{"explanation": title} | row for title, row in zip(titles, rows, strict=True)], columns=columns
+        )
+
+    @property
     def facts(self) -> dict[str, Any]:
         """The content of diagnosis.json."""
         return diagnosis_facts(self.finding)
 
     def plot(self) -> "Figure":
-        """Draw how much of the misfit each explanation takes away."""
-        return support_figure(self.finding.candidates)
+        """Draw how probable each explanation is; how much misfit each takes away where the noise is not understood."""
+        found = self.finding
+        return (
+            probability_figure(found.explanations, found.candidates)
+            if found.explanations
+            else support_figure(found.candidates)
+        )
 
     def save(self, folder: Path | str) -> None:
         """Write diagnosis.json and diagnosis.html into a folder, such as the run's."""
@@ -82,6 +104,8 @@ class Diagnosis:
         """What a terminal shows."""
         found = self.finding
         lines = [f"{found.verdict}: {self.headline}", *(f"  {line}" for line in details(found)), f"  {found.words}"]
+        if found.explanations:
+            lines.append(f"how probable: {probability_line(found.explanations, found.candidates)}")
         if found.separate:
             lines.append(f"what would tell them apart: {found.separate}")
         for c in found.candidates[:6]:
@@ -117,6 +141,8 @@ def diagnose(run: Run, *, effects: Iterable[Effect] = ()) -> Diagnosis:
     >>> found = rf.diagnose(run)
     >>> found.verdict in ("adequate", "missing-effect", "unknown-effect", "inconclusive")
     True
+    >>> round(found.probabilities.probability.sum(), 6)
+    1.0
     """
     known = list(run.known.extended(effects).values())
     fit, state = fitted(run)

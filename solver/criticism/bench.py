@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import Candidate
+from solver.criticism.policy import POLICY
 from solver.criticism.repairs import SEARCHES, Fault
-from solver.criticism.score import FOUND, Score
+from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
 from solver.effect import Effect
 from solver.fit.map_fit import MapFit
@@ -14,9 +16,6 @@ from solver.fit.problem import Problem
 from solver.fit.state import State
 
 Advance = Callable[[int], None]
-
-#: How many enter the race of full fits, and how many discrepancy models among them.
-RACERS, STANDING_IN = 8, 3
 
 
 @dataclass(frozen=True)
@@ -45,25 +44,36 @@ class Bench:
     scorer : at that fit, without the candidates
     table : scores, best evidence first
     idle : effects that find nothing to act on
-    faults : of the survey itself
     """
 
     audit: NoiseAudit
     scorer: Scorer
     table: list[Score]
     idle: list[Effect]
-    faults: list[Fault]
+
+    @cached_property
+    def faults(self) -> list[Fault]:
+        """Those of the survey itself."""
+        fit, state = self.scorer.fit, self.scorer.state
+        return [fault for search in SEARCHES.values() if (fault := search(fit, state)) is not None]
 
     @classmethod
-    def of(cls, fit: MapFit, state: State, audit: NoiseAudit, effects: Sequence[Effect], advance: Advance) -> "Bench":
-        """Score `effects`, those in the model left out."""
-        scorer = Scorer(fit, state)
+    def of(
+        cls,
+        fit: MapFit,
+        state: State,
+        audit: NoiseAudit,
+        effects: Sequence[Effect],
+        advance: Advance,
+        variance: float | None = None,
+    ) -> "Bench":
+        """Score `effects`, those in the model left out; `variance` as of a `Scorer`."""
+        scorer = Scorer(fit, state, variance=variance)
         asked = scorable(fit.problem, effects)
         table = score_all(scorer, asked, advance)
         scored = {score.effect.name for score in table}
         idle = [one for one in asked if one.name not in scored]
-        faults = [fault for search in SEARCHES.values() if (fault := search(fit, state)) is not None]
-        return cls(audit, scorer, table, idle, faults)
+        return cls(audit, scorer, table, idle)
 
     def effect(self, candidate: Candidate) -> Effect:
         """The effect that a candidate is."""
@@ -81,8 +91,8 @@ def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
     return [one for one in effects if one.name not in inside and one.base_part not in problem.base_parts]
 
 
-def racers(table: Sequence[Score], most: int = RACERS) -> list[Score]:
+def racers(table: Sequence[Score], most: int = POLICY.racers) -> list[Score]:
     """Those to be fitted in full: the best of the physical and of the generic ones."""
-    able = [s for s in table if s.evidence > FOUND]
-    physical = [s for s in able if not s.effect.generic][: most - STANDING_IN]
-    return physical + [s for s in able if s.effect.generic][:STANDING_IN]
+    able = [s for s in table if s.evidence > POLICY.found]
+    physical = [s for s in able if not s.effect.generic][: most - POLICY.unknown_racers]
+    return physical + [s for s in able if s.effect.generic][: POLICY.unknown_racers]

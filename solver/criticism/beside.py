@@ -1,124 +1,108 @@
-"""What else shows once a known effect is in the model, and whether that casts doubt on it."""
+"""What still shows beside a known effect that was fitted in full, and how much of that its law may be off by."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import torch
 
 from solver.criticism.bench import Asked, Bench, racers, scorable
-from solver.criticism.candidate import Candidate
+from solver.criticism.marginal import mixture
+from solver.criticism.policy import POLICY
 from solver.criticism.race import race
 from solver.criticism.refit import Refit
-from solver.criticism.score import FOUND, Score
-from solver.criticism.scorer import score_all
+from solver.criticism.score import Score
+from solver.criticism.scorer import Scorer, score_all
+from solver.criticism.windowed import Windowed
 from solver.effect import Effect
-from solver.fit.least_squares import solve
-
-#: Number of candidates fitted in full to what the winner leaves.
-BESIDE = 6
-#: Evidence, as ln of the Bayes factor, by which another must lead to be told apart.
-CLOSE = 6.0
-#: Share of a discrepancy model's evidence at which a known effect, whose law is stricter, is preferred to it; and the
-#: same where that model has as few numbers.
-STRICTER, AS_STRICT = 0.95, 0.98
-#: Most numbers of an effect with a strict law, and the number above which one is as flexible as a discrepancy model.
-FEW, MANY = 3, 20
-#: Share of the winner's fall of chi2 left to a discrepancy model of its own kind, whose law may be a bit off
-#: (that of one with many numbers by what is finer than its knots), and to one of another kind, before it is doubted.
-LEFT, FINER, ASTRAY = 0.05, 0.1, 0.025
-#: Share of a discrepancy model's evidence from which on a known effect may, with a second one beside it, explain more.
-HALF = 0.5
 
 
-@dataclass
+@dataclass(frozen=True)
 class Beside:
     """What a fit with a known effect in its model still lacks.
 
     Parameters
     ----------
+    refit : with the effect
     bench : at that fit
-    others : scores of what shows there, best evidence first
-    tried : the best of them fitted in full
+    table : scores of what may be missing besides, best evidence first
+    seconds : known effects of the table that were fitted in full beside it
     """
 
+    refit: Refit
     bench: Bench
-    others: list[Score]
-    tried: Mapping[str, Refit]
+    table: Sequence[Score]
+    seconds: Sequence[Refit] = field(default=())
 
     @classmethod
-    def of(cls, bench: Bench, first: Candidate, winner: Refit, asked: Asked) -> "Beside":
-        """Fit the first candidate, the winner, to its end; score all that showed before, and race the best."""
-        fit, state = winner.fit, solve(winner.fit, winner.solution, iterations=40).state
-        again = Bench.of(fit, state, bench.audit, suspects(bench.table, asked.effects), asked.advance)
-        others = [s for s in again.table if s.evidence > FOUND]
-        beside = cls(again, others, race(again.scorer, racers(others, BESIDE), asked.advance))
-        return beside if beside.doubt(first) is None else beside.widened(asked)
+    def of(cls, bench: Bench, refit: Refit, asked: Asked) -> "Beside":
+        """Score what by its signal still shows once the effect is in the model, and the discrepancy models."""
+        fit, state = refit.fit, refit.solution.state
+        effects = suspects(beyond(bench.scorer, refit.score, shown(bench.table)), asked.effects)
+        again = Bench.of(fit, state, bench.audit, effects, asked.advance, bench.scorer.variance)
+        return cls(refit, again, again.table)
 
     def widened(self, asked: Asked) -> "Beside":
-        """The same with known effects that did not show before: the winner may have masked them."""
-        scorer, seen = self.bench.scorer, {s.effect.name for s in self.bench.table}
+        """The same with known effects that did not seem to show, which the effect may have masked, and full fits."""
+        scorer, seen = self.bench.scorer, {s.effect.name for s in self.table}
         unseen = [one for one in scorable(scorer.fit.problem, asked.effects) if one.name not in seen]
-        shown = [s for s in score_all(scorer, unseen, asked.advance) if s.evidence > FOUND]
-        others = sorted(self.others + shown, key=lambda s: -s.evidence)
-        late = race(scorer, racers(shown, BESIDE), asked.advance)
-        return replace(self, others=others, tried={**self.tried, **late})
+        table = sorted([*self.table, *score_all(scorer, unseen, asked.advance)], key=lambda s: -s.evidence)
+        known = [s for s in table if not s.effect.generic]
+        seconds = race(scorer, racers(known, POLICY.besides + POLICY.unknown_racers), asked.advance)
+        return replace(self, table=table, seconds=tuple(seconds.values()))
 
     @property
-    def left(self) -> float:
-        """Ln of the Bayes factor of the best effect beside."""
-        return self.others[0].evidence if self.others else 0.0
+    def second(self) -> float:
+        """Ln of the Bayes factor of a second effect against an inexact law of the first."""
+        fitted = {one.effect.name: one.told for one in self.seconds}
+        best = max((fitted.get(s.effect.name, s.evidence) for s in self.table), default=0.0)
+        return max(best - self.tolerated, 0.0)
+
+    @staticmethod
+    def hope(one: Refit, fall: float, variance: float) -> float:
+        """Most that a tolerance may add to the evidence of a refit, where `fall` is the most that any explains."""
+        share = POLICY.tolerance**2 * one.fall / variance
+        return max(fall - one.fall, 0.0) / variance * share / (1 + share) / 2
 
     @property
-    def known(self) -> float:
-        """That of the best known effect, fitted in full."""
-        return max((r.evidence for r in self.tried.values() if not r.effect.generic), default=0.0)
+    def tolerated(self) -> float:
+        """Ln of the Bayes factor for a law that is off by what its tolerance allows, in the way of a model akin to it.
 
-    @property
-    def discrepancy(self) -> Refit | None:
-        """The best discrepancy model for the unknown."""
-        return max((r for r in self.tried.values() if r.effect.generic), key=lambda r: r.evidence, default=None)
-
-    def doubt(self, first: Candidate) -> Refit | None:
-        """The discrepancy model that explains more of what the first leaves than an error of its law could."""
-        best = self.discrepancy
-        if best is None or not outdone(self.known, best.evidence, best.score.freedom):
-            return None
-        alike = [s.fall for s in self.others if s.effect.generic and akin(first, s.effect)]
-        own = FINER if first.numbers > MANY else LEFT
-        most = own if max(alike, default=0.0) >= best.fall or akin(first, best.effect) else ASTRAY
-        return best if best.fall > most * max(first.delta_chi2, 1.0) else None
+        Each of those models, and a law that is exact, are as probable before.
+        """
+        energy, variance = POLICY.tolerance**2 * self.refit.fall, self.bench.scorer.variance
+        akins = [s for s in self.table if s.effect.generic and akin(self.refit.effect, s.effect)]
+        return mixture([0.0, *(s.tolerated(variance, energy) for s in akins)])
 
 
-def both_known(
-    bench: Bench, first: Candidate, discrepancy: Candidate, tried: Mapping[str, Refit], asked: Asked
-) -> Beside | None:
-    """What shows beside a known effect where the two explain more than a discrepancy model; else None.
+def akin(effect: Effect, discrepancy: Effect) -> bool:
+    """Whether a discrepancy model is of an effect's stage or family, and so absorbs an error of its law.
 
-    Laws about as flexible as the discrepancy model can explain part of anything and do not count.
+    >>> from solver.catalogue.catalogue import built_in
+    >>> known = built_in()
+    >>> [akin(known["lowpass"], known[name]) for name in ("generic_neighbors", "generic_kernel", "generic_road")]
+    [True, True, False]
     """
-    winner, most = tried.get(first.effect), max(MANY, discrepancy.numbers / 2)
-    if winner is None or winner.pushed or first.numbers > most or first.evidence < HALF * discrepancy.evidence:
-        return None
-    beside = Beside.of(bench, first, winner, asked)
-    strict = [r.evidence for r in beside.tried.values() if not r.effect.generic and r.score.freedom <= most]
-    more = first.evidence + max(strict, default=0.0) >= discrepancy.evidence + CLOSE
-    return beside if more and beside.doubt(first) is None else None
+    return discrepancy.stage == effect.stage or not set(discrepancy.families).isdisjoint(effect.families)
 
 
-def outdone(known: float, discrepancy: float, numbers: int) -> bool:
-    """Whether a discrepancy model of so many numbers explains more, by its evidence, than the best known effect can."""
-    return known + CLOSE < (STRICTER if numbers > FEW else AS_STRICT) * discrepancy
+def shown(table: Sequence[Score]) -> list[Score]:
+    """Scores of what showed."""
+    return [s for s in table if s.evidence > POLICY.found]
 
 
-def akin(first: Candidate, discrepancy: Effect) -> bool:
-    """Whether a discrepancy model is of the first candidate's stage or family, and so absorbs an error of its law."""
-    return discrepancy.stage == first.stage or of_family(first, discrepancy)
-
-
-def of_family(first: Candidate, discrepancy: Effect) -> bool:
-    """Whether a discrepancy model absorbs errors of the laws of the first candidate's family."""
-    return not set(discrepancy.families).isdisjoint(first.families)
+def beyond(scorer: Scorer, first: Score, others: Sequence[Score]) -> list[Score]:
+    """Of some scores those whose signals the residual still holds once that of a first one is taken out of it."""
+    rest = [one for one in others if one.effect.name != first.effect.name]
+    signals = torch.stack([first.signal, *(one.signal for one in rest)], 1)
+    left = scorer.project([Windowed.of(signals, scorer.fit.data.shape[1])])[0]
+    own, score = left.information.diagonal(), left.score
+    along = left.information[0] / own[0].clamp_min(1e-300)
+    falls = (score - along * score[0]).square() / (own - along * left.information[0]).clamp_min(1e-12 * own)
+    least = 2 * POLICY.found * scorer.variance
+    return [one for one, fall in zip(rest, falls[1:].tolist(), strict=True) if fall > least]
 
 
 def suspects(table: Sequence[Score], effects: Sequence[Effect]) -> list[Effect]:
-    """Effects that may be missing too: those that showed, and the discrepancy models for the unknown."""
-    shown = {s.effect.name for s in table if s.evidence > FOUND}
-    return [one for one in effects if one.name in shown or one.generic]
+    """Effects that may be missing too: those of a table, and the discrepancy models for the unknown."""
+    names = {s.effect.name for s in table}
+    return [one for one in effects if one.name in names or one.generic]

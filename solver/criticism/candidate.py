@@ -9,13 +9,12 @@ from scipy.stats import chi2 as chi2_law
 
 from solver.catalogue.catalogue import FAULTS
 from solver.catalogue.plain_words import Told
+from solver.criticism.marginal import fault_evidence
+from solver.criticism.policy import POLICY
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import Fault
-from solver.criticism.score import FOUND, Score, evidence
+from solver.criticism.score import Score
 from solver.effect import Effect, Parameter
-
-#: Share of its plausible size below which an effect is negligible even if present.
-NEGLIGIBLE = 0.1
 
 
 @dataclass(frozen=True)
@@ -42,6 +41,7 @@ class Candidate:
     refitted : whether it was fitted in full
     families : of effects that surveys often cannot tell apart, those it belongs to
     route_change : largest way, m, that it moves the route where it is ignored; None where that was not computed
+    probability : that it is missing; of a discrepancy model, that something unknown acts that is most like it
     told : the same for people, see `solver.catalogue.plain_words`; None until a diagnosis is whole
     """
 
@@ -65,6 +65,7 @@ class Candidate:
     refitted: bool = False
     families: tuple[str, ...] = ()
     route_change: float | None = None
+    probability: float = 0.0
     told: Told | None = None
 
     @property
@@ -73,11 +74,11 @@ class Candidate:
         return self.effect if self.told is None else self.told.title
 
 
-def fault_candidate(fault: Fault) -> Candidate:
-    """The finding on a fault of the survey."""
-    strength = evidence(fault.fall, fault.freedom, fault.trials)
-    least = NEGLIGIBLE * FAULTS[fault.name].plausible[0]
-    found = strength > FOUND and (fault.name != "unseen_vehicle" or fault.estimate > max(5 * fault.sigma, least))
+def fault_candidate(fault: Fault, variance: float) -> Candidate:
+    """The finding on a fault of the survey, where noise counts as of some variance."""
+    strength = fault_evidence(fault.fall / variance, fault.freedom, fault.trials)
+    least = POLICY.negligible * FAULTS[fault.name].plausible[0]
+    found = strength > POLICY.found and (fault.name != "unseen_vehicle" or fault.estimate > max(5 * fault.sigma, least))
     return Candidate(
         effect=fault.name,
         stage=fault.stage,
@@ -139,10 +140,10 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
     sigma = predicted if tried is None else float(np.median(tried.sigma[alike]))
     strength = score.evidence if tried is None else tried.evidence
     # Where the fit absorbs an effect entirely, no size of it would show.
-    detectable = 5 * predicted if predicted < 1e3 * parameter.plausible else float("inf")
-    if strength > FOUND and abs(estimate) < NEGLIGIBLE * parameter.plausible:
+    detectable = 5 * predicted * score.variance**0.5 if predicted < 1e3 * parameter.plausible else float("inf")
+    if strength > POLICY.found and abs(estimate) < POLICY.negligible * parameter.plausible:
         verdict = "negligible"
-    elif strength > FOUND:
+    elif strength > POLICY.found:
         verdict = "inconclusive" if tried is not None and tried.lone else "present"
     elif detectable > 3 * parameter.plausible:
         verdict = "inconclusive"

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from solver.criticism.candidate import Candidate
-from solver.criticism.score import FOUND
+from solver.criticism.policy import POLICY
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
@@ -24,7 +24,7 @@ from vision.contract.drawing import canvas, coarse, color_map, color_scale, plac
 from vision.contract.figures import INK, MUTED, data_uri, png_bytes, styled, svg
 
 if TYPE_CHECKING:
-    from solver.criticism.diagnosis import Diagnosis
+    from solver.criticism.finding import Diagnosis
 
 #: Explanations that are drawn at most, known and unknown ones.
 KNOWN, UNKNOWN = 6, 3
@@ -54,9 +54,9 @@ def support_figure(listed: Sequence[Candidate]) -> Figure:
         text = f" {c.delta_chi2:,.0f}" + ("" if c.refitted else " (predicted)")
         axes.text(c.delta_chi2, at, text, va="center", color=INK)
     axes.text(0, len(shown), " 0", va="center", color=INK)
-    axes.axvline(2 * FOUND, color=MUTED, linewidth=0.8, ls=(0, (4, 3)))
+    axes.axvline(2 * POLICY.found, color=MUTED, linewidth=0.8, ls=(0, (4, 3)))
     axes.set_yticks(range(len(shown) + 1), [*(c.title for c in shown), "Nothing is missing"], parse_math=False)
-    axes.set(xlim=(0, 1.12 * max(most, 4 * FOUND)), ylim=(len(shown) + 0.5, -0.5))
+    axes.set(xlim=(0, 1.12 * max(most, 4 * POLICY.found)), ylim=(len(shown) + 0.5, -0.5))
     axes.set_xlabel("misfit that it takes away (fall of chi²); left of the broken line it may be chance")
     return figure
 

@@ -17,7 +17,7 @@ from solver.run.strict_json import strict
 from vision.contract import InputError, writing_into
 
 if TYPE_CHECKING:
-    from solver.criticism.diagnosis import Diagnosis
+    from solver.criticism.finding import Diagnosis
 
 DIAGNOSIS = "diagnosis.json"
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis_figures import before_after, route_section, signatures, support_figure, wave_section
 from solver.criticism.plain_verdict import details, headline, hidden_change, least_words, size_words, titles
-from solver.criticism.score import FOUND
+from solver.criticism.policy import POLICY
+from solver.criticism.probability_figure import probability_figure
 from solver.criticism.verdict_words import left_open
 from solver.run.report.ladder_page import ladder_body
 from solver.run.report.parts import next_section, page
@@ -17,7 +18,7 @@ from solver.run.rung import Rung
 from vision.contract.figures import svg
 
 if TYPE_CHECKING:
-    from solver.criticism.diagnosis import Diagnosis
+    from solver.criticism.finding import Diagnosis
 
 VERDICTS = {
     "adequate": "The model is adequate",
@@ -77,7 +78,7 @@ def table(candidates: Sequence[Candidate], pictures: Mapping[str, str] | None = 
 
 def power_table(candidates: Sequence[Candidate]) -> str:
     """What the survey would have shown of effects that did not show."""
-    absent = [c for c in candidates if c.verdict != "present" and c.evidence <= FOUND and not c.generic]
+    absent = [c for c in candidates if c.verdict != "present" and c.evidence <= POLICY.found and not c.generic]
     cells = [
         f"<tr><td>{escape(c.title)}</td><td>{c.verdict}</td><td>{escape(least_words(c)) or 'none'}</td>"
         f"<td>{distance(hidden_change(c))}</td></tr>"
@@ -134,6 +135,12 @@ def diagnosis_body(diagnosis: "Diagnosis", run: Run | None = None) -> str:
     title = diagnosis.candidates[0].title if diagnosis.candidates else ""
     shown = "" if pair is None else wave_section(pair, title) + route_section(pair, moved)
     pictures = {} if pair is None else signatures(pair, diagnosis)
+    bars = svg(probability_figure(diagnosis.explanations, diagnosis.candidates)) if diagnosis.explanations else ""
+    probable = (
+        "<section><h2>How probable each explanation is</h2><p>All of them together hold 100 %. Each effect is weighed "
+        "with a law that may be off by some percent and a size that may be as large as is plausible; gray are nothing "
+        f"that would show and something that the catalogue does not know.</p>{bars}</section>"
+    )
     support = (
         "<section><h2>What supports which explanation</h2><p>Orange is the one that the verdict names, blue are other "
         "known effects, each alone in the model and everything fitted again; gray stands for something unknown, which "
@@ -141,7 +148,7 @@ def diagnosis_body(diagnosis: "Diagnosis", run: Run | None = None) -> str:
         f"known of their laws and sizes.</p>{svg(support_figure(diagnosis.candidates))}</section>"
     )
     effects = f"<section><h2>Candidates</h2>{table(diagnosis.candidates, pictures)}</section>"
-    return support + shown + effects
+    return (probable if bars else "") + support + shown + effects
 
 
 def lead(diagnosis: "Diagnosis", name: str) -> str:

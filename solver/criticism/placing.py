@@ -3,14 +3,10 @@
 import torch
 
 from solver.criticism.audit import NoiseAudit
+from solver.criticism.policy import POLICY
 from solver.criticism.score import outcome
 from solver.criticism.scorer import Scorer
 from solver.effect import Discrepancy, Effect
-
-#: Correlation of the noise of neighboring channels above which it was mixed after it was read.
-SHARED = 0.1
-#: How much more of chi2 must fall with the same profile along the fiber than with the same along travel.
-FIXED = 1.2
 
 
 def stage_of(discrepancy: Effect, scorer: Scorer, check: NoiseAudit) -> str:
@@ -26,12 +22,27 @@ def stage_of(discrepancy: Effect, scorer: Scorer, check: NoiseAudit) -> str:
     check : of the noise
     """
     model, across = discrepancy.discrepancy or Discrepancy(), scorer.fit.problem.law.across
-    mixed = model.mixes and len(across) > 1 and abs(across[1]) > SHARED
+    mixed = model.mixes and len(across) > 1 and abs(across[1]) > POLICY.shared
     if mixed or (model.levels and check.leveled):
         return "processing"
     if model.before_and_behind and fixed_to_fiber(discrepancy, scorer):
         return "interrogator"
-    return model.stage or discrepancy.stage
+    return declared_stage(discrepancy)
+
+
+def declared_stage(discrepancy: Effect) -> str:
+    """Stage at which what a discrepancy model stands for acts by its declaration.
+
+    >>> from solver.catalogue.catalogue import built_in
+    >>> declared_stage(built_in()["generic_train"])
+    'load'
+    """
+    return (discrepancy.discrepancy or Discrepancy()).stage or discrepancy.stage
+
+
+def levels(discrepancy: Effect) -> bool:
+    """Whether a discrepancy model changes how strongly all channels are read."""
+    return discrepancy.discrepancy is not None and discrepancy.discrepancy.levels
 
 
 def fixed_to_fiber(discrepancy: Effect, scorer: Scorer) -> bool:
@@ -44,5 +55,7 @@ def fixed_to_fiber(discrepancy: Effect, scorer: Scorer) -> bool:
     along_travel = torch.block_diag(*(torch.ones(count, 1, dtype=torch.float64) for count in counts))
     number = torch.arange(sum(counts)).reshape(len(counts), -1)
     turned = torch.where(back, number.roll(len(counts) // 2, 0), number)
-    one, other = (outcome(projected.combined(mix), None)[0] for mix in (along_travel, along_travel[turned.flatten()]))
-    return other > FIXED * one
+    size = torch.ones(len(counts), dtype=torch.float64)
+    mixes = along_travel, along_travel[turned.flatten()]
+    one, other = (outcome(projected.combined(mix), None, size).fall for mix in mixes)
+    return other > POLICY.fixed * one

@@ -13,7 +13,7 @@ from solver.effect import Effect, Setting
 from solver.fit.problem import Problem
 
 if TYPE_CHECKING:
-    from solver.criticism.diagnosis import Diagnosis
+    from solver.criticism.finding import Diagnosis
 
 
 def setting_of(problem: Problem) -> Setting:

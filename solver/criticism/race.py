@@ -7,8 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from solver.criticism.policy import POLICY
 from solver.criticism.refit import Refit, counted, largest_share, loss, with_effect
-from solver.criticism.score import FOUND, Score
+from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
 from solver.criticism.side_by_side import side_by_side
 from solver.effect import Effect, Fitted
@@ -19,14 +20,6 @@ from solver.signal_path.traffic import Vehicles
 
 #: Steps of each round of the race, of the first one from far away, and rounds.
 PACE, FAR_PACE, ROUNDS = 2, 3, 12
-#: ln of the Bayes factor beyond which one pass may speak for all, as the heaviest vehicle alone may clip.
-CLEAR = 36.0
-#: Share of the leader's evidence that one must have, or may hope for, to go on.
-STAY = 0.75
-#: Shifts of the tracks, times what was expected, that a delay may be behind.
-SHIFTED = 1.0
-#: Share of the best one's evidence that an effect must have to start with unshifted tracks.
-LATE = 0.25
 #: What is raised where steps led to where the model has no numbers: who gets there stops, and the rest goes on.
 UNSOLVED = (ValueError, np.linalg.LinAlgError, torch.linalg.LinAlgError)
 
@@ -82,15 +75,16 @@ def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
     """
     few = [one for one in effects if not one.generic and all(p.scope == "one" for p in one.amplitudes)]
     along = scorer.state.vehicles.along
-    if along.square().mean().sqrt() < SHIFTED * scorer.fit.problem.prior.along:
+    if along.square().mean().sqrt() < POLICY.shifted * scorer.fit.problem.prior.along:
         return []
     fit, state = scorer.fit, scorer.state
     # Vehicles half a wavelength off would get no amplitude at all, so they keep that of the fit.
     fresh = replace(Vehicles.of(fit.problem.passes), amplitude=state.vehicles.amplitude)
-    alone = Scorer(fit, replace(fit.start_at(state.coefficients, state.poisson_ratio), vehicles=fresh), alone=True)
+    start = replace(fit.start_at(state.coefficients, state.poisson_ratio), vehicles=fresh)
+    alone = Scorer(fit, start, alone=True, variance=scorer.variance)
     found = score_all(alone, few)
     most = max((one.evidence for one in found), default=0.0)
-    return [(alone, score) for score in found if score.evidence > LATE * most]
+    return [(alone, score) for score in found if score.evidence > POLICY.late * most]
 
 
 def elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
@@ -116,9 +110,10 @@ def started_elsewhere(scorer: Scorer, effect: Effect) -> tuple[Scorer, Score] | 
         begun = fit.start_at(torch.from_numpy(fit.basis.interpolate(distance, start.route(distance))), nu)
     counts, numbers = tuple(len(one) for one in start.numbers), np.concatenate(start.numbers)
     # A score in form only: nothing is predicted.
+    at = Scorer(fit, begun, alone=True, variance=scorer.variance)
     signal, sigma = torch.zeros(fit.measured.numel(), dtype=torch.float64), np.ones(len(numbers))
-    score = Score(effect, dict(start.shape), False, 0.0, len(numbers), 1, counts, numbers, sigma, 1.0, signal)
-    return Scorer(fit, begun, alone=True), score
+    told = counts, numbers, sigma, 1.0, signal, at.spectrum(effect, dict(start.shape)), at.variance
+    return at, Score(effect, dict(start.shape), False, 0.0, len(numbers), 1, *told)
 
 
 def race(
@@ -165,13 +160,13 @@ def race(
     begun = zip(starts, side_by_side(begin, starts, advance), strict=True)
     running = [Refit(score, fits[score.effect.name], *end) for (_, score), end in begun if end is not None]
     for _ in range(ROUNDS - 1):
-        least = STAY * max((one.evidence for one in running), default=0.0)
+        least = POLICY.stay * max((one.evidence for one in running), default=0.0)
         unended = [n for n, one in enumerate(running) if not one.solution.converged]
         going = [n for n in unended if n == 0 or running[n].hoped > least]
         for n, (end, fall) in zip(going, side_by_side(onward, [running[n] for n in going]), strict=True):
             running[n] = replace(running[n], solution=end, fall=fall)
-    near = STAY * max((one.evidence for one in running), default=0.0)
-    again = [one for one in running if one.single and one.evidence > max(near, FOUND)]
+    near = POLICY.stay * max((one.evidence for one in running), default=0.0)
+    again = [one for one in running if one.single and one.evidence > max(near, POLICY.found)]
     ends = side_by_side(lambda one: run(one.fit, one.farther(weights), PACE * ROUNDS), again)
     running += [replace(one, solution=end[0], fall=end[1]) for one, end in zip(again, ends, strict=True) if end]
     best: dict[str, Refit] = {}
@@ -185,6 +180,6 @@ def race(
 def rests_on_one(scorer: Scorer, refit: Refit, counts: Tensor) -> bool:
     """Whether little is left of an effect's evidence, where there is not much, without the pass that gains most."""
     alike = all(p.scope == "one" for p in refit.effect.amplitudes)
-    if not alike or not FOUND < refit.evidence < CLEAR:
+    if not alike or not POLICY.found < refit.evidence < POLICY.lone:
         return False
-    return refit.standing(-largest_share(scorer, refit, counts)) < FOUND / 2
+    return refit.standing(-largest_share(scorer, refit, counts)) < POLICY.found / 2

@@ -8,7 +8,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.criticism.score import Score, evidence
+from solver.criticism.policy import POLICY
+from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
 from solver.effect import Effect, Parameter
 from solver.fit.chain import Chain
@@ -20,12 +21,8 @@ from solver.fit.robust import HUBER
 from solver.fit.state import Linearized, State, Weights
 from solver.signal_path.extension import Slot
 
-#: Times the fall that the next step predicts which a fit may still hope for.
-HOPE = 2.0
 #: Times its size from where a known effect of one number is fitted a second time.
 FARTHER = 2.0
-#: Root mean square of numbers, in standard deviations of their prior, that is none of its draws any more.
-EXTREME = 3.0
 
 
 def counted(fit: MapFit, at: Linearized) -> Tensor:
@@ -89,13 +86,27 @@ class Refit:
         return self.standing(0.0)
 
     @property
+    def told(self) -> float:
+        """That evidence, none where one pass alone speaks."""
+        return min(self.evidence, 0.0) if self.lone else self.evidence
+
+    @property
     def hoped(self) -> float:
         """The evidence that it may still come to."""
-        return self.standing(0.0 if self.solution.converged else HOPE * self.solution.at.open.decrement**2)
+        return self.standing(0.0 if self.solution.converged else POLICY.hope * self.solution.at.open.decrement**2)
 
     def standing(self, more: float) -> float:
-        """Evidence if the misfit fell by more."""
-        return evidence(self.fall + more, self.score.freedom, self.score.trials)
+        """Evidence if the misfit fell by more; what the numbers' own prior asks is no matter of the noise."""
+        variance = self.score.variance
+        gain = (self.fall + more + self.paid) / variance - self.paid
+        return gain / 2 - self.score.spectrum.told(variance) - float(np.log(self.score.trials))
+
+    @cached_property
+    def paid(self) -> float:
+        """Squares of the numbers, in plausible sizes: what they pay to their prior."""
+        slots = [slot for slot in self.slots if not slot.parameter.is_shape]
+        away = ((self.numbers(slot) - slot.parameter.null) / slot.parameter.plausible for slot in slots)
+        return float(sum((one**2).sum() for one in away))
 
     @property
     def estimate(self) -> NDArray[np.float64]:
@@ -152,7 +163,7 @@ class Refit:
 def too_large(parameter: Parameter, size: NDArray[np.float64]) -> bool:
     """Whether many numbers without bounds are together of a size that their prior rules out."""
     bounded = np.isfinite(parameter.lower) or np.isfinite(parameter.upper)
-    return not bounded and float(np.sqrt(np.mean((size - parameter.null) ** 2))) > EXTREME * parameter.plausible
+    return not bounded and float(np.sqrt(np.mean((size - parameter.null) ** 2))) > POLICY.extreme * parameter.plausible
 
 
 def as_located(problem: Problem) -> Problem:

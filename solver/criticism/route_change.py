@@ -15,7 +15,7 @@ from solver.fit.state import State
 from solver.run.run import Run
 
 if TYPE_CHECKING:
-    from solver.criticism.diagnosis import Diagnosis
+    from solver.criticism.finding import Diagnosis
 
 
 def route_of(fit: MapFit, state: State, channel: NDArray[np.int64] | None = None) -> NDArray[np.float64]:

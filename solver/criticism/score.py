@@ -7,36 +7,25 @@ Philos. Soc. 44, 50; the projection is that of Neyman 1959, C(alpha) tests).
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from solver.criticism.marginal import Spectrum
 from solver.effect import Effect
 
 Array = NDArray[np.float64]
 
-#: Prior odds of an effect's size: g of the g-prior (Zellner 1986), see CRITICISM: about 30 for effects worth naming.
-G = 30.0
-#: ln of the Bayes factor above which an effect counts as found: noise that is not quite as estimated may reach 8.
-FOUND = 12.0
 #: A direction of which less than this share of its variance is left by the fit cannot be told from the route.
 INVISIBLE = 1e-6
 #: Directions that change less than this share of what the strongest of an effect changes, squared, are not looked at.
 SILENT = 1e-12
 #: Standard deviations of chi2 from its mean at which a fall is more than noise.
 NOTED = 4.0
-
-
-def evidence(fall: float, freedom: int, trials: int) -> float:
-    """Ln of the Bayes factor for a fall of chi2 by so many numbers (g-prior), less the ln of the shapes tried.
-
-    >>> round(evidence(20.0, 1, 1), 2), round(evidence(20.0, 1, 10), 2)
-    (7.96, 5.66)
-    """
-    return float(G / (2 * (1 + G)) * fall - freedom / 2 * np.log1p(G) - np.log(trials))
 
 
 @dataclass(frozen=True)
@@ -55,6 +44,8 @@ class Score:
     estimate, sigma : [number], those of passes that share one the same; sigma is nan where a number changes nothing
     retained : share of the effect's signal that the fit leaves visible
     signal : [sample * channel + anchor], whitened, what the estimate would change
+    spectrum : what the fit leaves of plausible sizes
+    variance : that the noise counts as, as the base model is not exact
     """
 
     effect: Effect
@@ -68,11 +59,17 @@ class Score:
     sigma: Array
     retained: float
     signal: Tensor
+    spectrum: Spectrum
+    variance: float
 
     @property
     def evidence(self) -> float:
-        """Ln of the Bayes factor against the model without the effect (g-prior), less the ln of shapes tried."""
-        return evidence(self.fall, self.freedom, self.trials)
+        """Ln of the Bayes factor against the model without the effect, less the ln of shapes tried."""
+        return self.spectrum.evidence(self.variance) - float(np.log(self.trials))
+
+    def tolerated(self, variance: float, energy: float) -> float:
+        """Ln of the Bayes factor for a discrepancy of so much energy in its directions, less the ln of shapes tried."""
+        return self.spectrum.tolerated(variance, energy) - float(np.log(self.trials))
 
     @property
     def beyond_noise(self) -> bool:
@@ -112,8 +109,27 @@ def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]
         yield True, torch.block_diag(*(torch.ones(count, 1, dtype=torch.float64) for count in counts))
 
 
-def outcome(projected: Projected, sign: int | None) -> tuple[float, int, Array, Array, float]:
-    """Fall, freedom, estimate and sigma [number], and retained share; `sign` is what a single number must have."""
+class Outcome(NamedTuple):
+    """What a score test finds.
+
+    Parameters
+    ----------
+    fall, freedom : of chi2, by how many numbers
+    estimate, sigma : [number]
+    retained : share of the signal that the fit leaves visible
+    spectrum : what is left of plausible sizes
+    """
+
+    fall: float
+    freedom: int
+    estimate: Array
+    sigma: Array
+    retained: float
+    spectrum: Spectrum
+
+
+def outcome(projected: Projected, sign: int | None, size: Tensor) -> Outcome:
+    """The score test of numbers of plausible `size` [number]; `sign` is what a single number must have."""
     # A parameter to which nothing is sensitive gets no estimate, rather than a huge one.
     scale = projected.gram.diagonal().clamp_min(projected.least).sqrt()
     values, vectors = torch.linalg.eigh(projected.information / scale[:, None] / scale)
@@ -122,11 +138,12 @@ def outcome(projected: Projected, sign: int | None) -> tuple[float, int, Array, 
     fall = float(((scaled.T @ projected.score).square() / values[keep]).sum())
     inverse = scaled / values[keep] @ scaled.T
     estimate = inverse @ projected.score
+    spectrum = Spectrum.of(projected.information, projected.score, size)
     if sign is not None and float(estimate[0]) * sign < 0:
-        fall = 0.0
+        fall, spectrum = 0.0, replace(spectrum, along=0 * spectrum.along)
     sigma = inverse.diagonal().clamp_min(0).sqrt()
     retained = float((values[keep].sum() / len(values)).clamp(max=1))
-    return fall, int(keep.sum()), estimate.numpy(), sigma.numpy(), retained
+    return Outcome(fall, int(keep.sum()), estimate.numpy(), sigma.numpy(), retained, spectrum)
 
 
 def one_sided(effect: Effect, numbers: int) -> int | None:

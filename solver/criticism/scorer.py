@@ -11,7 +11,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from solver.criticism.score import FOUND, Projected, Score, mixes, one_sided, outcome
+from solver.criticism.marginal import Spectrum
+from solver.criticism.policy import POLICY
+from solver.criticism.score import Outcome, Projected, Score, mixes, one_sided, outcome
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.windowed import Windowed
 from solver.effect import Effect, Heard
@@ -67,9 +69,10 @@ class Scorer:
     fit : the fit
     state : where it converged
     alone : hold all that was fitted, wherever the state is
+    variance : that the noise counts as in directions that effects may take, where it is known from another fit
     """
 
-    def __init__(self, fit: MapFit, state: State, alone: bool = False):
+    def __init__(self, fit: MapFit, state: State, alone: bool = False, variance: float | None = None):
         self.fit, self.state, self.alone = fit, state, alone
         self.at: Linearized = fit.linearized(state)
         matrix, right = Chain.single(fit).dense(state, [self.at])
@@ -90,7 +93,13 @@ class Scorer:
             self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
             matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
         self.factor = factor_of(matrix)
+        #: What the noise's variance counts as in directions that effects may take: the base model is not exact.
+        self.variance = self._inexact() if variance is None else variance
         self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
+
+    def _inexact(self) -> float:
+        signal = self._white(self.at.model[..., None])
+        return 1 + POLICY.inexact**2 * float(signal.square().sum())
 
     def slow_errors(self) -> tuple[Windowed, list[int]]:
         """Directions of the tracks' slow errors, as `columns` gives them."""
@@ -174,6 +183,13 @@ class Scorer:
         white = Windowed.through((model - self.at.model)[None], self._white, self.fit.whiten.memory)
         return white.above(self._below(anchors))
 
+    def spectrum(self, effect: Effect, shape: dict[str, float]) -> Spectrum:
+        """What the fit leaves of each of an effect's numbers, of one shape."""
+        extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
+        made = Made(shape, *self.columns(effect, shape, extension))
+        each = torch.eye(sum(made.counts), dtype=torch.float64)
+        return outcome(self.project([made.columns])[0], None, sizes_of(effect, made, each)).spectrum
+
     def scores(self, effect: Effect) -> Iterator[Score]:
         """The best shape of an effect, with separate and with shared numbers of passes."""
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
@@ -203,13 +219,27 @@ class Scorer:
         for one, projected in zip(made, self.project([one.columns for one in made]), strict=True):
             heard = projected.gram.diagonal().numpy() > projected.least
             for shared, mix in mixes(effect, one.counts):
-                sign = one_sided(effect, mix.shape[1])
-                fall, freedom, estimate, sigma, retained = outcome(projected.combined(mix), sign)
+                found = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]), sizes_of(effect, one, mix))
                 of = mix.argmax(1).numpy()
-                estimate, sigma = estimate[of], np.where(heard, sigma[of], np.nan)
+                estimate, sigma = found.estimate[of], np.where(heard, found.sigma[of], np.nan)
                 signal = one.columns.times(torch.from_numpy(estimate))
-                told = tuple(one.counts), estimate, sigma
-                yield Score(effect, one.shape, shared, fall, freedom, trials, *told, retained, signal)
+                found = found._replace(estimate=estimate, sigma=sigma)
+                yield self._score(effect, found, one.shape, shared, tuple(one.counts), trials, signal)
+
+    def _score(
+        self,
+        effect: Effect,
+        found: Outcome,
+        shape: dict[str, float],
+        shared: bool,
+        counts: tuple[int, ...],
+        trials: int,
+        signal: Tensor,
+    ) -> Score:
+        numbers = counts, found.estimate, found.sigma, found.retained
+        return Score(
+            effect, shape, shared, found.fall, found.freedom, trials, *numbers, signal, found.spectrum, self.variance
+        )
 
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
         """A better shape near that of a score, by steps along each of its numbers, from half the grid's on."""
@@ -241,11 +271,12 @@ class Scorer:
             if numbers[where] == p.null:
                 continue
             column = self._changed(self.model(extension, numbers), self._anchor_change(extension, base, numbers))
-            fall, freedom, estimate, sigma, retained = outcome(self.project([column])[0], 1)
-            if fall > score.fall:
-                signal, step = column.times(torch.from_numpy(estimate)), float(numbers[where] - p.null)
-                numbered = score.counts, step * estimate, abs(step) * sigma
-                score = Score(effect, score.shape, False, fall, freedom, score.trials, *numbered, retained, signal)
+            step = float(numbers[where] - p.null)
+            found = outcome(self.project([column])[0], 1, torch.tensor([p.plausible / abs(step)]).double())
+            if found.fall > score.fall:
+                signal = column.times(torch.from_numpy(found.estimate))
+                found = found._replace(estimate=step * found.estimate, sigma=abs(step) * found.sigma)
+                score = self._score(effect, found, score.shape, False, score.counts, score.trials, signal)
         return score
 
     def _anchor_change(self, extension: Extension, base: Tensor, numbers: Tensor) -> Tensor:
@@ -340,10 +371,17 @@ def score_all(
 
     found = side_by_side(best, effects, advance)
     table = [Score(effect, **one) for effect, one in zip(effects, found, strict=True) if one is not None]
-    if any(s.evidence > FOUND for s in table):
+    if any(s.evidence > POLICY.found for s in table):
         reached = side_by_side(lambda score: figures(scorer.reaching(score)), table)
         table = [Score(score.effect, **one) for score, one in zip(table, reached, strict=True)]
     return sorted((s for s in table if s.freedom), key=lambda s: -s.evidence)
+
+
+def sizes_of(effect: Effect, made: Made, mix: Tensor) -> Tensor:
+    """Plausible sizes [combination] of an effect's numbers, combined over passes or each by itself."""
+    kinds = zip(effect.amplitudes, made.counts, strict=True)
+    sizes = torch.cat([torch.full((count,), p.plausible, dtype=torch.float64) for p, count in kinds])
+    return (sizes[:, None] * mix).max(0).values
 
 
 def figures(score: Score) -> dict[str, Any]:

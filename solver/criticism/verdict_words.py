@@ -4,8 +4,9 @@ from collections.abc import Iterable, Sequence
 
 from solver.catalogue.catalogue import family
 from solver.criticism.candidate import Candidate
+from solver.criticism.explanations import Weighed
+from solver.criticism.policy import POLICY
 from solver.criticism.repairs import Fault
-from solver.criticism.score import FOUND
 from solver.effect import Effect
 
 ADVICE = {
@@ -42,7 +43,7 @@ def missing_words(first: Candidate, left: float) -> str:
     """Verdict on a missing effect."""
     words = f"{first.effect} is missing at the {first.stage} stage; {size_words(first)}"
     words += f"; adding it lowers chi2 by {first.delta_chi2:.0f}"
-    if left > FOUND:
+    if left > POLICY.found:
         words += "; more is missing beside it: add it and diagnose again"
     return words + twin_words(first)
 
@@ -100,13 +101,35 @@ def impossible_words(first: Candidate, stage: str) -> str:
     )
 
 
-def as_well_words(first: Candidate, rival: Candidate, physics: str) -> str:
-    """Verdict where something unknown explains what is found as well as the best known effect."""
-    words = (
-        f"something shows: {first.effect} ({size_words(first)}) lowers chi2 by {first.delta_chi2:.0f}, but "
-        f"something unknown, as if {like(physics)} ({rival.effect}), explains it about as well"
+def beside_unknown_words(known: str, first: Candidate, physics: str) -> str:
+    """Verdict on something unknown of which a known effect explains a part."""
+    return (
+        f"{known} explains the most of all known effects, but leaves too much: something unknown acts at the "
+        f"{first.stage} stage, as if {like(physics)} ({first.effect})"
     )
-    return words + twin_words(first)
+
+
+def negligible_words(first: Candidate, power: str) -> str:
+    """Verdict on an effect that shows, at a size that does not matter."""
+    return f"{first.effect} shows, but is negligible: {size_words(first)}. {power}"
+
+
+def open_words(first: Candidate, among: Sequence[Weighed]) -> str:
+    """Verdict where nothing known, alone or with its twins, holds enough."""
+    shares = ", ".join(f"{explanation_words(one)} {100 * one.probability:.0f} %" for one in among)
+    words = f"something shows: {first.effect} ({size_words(first)}) lowers chi2 by {first.delta_chi2:.0f}"
+    return f"{words}, but it may be otherwise: {shares}{twin_words(first)}"
+
+
+def explanation_words(one: Weighed) -> str:
+    """What an explanation says is missing, in the commands' terms.
+
+    >>> explanation_words(Weighed("unknown", ("generic_echo",), "interrogator", 0.1))
+    'something unknown at the interrogator stage'
+    """
+    if one.kind == "unknown":
+        return f"something unknown at the {one.stage} stage"
+    return " and ".join(one.effects) or "nothing"
 
 
 def like(physics: str) -> str:

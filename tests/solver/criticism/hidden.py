@@ -7,7 +7,8 @@ from simulated import case_of
 
 from solver import simulator
 from solver.catalogue.catalogue import FAULTS, built_in
-from solver.criticism.diagnosis import Diagnosis, diagnose
+from solver.criticism.diagnosis import diagnose
+from solver.criticism.finding import Diagnosis
 from solver.fit.pose import with_slow_errors
 from solver.fit.problem import Problem
 

@@ -1,17 +1,22 @@
 """What is said of an effect by its score: present, excluded, negligible or inconclusive."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from scipy.stats import chi2
 
 from solver.catalogue.catalogue import FAULTS, built_in
-from solver.criticism.bench import RACERS, STANDING_IN, racers
+from solver.criticism.bench import racers
 from solver.criticism.candidate import fault_candidate, first_kind, idle_candidate, score_candidate
+from solver.criticism.marginal import Spectrum, fault_evidence
+from solver.criticism.policy import POLICY
 from solver.criticism.repairs import Fault
-from solver.criticism.score import FOUND, Score, evidence
+from solver.criticism.score import Score
 from solver.effect import Effect
 
+RACERS, LOOSE = POLICY.racers, POLICY.unknown_racers
 PLAIN = next(
     one
     for one in built_in().values()
@@ -24,7 +29,8 @@ def scored(size: float, sigma: float, effect: Effect = PLAIN, trials: int = 1) -
     """Score of an effect of one number, in units of its plausible size."""
     fall = (size / sigma) ** 2
     estimate, sigmas = np.array([size * PLAUSIBLE]), np.array([sigma * PLAUSIBLE])
-    return Score(effect, {}, False, fall, 1, trials, (1,), estimate, sigmas, 0.4, torch.zeros(1))
+    left = Spectrum(np.array([sigma**-2]), np.array([fall * sigma**-2]))
+    return Score(effect, {}, False, fall, 1, trials, (1,), estimate, sigmas, 0.4, torch.zeros(1), left, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +56,7 @@ def test_the_verdict_follows_from_size_and_what_would_have_shown(size, sigma, ve
 def test_the_p_value_pays_for_the_shapes_tried(trials):
     found = score_candidate(scored(1.0, 0.25, trials=trials), None)
     assert found.p_value == pytest.approx(trials * chi2.sf(16.0, 1))
-    assert found.evidence == pytest.approx(evidence(16.0, 1, trials))
+    assert found.evidence == pytest.approx(16 / 17 * 16 / 2 - np.log(17) / 2 - np.log(trials))
     assert score_candidate(scored(0.0, 1.0, trials=trials), None).p_value == 1.0
 
 
@@ -63,6 +69,7 @@ def test_of_many_numbers_alike_the_root_mean_square_is_reported():
     score = Score(
         one, {}, False, 900.0, 2, 1, (3, *(1 for _ in more)),
         np.append(values, more), np.append(sigmas, np.full(len(more), np.nan)), 1.0, torch.zeros(1),
+        Spectrum(np.ones(2), np.full(2, 900.0)), 1.0,
     )  # fmt: skip
     parameter, alike = first_kind(score)
     assert parameter is one.amplitudes[0] and alike.tolist()[:3] == [True, True, False] and not alike[3:].any()
@@ -90,20 +97,28 @@ def fault(name: str, fall: float, estimate: float, sigma: float) -> Fault:
     ],
 )
 def test_a_fault_is_present_by_its_evidence_and_a_vehicle_by_its_size_too(name, fall, estimate, verdict):
-    found = fault_candidate(fault(name, fall, estimate, 0.05))
+    found = fault_candidate(fault(name, 2 * fall, estimate, 0.05), 2.0)
     assert found.verdict == verdict and found.effect == name and not found.generic
-    assert found.evidence == pytest.approx(evidence(fall, 4, 100)) and found.detectable_size == 0.3
-    assert (found.evidence > FOUND) or verdict == "excluded"
+    assert found.evidence == pytest.approx(fault_evidence(fall, 4, 100)) and found.detectable_size == 0.3
+    assert (found.evidence > POLICY.found) or verdict == "excluded"
     assert set(FAULTS) >= {name}
 
 
 def test_the_best_of_both_kinds_are_fitted_in_full():
     known = [one for one in built_in().values() if not one.generic][: RACERS + 2]
-    loose = [one for one in built_in().values() if one.generic][: STANDING_IN + 1]
+    loose = [one for one in built_in().values() if one.generic][: LOOSE + 1]
     table = sorted(
         [scored(1.0, 0.1 + 0.001 * n, one) for n, one in enumerate([*known, *loose])],
         key=lambda score: -score.evidence,
     )
     chosen = racers(table)
-    assert [score.effect for score in chosen] == [*known[: RACERS - STANDING_IN], *loose[:STANDING_IN]]
+    assert [score.effect for score in chosen] == [*known[: RACERS - LOOSE], *loose[:LOOSE]]
     assert racers([scored(0.1, 1.0, one) for one in known]) == [], "what does not show is not fitted"
+
+
+def test_where_the_base_model_is_not_exact_more_must_show():
+    """What would have shown grows with the root of the variance that the noise counts as."""
+    exact = scored(1.0, 0.1)
+    sure, unsure = score_candidate(exact, None), score_candidate(replace(exact, variance=9.0), None)
+    assert unsure.detectable_size == pytest.approx(3 * sure.detectable_size)
+    assert unsure.evidence < sure.evidence

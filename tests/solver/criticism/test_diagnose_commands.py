@@ -16,7 +16,7 @@ import roadfiber as rf
 import roadfiber.command
 from solver.catalogue import plugins
 from solver.catalogue.catalogue import built_in
-from solver.criticism.score import FOUND
+from solver.criticism.policy import POLICY
 from vision.contract import InputError
 
 STREET = """
@@ -82,7 +82,7 @@ def test_a_hidden_effect_is_named_of_the_whole_catalogue(stretched: Path, tmp_pa
     assert first["told"]["title"] in page and "One vehicle, before and after" in page and 'href="report.html"' in page
     assert page.count('class="signature"') > 1 and len(page) < 8e6
     assert "gauge_length" in {first["effect"], *first["confounded_with"]}, found["words"]
-    assert first["evidence"] > FOUND and first["held_out_gain"] > 0
+    assert first["evidence"] > POLICY.found and first["held_out_gain"] > 0
     assert len(found["candidates"]) > 50
 
 

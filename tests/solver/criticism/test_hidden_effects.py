@@ -3,7 +3,7 @@
 import pytest
 from hidden import diagnosed, posed
 
-from solver.criticism.score import FOUND
+from solver.criticism.policy import POLICY
 
 IN_TIME = ("generic_time_filter", "generic_delay")
 IN_SPACE = ("generic_neighbors", "generic_kernel", "generic_softening")
@@ -17,7 +17,7 @@ HIDDEN = {
     "lowpass": ({"lowpass": 1.1}, ("time_averaging", "lowpass_zero_phase", "viscoelastic_lag", *IN_TIME)),
     "shear_lag": ({"shear_lag": 2.4}, ("pulse_width", "gauge_length", "layered_ground", *IN_SPACE)),
     "channel_wander": ({"channel_wander": 0.6}, ("channel_stretch", "slack_spool", "sloping_fiber", *IN_PLACE)),
-    "track_bias": ({"track_bias": 1.0}, ("clock_offset", "track_offset", "track_jitter", "generic_delay", *IN_PLACE)),
+    "track_bias": ({"track_bias": 2.0}, ("clock_offset", "track_offset", "track_jitter", "generic_delay", *IN_PLACE)),
     "highpass": ({"highpass": 0.1}, ("viscoelastic_lag", "maxwell_flow", "grade_drag", *IN_TIME)),
     "saturation": ({"saturation": 0.5}, ("dynamic_load", "pulse_width", "generic_load", *IN_SIZE)),
     "channel_coupling": ({"channel_coupling": 0.3}, ("stiffness_contrast", "poisson_gradient", *IN_SIZE)),
@@ -40,7 +40,7 @@ def test_a_hidden_effect_is_named_before_what_is_most_like_it(name: str) -> None
     first = found.candidates[0]
     assert found.verdict == "missing-effect", found.words
     assert right in {first.effect, *first.confounded_with}, found.words
-    assert first.evidence > FOUND
+    assert first.evidence > POLICY.found
 
 
 @pytest.mark.parametrize(("seed", "idle"), [(11, {"long_vehicle"}), (12, set())])
@@ -102,7 +102,7 @@ def test_a_vehicle_that_the_camera_missed_hides_no_other_effect() -> None:
 
 def test_a_bias_of_all_tracks_is_told_from_chance() -> None:
     rivals = ("clock_offset", "track_offset", "generic_shift", "generic_delay")
-    found = diagnosed(posed({"track_bias": 0.4}, passes=8, seed=5, end=45.0), ("track_bias", *rivals))
+    found = diagnosed(posed({"track_bias": 1.0}, passes=8, seed=5, end=45.0), ("track_bias", *rivals))
     first = found.candidates[0]
     assert found.verdict == "missing-effect", found.words
     assert "track_bias" in {first.effect, *first.confounded_with}, found.words

@@ -1,38 +1,79 @@
-"""The parts of a verdict, on tables of candidates that are given."""
+"""What a verdict says, on posteriors that are given."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from test_verdicts import ASKED, Judged, candidate, refit, shown
 
 from solver.catalogue.catalogue import built_in, family
-from solver.criticism import diagnosis
-from solver.criticism.beside import CLOSE, FEW, MANY
-from solver.criticism.diagnosis import (
-    ALIKE,
-    NEVER_ALONE,
-    RIVAL,
-    confounded,
-    held_out_gain,
-    hidden_with,
-    impossible,
-    judge,
-    leading,
-    levels,
-    order,
-    plainest,
-    steps,
-    unknown_as_well,
-)
+from solver.criticism import judging
+from solver.criticism.bench import Asked
+from solver.criticism.candidate import Candidate
+from solver.criticism.diagnosis import steps, with_fault
+from solver.criticism.explaining import Explainer, in_order
+from solver.criticism.explanations import Explanation, Posterior, Weighed
+from solver.criticism.judging import NEVER_ALONE, Weighing, held_out_gain, hidden_with, judge, leading, order
+from solver.criticism.placing import levels
+from solver.criticism.policy import POLICY
+from solver.effect import Effect
 
 KNOWN = built_in()
 EVERY = list(KNOWN.values())
+ASKED = Asked(EVERY, held_out=False, advance=lambda n: None)
 
 
-def of_numbers(name: str, strength: float, numbers: int, *, refitted: bool = True) -> Any:
-    return replace(candidate(name, strength, numbers=numbers), refitted=refitted)
+def candidate(name: str, strength: float, **changes: Any) -> Candidate:
+    one = KNOWN[name]
+    found = Candidate(
+        effect=name,
+        stage=one.stage,
+        generic=one.generic,
+        verdict="present",
+        delta_chi2=2 * strength,
+        predicted=2 * strength,
+        evidence=strength,
+        p_value=0.0,
+        estimate=1.0,
+        sigma=0.1,
+        unit="1",
+        numbers=1,
+        shape={},
+        retained_share=1.0,
+        detectable_size=0.1,
+        refitted=True,
+        families=one.families,
+    )
+    return replace(found, **changes)
+
+
+class Judged:
+    """A bench of given candidates, none of them a fault."""
+
+    def __init__(self, *, leveled: bool = False) -> None:
+        self.audit = SimpleNamespace(leveled=leveled, loud=0.3)
+        self.scorer = SimpleNamespace(stress=0.0, variance=1.0)
+        self.faults: list[Any] = []
+        self.table: list[Any] = []
+
+    def is_fault(self, one: Candidate) -> bool:
+        return False
+
+    def effect(self, one: Candidate) -> Effect:
+        return KNOWN[one.effect]
+
+
+def share(kind: str, probability: float, *effects: str, stage: str = "") -> Weighed:
+    return Weighed(kind, effects, stage or (KNOWN[effects[0]].stage if effects else ""), probability)
+
+
+def judged(
+    listed: list[Candidate], *weighed: Weighed, leveled: bool = False, pushed: tuple[str, ...] = (), **besides: Any
+) -> Any:
+    tried: Any = {c.effect: SimpleNamespace(pushed=c.effect in pushed) for c in listed if c.refitted}
+    bench: Any = Judged(leveled=leveled)
+    ranked = tuple(sorted(weighed, key=lambda one: -one.probability))
+    return judge(bench, listed, tried, ASKED, Weighing(Posterior(ranked), besides))
 
 
 def names(listed: Any) -> list[str]:
@@ -46,32 +87,10 @@ def test_one_is_put_at_the_head_and_the_rest_keep_their_order():
 
 
 def test_whatever_else_lowers_the_misfit_is_open_until_the_first_is_in_the_model():
-    listed = [
-        candidate("camber", 10.0),
-        replace(candidate("lowpass", 9.0), verdict="excluded"),
-        candidate("braking", 8),
-    ]
+    listed = [candidate("camber", 10.0), candidate("lowpass", 9.0, verdict="excluded"), candidate("braking", 8)]
     found = leading(listed, listed[2])
     assert names(found) == ["braking", "camber", "lowpass"]
     assert [one.verdict for one in found] == ["present", "inconclusive", "excluded"]
-
-
-@pytest.mark.parametrize(
-    ("many", "few", "chosen"),
-    [
-        (of_numbers("dynamic_load", 500.0, MANY + 1), of_numbers("saturation", 499.0, 1), "saturation"),
-        (of_numbers("dynamic_load", 500.0, MANY), of_numbers("saturation", 499.0, 1), "dynamic_load"),
-        (of_numbers("dynamic_load", 500.0, MANY + 1), of_numbers("saturation", 499.0, FEW + 1), "dynamic_load"),
-        (of_numbers("dynamic_load", 500.0, MANY + 1), of_numbers("saturation", 300.0, 1), "dynamic_load"),
-        (
-            of_numbers("dynamic_load", 500.0, MANY + 1),
-            of_numbers("saturation", 499.0, 1, refitted=False),
-            "dynamic_load",
-        ),
-    ],
-)
-def test_the_plainest_explanation_is_one_of_few_numbers_that_explains_nearly_as_much(many, few, chosen):
-    assert plainest([many, few]).effect == chosen
 
 
 @pytest.mark.parametrize("name", [name for name, one in KNOWN.items() if not one.generic])
@@ -89,146 +108,202 @@ def test_what_levels_all_channels_says_so(name):
     assert levels(KNOWN[name]) == (said is not None and said.levels)
 
 
-def test_some_discrepancy_model_levels():
-    assert sum(map(levels, EVERY)) >= 1, "`judge` looks for one where the noise was leveled"
-
-
 def test_steps_are_counted_for_the_progress_bar():
     assert steps(EVERY) - steps(EVERY[:-1]) == 2
-    assert steps([]) > 2 * diagnosis.RACERS
+    assert steps([]) > 2 * POLICY.racers
 
 
-@pytest.mark.parametrize(
-    ("rival", "strength", "numbers", "open_still"),
-    [
-        # Beside a strong effect: one of another kind, as strict, that explains more than its law may be off by.
-        ("generic_echo", 5001.0, 1, True),
-        ("generic_echo", 5001.0, FEW + 1, False),
-        ("generic_echo", 4800.0, 1, False),
-        # One of its own stage and family is its law's own error.
-        ("generic_kernel", 5600.0, 1, False),
-    ],
-)
-def test_beside_a_strong_effect_only_a_strict_rival_of_another_kind_counts(rival, strength, numbers, open_still):
-    first = candidate("gibson_soil", 4900.0, stage="ground")
-    assert first.evidence > diagnosis.PLAIN
-    other = candidate(rival, strength, generic=True, numbers=numbers, stage=KNOWN[rival].stage)
-    bench: Any = Judged()
-    assert unknown_as_well(first, [other], bench) is (other if open_still else None)
+LISTED = [candidate("gauge_length", 500.0), candidate("pulse_width", 480.0), candidate("generic_twin", 450.0)]
 
 
-@pytest.mark.parametrize(("more", "open_still"), [(0.1, True), (-0.1, False)])
-def test_beside_a_weak_effect_one_of_another_kind_need_only_come_close(more, open_still):
-    first = candidate("gibson_soil", 40.0, stage="ground")
-    rival = candidate("generic_echo", 40.0 - CLOSE + more, generic=True, stage="interrogator")
-    kin = candidate("generic_kernel", 40.0 + more, generic=True, stage="ground")
-    bench: Any = Judged()
-    assert (unknown_as_well(first, [rival], bench) is rival) == open_still
-    assert (unknown_as_well(first, [kin], bench) is kin) == open_still
-
-
-def scored(name: str, strength: float) -> Any:
-    return SimpleNamespace(effect=KNOWN[name], evidence=strength)
-
-
-@pytest.mark.parametrize(
-    ("alike", "rival", "told"),
-    [
-        (ALIKE + 0.01, None, True),  # the signals look alike, and it was not fitted
-        (ALIKE - 0.01, None, False),
-        (1.0, 0.99 * RIVAL, False),  # it was fitted, and explains too little
-        (0.0, 1.01 * RIVAL, True),
-    ],
-)
-def test_one_of_the_family_is_told_apart_by_its_signal_or_its_full_fit(monkeypatch, alike, rival, told):
-    monkeypatch.setattr(diagnosis, "similarity", lambda scorer, one, other: alike)
-    first = candidate("lowpass", 1000.0, stage="interrogator")
-    bench: Any = SimpleNamespace(table=[scored("lowpass", 1000.0), scored("clock_offset", 500.0)], scorer=None)
-    tried = {"lowpass": refit("lowpass", 1000.0)}
-    if rival is not None:
-        tried["clock_offset"] = refit("clock_offset", 1000.0 * rival)
-    found = confounded(bench, first, [first], tried, EVERY)
-    assert found == (("clock_offset",) if told else ())
-
-
-def test_whatever_explains_as_much_is_not_told_apart_though_of_no_family(monkeypatch):
-    monkeypatch.setattr(diagnosis, "similarity", lambda scorer, one, other: 0.0)
-    first = candidate("saturation", 1000.0, stage="interrogator")
-    listed = [
-        first,
-        of_numbers("braking", 1000.0 - CLOSE + 0.1, 1),
-        of_numbers("road_bump", 1000.0 - CLOSE - 0.1, 1),
-        of_numbers("long_vehicle", 1000.0, 1, refitted=False),
-        replace(candidate("generic_echo", 1200.0, generic=True), refitted=True),
-    ]
-    bench: Any = SimpleNamespace(table=[scored("saturation", 1000.0)], scorer=None)
-    assert confounded(bench, first, listed, {"saturation": refit("saturation", 1000.0)}, EVERY) == ("braking",)
-
-
-def test_a_discrepancy_model_alone_is_the_unknown(monkeypatch):
-    monkeypatch.setattr(diagnosis, "placed", lambda one, bench: replace(one, stage="processing"))
-    bench: Any = Judged()
-    found = judge(bench, [candidate("generic_echo", 300.0, generic=True)], {}, ASKED)
-    assert (found.verdict, found.candidates[0].stage) == ("unknown-effect", "processing")
-    assert "at the processing stage" in found.words and "nearest is" not in found.words
-
-
-def test_nothing_present_is_adequate():
-    bench: Any = Judged()
-    absent = replace(candidate("lowpass", 3.0), verdict="inconclusive")
-    found = judge(bench, [absent], {}, ASKED)
-    assert (found.verdict, found.candidates, found.separate, found.left) == ("adequate", (absent,), "", 0.0)
-    assert found.words.endswith("It could not have shown: lowpass.")
-
-
-def test_what_was_not_fitted_in_full_is_not_named():
-    bench: Any = Judged()
-    found = judge(bench, [replace(candidate("lowpass", 300.0), refitted=False)], {}, ASKED)
+def test_nothing_holds_most():
+    found = judged(
+        [candidate("lowpass", 3.0, verdict="inconclusive")], share("nothing", 0.9), share("effect", 0.1, "lowpass")
+    )
     assert found.verdict == "adequate"
+    assert found.words == "nothing is missing that this survey could show. It could not have shown: lowpass."
+    assert found.candidates[0].probability == 0.1
 
 
-def test_where_all_that_fits_is_impossible_the_best_is_the_clue():
-    listed = [candidate("track_bend", 2000.0, stage="trajectory")]
-    pushed = refit("track_bend", 2000.0)
-    pushed.pushed = True
+def test_one_effect_holds_all_but_little():
+    found = judged(LISTED, share("effect", 0.97, "gauge_length"), share("nothing", 0.03))
+    first = found.candidates[0]
+    assert (found.verdict, first.effect, first.verdict, first.confounded_with) == (
+        "missing-effect", "gauge_length", "present", ()
+    )  # fmt: skip
+    assert first.probability == 0.97
+    assert [c.verdict for c in found.candidates[1:]] == ["inconclusive", "inconclusive"]
+    assert found.words.startswith("gauge_length is missing at the interrogator stage")
+    assert found.explanations[0].effects == ("gauge_length",)
+
+
+def test_a_set_is_named_together():
+    found = judged(
+        LISTED, share("effect", 0.7, "gauge_length"), share("effect", 0.28, "pulse_width"), share("nothing", 0.02)
+    )
+    assert found.verdict == "missing-effect"
+    assert found.candidates[0].confounded_with == ("pulse_width",)
+    assert "cannot tell it from pulse_width" in found.words and found.separate
+
+
+def test_more_beside_it_is_said():
+    beside = SimpleNamespace(second=POLICY.found + 1)
+    weighed = share("two", 0.99, "gauge_length", "lowpass"), share("nothing", 0.01)
+    found = judged(LISTED, *weighed, gauge_length=beside)
+    assert "more is missing beside it" in found.words and found.left == POLICY.found + 1
+    assert "more is missing" not in judged(LISTED, *weighed).words
+
+
+def test_something_unknown_holds_most():
+    found = judged(
+        LISTED, share("unknown", 0.9, "generic_twin", stage="interrogator"), share("effect", 0.1, "gauge_length")
+    )
+    first = found.candidates[0]
+    assert (found.verdict, first.effect, first.stage) == ("unknown-effect", "generic_twin", "interrogator")
+    assert "at the interrogator stage" in found.words and "nearest is gauge_length, with 111 % of it" in found.words
+
+
+def test_something_unknown_that_a_known_effect_stands_in_for():
+    found = judged(LISTED, share("unknown", 0.9, "generic_twin", "gauge_length"), share("effect", 0.1, "gauge_length"))
+    assert found.words.startswith("gauge_length explains the most of all known effects, but leaves too much")
+
+
+def test_the_best_known_effect_at_a_size_that_cannot_be():
+    found = judged(LISTED, share("unknown", 0.9, "generic_twin", "gauge_length"), pushed=("gauge_length",))
+    assert "only at an impossible size" in found.words
+    assert {c.effect: c.verdict for c in found.candidates}["gauge_length"] == "excluded"
+
+
+def test_noise_that_is_weaker_where_vehicles_are_loud():
+    listed = [*LISTED, candidate("generic_gain", 20.0)]
+    found = judged(listed, share("unknown", 0.9, "generic_gain", stage="processing"), leveled=True)
+    assert (found.verdict, found.candidates[0].stage) == ("unknown-effect", "processing")
+    assert "30 % of the variance" in found.words
+
+
+@pytest.mark.parametrize("name", ["gauge_length", "camber"])
+def test_neither_holds_enough(name):
+    listed = [candidate(name, 20.0), candidate("generic_shift", 18.0)]
+    found = judged(listed, share("effect", 0.6, name), share("unknown", 0.3, "generic_shift"), share("nothing", 0.1))
+    assert found.verdict == "inconclusive" and found.separate
+    assert f"{name} 60 %, something unknown at the trajectory stage 30 %, nothing 10 %" in found.words
+    assert [one.verdict for one in found.candidates] == ["inconclusive", "inconclusive"]
+    assert ("poisson_ratio" in found.words) == (name == "camber"), (
+        "what the route hides is said with its twins here too"
+    )
+
+
+def test_what_shows_at_a_size_that_does_not_matter_is_not_missing():
+    listed = [candidate("road_bump", 80.0, verdict="negligible")]
+    found = judged(listed, share("effect", 0.99, "road_bump"), share("nothing", 0.01))
+    assert found.verdict == "adequate" and "road_bump shows, but is negligible" in found.words
+
+
+def test_passes_held_out_may_object(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(judging, "held_out_gain", lambda scorer, winner: -1e-6)
     bench: Any = Judged()
-    found = impossible(bench, listed[0], listed, {"track_bend": pushed})
-    assert found.verdict == "unknown-effect" and "at the trajectory stage" in found.words
-    assert [one.verdict for one in found.candidates] == ["excluded"]
+    tried: Any = {"track_scale": SimpleNamespace(pushed=False)}
+    posterior = Posterior((share("effect", 0.99, "track_scale"), share("nothing", 0.01)))
+    asked = replace(ASKED, held_out=True)
+    found = judge(bench, [candidate("track_scale", 29.0)], tried, asked, Weighing(posterior, {}))
+    assert found.verdict == "inconclusive"
+    assert found.candidates[0].confounded_with == ("track_offset", "track_rotation", "channel_stretch")
+    assert "cannot tell it from track_offset, track_rotation, channel_stretch" in found.words
+    assert "anchors" in found.separate
 
 
-@pytest.mark.parametrize(
-    ("without", "with_it", "gain"), [(1.5, 1.2, 0.3), (1.2, 1.5, -0.3), (None, 1.2, None), (1.2, None, None)]
-)
-def test_the_gain_of_passes_held_out_is_what_their_misfit_falls_by(monkeypatch, without, with_it, gain):
-    misfits = {"scorer": without, "winner": with_it}
-
-    def misfit(problem: Any, at: Any) -> Any:
-        chi2 = misfits[at[0].name]
-        assert problem == f"{at[0].name}, as located" and at[1] == f"{at[0].name} state"
-        return None if chi2 is None else SimpleNamespace(chi2_per_dof=chi2)
-
-    monkeypatch.setattr(diagnosis, "held_out_misfit", misfit)
-    monkeypatch.setattr(diagnosis, "as_located", lambda problem: f"{problem}, as located")
-    monkeypatch.setattr(diagnosis, "side_by_side", lambda function, of: list(map(function, of)))
-
-    def fit(name: str) -> Any:
-        return SimpleNamespace(name=name, problem=name)
-
-    scorer: Any = SimpleNamespace(fit=fit("scorer"), state="scorer state")
-    winner: Any = SimpleNamespace(fit=fit("winner"), solution=SimpleNamespace(state="winner state"))
-    found = held_out_gain(scorer, winner)
-    assert found == (None if gain is None else pytest.approx(gain))
+def test_the_gain_held_out_is_the_fall_of_the_misfit_and_none_where_it_was_not_tried(monkeypatch):
+    monkeypatch.setattr(judging, "as_located", lambda problem: problem)
+    scorer: Any = SimpleNamespace(fit=SimpleNamespace(problem="without"), state=None)
+    winner: Any = SimpleNamespace(fit=SimpleNamespace(problem="with"), solution=SimpleNamespace(state=None))
+    found = {"without": SimpleNamespace(chi2_per_dof=1.25), "with": SimpleNamespace(chi2_per_dof=1.05)}
+    monkeypatch.setattr(judging, "held_out_misfit", lambda problem, at: found[problem])
+    assert held_out_gain(scorer, winner) == pytest.approx(0.2)
+    monkeypatch.setattr(judging, "held_out_misfit", lambda problem, at: None)
+    assert held_out_gain(scorer, winner) is None
 
 
-def test_a_bench_finds_effects_and_faults_by_name():
-    from solver.criticism.bench import Bench
+def test_a_fault_that_was_mended_is_part_of_every_known_explanation():
+    rest = [share("nothing", 0.6), share("effect", 0.3, "lowpass"), share("unknown", 0.1, "generic_echo")]
+    found = [with_fault(one, "cycle_skips", "interrogator") for one in rest]
+    assert [(one.kind, one.effects) for one in found] == [
+        ("fault", ("cycle_skips",)), ("two", ("cycle_skips", "lowpass")), ("unknown", ("generic_echo",))
+    ]  # fmt: skip
 
-    fault = SimpleNamespace(name="cycle_skips")
-    table: Any = [shown(refit("lowpass", 10.0))]
-    table[0].effect = KNOWN["lowpass"]
-    bench = Bench(SimpleNamespace(), SimpleNamespace(), table, [KNOWN["long_vehicle"]], [fault])  # type: ignore[arg-type,list-item]
-    assert bench.effect(candidate("lowpass", 1.0)) is KNOWN["lowpass"]
-    assert bench.effect(candidate("long_vehicle", 1.0)) is KNOWN["long_vehicle"]
-    assert not bench.is_fault(candidate("lowpass", 1.0))
-    assert bench.is_fault(replace(candidate("lowpass", 1.0), effect="cycle_skips"))
+
+def explainer(
+    monkeypatch: pytest.MonkeyPatch, table: list[Any], tried: dict[str, Any], *, leveled: bool = False
+) -> Explainer:
+    bench: Any = Judged(leveled=leveled)
+    bench.table = table
+    found = Explainer(bench, tried, EVERY)
+    monkeypatch.setattr(found, "stage", lambda one: "processing" if leveled else one.stage)
+    return found
+
+
+def scored(name: str, evidence: float) -> Any:
+    return SimpleNamespace(effect=KNOWN[name], evidence=evidence)
+
+
+def fitted(name: str, told: float, *, pushed: bool = False) -> Any:
+    return SimpleNamespace(effect=KNOWN[name], told=told, evidence=told, pushed=pushed)
+
+
+def test_every_explanation_has_its_evidence(monkeypatch):
+    tried = {"gauge_length": fitted("gauge_length", 500.0), "generic_twin": fitted("generic_twin", 450.0)}
+    table = [scored("gauge_length", 400.0), scored("lowpass", 3.0), scored("generic_twin", 410.0)]
+    beside: Any = SimpleNamespace(
+        refit=tried["gauge_length"],
+        tolerated=5.0,
+        seconds=[fitted("lowpass", 30.0)],
+        table=[scored("lowpass", 20.0), scored("generic_twin", 7.0)],
+    )
+    found = explainer(monkeypatch, table, tried).all({"gauge_length": beside})
+    evidence = {(one.kind, one.effects): one.evidence for one in found}
+    assert evidence == {
+        ("nothing", ()): 0.0,
+        ("effect", ("gauge_length",)): 505.0,
+        ("effect", ("lowpass",)): 3.0,
+        ("two", ("gauge_length", "lowpass")): 530.0,
+        ("unknown", ("generic_twin", "gauge_length")): 507.0,
+        ("unknown", ("generic_twin",)): 450.0,
+    }
+    simpler = {one.effects: one.simpler for one in found}
+    assert simpler["generic_twin", "gauge_length"] == simpler["gauge_length", "lowpass"] == ("gauge_length", 505.0)
+    prior = {one.effects: one.prior for one in found}
+    assert prior["generic_twin", "gauge_length"] < prior["generic_twin",] / 10
+
+
+@pytest.mark.parametrize(("second", "names"), [(300.0, ("lowpass", "camber")), (600.0, ("camber", "lowpass"))])
+def test_of_two_the_one_that_explains_more_alone_is_first_and_must_be_beaten(second, names):
+    pair = Explanation("two", ("lowpass", "camber"), "interrogator", 0.01, 620.0, ("lowpass", 500.0))
+    alone = {
+        name: Explanation("effect", (name,), KNOWN[name].stage, 0.1, evidence)
+        for name, evidence in (("lowpass", 500.0), ("camber", second))
+    }
+    found = in_order(pair, alone)
+    assert (found.effects, found.simpler) == (names, (names[0], max(500.0, second)))
+    assert found.stage == KNOWN[names[0]].stage
+
+
+def test_an_effect_at_a_size_that_cannot_be_only_stands_in_for_the_unknown(monkeypatch):
+    tried = {"gauge_length": fitted("gauge_length", 500.0, pushed=True)}
+    beside: Any = SimpleNamespace(
+        refit=tried["gauge_length"],
+        tolerated=5.0,
+        seconds=[],
+        table=[scored("lowpass", 20.0), scored("generic_twin", 7.0)],
+    )
+    found = explainer(monkeypatch, [scored("gauge_length", 400.0)], tried).all({"gauge_length": beside})
+    assert [(one.kind, one.effects) for one in found] == [
+        ("nothing", ()),
+        ("unknown", ("generic_twin", "gauge_length")),
+    ]
+    assert found[1].simpler == ("", 0.0)
+
+
+def test_leveled_noise_speaks_for_something_in_the_processing(monkeypatch):
+    plain = explainer(monkeypatch, [scored("generic_gain", -4.0)], {}).all({})[-1]
+    loud = explainer(monkeypatch, [scored("generic_gain", -4.0)], {}, leveled=True).all({})[-1]
+    assert plain.evidence == -4.0
+    assert (loud.stage, loud.evidence) == ("processing", POLICY.leveled)

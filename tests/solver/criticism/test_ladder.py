@@ -13,7 +13,7 @@ from solver.catalogue.catalogue import built_in
 from solver.criticism import diagnosis
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import idle_candidate
-from solver.criticism.diagnosis import Diagnosis
+from solver.criticism.finding import Diagnosis
 from solver.criticism.pages import Chapter, story_page
 from solver.criticism.refit import Refit
 from solver.criticism.verdict_words import left_open

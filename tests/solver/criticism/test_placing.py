@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from solver.catalogue.catalogue import built_in
-from solver.criticism.placing import FIXED, SHARED, fixed_to_fiber, stage_of
+from solver.criticism.placing import fixed_to_fiber, stage_of
+from solver.criticism.policy import POLICY
 from solver.criticism.score import Projected
 from solver.effect import Discrepancy
 
@@ -65,7 +66,7 @@ def test_in_one_direction_the_two_are_the_same_and_nothing_is_said():
 @pytest.mark.parametrize("more", [0.99, 1.01])
 def test_the_profile_along_the_fiber_must_explain_clearly_more(more):
     """Two numbers, two ways: along travel the sums are 1 and 1, along the fiber 1 + t and 1 - t, in all 1 + t^2."""
-    t = np.sqrt(more * FIXED - 1)
+    t = np.sqrt(more * POLICY.fixed - 1)
     scorer: Any = Profiles(np.array([[0.0, 1.0], [-t, 1.0 + t]]), [1, -1])
     assert fixed_to_fiber(KNOWN["generic_echo"], scorer) == (more > 1)
 
@@ -76,11 +77,11 @@ def test_the_profile_along_the_fiber_must_explain_clearly_more(more):
         ({}, (1.0,), False, "ground"),
         ({"stage": "load"}, (1.0,), False, "load"),
         # Neighbors that share noise were mixed after the reading, where the model mixes them.
-        ({"mixes": True}, (1.0, 2 * SHARED), False, "processing"),
-        ({"mixes": True}, (1.0, -2 * SHARED), False, "processing"),
-        ({"mixes": True}, (1.0, 0.5 * SHARED), False, "ground"),
+        ({"mixes": True}, (1.0, 2 * POLICY.shared), False, "processing"),
+        ({"mixes": True}, (1.0, -2 * POLICY.shared), False, "processing"),
+        ({"mixes": True}, (1.0, 0.5 * POLICY.shared), False, "ground"),
         ({"mixes": True}, (1.0,), False, "ground"),
-        ({}, (1.0, 2 * SHARED), False, "ground"),
+        ({}, (1.0, 2 * POLICY.shared), False, "ground"),
         # A gain that follows the signal levels the noise too.
         ({"levels": True}, (1.0,), True, "processing"),
         ({"levels": True}, (1.0,), False, "ground"),

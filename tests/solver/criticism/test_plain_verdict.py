@@ -10,8 +10,8 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.plain_words import told
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import Candidate, idle_candidate
-from solver.criticism.diagnosis import Diagnosis
 from solver.criticism.diagnosis_files import diagnosis_facts
+from solver.criticism.finding import Diagnosis
 from solver.criticism.pages import diagnosis_page
 from solver.criticism.plain_verdict import details, headline, hidden_change, least_words, size_words
 from solver.criticism.route_change import from_run, route_of

@@ -14,6 +14,7 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism import refit
 from solver.criticism.candidate import score_candidate
+from solver.criticism.marginal import Spectrum
 from solver.criticism.race import race, rests_on_one
 from solver.criticism.refit import Refit, with_effect
 from solver.criticism.score import Score
@@ -29,9 +30,12 @@ from solver.signal_path.extension import Slot, Values
 def tried(name: str, fall: float) -> Refit:
     """A candidate whose full fit lowered the misfit by so much."""
     one = np.array([1.0])
-    score = Score(built_in()[name], {}, False, fall, 1, 1, (1,), one, one, 1.0, torch.zeros(0))
+    left = Spectrum(np.ones(1), np.full(1, fall))
+    score = Score(built_in()[name], {}, False, fall, 1, 1, (1,), one, one, 1.0, torch.zeros(0), left, 1.0)
     with_it: Any = SimpleNamespace(fit="with", solution=SimpleNamespace(state=None))
-    return Refit(score, with_it.fit, with_it.solution, fall)
+    found = Refit(score, with_it.fit, with_it.solution, fall)
+    vars(found)["paid"] = 0.0
+    return found
 
 
 def scorer(gains: list[float], monkeypatch: pytest.MonkeyPatch) -> Any:
@@ -46,11 +50,11 @@ def scorer(gains: list[float], monkeypatch: pytest.MonkeyPatch) -> Any:
 @pytest.mark.parametrize(
     ("name", "gains", "lone"),
     [
-        ("clock_drift", [31.0, 0.0, 5.0, 5.0], True),
+        ("clock_drift", [36.0, 0.0, 2.0, 3.0], True),
         ("clock_drift", [10.0, 11.0, 10.0, 10.0], False),
         # Enough to be believed of one heavy vehicle, or nothing that others would show.
         ("saturation", [1000.0, 0.0, 5.0, 5.0], False),
-        ("braking", [31.0, 0.0, 5.0, 5.0], False),
+        ("braking", [36.0, 0.0, 2.0, 3.0], False),
     ],
 )
 def test_what_all_would_show_is_not_claimed_on_the_word_of_one(
@@ -70,6 +74,7 @@ def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
     # What would have shown is as the score test says: 5 sigmas of 1.
     assert said.detectable_size == 5.0
     lone = Refit(found.score, found.fit, found.solution, found.fall, lone=True)
+    vars(lone)["paid"] = 0.0
     assert score_candidate(found.score, lone).verdict == "inconclusive"
 
 

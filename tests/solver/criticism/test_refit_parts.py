@@ -11,10 +11,10 @@ import torch
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.bench import scorable
+from solver.criticism.marginal import Spectrum
+from solver.criticism.policy import POLICY
 from solver.criticism.refit import (
-    EXTREME,
     FARTHER,
-    HOPE,
     Refit,
     as_located,
     counted,
@@ -24,7 +24,7 @@ from solver.criticism.refit import (
     too_large,
     with_effect,
 )
-from solver.criticism.score import Score, evidence
+from solver.criticism.score import Score
 from solver.criticism.scorer import apart, factor_of
 from solver.effect import Parameter
 from solver.fit.robust import HUBER
@@ -35,7 +35,8 @@ KNOWN = built_in()
 
 def score(name: str, fall: float = 0.0, numbers: int = 1, trials: int = 1, **shape: float) -> Score:
     one = np.ones(numbers)
-    return Score(KNOWN[name], shape, False, fall, numbers, trials, (numbers,), one, one, 1.0, torch.zeros(0))
+    left = Spectrum(np.full(numbers, 24.0), np.zeros(numbers))
+    return Score(KNOWN[name], shape, False, fall, numbers, trials, (numbers,), one, one, 1.0, torch.zeros(0), left, 1.0)
 
 
 def ended(name: str, numbers: list[float], fall: float = 100.0, *, converged: bool = True, step: float = 0.0) -> Refit:
@@ -113,12 +114,28 @@ def test_the_share_of_the_pass_that_gains_most(flat):
 
 
 def test_evidence_is_of_the_full_fit_and_hope_of_its_next_step():
+    """Half the fall, less what the size is told from: 25 of the plausible ones."""
     done = ended("camber", [0.1], 80.0, converged=True, step=5.0)
-    assert done.evidence == done.hoped == pytest.approx(evidence(80.0, 1, 1))
+    assert done.evidence == done.hoped == pytest.approx(40 - np.log(25) / 2)
     going = replace(done, solution=ended("camber", [0.1], converged=False, step=5.0).solution)
     assert going.evidence == done.evidence
-    assert going.hoped == pytest.approx(evidence(80.0 + HOPE * 25.0, 1, 1))
-    assert done.standing(-10.0) == pytest.approx(evidence(70.0, 1, 1))
+    assert going.hoped == pytest.approx(40 + POLICY.hope * 25.0 / 2 - np.log(25) / 2)
+    assert done.standing(-10.0) == pytest.approx(35 - np.log(25) / 2)
+
+
+def test_a_size_pays_to_its_prior_however_inexact_the_base_model_is():
+    """Four times what is plausible costs eight, whatever the noise counts as."""
+    p = KNOWN["camber"].parameters[0]
+    one = ended("camber", [p.null + 4 * p.plausible], 80.0)
+    assert one.paid == pytest.approx(16.0)
+    loose = replace(one, score=replace(one.score, variance=2.0))
+    assert loose.evidence == pytest.approx((80 + 16) / 2 / 2 - 8 - np.log(13) / 2)
+
+
+def test_one_pass_that_speaks_for_all_is_no_evidence():
+    one = ended("camber", [0.1], 80.0)
+    assert one.told == one.evidence > 0
+    assert replace(one, lone=True).told == 0.0
 
 
 def test_numbers_are_told_from_those_of_the_shape():
@@ -140,7 +157,7 @@ def test_a_discrepancy_model_is_never_single():
 @pytest.mark.parametrize(("rms", "large"), [(0.9, False), (1.1, True)])
 def test_many_numbers_are_too_large_by_their_root_mean_square(rms, large):
     free = Parameter("bend", "m", 0.5)
-    numbers = 0.5 * EXTREME * rms * np.sqrt(2) * np.sin(np.linspace(0, 2 * np.pi, 40, endpoint=False))
+    numbers = 0.5 * POLICY.extreme * rms * np.sqrt(2) * np.sin(np.linspace(0, 2 * np.pi, 40, endpoint=False))
     assert too_large(free, numbers) is large
     assert too_large(Parameter("bend", "m", 0.5, lower=-1.0), numbers) is False, "bounds keep it"
     shifted = Parameter("bend", "m", 0.5, null=1.0)

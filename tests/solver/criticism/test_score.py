@@ -5,9 +5,11 @@ import pytest
 import torch
 
 from solver.catalogue.catalogue import built_in
-from solver.criticism.score import FOUND, NOTED, G, Projected, Score, evidence, mixes, one_sided, outcome
+from solver.criticism.marginal import Spectrum
+from solver.criticism.score import NOTED, Projected, Score, mixes, one_sided, outcome
 
 RNG = np.random.default_rng(8)
+ONES = torch.ones(3, dtype=torch.float64)
 
 
 def projected(columns: np.ndarray, fitted: np.ndarray, residual: np.ndarray) -> Projected:
@@ -29,7 +31,7 @@ def case() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_the_predicted_fall_is_that_of_fitting_everything_again(case):
     """Of a linear problem it is exact, whatever the units of the columns."""
     columns, fitted, residual = case
-    fall, freedom, estimate, sigma, retained = outcome(projected(columns, fitted, residual), None)
+    fall, freedom, estimate, sigma, retained, _ = outcome(projected(columns, fitted, residual), None, ONES)
     whole = np.hstack([fitted, columns])
     solution = np.linalg.lstsq(whole, residual, rcond=None)[0]
     again = residual - whole @ solution
@@ -44,8 +46,8 @@ def test_what_the_fit_can_do_itself_has_no_fall(case):
     """A column that the fitted ones span is left out, and does not disturb another."""
     columns, fitted, residual = case
     spanned = np.column_stack([fitted @ [1.0, -2.0, 0.5, 0.0, 3.0], columns[:, 0]])
-    alone = outcome(projected(columns[:, :1], fitted, residual), None)
-    both = outcome(projected(spanned, fitted, residual), None)
+    alone = outcome(projected(columns[:, :1], fitted, residual), None, ONES[:1])
+    both = outcome(projected(spanned, fitted, residual), None, ONES[:2])
     assert both[1] == 1 and both[0] == pytest.approx(alone[0], rel=1e-6)
     assert both[4] == pytest.approx(alone[4] / 2, rel=1e-6)
 
@@ -54,15 +56,16 @@ def test_retained_is_the_share_that_no_fitted_column_follows():
     """At an angle of 30 degrees from the fitted direction a quarter of the square is left."""
     fitted = np.array([[1.0], [0.0]])
     column = np.array([[np.cos(np.pi / 6)], [np.sin(np.pi / 6)]])
-    assert outcome(projected(column, fitted, np.array([0.0, 1.0])), None)[4] == pytest.approx(0.25)
+    assert outcome(projected(column, fitted, np.array([0.0, 1.0])), None, ONES[:1]).retained == pytest.approx(0.25)
 
 
 @pytest.mark.parametrize(("sign", "falls"), [(1, True), (-1, False), (None, True)])
 def test_a_size_on_the_wrong_side_of_its_bound_has_no_fall(sign, falls):
     column, residual = np.array([[1.0], [2.0]]), np.array([3.0, 0.5])
-    fall, _, estimate, _, _ = outcome(projected(column, np.zeros((2, 1)), residual), sign)
-    assert estimate[0] == pytest.approx(0.8)
-    assert fall == pytest.approx(3.2 if falls else 0.0)
+    found = outcome(projected(column, np.zeros((2, 1)), residual), sign, ONES[:1])
+    assert found.estimate[0] == pytest.approx(0.8)
+    assert found.fall == pytest.approx(3.2 if falls else 0.0)
+    assert (found.spectrum.evidence(1.0) > 0) is falls
 
 
 def test_combined_directions_are_those_of_summed_columns(case):
@@ -74,15 +77,17 @@ def test_combined_directions_are_those_of_summed_columns(case):
         torch.testing.assert_close(mine, theirs, rtol=1e-9, atol=1e-9)
 
 
-def test_evidence_is_the_ratio_of_marginal_likelihoods():
-    """By numerical integration of the g-prior over one number with unit information."""
-    fall = 9.0
-    size = np.linspace(-60, 60, 200_001)
-    prior = np.exp(-(size**2) / (2 * G)) / np.sqrt(2 * np.pi * G)
-    ratio = np.trapezoid(np.exp(np.sqrt(fall) * size - size**2 / 2) * prior, size)
-    assert evidence(fall, 1, 1) == pytest.approx(np.log(ratio), abs=1e-6)
-    assert evidence(fall, 1, 20) == pytest.approx(np.log(ratio / 20), abs=1e-6)
-    assert evidence(fall, 2, 1) < evidence(fall, 1, 1)
+def test_the_spectrum_is_that_of_plausible_sizes(case):
+    """Whatever the units: the evidence of numbers and of what they are in units of plausible sizes is the same."""
+    columns, fitted, residual = case
+    size = torch.tensor([2.0, 1e-4, 10.0], dtype=torch.float64)
+    mine = outcome(projected(columns, fitted, residual), None, size).spectrum
+    theirs = outcome(projected(columns * size.numpy(), fitted, residual), None, ONES).spectrum
+    assert mine.evidence(1.5) == pytest.approx(theirs.evidence(1.5), rel=1e-9)
+    left = columns * size.numpy() - fitted @ np.linalg.lstsq(fitted, columns * size.numpy(), rcond=None)[0]
+    whole = np.eye(60) * 1.5 + left @ left.T
+    ratio = residual @ residual / 1.5 - residual @ np.linalg.solve(whole, residual) + 60 * np.log(1.5)
+    assert mine.evidence(1.5) == pytest.approx((ratio - np.linalg.slogdet(whole)[1]) / 2, rel=1e-8)
 
 
 def test_mixes_share_one_number_over_passes_where_there_is_one_per_pass():
@@ -107,6 +112,7 @@ def test_only_a_null_on_a_bound_is_one_sided():
 @pytest.mark.parametrize(("fall", "beyond"), [(1 + NOTED * 2**0.5 - 0.01, False), (1 + NOTED * 2**0.5 + 0.01, True)])
 def test_a_fall_is_noted_from_four_standard_deviations_on(fall, beyond):
     one = next(iter(built_in().values()))
-    score = Score(one, {}, False, fall, 1, 1, (1,), np.ones(1), np.ones(1), 1.0, torch.zeros(1))
+    left = Spectrum(np.array([3.0]), np.array([3.0 * fall]))
+    score = Score(one, {}, False, fall, 1, 20, (1,), np.ones(1), np.ones(1), 1.0, torch.zeros(1), left, 2.0)
     assert bool(score.beyond_noise) is beyond
-    assert score.evidence == evidence(fall, 1, 1) < FOUND
+    assert score.evidence == pytest.approx(left.evidence(2.0) - np.log(20))

@@ -7,15 +7,18 @@ import pytest
 
 from solver.catalogue.catalogue import built_in, family
 from solver.criticism.candidate import Candidate, idle_candidate
-from solver.criticism.score import FOUND
+from solver.criticism.explanations import Weighed
+from solver.criticism.policy import POLICY
 from solver.criticism.verdict_words import (
     ADVICE,
     advice,
-    as_well_words,
+    beside_unknown_words,
     impossible_words,
     left_open,
     leveled_words,
     missing_words,
+    negligible_words,
+    open_words,
     power_words,
     size_words,
     twin_words,
@@ -34,7 +37,7 @@ def test_a_size_has_its_sigma_and_unit_and_a_pure_number_none():
     assert size_words(found(unit="1")) == "size 1.23 +- 0.0678"
 
 
-@pytest.mark.parametrize(("left", "more"), [(FOUND - 0.1, False), (FOUND + 0.1, True)])
+@pytest.mark.parametrize(("left", "more"), [(POLICY.found - 0.1, False), (POLICY.found + 0.1, True)])
 def test_a_missing_effect_says_stage_size_and_whether_more_is_missing(left, more):
     words = missing_words(found(), left)
     assert words.startswith("gauge_length is missing at the interrogator stage; size 1.23")
@@ -48,7 +51,7 @@ def test_what_it_cannot_be_told_from_is_said_with_every_verdict():
     for words in (
         missing_words(first, 0.0),
         untrusted_words(first),
-        as_well_words(first, found(), "It blurs."),
+        open_words(first, [Weighed("effect", ("gauge_length",), "interrogator", 0.6)]),
         twin_words(first),
     ):
         assert words.endswith(said)
@@ -96,3 +99,19 @@ def test_what_could_have_hidden_is_named_but_no_discrepancy_model():
     generic = found(next(n for n, one in built_in().items() if one.generic), verdict="inconclusive")
     assert re.fullmatch(r"It could not have shown: gauge_length\.", power_words([*every, generic]))
     assert power_words([every[1], generic]) == "Every effect of the catalogue would have shown at a plausible size."
+
+
+def test_what_is_open_is_said_with_its_probabilities():
+    among = [
+        Weighed("effect", ("gauge_length",), "interrogator", 0.6),
+        Weighed("unknown", ("generic_twin",), "cable", 0.25),
+        Weighed("nothing", (), "", 0.12),
+    ]
+    words = open_words(found(), among)
+    assert words.endswith("gauge_length 60 %, something unknown at the cable stage 25 %, nothing 12 %")
+
+
+def test_what_a_known_effect_leaves_and_what_does_not_matter():
+    words = beside_unknown_words("camber", found(), "It blurs.")
+    assert words.startswith("camber explains the most of all known effects") and "as if it blurs" in words
+    assert negligible_words(found(), "So it is.").endswith("is negligible: size 1.23 +- 0.0678 m. So it is.")

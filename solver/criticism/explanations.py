@@ -1,0 +1,130 @@
+"""A posterior over explanations of what a model leaves, and the verdict that is read off it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solver.criticism.policy import POLICY, Policy
+
+#: Kinds of explanations.
+KINDS = ("nothing", "effect", "two", "fault", "unknown")
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One way to explain what a survey's model leaves.
+
+    Parameters
+    ----------
+    kind : of `KINDS`
+    effects : names of what is missing, the one that explains most first; () for nothing
+    stage : at which that acts; "" for nothing
+    prior : probability before the record
+    evidence : ln of the Bayes factor against nothing
+    simpler : key and evidence of what it adds to: nothing, or a known effect alone
+    """
+
+    kind: str
+    effects: tuple[str, ...]
+    stage: str
+    prior: float
+    evidence: float
+    simpler: tuple[str, float] = ("", 0.0)
+
+    @property
+    def key(self) -> str:
+        """What it is a case of: the effect that explains most, or the stage where something unknown acts."""
+        return self.stage if self.kind == "unknown" else (*self.effects, "")[0]
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Explanations of one name, together.
+
+    Parameters
+    ----------
+    kind, effects, stage : of the most probable case
+    probability : of all cases
+    """
+
+    kind: str
+    effects: tuple[str, ...]
+    stage: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Explanations, most probable first; their probabilities sum to 1."""
+
+    weighed: tuple[Weighed, ...]
+
+    @classmethod
+    def of(cls, explanations: Sequence[Explanation]) -> "Posterior":
+        """Weigh explanations.
+
+        What the record makes no more probable than something simpler does not show, and counts as that.
+
+        >>> lowpass = Explanation("effect", ("lowpass",), "interrogator", 0.5, 3.0)
+        >>> nothing = Explanation("nothing", (), "", 0.5, 0.0)
+        >>> [(one.kind, round(one.probability, 3)) for one in Posterior.of([nothing, lowpass]).weighed]
+        [('effect', 0.905), ('nothing', 0.095)]
+        """
+        most = max([0.0, *(one.evidence for one in explanations)])
+        cases: dict[str, list[tuple[float, Explanation | None]]] = {"": [(0.0, None)]}
+        for one in explanations:
+            whole = one.prior * np.exp(one.evidence - most)
+            simpler, evidence = one.simpler
+            hidden = whole if one.kind == "nothing" else one.prior * np.exp(min(one.evidence, evidence) - most)
+            cases.setdefault(simpler, []).append((float(hidden), None))
+            cases.setdefault(one.key, []).append((float(whole - hidden), one))
+        total = sum(share for found in cases.values() for share, _ in found)
+        weighed = [cls._together(found, total) for found in cases.values()]
+        return cls(tuple(sorted(weighed, key=lambda one: -one.probability)))
+
+    @staticmethod
+    def _together(found: Sequence[tuple[float, Explanation | None]], total: float) -> Weighed:
+        """Explanations of one name, with their shares of a total."""
+        named = [(share, one) for share, one in found if one is not None]
+        best = max(named, key=lambda case: case[0])[1] if named else Explanation("nothing", (), "", 1.0, 0.0)
+        return Weighed(best.kind, best.effects, best.stage, sum(share for share, _ in found) / total)
+
+    def smallest(self, held: float = POLICY.held) -> tuple[Weighed, ...]:
+        """The fewest explanations that hold so much together."""
+        sums = np.cumsum([one.probability for one in self.weighed])
+        return self.weighed[: int(np.searchsorted(sums, min(held, sums[-1]))) + 1]
+
+    def of_kind(self, *kinds: str) -> float:
+        """Probability of some kinds."""
+        return sum(one.probability for one in self.weighed if one.kind in kinds)
+
+    @property
+    def verdict(self) -> str:
+        """Adequate, missing-effect, unknown-effect or inconclusive.
+
+        Nothing, or the unknown, is said where it holds most; a known effect, or a set of them, where it holds all but
+        what `Policy.held` leaves.
+        """
+        if self.of_kind("nothing") >= 0.5:
+            return "adequate"
+        if self.of_kind("unknown") >= 0.5:
+            return "unknown-effect"
+        claimed = self.of_kind("effect", "two", "fault")
+        return "missing-effect" if claimed >= POLICY.held else "inconclusive"
+
+
+def priors(policy: Policy, known: int, stages: int, faults: int) -> dict[str, float]:
+    """Prior probability of each single explanation of a kind, of so many effects, stages and faults.
+
+    >>> round(priors(Policy(known=0.3), 30, 6, 3)["effect"], 3)
+    0.01
+    """
+    pairs = max(known * (known - 1) / 2, 1.0)
+    return {
+        "nothing": policy.nothing,
+        "effect": policy.known / max(known, 1),
+        "two": policy.two / pairs,
+        "fault": policy.fault / max(faults, 1),
+        "unknown": policy.unknown / max(stages, 1),
+    }

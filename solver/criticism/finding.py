@@ -1,0 +1,48 @@
+"""What a diagnosis found."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from solver.criticism.audit import NoiseAudit
+from solver.criticism.candidate import Candidate
+from solver.criticism.explanations import Weighed
+from solver.fit.map_fit import MapFit
+from solver.fit.state import State
+
+if TYPE_CHECKING:
+    from solver.criticism.bench import Bench
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a survey says of its model.
+
+    Parameters
+    ----------
+    verdict : adequate, missing-effect, unknown-effect or inconclusive
+    words : the same in a sentence or two
+    candidates : best first
+    audit : of the noise
+    stress : residual along what was fitted, sigmas
+    separate : what survey would tell the confounded apart; "" where nothing is confounded
+    left : ln of the Bayes factor of the best effect beside the first candidate
+    explanations : nothing, each effect or fault, something unknown at each stage, with their probabilities, which sum
+        to 1, most probable first; () where the noise is not understood
+    fits : where the fit with each candidate ended that was fitted in full, by its name
+    """
+
+    verdict: str
+    words: str
+    candidates: tuple[Candidate, ...]
+    audit: NoiseAudit
+    stress: float
+    separate: str = ""
+    left: float = 0.0
+    explanations: tuple[Weighed, ...] = ()
+    fits: Mapping[str, tuple[MapFit, State]] = field(default_factory=dict, repr=False, compare=False)
+
+
+def concluded(bench: "Bench", verdict: str, words: str, candidates: Sequence[Candidate], **more: Any) -> Diagnosis:
+    """A verdict on a fit."""
+    return Diagnosis(verdict, words, tuple(candidates), bench.audit, bench.scorer.stress, **more)

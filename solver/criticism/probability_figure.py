@@ -1,0 +1,73 @@
+"""How probable each explanation of a diagnosis is, in words and as bars."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from matplotlib.figure import Figure
+
+from solver.criticism.candidate import Candidate
+from solver.criticism.explanations import Weighed
+from vision.contract.drawing import canvas, place
+from vision.contract.figures import INK, styled
+
+#: Effects that are drawn at most.
+KNOWN = 6
+FIRST_COLOR, OTHER_COLOR, REST_COLOR = "#d55e00", "#0072b2", "#8a929a"
+
+
+def probability_words(share: float) -> str:
+    """A probability for people.
+
+    >>> probability_words(0.973), probability_words(0.0004), probability_words(0.9999)
+    ('97 %', 'below 0.1 %', 'above 99.9 %')
+    """
+    if share > 0.999:
+        return "above 99.9 %"
+    return "below 0.1 %" if share < 0.001 else f"{100 * share:.2g} %"
+
+
+@styled
+def probability_figure(explanations: Sequence[Weighed], listed: Sequence[Candidate]) -> Figure:
+    """Bars of how probable each explanation is, with nothing and something unknown among them."""
+    shown = explanations_shown(explanations)
+    row = 26
+    figure = canvas(1060, 60 + row * len(shown))
+    axes = place(figure, "probability", 250, 6, 700, row * len(shown))
+    for at, one in enumerate(shown):
+        color = REST_COLOR if one.kind in ("unknown", "nothing") else FIRST_COLOR if at == 0 else OTHER_COLOR
+        axes.barh(at, 100 * one.probability, color=color, height=0.62)
+        axes.text(100 * one.probability, at, f" {probability_words(one.probability)}", va="center", color=INK)
+    axes.set_yticks(range(len(shown)), [title_of_explanation(one, listed) for one in shown], parse_math=False)
+    axes.set(xlim=(0, 115), ylim=(len(shown) - 0.5, -0.5), xticks=(0, 25, 50, 75, 100))
+    axes.set_xlabel("probability, %")
+    return figure
+
+
+def title_of_explanation(one: Weighed, listed: Sequence[Candidate]) -> str:
+    """An explanation in plain words.
+
+    >>> title_of_explanation(Weighed("unknown", ("generic_echo",), "interrogator", 0.1), [])
+    'Something unknown (interrogator)'
+    """
+    if one.kind == "nothing":
+        return "Nothing that would show"
+    if one.kind == "unknown":
+        return f"Something unknown ({one.stage})"
+    known = {c.effect: c.title for c in listed}
+    return known.get(one.effects[0], one.effects[0]) + (", and more" if one.kind == "two" else "")
+
+
+def probability_line(explanations: Sequence[Weighed], listed: Sequence[Candidate]) -> str:
+    """The probabilities in a line; what holds less than one in a thousand is left out, but never nothing."""
+    shown = [one for one in explanations_shown(explanations) if one.probability >= 1e-3 or one.kind == "nothing"]
+    return ", ".join(f"{title_of_explanation(one, listed)} {probability_words(one.probability)}" for one in shown)
+
+
+def explanations_shown(explanations: Sequence[Weighed]) -> list[Weighed]:
+    """What is drawn, most probable first: the best, nothing, and all that is unknown as one."""
+    unknown = [one for one in explanations if one.kind == "unknown"]
+    rest = [one for one in explanations if one.kind != "unknown"]
+    best = [one for one in rest if one.kind != "nothing"][:KNOWN]
+    together = [replace(unknown[0], probability=sum(one.probability for one in unknown))] if unknown else []
+    nothing = [one for one in rest if one.kind == "nothing"]
+    return sorted([*best, *nothing, *together], key=lambda one: -one.probability)
