@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from solver.criticism.diagnosis import diagnose as diagnose_problem
 from solver.criticism.diagnosis import steps
-from solver.criticism.diagnosis_figures import support_figure
+from solver.criticism.diagnosis_figures import considered, corridor_words, support_figure
 from solver.criticism.diagnosis_files import diagnosis_facts, write_diagnosis
 from solver.criticism.finding import Diagnosis as Finding
-from solver.criticism.pages import diagnosis_page
+from solver.criticism.pages import diagnosis_page, widest_title
 from solver.criticism.plain_verdict import details, headline, size_words
 from solver.criticism.probability_figure import probability_figure, probability_line, title_of_explanation
 from solver.criticism.route_change import from_run
@@ -83,6 +83,12 @@ class Diagnosis:
         )
 
     @property
+    def route(self) -> "pd.DataFrame":
+        """The run's route, whose sigmas hold what the model may lack: columns as of `Run.route`."""
+        wide = considered(self.run, self.finding) or self.run
+        return wide.route
+
+    @property
     def facts(self) -> dict[str, Any]:
         """The content of diagnosis.json."""
         return diagnosis_facts(self.finding)
@@ -106,6 +112,8 @@ class Diagnosis:
         lines = [f"{found.verdict}: {self.headline}", *(f"  {line}" for line in details(found)), f"  {found.words}"]
         if found.explanations:
             lines.append(f"how probable: {probability_line(found.explanations, found.candidates)}")
+        if words := corridor_words(self.run, found, widest_title(found)):
+            lines.append(words)
         if found.separate:
             lines.append(f"what would tell them apart: {found.separate}")
         for c in found.candidates[:6]:

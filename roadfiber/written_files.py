@@ -6,6 +6,7 @@ from pydantic import BaseModel, ConfigDict
 
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import Candidate
+from solver.criticism.explanations import Weighed
 from solver.run.combined import Agreement
 
 
@@ -13,6 +14,23 @@ class Written(BaseModel):
     """A JSON object that is only written: null stands for a number that is not known or not finite."""
 
     model_config = ConfigDict(extra="forbid")
+
+
+class CorridorFile(Written):
+    """What a diagnosis adds to a route's corridor for all that its model may lack.
+
+    Attributes
+    ----------
+    channel : channel numbers
+    added_sigma : standard deviations of x, y, z that are added to the fit's by their squares, m, for each channel
+    widest : effect that adds most; empty where nothing does
+    share : of what is added, by that effect
+    """
+
+    channel: tuple[int, ...]
+    added_sigma: tuple[tuple[float, float, float], ...]
+    widest: str
+    share: float
 
 
 class DiagnosisFile(Written):
@@ -29,6 +47,9 @@ class DiagnosisFile(Written):
     stress : largest residual along what was fitted, posterior sigmas; far below 1 where the fit converged
     separate : what survey would tell the confounded apart; empty where nothing is confounded
     left : ln of the Bayes factor of the best effect beside the first candidate
+    explanations : nothing that would show, each effect or fault, something unknown at each stage, most probable first;
+        their probabilities sum to 1; empty where the noise is not understood
+    corridor : what the route's corridor is wider by; absent where the noise is not understood
     """
 
     format: Literal["roadfiber diagnosis 1"]
@@ -40,6 +61,8 @@ class DiagnosisFile(Written):
     stress: float
     separate: str
     left: float
+    explanations: tuple[Weighed, ...]
+    corridor: CorridorFile | None = None
 
 
 class RegionFile(Written):

@@ -11,6 +11,7 @@ from solver.criticism.audit import NoiseAudit, audit
 from solver.criticism.bench import Advance, Asked, Bench, racers, scorable
 from solver.criticism.beside import Beside, akin, shown
 from solver.criticism.candidate import fault_candidate, idle_candidate, score_candidate
+from solver.criticism.corridor import Corridor
 from solver.criticism.explaining import Explainer
 from solver.criticism.explanations import Posterior, Weighed
 from solver.criticism.finding import Diagnosis, concluded
@@ -20,7 +21,7 @@ from solver.criticism.policy import POLICY
 from solver.criticism.race import elsewhere, race
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import mended
-from solver.criticism.route_change import with_moves
+from solver.criticism.route_change import route_of, with_moves
 from solver.criticism.score import Score
 from solver.criticism.verdict_words import fault_words
 from solver.effect import Effect, Recorded
@@ -105,7 +106,8 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     if weighing.posterior.weighed[0].kind == "fault":
         return beside_fault(bench, weighing.posterior.weighed[0].effects[0], asked)
     found = judge(bench, ranked, tried, asked, weighing)
-    return replace(found, fits={n: (one.fit, one.solution.state) for n, one in tried.items()})
+    corridor = Corridor.of(bench, tried, weighing.posterior)
+    return replace(found, corridor=corridor, fits={n: (one.fit, one.solution.state) for n, one in tried.items()})
 
 
 def weighed(bench: Bench, tried: Mapping[str, Refit], asked: Asked) -> Weighing:
@@ -176,6 +178,10 @@ def beside_fault(bench: Bench, name: str, asked: Asked) -> Diagnosis:
     fit, solution = mended(bench.scorer.fit, bench.scorer.state, fault)
     rest = examined(fit, solution.state, bench.audit, asked)
     words = f"{fault_words(first, fault)}. Once it is mended, {rest.words}"
+    if rest.corridor is not None:
+        at = rest.corridor.channel
+        move = route_of(fit, solution.state, at) - route_of(bench.scorer.fit, bench.scorer.state, at)
+        rest = replace(rest, corridor=rest.corridor.with_move(name, move))
     explanations = tuple(with_fault(one, first.effect, first.stage) for one in rest.explanations)
     first = replace(first, probability=sum(one.probability for one in explanations if one.kind != "unknown"))
     if rest.verdict == "unknown-effect":

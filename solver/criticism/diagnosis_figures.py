@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from solver.criticism.candidate import Candidate
-from solver.criticism.policy import POLICY
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
+from solver.run.geojson import half_width
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import pass_label, scale_figure, wave_figure, whole_range
 from solver.run.report.route_figure import abscissa, along_x, depth_profile, draw_line, draw_profile, sideways_profile
@@ -49,15 +49,14 @@ def support_figure(listed: Sequence[Candidate]) -> Figure:
     axes = place(figure, "support", 250, 6, 700, row * (len(shown) + 1))
     most = max((c.delta_chi2 for c in shown), default=1.0)
     for at, c in enumerate(shown):
-        color = UNKNOWN_COLOR if c.generic else FOUND_COLOR if c is listed[0] else OTHER_COLOR
+        color = UNKNOWN_COLOR if c.generic else FOUND_COLOR if c.verdict == "present" else OTHER_COLOR
         axes.barh(at, c.delta_chi2, color=color, height=0.62)
         text = f" {c.delta_chi2:,.0f}" + ("" if c.refitted else " (predicted)")
         axes.text(c.delta_chi2, at, text, va="center", color=INK)
     axes.text(0, len(shown), " 0", va="center", color=INK)
-    axes.axvline(2 * POLICY.found, color=MUTED, linewidth=0.8, ls=(0, (4, 3)))
     axes.set_yticks(range(len(shown) + 1), [*(c.title for c in shown), "Nothing is missing"], parse_math=False)
-    axes.set(xlim=(0, 1.12 * max(most, 4 * POLICY.found)), ylim=(len(shown) + 0.5, -0.5))
-    axes.set_xlabel("misfit that it takes away (fall of chi²); left of the broken line it may be chance")
+    axes.set(xlim=(0, 1.12 * max(most, 1.0)), ylim=(len(shown) + 0.5, -0.5))
+    axes.set_xlabel("misfit that it takes away (fall of chi²)")
     return figure
 
 
@@ -122,7 +121,7 @@ def wave_section(pair: BeforeAfter, title: str) -> str:
 
 
 @styled
-def corridor_figure(pair: BeforeAfter) -> Figure:
+def corridor_figure(pair: BeforeAfter, names: tuple[str, str] = ("before", "after")) -> Figure:
     """Sideways place and depth with the 95 % corridor, before at left and after at right, same scales."""
     left, across, height = 56, 462, 190
     figure = canvas(1060, 2 * height + 110)
@@ -135,7 +134,7 @@ def corridor_figure(pair: BeforeAfter) -> Figure:
             axes = place(figure, f"{name} {column}", left + column * (across + 70), top, across, height)
             profile = profile_of(run)
             draw_profile(axes, run, profile)
-            axes.set_title(f"{name}, {'after' if column else 'before'}")
+            axes.set_title(f"{name}, {names[column]}")
             bands.append(profile.band)
             panels.append(axes)
         old = profile_of(pair.before)
@@ -160,6 +159,44 @@ def route_section(pair: BeforeAfter, moved: float | None) -> str:
         f"<section><h2>The route, before and after</h2><p>The band is the 95 % corridor, squares are anchors; both "
         f"sides have the same scales. The dotted line at right is the route before.{way}</p>"
         f'<div class="wide-table">{svg(corridor_figure(pair))}</div></section>'
+    )
+
+
+def considered(run: Run, diagnosis: "Diagnosis") -> Run | None:
+    """The run with the corridor of all that its model may lack; None where that is not known."""
+    corridor, result = diagnosis.corridor, run.result
+    if corridor is None or not np.isfinite(result.covariance).any():
+        return None
+    wide = replace(result, covariance=result.covariance + corridor.at(result.channel))
+    return replace(run, result=wide, folder=None)
+
+
+def widest_half(run: Run) -> float:
+    """Half the width of the 95 % corridor, m: the median over channels that data decide."""
+    half = half_width(run.result.route, run.result.covariance)[run.result.constrained]
+    return float(np.median(half)) if len(half) else float("nan")
+
+
+def corridor_words(run: Run, diagnosis: "Diagnosis", title: str) -> str:
+    """Both widths in a sentence; "" where they are not known."""
+    wide = considered(run, diagnosis)
+    if wide is None or diagnosis.corridor is None or not np.isfinite(widest_half(run)):
+        return ""
+    words = f"95 % corridor: {widest_half(run):.2f} m to either side (median) if the model lacks nothing, "
+    words += f"{widest_half(wide):.2f} m with what it may lack"
+    return f"{words}; {title} widens it most" if title and diagnosis.corridor.share > 0 else words
+
+
+def sureness_section(run: Run, diagnosis: "Diagnosis", title: str) -> str:
+    """The corridor if nothing is missing, and with what may be."""
+    wide = considered(run, diagnosis)
+    if wide is None or not (words := corridor_words(run, diagnosis, title)):
+        return ""
+    figure = svg(corridor_figure(BeforeAfter(run, wide, run.passes[0]), ("nothing missing", "with what may be")))
+    return (
+        f"<section><h2>How sure the route is</h2><p>{escape(words)}. At left the corridor takes the model for granted; "
+        "at right every explanation moves the route by its own way, as probable as it is.</p>"
+        f'<div class="wide-table">{figure}</div></section>'
     )
 
 

@@ -6,6 +6,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from solver.criticism.pages import Chapter, diagnosis_page, story_page
 from solver.criticism.plain_verdict import headline
 from solver.run.folder import check_target
@@ -24,8 +26,18 @@ DIAGNOSIS = "diagnosis.json"
 
 def diagnosis_facts(diagnosis: "Diagnosis") -> dict[str, Any]:
     """The content of diagnosis.json."""
-    facts: dict[str, Any] = strict(asdict(replace(diagnosis, fits={})))
+    facts: dict[str, Any] = strict(asdict(replace(diagnosis, fits={}, corridor=None)))
     facts.pop("fits")
+    corridor = diagnosis.corridor
+    if corridor is not None:
+        facts["corridor"] = strict(
+            {
+                "channel": corridor.channel,
+                "added_sigma": np.sqrt(np.diagonal(corridor.covariance, axis1=1, axis2=2)).round(4),
+                "widest": corridor.widest,
+                "share": corridor.share,
+            }
+        )
     return {"format": "roadfiber diagnosis 1", "headline": headline(diagnosis), **facts}
 
 

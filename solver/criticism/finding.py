@@ -12,6 +12,7 @@ from solver.fit.state import State
 
 if TYPE_CHECKING:
     from solver.criticism.bench import Bench
+    from solver.criticism.corridor import Corridor
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class Diagnosis:
     left : ln of the Bayes factor of the best effect beside the first candidate
     explanations : nothing, each effect or fault, something unknown at each stage, with their probabilities, which sum
         to 1, most probable first; () where the noise is not understood
+    corridor : what is added to the route's corridor by what the model may lack; None where nothing was weighed
     fits : where the fit with each candidate ended that was fitted in full, by its name
     """
 
@@ -40,6 +42,7 @@ class Diagnosis:
     separate: str = ""
     left: float = 0.0
     explanations: tuple[Weighed, ...] = ()
+    corridor: "Corridor | None" = field(default=None, repr=False, compare=False)
     fits: Mapping[str, tuple[MapFit, State]] = field(default_factory=dict, repr=False, compare=False)
 
 

@@ -6,7 +6,14 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from solver.criticism.candidate import Candidate
-from solver.criticism.diagnosis_figures import before_after, route_section, signatures, support_figure, wave_section
+from solver.criticism.diagnosis_figures import (
+    before_after,
+    route_section,
+    signatures,
+    support_figure,
+    sureness_section,
+    wave_section,
+)
 from solver.criticism.plain_verdict import details, headline, hidden_change, least_words, size_words, titles
 from solver.criticism.policy import POLICY
 from solver.criticism.probability_figure import probability_figure
@@ -128,6 +135,12 @@ def next_words(diagnosis: "Diagnosis") -> list[str]:
     return lines
 
 
+def widest_title(diagnosis: "Diagnosis") -> str:
+    """Title of what widens the corridor most; "" where nothing does."""
+    widest = "" if diagnosis.corridor is None else diagnosis.corridor.widest
+    return titles([widest], diagnosis.candidates) if widest else ""
+
+
 def diagnosis_body(diagnosis: "Diagnosis", run: Run | None = None) -> str:
     """What a diagnosis found as a part of a page: support, before and after, candidates."""
     pair = None if run is None else before_after(run, diagnosis)
@@ -144,11 +157,12 @@ def diagnosis_body(diagnosis: "Diagnosis", run: Run | None = None) -> str:
     support = (
         "<section><h2>What supports which explanation</h2><p>Orange is the one that the verdict names, blue are other "
         "known effects, each alone in the model and everything fitted again; gray stands for something unknown, which "
-        "bends to anything and so always takes away much. Effects whose bars are as long are told apart by what is "
-        f"known of their laws and sizes.</p>{svg(support_figure(diagnosis.candidates))}</section>"
+        "bends to anything and so always takes away much. What a bar is worth, the probabilities say: they know of "
+        f"laws and sizes, and that no model is exact.</p>{svg(support_figure(diagnosis.candidates))}</section>"
     )
     effects = f"<section><h2>Candidates</h2>{table(diagnosis.candidates, pictures)}</section>"
-    return (probable if bars else "") + support + shown + effects
+    sure = "" if run is None else sureness_section(run, diagnosis, widest_title(diagnosis))
+    return (probable if bars else "") + support + shown + sure + effects
 
 
 def lead(diagnosis: "Diagnosis", name: str) -> str:

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.criticism.bench import Bench
 from solver.criticism.candidate import Candidate
-from solver.criticism.refit import Refit
 from solver.fit.map_fit import MapFit
 from solver.fit.state import State
 from solver.run.run import Run
 
 if TYPE_CHECKING:
+    from solver.criticism.bench import Bench
     from solver.criticism.finding import Diagnosis
+    from solver.criticism.refit import Refit
 
 
 def route_of(fit: MapFit, state: State, channel: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
@@ -26,24 +26,27 @@ def route_of(fit: MapFit, state: State, channel: NDArray[np.int64] | None = None
     return np.asarray(fit.basis.along(state.coefficients.numpy(), at))
 
 
-def moved(bench: Bench, name: str, tried: Mapping[str, Refit]) -> float | None:
-    """Largest way, m, that the route moves with an effect: as fitted in full, else as the score test predicts."""
+def moves(bench: "Bench", name: str, tried: Mapping[str, "Refit"]) -> NDArray[np.float64] | None:
+    """How the route moves [channel, 3], m, with an effect: as fitted in full, else as the score test predicts."""
     scorer = bench.scorer
     before = route_of(scorer.fit, scorer.state)
     if name in tried:
-        after = route_of(tried[name].fit, tried[name].solution.state)
-    else:
-        score = next((one for one in bench.table if one.effect.name == name), None)
-        if score is None:
-            return None
-        step = scorer.fit.mean.new_zeros(len(scorer.fit.mean))
-        step[scorer.fit.free] = scorer.following(score)
-        after = route_of(scorer.fit, scorer.state.moved(scorer.state.vector() + step))
-    far = np.linalg.norm(after - before, axis=1)
-    return float(far.max()) if np.isfinite(far).all() else None
+        return route_of(tried[name].fit, tried[name].solution.state) - before
+    score = next((one for one in bench.table if one.effect.name == name), None)
+    if score is None:
+        return None
+    step = scorer.fit.mean.new_zeros(len(scorer.fit.mean))
+    step[scorer.fit.free] = scorer.following(score)
+    return route_of(scorer.fit, scorer.state.moved(scorer.state.vector() + step)) - before
 
 
-def with_moves(bench: Bench, listed: Sequence[Candidate], tried: Mapping[str, Refit]) -> list[Candidate]:
+def moved(bench: "Bench", name: str, tried: Mapping[str, "Refit"]) -> float | None:
+    """Largest way, m, that the route moves with an effect."""
+    way = moves(bench, name, tried)
+    return None if way is None or not np.isfinite(way).all() else float(np.linalg.norm(way, axis=1).max())
+
+
+def with_moves(bench: "Bench", listed: Sequence[Candidate], tried: Mapping[str, "Refit"]) -> list[Candidate]:
     """Candidates with how far the route moves with each."""
     return [replace(one, route_change=moved(bench, one.effect, tried)) for one in listed]
 

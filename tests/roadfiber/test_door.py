@@ -87,18 +87,38 @@ def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path
     """What finds the effect is tested elsewhere."""
     from roadfiber import diagnosing
     from solver.criticism.candidate import Candidate
+    from solver.criticism.corridor import Corridor
+    from solver.criticism.explanations import Weighed
+    from solver.criticism.finding import Diagnosis as Finding
 
     values = {"effect": "gauge_length", "stage": "interrogator", "verdict": "named", "unit": "1"}
     made: dict = dict.fromkeys(inspect.signature(Candidate).parameters, 0.1) | values
     made |= {"confounded_with": (), "generic": False, "refitted": True, "numbers": 1, "shape": {}, "told": None}
-    finding = SimpleNamespace(
-        verdict="missing-effect", words="it is", candidates=[Candidate(**made)], separate="", fits={}
+    weighed = (Weighed("effect", ("gauge_length",), "interrogator", 0.97), Weighed("nothing", (), "", 0.03))
+    added = Corridor(
+        run.result.channel[2:], np.tile(np.diag([0.0, 0.25, 0.0]), (len(run.result.channel) - 2, 1, 1)), "", 0
+    )
+    finding = Finding(
+        verdict="missing-effect",
+        words="it is",
+        candidates=(Candidate(**made),),
+        audit=None,  # type: ignore[arg-type]
+        stress=0.0,
+        explanations=weighed,
+        corridor=added,
     )
     monkeypatch.setattr(diagnosing, "diagnose_problem", lambda *given, **more: finding)
     found = rf.diagnose(run)
     assert (found.verdict, found.effect) == ("missing-effect", "gauge_length")
     assert found.table["stage"].tolist() == ["interrogator"] and isinstance(found.plot(), Figure)
-    assert found.lines()[0] == "missing-effect: it is"
+    lines = found.lines()
+    assert lines[0] == "missing-effect: it is"
+    assert "how probable: gauge_length 97 %, Nothing that would show 3 %" in lines
+    assert any(line.startswith("95 % corridor: ") and "with what it may lack" in line for line in lines)
+    table = found.probabilities
+    assert table["probability"].tolist() == [0.97, 0.03] and table["kind"].tolist() == ["effect", "nothing"]
+    np.testing.assert_allclose(found.route["sigma_y"] ** 2 - run.route["sigma_y"] ** 2, 0.25)
+    assert found.route["y"].tolist() == run.route["y"].tolist()
 
 
 def test_a_survey_in_memory_is_the_one_in_its_files(survey: rf.Survey, run: rf.Run, folder: Path) -> None:

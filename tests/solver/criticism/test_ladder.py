@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from solver.catalogue.catalogue import built_in
-from solver.criticism import diagnosis
+from solver.criticism import judging
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import idle_candidate
 from solver.criticism.finding import Diagnosis
@@ -112,8 +112,8 @@ def test_an_effect_has_one_sigma_and_one_held_out_misfit(case, monkeypatch: pyte
     refit = Refit(score, ranked, replace(end, at=Chain.single(ranked).visit(end.state)), 100.0)
     assert refit.sigma[0] == pytest.approx(told.parameters["gauge_length.relative"].sigma, rel=1e-6)
     judged: list[float] = []
-    monkeypatch.setattr(diagnosis, "held_out_misfit", lambda problem, at: judged.append(problem.signal_noise))
-    monkeypatch.setattr(diagnosis, "side_by_side", lambda function, of: [function(one) for one in of])
+    monkeypatch.setattr(judging, "held_out_misfit", lambda problem, at: judged.append(problem.signal_noise))
+    monkeypatch.setattr(judging, "side_by_side", lambda function, of: [function(one) for one in of])
     scorer: Any = SimpleNamespace(fit=ranked, state=end.state)
-    diagnosis.held_out_gain(scorer, refit)
+    judging.held_out_gain(scorer, refit)
     assert judged == [0.0, 0.0]

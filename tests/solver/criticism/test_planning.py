@@ -130,7 +130,7 @@ def test_smallest_sizes_are_those_of_the_fit(driven: tuple[Survey, Run]) -> None
     scorer = Scorer(fit, fit.state_of(torch.from_numpy(run.result.vector)))
     for effect in asked[:3]:
         score = next(iter(scorer.scores(effect)))
-        size = 5 * float(np.nanmedian(score.sigma))
+        size = 5 * float(np.nanmedian(score.sigma)) * scorer.variance**0.5
         shown = planned[effect.name].size / (planned[effect.name].plausible / effect.amplitudes[0].plausible)
         assert 1 / 1.7 < shown / size < 1.7, effect.name
     assert set(planned) == {one.name for one in asked}

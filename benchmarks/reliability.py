@@ -1,0 +1,200 @@
+"""Whether a diagnosis is right as often as its probabilities say, and whether corridors hold what they say.
+
+    python benchmarks/reliability.py --first 5000 --trials 200 --out reliability.jsonl   # diagnose, a line each
+    python benchmarks/reliability.py --table reliability.jsonl --plot docs/reliability.png
+
+Each seed draws a survey: something hidden (or nothing, or what no catalogue has), as large as is plausible or less
+than half of that, 4 to 8 passes, 5 to 25 dB, colored or street noise, a view of 40 to 60 m. One file may be filled by
+several runs; seeds that are in it already are left out.
+"""
+
+import argparse
+import json
+import time
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import torch
+
+from benchmarks.blind import ALIASES, FAIR, GEOMETRY, UNKNOWN, amount, surveyed
+from solver.simulator import EFFECTS, Scenario
+
+KINDS = {"null": 0.3, "one": 0.4, "two": 0.05, "unknown": 0.2, "geometry": 0.05}
+#: Sizes in proportion to what is drawn out of the plausible range.
+SCALES = (1.0, 0.4)
+EDGES = (0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
+
+
+def draw(seed: int) -> tuple[str, Scenario]:
+    """Kind and scenario of a seed."""
+    rng = np.random.default_rng([seed, zlib.crc32(b"reliability")])
+    kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    pool: Sequence[str] = {"null": (), "unknown": UNKNOWN, "geometry": GEOMETRY}.get(kind, FAIR)
+    names = [str(name) for name in rng.choice(pool, size=1 + (kind == "two"), replace=False)] if pool else []
+    scale = float(rng.choice(SCALES))
+    scenario = Scenario(
+        name=f"{kind}-{seed}",
+        seed=seed,
+        passes=int(rng.integers(4, 9)),
+        snr_db=float(rng.uniform(5, 25)),
+        noise=str(rng.choice(["colored", "street"])),
+        view=(0.0, float(rng.uniform(40, 60))),
+        effects={name: scale * amount(name, rng) for name in names},
+    )
+    return kind, scenario
+
+
+def claims(kind: str, hidden: Iterable[str], explanations: Sequence[Mapping[str, Any]]) -> list[tuple[float, bool]]:
+    """Probability of each explanation, the unknown as one, and whether it is what was hidden.
+
+    What the route absorbs counts as nothing that would show.
+    """
+    true = set(hidden)
+    nothing = kind in ("null", "geometry")
+    told: list[tuple[float, bool]] = []
+    unknown = sum(one["probability"] for one in explanations if one["kind"] == "unknown")
+    told.append((unknown, kind == "unknown"))
+    for one in explanations:
+        if one["kind"] == "nothing":
+            told.append((one["probability"], nothing))
+        elif one["kind"] != "unknown":
+            name = one["effects"][0]
+            told.append((one["probability"], bool(true & set(ALIASES.get(name, (name,))) and kind != "unknown")))
+    return told
+
+
+def tried(seed: int) -> dict[str, Any]:
+    """Locate and diagnose one survey: explanations, verdict, and what both corridors hold of the true route."""
+    from solver.catalogue.catalogue import built_in
+    from solver.criticism.diagnosis import diagnose
+    from solver.fit.map_fit import MapFit
+    from solver.run.geojson import half_width
+
+    kind, scenario = draw(seed)
+    survey, located, _ = surveyed(scenario)
+    begun, result = time.process_time(), located.result
+    state = MapFit(located.problem).state_of(torch.from_numpy(result.vector))
+    found = diagnose(located.problem, state, effects=list(built_in().values()))
+    first = found.candidates[0] if found.candidates else None
+    facts = {
+        "seed": seed,
+        "kind": kind,
+        "hidden": dict(scenario.effects),
+        "passes": scenario.passes,
+        "snr_db": scenario.snr_db,
+        "verdict": found.verdict,
+        "named": [first.effect, *first.confounded_with] if first else [],
+        "stage": first.stage if first else "",
+        "explanations": [vars(one) for one in found.explanations],
+        "cpu seconds": time.process_time() - begun,
+    }
+    channel = result.channel[result.constrained]
+    covariance, route = result.covariance[result.constrained], result.route[result.constrained]
+    off = np.linalg.norm((route - survey.route[channel])[:, :2], axis=1)
+    wide = covariance if found.corridor is None else covariance + found.corridor.at(channel)
+    for name, one in (("plain", covariance), ("considered", wide)):
+        half = half_width(route, one)
+        facts |= {f"inside {name}": float((off <= half).mean()), f"half {name}": float(np.median(half))}
+    return facts | {"error": float(off.max())}
+
+
+def judged(row: Mapping[str, Any]) -> dict[str, float]:
+    """Whether what is named is what was hidden; wrong where something else is; the stage of the unknown."""
+    hidden = set(row["hidden"])
+    claimed = row["verdict"] == "missing-effect"
+    said = {known for name in row["named"] for known in ALIASES.get(name, (name,))}
+    if row["kind"] in ("null", "geometry"):
+        wrong = claimed and not hidden & said
+        return {"right": float(not wrong and (row["kind"] == "geometry" or not claimed)), "wrong": float(wrong)}
+    if row["kind"] == "unknown":
+        stages = {EFFECTS[name].stage for name in hidden}
+        right = row["verdict"] == "unknown-effect"
+        return {
+            "right": float(right),
+            "wrong": float(claimed),
+            "stage": float(row["stage"] in stages) if right else np.nan,
+        }
+    return {"right": float(claimed and bool(hidden & said)), "wrong": float(claimed and not hidden & said)}
+
+
+def binned(rows: Sequence[Mapping[str, Any]]) -> tuple[pd.DataFrame, float]:
+    """How often explanations were right, by how probable they were called, and the expected calibration error."""
+    told = [one for row in rows for one in claims(row["kind"], row["hidden"], row["explanations"]) if one[0] > EDGES[0]]
+    table = pd.DataFrame(told, columns=["said", "right"])
+    table["bin"] = pd.cut(table["said"], EDGES)
+    grouped = table.groupby("bin", observed=True).agg(
+        said=("said", "mean"), right=("right", "mean"), count=("said", "size")
+    )
+    error = float((grouped["count"] * (grouped["said"] - grouped["right"]).abs()).sum() / grouped["count"].sum())
+    return grouped, error
+
+
+def draw_plot(table: pd.DataFrame, path: Path) -> None:
+    """The reliability diagram: how often right against how probable, with binomial 95 % intervals (Wilson)."""
+    from matplotlib.figure import Figure
+
+    z, n, p = 1.96, table["count"].to_numpy(), table["right"].to_numpy()
+    middle = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2)) / (1 + z**2 / n)
+    figure = Figure(figsize=(5, 4.6), dpi=140, layout="constrained")
+    axes = figure.subplots()
+    axes.plot([0, 1], [0, 1], color="#8a929a", linewidth=1)
+    axes.vlines(table["said"], middle - half, middle + half, color="#0072b2", linewidth=2)
+    axes.plot(table["said"], p, "o", color="#0072b2")
+    for x, y, count in zip(table["said"], p, n, strict=True):
+        axes.annotate(f"{count}", (x, y), textcoords="offset points", xytext=(7, -4), fontsize=8)
+    axes.set(
+        xlim=(-0.02, 1.06),
+        ylim=(-0.04, 1.04),
+        xlabel="probability that the diagnosis gives",
+        ylabel="share that was so",
+    )
+    figure.savefig(path)
+
+
+def report(rows: Sequence[Mapping[str, Any]], plot: Path | None) -> None:
+    """Print tables of all rows, and draw the diagram."""
+    table, error = binned(rows)
+    print(f"{len(rows)} surveys; expected calibration error {error:.3f}")
+    print(table.round(3).to_string())
+    frame = pd.DataFrame([{**row, **judged(row)} for row in rows])
+    figures = ["right", "wrong", "inside plain", "half plain", "inside considered", "half considered", "cpu seconds"]
+    kinds = frame.groupby("kind")
+    print(kinds[figures].mean().join(kinds.size().rename("surveys")).round(3).to_string())
+    if "stage" in frame:
+        print(f"stage right where the unknown is called so: {frame['stage'].mean():.2f}")
+    if plot is not None:
+        draw_plot(table, plot)
+
+
+def main() -> None:
+    """Run trials, or read them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--trials", type=int, default=20)
+    parser.add_argument("--out", type=Path, default=Path("reliability.jsonl"))
+    parser.add_argument("--table", type=Path, help="print what such a file holds, and no more")
+    parser.add_argument("--plot", type=Path, help="with --table: draw the diagram there")
+    options = parser.parse_args()
+    path = options.table or options.out
+    known = [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
+    if options.table:
+        report(known, options.plot)
+        return
+    done = {row["seed"] for row in known}
+    for seed in range(options.first, options.first + options.trials):
+        if seed in done:
+            continue
+        row = tried(seed)
+        with options.out.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+        best = [(one["effects"], one["stage"], round(one["probability"], 3)) for one in row["explanations"][:2]]
+        print(seed, row["kind"], row["hidden"], row["verdict"], best, judged(row), flush=True)
+
+
+if __name__ == "__main__":
+    main()
