@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from roadfiber.simulating import Simulated as Simulated
     from roadfiber.simulating import simulate as simulate
     from roadfiber.web.workbench import workbench as workbench
+    from solver.drive.drive import Drive as Drive
+    from solver.drive.drive_run import DriveRun as DriveRun
     from solver.effect import Effect as Effect
     from solver.effect import Parameter as Parameter
     from solver.effect import effect as effect
@@ -77,6 +79,8 @@ _HOMES = {
     "Combined": "roadfiber.combining",
     "Comparison": "roadfiber.comparing",
     "Diagnosis": "roadfiber.diagnosing",
+    "Drive": "solver.drive.drive",
+    "DriveRun": "solver.drive.drive_run",
     "Effect": "solver.effect",
     "Ingested": "roadfiber.ingesting",
     "InputError": "vision.contract.errors",

@@ -26,6 +26,7 @@ from roadfiber import (
 from vision.contract.errors import InputError, machine_words
 
 if TYPE_CHECKING:
+    from solver.drive.drive_run import DriveRun
     from solver.run import Run
     from solver.simulator import Scenario
 
@@ -102,7 +103,10 @@ def locate(
     Writes route.csv, route.geojson, fit.json and report.html. Where there are no trajectories the video is tracked
     first, and the run folder gets trajectories.csv too.
 
-    Example: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`
+    Where site.toml has `[route]`, the operator's map of a fiber that one car with GPS drove along, the clock, loops of
+    slack and the place of every channel along that map are found; `--method` and the like do not apply.
+
+    Examples: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`, `roadfiber locate drive`
     """
     import roadfiber as rf
     from solver.run import check_target
@@ -134,8 +138,10 @@ def pictured(error: InputError, out: Path) -> str:
     return f"; what was seen: {path}"
 
 
-def summary(run: "Run", out: Path) -> str:
+def summary(run: "Run | DriveRun", out: Path) -> str:
     """Say in a few lines what was found and how far it may be relied on: what the report and fit.json say, too."""
+    if not hasattr(run, "result"):
+        return "\n".join([run.headline, run.trust, *run.warnings, f"report: {out / 'report.html'}"])
     known = run.route[run.route["constrained"]]
     first, last = known["channel"].iloc[[0, -1]]
     return "\n".join(

@@ -30,9 +30,10 @@ def compare(
     Example: `roadfiber compare runs/main-street`
     """
     import roadfiber as rf
+    from roadfiber.locating import open_street
     from vision.contract import require_writable
 
-    opened, folder = rf.open(run), out or run
+    opened, folder = open_street(run), out or run
     require_writable(folder / "compare.html")
     comparison = rf.compare(opened)
     comparison.save(folder)
@@ -57,10 +58,11 @@ def combine(
     Example: `roadfiber combine runs/monday runs/tuesday --out runs/both`
     """
     import roadfiber as rf
+    from roadfiber.locating import open_street
     from vision.contract import require_writable
 
     require_writable(out)
-    combined = rf.combine(*(rf.open(run) for run in runs))
+    combined = rf.combine(*(open_street(run) for run in runs))
     combined.save(out)
     if as_json:
         print(json.dumps(combined.facts, allow_nan=False, indent=1))
@@ -82,9 +84,10 @@ def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, a
     Example: `roadfiber diagnose runs/main-street --plugin my_effects.py`
     """
     import roadfiber as rf
+    from roadfiber.locating import open_street
     from vision.contract import require_writable
 
-    opened = rf.open(run, plugins=plugin or (), changed=changed)
+    opened = open_street(run, plugins=plugin or (), changed=changed)
     require_writable(run / "diagnosis.json")
     found = rf.diagnose(opened)
     found.save(run)
@@ -111,15 +114,16 @@ def add(
     Example: `roadfiber add runs/main-street gauge_length --out runs/main-street-2`
     """
     import roadfiber as rf
+    from roadfiber.locating import open_street
     from solver.criticism.diagnosis_files import check_out
 
-    opened = rf.open(run, plugins=plugin or (), changed=changed)
+    opened = open_street(run, plugins=plugin or (), changed=changed)
     check_out(out, opened)
     said = list[str]()
     after = rf.add(opened, *effects, force=force, tell=said.append)
     after.save(out)
     if as_json:
-        print(json.dumps(rf.ladder(rf.open(out)).facts, allow_nan=False, indent=1))
+        print(json.dumps(rf.ladder(open_street(out)).facts, allow_nan=False, indent=1))
         return
     before, last = after.rungs[-2:]
     lines = [
@@ -144,8 +148,9 @@ def clock(run: RunFolder, plugin: Plugins = None, changed: Changed = False, as_j
     Example: `roadfiber clock runs/main-street`
     """
     import roadfiber as rf
+    from roadfiber.locating import open_street
 
-    offset, sigma = rf.clock_offset(rf.open(run, plugins=plugin or (), changed=changed))
+    offset, sigma = rf.clock_offset(open_street(run, plugins=plugin or (), changed=changed))
     if as_json:
         print(json.dumps({"clock_offset": offset, "sigma": sigma, "unit": "s"}))
         return
@@ -163,10 +168,11 @@ def ladder(runs: Annotated[list[Path], typer.Argument(help="Run folders.")], as_
     Example: `roadfiber ladder runs/main-street-2`
     """
     import roadfiber as rf
+    from roadfiber.locating import open_street
 
     written = []
     for folder in runs:
-        climbed = rf.ladder(rf.open(folder))
+        climbed = rf.ladder(open_street(folder))
         climbed.save(folder)
         written.append(climbed.facts)
         if not as_json:
@@ -192,13 +198,14 @@ def explain(
     Example: `roadfiber explain runs/main-street --out runs/main-street-explained`
     """
     import roadfiber as rf
+    from roadfiber.locating import open_street
     from solver.criticism.diagnosis_files import check_out
 
     def tell(line: str) -> None:
         if not as_json:
             print(line, flush=True)
 
-    opened = rf.open(run, plugins=plugin or (), changed=changed)
+    opened = open_street(run, plugins=plugin or (), changed=changed)
     check_out(out, opened)
     story = rf.explain(opened, most=rungs, tell=tell)
     story.save(out)

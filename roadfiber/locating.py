@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 from solver.effect import Effect
 from solver.run.folder import read_run
@@ -15,11 +15,13 @@ from solver.survey.survey import Survey
 from vision.contract.errors import InputError
 
 if TYPE_CHECKING:
+    from solver.drive.drive import Drive
+    from solver.drive.drive_run import DriveRun
     from solver.run.scene import Scene
     from vision.tracked import Tracked
 
 
-def read(path: Path | str) -> Survey:
+def read(path: Path | str) -> "Survey | Drive":
     """Read a survey.
 
     Parameters
@@ -28,7 +30,8 @@ def read(path: Path | str) -> Survey:
 
     Returns
     -------
-    survey : its record, tracks (None where there is a video to be tracked), anchors and ground
+    survey : its record, tracks (None where there is a video to be tracked), anchors and ground; a `Drive` where
+        site.toml has `[route]`, the operator's map of a fiber that one car with GPS drove along
 
     Raises
     ------
@@ -41,21 +44,55 @@ def read(path: Path | str) -> Survey:
     >>> survey.tracks["track_id"].nunique(), len(survey.anchors)
     (4, 2)
     """
-    return Survey.read(path)
+    from solver.drive.drive import Drive
+    from solver.survey.site import read_site
+
+    path = Path(path)
+    site = read_site(path / "site.toml" if path.is_dir() else path)
+    return Survey.of_site(site) if site.route is None else Drive.of_site(site)
 
 
+@overload
+def locate(survey: "Drive") -> "DriveRun": ...
+
+
+@overload
 def locate(
-    survey: Survey | Path | str,
+    survey: Survey,
     *,
     method: str = "spline",
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
     all_passes: bool = False,
-) -> Run:
+) -> Run: ...
+
+
+@overload
+def locate(
+    survey: Path | str,
+    *,
+    method: str = "spline",
+    effects: Sequence[str | Effect] = EFFECTS,
+    filters: Sequence[str] = (),
+    all_passes: bool = False,
+) -> "Run | DriveRun": ...
+
+
+def locate(
+    survey: "Survey | Drive | Path | str",
+    *,
+    method: str = "spline",
+    effects: Sequence[str | Effect] = EFFECTS,
+    filters: Sequence[str] = (),
+    all_passes: bool = False,
+) -> "Run | DriveRun":
     """Locate the fiber of a survey.
 
     A video is tracked first where the survey has no trajectories. Ctrl-C ends it with KeyboardInterrupt and leaves
     nothing behind.
+
+    Of a drive (site.toml has `[route]`) the clock, the polarity, loops of slack and the place of every channel along
+    the map are found. A drive has neither effects nor methods to choose: what is given of them is an error.
 
     Parameters
     ----------
@@ -69,7 +106,8 @@ def locate(
 
     Returns
     -------
-    run : the route with its uncertainty, and whether it may be relied on (`run.trust`)
+    run : the route with its uncertainty, and whether it may be relied on (`run.trust`); of a drive a `DriveRun`, with
+        its `loops` too
 
     Raises
     ------
@@ -82,7 +120,13 @@ def locate(
     >>> bool(run.route["constrained"].sum() > 30), run.trust[:15]
     (True, 'No check failed')
     """
-    whole = survey if isinstance(survey, Survey) else read(survey)
+    whole = read(survey) if isinstance(survey, Path | str) else survey
+    if not isinstance(whole, Survey):
+        from solver.drive.drive_run import locate_drive
+
+        if method != "spline" or list(effects) != list(EFFECTS) or filters or all_passes:
+            raise InputError(f"{whole.name}: a drive; it takes no method, effects, filters or choice of passes")
+        return locate_drive(whole)
     if whole.tracks is not None:
         run = locate_fiber(whole, method=method, effects=effects, filters=filters, all_passes=all_passes)
         return replace(run, scene=scene_of(whole))
@@ -123,7 +167,7 @@ def followed(survey: Survey) -> "Tracked":
 
 def open(
     folder: Path | str, *, plugins: Sequence[Path | str] = (), effects: Iterable[Effect] = (), changed: bool = False
-) -> Run:
+) -> "Run | DriveRun":
     """Open a run folder. It is data: nothing in it is executed.
 
     Parameters
@@ -144,7 +188,27 @@ def open(
     >>> rf.open(folder / "run").name
     'street-paper'
     """
+    from solver.drive.drive_folder import is_drive, read_drive_run
+
+    if is_drive(Path(folder)):
+        return read_drive_run(Path(folder))
+    return open_street(folder, plugins=plugins, effects=effects, changed=changed)
+
+
+def open_street(
+    folder: Path | str, *, plugins: Sequence[Path | str] = (), effects: Iterable[Effect] = (), changed: bool = False
+) -> Run:
+    """Open a run folder whose run can be compared, diagnosed and given effects; arguments as of `open`.
+
+    Raises
+    ------
+    InputError
+        As of `open`, and where it is of a drive.
+    """
+    from solver.drive.drive_folder import is_drive
     from vision.street_picture import StreetPicture
 
+    if is_drive(Path(folder)):
+        raise InputError(f"{folder}: the run of a drive, which has one car and no effects; give the run of a street")
     run = read_run(Path(folder), plugins=[Path(path) for path in plugins], effects=effects, changed=changed)
     return replace(run, scene=StreetPicture.read(Path(folder) / PICTURE, Path(folder) / CALIBRATION))

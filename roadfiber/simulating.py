@@ -5,11 +5,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from solver.simulator import Survey as Street
 from solver.simulator import read_scenario, write_survey
 from solver.simulator import simulate as simulate_street
+from solver.simulator.drive_files import write_drive
+from solver.simulator.drive_record import DriveRecord
+from solver.simulator.drive_scenario import DriveScenario, read_drive
 from solver.simulator.survey_files import CAMERA, require_free, site_text, write_recording
-from vision.contract import writing
+from vision.contract import InputError, writing
 
 
 @dataclass(frozen=True)
@@ -54,11 +59,12 @@ def simulate(
     ----------
     out : folder to write; an earlier simulated survey there is replaced
     scenario : a TOML file, or the name of a built-in one: `street`, or `street-` with `short`, `gps`, `paper` (point
-        loads), `filtered`, `blind`, `filmed`
-    effects : to hide, by name, with their amounts (`solver.simulator.EFFECTS` lists them)
+        loads), `filtered`, `blind`, `filmed`; or `drive`, one car with GPS along kilometers of fiber and its map
+    effects : to hide, by name, with their amounts (`solver.simulator.EFFECTS` lists them); a drive hides none
     film : render the street's camera in place of trajectories: `street.mp4` and the control points to calibrate it by;
         of `street-filmed`, whose vehicles drive where it looks
-    **changes : further fields of `solver.simulator.Scenario`, such as seed, passes, snr_db
+    **changes : further fields of `solver.simulator.Scenario`, such as seed, passes, snr_db; of a drive those of
+        `solver.simulator.drive_scenario.DriveScenario`, such as seed, length, snr_db
 
     Raises
     ------
@@ -71,6 +77,11 @@ def simulate(
     >>> made.passes, made.truth.name
     (2, 'truth.json')
     """
+    drive = read_drive(scenario, **changes)
+    if drive is not None:
+        if effects or film:
+            raise InputError(f"{scenario}: a drive hides no effects and has no camera; its settings are {', '.join(vars(drive))}")
+        return simulated_drive(drive, Path(out))
     wanted = read_scenario(scenario, effects=None if effects is None else dict(effects), **changes)
     folder = Path(out)
     require_free(folder)
@@ -104,3 +115,18 @@ def write_filmed(survey: Street, folder: Path) -> Path:
         film(street_scene(drivers, seed), temporary, float(survey.time[-1]), seed)
         (temporary / "site.toml").write_text(site_text(survey.scenario, CAMERA), encoding="utf-8")
     return folder / "site.toml"
+
+
+def simulated_drive(drive: DriveScenario, folder: Path) -> Simulated:
+    """Simulate a drive into a folder."""
+    shape, active = list[tuple[int, ...]](), list[int]()
+
+    def note(record: DriveRecord) -> None:
+        cable, distance = record.ground.cable, record.ground.distance
+        inside = np.flatnonzero((distance > cable.cable[0]) & (distance < cable.cable[-1]))
+        shape.append(record.rate.shape)
+        active.extend((int(inside[0]), int(inside[-1])))
+
+    site = write_drive(drive, folder, note)
+    rows, channels = shape[0]
+    return Simulated(site, 1, channels, round(rows / drive.sampling_rate, 1), (active[0], active[1]))

@@ -13,7 +13,7 @@ def simulate(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="A TOML file, `street`, or `street-` and `short`, `gps`, `paper` (point loads), `filtered` ..."
+            help="A TOML file, `street`, `street-` and `short`, `gps`, `paper` (point loads), `filtered` ..., or `drive`"
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; an earlier simulated survey there is replaced.")],
@@ -31,12 +31,14 @@ def simulate(
     """Simulate a survey: DAS files, trajectories, anchors, site.toml, and truth.json with all that they hide.
 
     The generator shares no code with the solver's signal path. The keys of a scenario file are the fields of
-    `solver.simulator.Scenario`, such as `speeds = [30, 50]` (km/h) or `[effects]` with `gauge_length = 0.15`.
+    `solver.simulator.Scenario`, such as `speeds = [30, 50]` (km/h) or `[effects]` with `gauge_length = 0.15`; with
+    `base = "drive"` those of `solver.simulator.drive_scenario.DriveScenario`, such as `length = 5000` (m).
 
     Some sixty effects can be hidden in it, see `solver.simulator.EFFECTS`, such as `--hide viscoelastic_lag=0.3
     --hide viscoelastic_lag_tau=0.4`; those whose name begins with `unknown_` are in no catalogue.
 
-    Example: `roadfiber simulate street --seed 3 --out survey` and then `roadfiber locate survey/site.toml --out run`
+    Examples: `roadfiber simulate street --seed 3 --out survey` and then `roadfiber locate survey/site.toml --out run`;
+    `roadfiber simulate drive --out drive`
     """
     import json
 

@@ -28,10 +28,10 @@ def workbench(
 
     Examples: `roadfiber workbench runs/main-street`, `roadfiber workbench run --no-browser --port 5006`
     """
-    import roadfiber as rf
+    from roadfiber.locating import open_street
 
     plugins = plugin or []
-    opened = rf.open(run, plugins=plugins)
+    opened = open_street(run, plugins=plugins)
     from roadfiber.web.workbench import serve_workbench
 
     serve_workbench(opened, plugins, port, browser)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import roadfiber as rf
+from roadfiber.locating import open_street
 from roadfiber.web.worker import Worker
 from solver.catalogue.catalogue import title_of
 from solver.criticism.comparison import Comparison
@@ -214,7 +214,7 @@ class Bench:
         below = self.at
 
         def grown(folder: Path) -> None:
-            better = rf.open(folder)
+            better = open_street(folder)
             rung = better.rungs[-1]
             with self._lock:
                 self.runs, self.at = [*self.runs[: below + 1], better], below + 1

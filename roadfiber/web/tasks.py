@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import roadfiber as rf
+from roadfiber.locating import open_street
 from roadfiber.web.preview import Dial, Preview, Previews
 from solver.catalogue.catalogue import find
 from solver.catalogue.plugins import Plugin, read_plugin
@@ -38,7 +39,7 @@ def opened(folder: Path, plugins: tuple[Path, ...]) -> Run:
 @lru_cache(maxsize=3)
 def opened_as(folder: Path, plugins: tuple[Plugin, ...]) -> Run:
     """A run with plugins of these texts."""
-    return rf.open(folder, plugins=[one.path for one in plugins])
+    return open_street(folder, plugins=[one.path for one in plugins])
 
 
 def previews(folder: Path, plugins: tuple[Path, ...]) -> Previews:

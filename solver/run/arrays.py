@@ -30,6 +30,9 @@ MAGIC = b"\x93NUMPY\x01\x00"
 
 Arrays = Mapping[str, NDArray[Any]]
 
+#: Kind and axes of arrays by name.
+Expected = Mapping[str, tuple[str, tuple[str | int, ...]]]
+
 #: Types that each kind of array may be stored as.
 KINDS = {"flag": ("|b1",), "count": ("<i8",), "number": ("<f4", "<f8"), "text": ("<U",)}
 #: Kind and axes of what is known of passes; a name is an axis that others share, a number its length.
@@ -88,8 +91,8 @@ class Declared:
         return prod(self.shape) * np.dtype(self.descr).itemsize
 
 
-def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Read the arrays of a run, and nothing else that its file may hold.
+def read_arrays(path: Path, expected: Expected = EXPECTED) -> dict[str, NDArray[Any]]:
+    """Read the arrays of a run, and nothing else that its file may hold; `expected` are their kinds and axes.
 
     Raises
     ------
@@ -102,8 +105,11 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     try:
         with path.open("rb") as stream, ZipFile(stream) as file:
             stored = {info.filename: info for info in file.infolist()}
-            found = {name: declared(file, stored.get(f"{name}.npy")) for name in EXPECTED}
-            check_shapes(found)
+            missing = sorted(name for name in expected if f"{name}.npy" not in stored)
+            if missing:
+                raise UnfitError(f"{missing[0]} is missing")
+            found = {name: declared(file, stored[f"{name}.npy"]) for name in expected}
+            check_shapes(found, expected)
             check_sizes(sum(one.size for one in found.values()), path.stat().st_size)
             return {name: numbers(file, stored[f"{name}.npy"], one) for name, one in found.items()}
     except UnfitError as error:
@@ -117,11 +123,8 @@ class UnfitError(ValueError):
     """What is wrong with arrays, in words that name one."""
 
 
-def declared(file: ZipFile, info: ZipInfo | None) -> Declared:
+def declared(file: ZipFile, info: ZipInfo) -> Declared:
     """Read what an array says it is, and not the array."""
-    if info is None:
-        missing = sorted(name for name in EXPECTED if f"{name}.npy" not in file.namelist())
-        raise UnfitError(f"{missing[0]} is missing")
     name = info.filename.removesuffix(".npy")
     if info.compress_type not in (ZIP_STORED, ZIP_DEFLATED):
         raise UnfitError(f"{name} is compressed in an unusual way")
@@ -135,10 +138,10 @@ def declared(file: ZipFile, info: ZipInfo | None) -> Declared:
     return Declared(header[1].decode(), shape, len(start) + length)
 
 
-def check_shapes(found: Mapping[str, Declared]) -> None:
+def check_shapes(found: Mapping[str, Declared], expected: Expected) -> None:
     """Refuse arrays of another type than expected, and those that share an axis and differ along it."""
     known: dict[str, tuple[int, str]] = {}
-    for name, (kind, axes) in EXPECTED.items():
+    for name, (kind, axes) in expected.items():
         one = found[name]
         if not one.descr.startswith(KINDS[kind]):
             raise UnfitError(f"{name} is of type {one.descr}, not {kind}s")

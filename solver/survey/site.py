@@ -173,6 +173,26 @@ class AnchorsSection(Section):
     file: File
 
 
+class RouteSection(Section):
+    """`[route]`: the operator's map of a cable that one car with GPS drove along: a prior, not the truth.
+
+    `sigma`, m, is how far the map may be off; `length_factor` the meters of cable per meter of map, loops left out, and
+    its standard deviation.
+    """
+
+    file: File
+    sigma: Positive = 8.0
+    length_factor: tuple[Positive, Positive] = (1.0, 0.02)
+
+    @field_validator("length_factor")
+    @classmethod
+    def near_one(cls, factor: tuple[float, float]) -> tuple[float, float]:
+        """Refuse a factor that no cable has."""
+        if not 0.5 < factor[0] < 2 or factor[1] > 0.2:
+            raise ValueError(f"{list(factor)}; give cable per meter of map and its sd, as [1.0, 0.02]")
+        return factor
+
+
 class GroundSection(Section):
     """`[ground]`: what is known beforehand about the ground and the depth.
 
@@ -204,7 +224,8 @@ class Site(Section):
     ----------
     name : of the survey; by default the folder's
     frame : the local frame
-    das, camera, trajectories, anchors, ground : the sections; at least one of `camera` and `trajectories` is given
+    das, camera, trajectories, route, anchors, ground : the sections; at least one of `camera` and `trajectories` is
+        given, and `trajectories` where there is a `route`
     plan : of the survey before it was driven
     """
 
@@ -213,6 +234,7 @@ class Site(Section):
     das: DASSection
     camera: CameraSection | None = None
     trajectories: TrajectoriesSection | None = None
+    route: RouteSection | None = None
     anchors: AnchorsSection | None = None
     ground: GroundSection = GroundSection()
     plan: PlanSection | None = None
@@ -228,6 +250,8 @@ class Site(Section):
         needed = (info.context or {}).get("moving", True)
         if needed and self.camera is None and self.trajectories is None:
             raise ValueError("neither [camera] nor [trajectories]; give one of them")
+        if needed and self.route is not None and self.trajectories is None:
+            raise ValueError("[route] without [trajectories]; give the GPS track of the car that drove along it")
         return self
 
 
@@ -236,6 +260,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "das": DASSection,
     "camera": CameraSection,
     "trajectories": TrajectoriesSection,
+    "route": RouteSection,
     "anchors": AnchorsSection,
     "ground": GroundSection,
     "plan": PlanSection,

@@ -24,6 +24,8 @@ PAGES = (
     ("explain.html", "Story", "What the model lacked, step by step."),
 )
 MARKED = re.compile("<!-- pages -->.*?<!-- /pages -->", re.DOTALL)
+#: How the format of a drive's run begins; it has one car, and no effects to compare.
+OF_A_DRIVE = "roadfiber drive"
 #: Bytes of a JSON file that is looked at for a sentence.
 LARGEST = 2**26
 
@@ -97,6 +99,8 @@ def rows_in(facts: Mapping[str, Any], name: str) -> list[dict[str, Any]]:
 
 def next_lines(folder: Path, there: list[str], run: str) -> list[str]:
     """The commands that come next, for a run folder of some name."""
+    if text_in(facts_in(folder, "fit.json"), "format").startswith(OF_A_DRIVE):
+        return [f"`{run}/route.geojson` opens in any GIS: the route with its 95 % corridor, and loops of slack."]
     found = facts_in(folder, "diagnosis.json")
     lines = []
     if "compare.html" not in there:

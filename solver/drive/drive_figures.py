@@ -1,0 +1,176 @@
+"""Figures of a located drive: the drive over the waterfall, the channel map, the route from above, the misfit."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from solver.run.geojson import Z95, runs
+from vision.contract.drawing import BACKWARD, FORWARD, ROUTE, canvas, place
+from vision.contract.figures import INK, MUTED, RULE, styled
+
+if TYPE_CHECKING:
+    from solver.drive.drive_run import DriveRun
+
+Array = NDArray[np.float64]
+
+LEFT, RIGHT, TOP, UNDER, BETWEEN = 70, 20, 26, 46, 44  # px
+#: Most legs that a drive may have.
+MOST_LEGS = 1000
+#: m, half-widths that the figure shows between.
+NARROW, WIDE = 0.1, 300.0
+#: Color of loops, and dots of a leg that goes on along the map or against it.
+LOOP = "#009e73"
+
+
+def shade_loops(axes: Axes, run: "DriveRun") -> None:
+    """Mark the channels of each loop."""
+    for one in run.facts["loops"]:
+        axes.axvspan(one["first_channel"] - 0.5, one["last_channel"] + 0.5, color=LOOP, alpha=0.25, lw=0)
+
+
+@styled
+def waterfall_figure(run: "DriveRun", width: int) -> Figure:
+    """The record in noise sigmas over time and channel, and the car where the fit has it."""
+    height = 420
+    figure = canvas(width, TOP + height + UNDER)
+    axes = place(figure, "record", LEFT, TOP, width - LEFT - RIGHT, height)
+    channel = run.arrays["channel"]
+    picture = np.asarray(run.arrays["picture"], float)
+    end = run.facts["seconds_shown"] / 60
+    extent = (0.0, end, float(channel[0]) - 0.5, float(channel[-1]) + 0.5)
+    axes.imshow(
+        np.log10(np.maximum(picture, 0.3)),
+        aspect="auto",
+        origin="lower",
+        extent=extent,
+        cmap="Greys",
+        vmin=-0.1,
+        vmax=1.3,
+    )
+    time, where = run.arrays["car_time"] / 60, run.arrays["car_channel"].astype(float)
+    gap = np.flatnonzero(np.diff(time) > 0.5) + 1
+    time, where = np.insert(time, gap, np.nan), np.insert(where, gap, np.nan)
+    axes.plot(time, where, color=ROUTE, lw=1.0, alpha=0.8)
+    for one in run.facts["loops"]:
+        axes.axhspan(one["first_channel"] - 0.5, one["last_channel"] + 0.5, xmax=0.012, color=LOOP, lw=0)
+    axes.set(xlim=(0, end), xlabel="minutes since the start of the record", ylabel="channel")
+    axes.set_title("The record, in sigmas of its noise: black is loud; the car as located; loops at the left edge")
+    return figure
+
+
+@styled
+def channel_figure(run: "DriveRun", width: int) -> Figure:
+    """The channel map: where along the map each channel lies, the slack up to it, and how sure that is."""
+    heights = (150, 190, 150)
+    figure = canvas(width, TOP + sum(heights) + 2 * BETWEEN + UNDER)
+    channel, constrained = run.arrays["channel"], run.arrays["constrained"]
+    along, half = run.arrays["along"], Z95 * run.arrays["sigma_along"]
+    tops = np.cumsum([TOP, *(height + BETWEEN for height in heights)])
+    names = ("along", "slack", "width")
+    panels = [
+        place(figure, name, LEFT, int(top), width - LEFT - RIGHT, height)
+        for name, top, height in zip(names, tops, heights, strict=False)
+    ]
+    for axes in panels:
+        shade_loops(axes, run)
+        axes.set_xlim(channel[0] - 0.5, channel[-1] + 0.5)
+    draw_line(panels[0], channel, along / 1e3, half / 1e3, constrained)
+    panels[0].axhspan(0, run.facts["map_length"] / 1e3, color=RULE, alpha=0.3, lw=0, zorder=0)
+    panels[0].set(ylabel="along the map, km", title="Which channel lies where (gray: the map; green: loops of slack)")
+    slack = slack_of(run)
+    draw_line(panels[1], channel, slack, half, constrained)
+    shown = slack[constrained] if constrained.any() else slack
+    margin = max(8.0, 0.08 * float(np.ptp(shown)))
+    panels[1].set_ylim(shown.min() - margin, shown.max() + margin)
+    panels[1].set(ylabel="m", title="Cable less path: it climbs where cable is slack, with the 95 % band")
+    panels[2].fill_between(channel, NARROW, np.clip(half, NARROW, WIDE), color=ROUTE, alpha=0.3, lw=0, step="mid")
+    heard = run.arrays["heard"]
+    panels[2].plot(channel[heard], np.full(heard.sum(), NARROW * 1.15), "|", color=INK, ms=5, mew=0.8)
+    panels[2].set(yscale="log", ylim=(NARROW, WIDE), xlabel="channel", ylabel="m")
+    panels[2].set_title("Half-width of the 95 % band along the path; ticks: channels that heard the car")
+    return figure
+
+
+def slack_of(run: "DriveRun") -> Array:
+    """Cable less path up to each channel, m, 0 at the first that is located."""
+    factor = float(run.facts["parameters"]["length_factor"]["value"] or 1.0)
+    slack = run.arrays["distance"] - factor * run.arrays["along"]
+    located = np.flatnonzero(run.arrays["constrained"])
+    return np.asarray(slack - slack[located[0] if len(located) else 0])
+
+
+def draw_line(axes: Axes, channel: Array, value: Array, half: Array, constrained: NDArray[np.bool_]) -> None:
+    """A line with its band: solid where the drive decides it, dotted elsewhere."""
+    axes.fill_between(channel, value - half, value + half, color=ROUTE, alpha=0.25, lw=0)
+    for first, last in runs(constrained):
+        part = slice(max(0, first - 1), last + 1)
+        style = "-" if constrained[first] else (0, (1, 1.5))
+        axes.plot(channel[part], value[part], color=ROUTE, lw=1.6, ls=style)
+
+
+@styled
+def plan_figure(run: "DriveRun", width: int) -> Figure:
+    """The route from above, the map, the car and the loops; x to the right, y down."""
+    route, constrained = run.arrays["route"], run.arrays["constrained"]
+    line = run.arrays["map"]
+    whole = np.concatenate([line, run.arrays["car"], route[constrained, :2]])
+    low, high = whole.min(0) - 20, whole.max(0) + 20
+    inner = width - LEFT - RIGHT
+    height = int(np.clip(inner * (high[1] - low[1]) / (high[0] - low[0]), 160, 620))
+    figure = canvas(width, TOP + height + UNDER)
+    axes = place(figure, "plan", LEFT, TOP, inner, height)
+    axes.plot(*line.T, color=MUTED, lw=1.2, ls=(0, (4, 2)), label="operator's map")
+    axes.plot(*run.arrays["car"].T, color=BACKWARD, lw=0, marker=".", ms=1.5, label="car")
+    for first, last in runs(constrained):
+        style = "-" if constrained[first] else (0, (1, 1.5))
+        inside = slice(max(0, first - 1), last + 1)
+        axes.plot(*route[inside, :2].T, color=ROUTE, lw=1.8, ls=style)
+    axes.plot([], [], color=ROUTE, lw=1.8, label="fiber (dotted: not decided by the drive)")
+    for number, one in enumerate(run.facts["loops"]):
+        label = "loop of slack" if number == 0 else None
+        axes.plot(one["x"], one["y"], "o", mfc="none", mec=LOOP, mew=1.6, ms=8, label=label)
+    axes.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), xlabel="x, m", ylabel="y, m (right of +x is down)")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(loc="best")
+    return figure
+
+
+@styled
+def misfit_figure(run: "DriveRun", width: int) -> Figure:
+    """How far each channel's picks are from the fit, leg by leg, along the map; and the share of channels heard."""
+    heights = (190, 90)
+    figure = canvas(width, TOP + sum(heights) + BETWEEN + UNDER)
+    along = run.arrays["along"] / 1e3
+    inner = width - LEFT - RIGHT
+    upper = place(figure, "misfit", LEFT, TOP, inner, heights[0])
+    lower = place(figure, "heard", LEFT, TOP + heights[0] + BETWEEN, inner, heights[1])
+    colors = (FORWARD, ROUTE, LOOP, "#cc79a7", "#e69f00", BACKWARD)
+    residual = np.asarray(run.arrays["residual"], float)
+    for leg, one in enumerate(residual):
+        upper.plot(along, np.clip(one, -10, 10), ".", ms=3, color=colors[leg % len(colors)], label=f"leg {leg + 1}")
+    upper.axhline(0, color=RULE, lw=0.8)
+    upper.set(ylabel="m", title="What the picks of each leg are off, after clock and errors of the GPS")
+    upper.set_ylim(-1.1 * min(10, scale_of(residual)), 1.1 * min(10, scale_of(residual)))
+    if 1 < len(residual) <= len(colors):
+        upper.legend(loc="upper right", ncols=len(residual))
+    edges = np.linspace(0, run.facts["map_length"] / 1e3, 61)
+    inside = run.arrays["beside"] & ~run.arrays["loop"]
+    every = np.histogram(along[inside], edges)[0]
+    heard = np.histogram(along[inside & run.arrays["heard"]], edges)[0]
+    share = np.divide(heard, every, out=np.full(len(every), np.nan), where=every > 0)
+    lower.bar(edges[:-1], np.nan_to_num(share), np.diff(edges), align="edge", color=FORWARD, alpha=0.7)
+    lower.set(
+        ylim=(0, 1.02), yticks=(0, 0.5, 1), xlabel="along the map, km", title="Share of channels that hear the car"
+    )
+    for axes in (upper, lower):
+        axes.set_xlim(edges[0], edges[-1])
+    return figure
+
+
+def scale_of(residual: Array) -> float:
+    """Largest misfit that is shown, m."""
+    known = np.abs(residual[np.isfinite(residual)])
+    return max(1.0, float(np.percentile(known, 99))) if len(known) else 1.0

@@ -1,0 +1,161 @@
+"""The run folder of a drive: written whole, and read as data."""
+
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from solver.drive.drive_figures import MOST_LEGS
+from solver.drive.drive_page import drive_page
+from solver.drive.drive_run import FORMAT, DriveRun
+from solver.run.arrays import Expected, read_arrays
+from solver.run.report.joined import join
+from solver.run.route_table import route_csv
+from solver.run.stored import (
+    AnchorFile,
+    FittedNumber,
+    FrameFile,
+    InputFile,
+    Moment,
+    Size,
+    Stored,
+    Text,
+    TrustFile,
+    read_model,
+)
+from solver.survey.anchors import Anchor
+from vision.contract import InputError, LocalFrame, require_writable, writing
+
+MEND = "give a folder that `roadfiber locate` wrote of a drive"
+#: Kind and axes of every array.
+EXPECTED: Expected = {
+    "channel": ("count", ("channel",)),
+    "distance": ("number", ("channel",)),
+    "route": ("number", ("channel", 3)),
+    "covariance": ("number", ("channel", 3, 3)),
+    "constrained": ("flag", ("channel",)),
+    "loop": ("flag", ("channel",)),
+    "in_loop": ("number", ("channel",)),
+    "along": ("number", ("channel",)),
+    "sigma_along": ("number", ("channel",)),
+    "heard": ("flag", ("channel",)),
+    "beside": ("flag", ("channel",)),
+    "residual": ("number", ("leg", "channel")),
+    "picture": ("number", ("row", "column")),
+    "car_time": ("number", ("moment",)),
+    "car_channel": ("number", ("moment",)),
+    "car": ("number", ("moment", 2)),
+    "map": ("number", ("vertex", 2)),
+    "noise": ("number", ("channel",)),
+}
+
+
+class LoopFile(Stored):
+    """One of `loops`."""
+
+    first_channel: int
+    last_channel: int
+    length: float
+    sigma: float
+    along: float
+    x: float
+    y: float
+    latitude: float
+    longitude: float
+    probability: float
+
+
+class UnheardFile(Stored):
+    """One of `unheard`."""
+
+    channels: tuple[int, int]
+    along: tuple[float, float]
+    beside_the_car: bool
+
+
+class DriveFile(Stored):
+    """fit.json of a drive: what `solver.drive.drive_run.locate_drive` makes."""
+
+    format: Literal["roadfiber drive 1"]
+    name: Text
+    headline: Text
+    trust: TrustFile
+    next: tuple[Text, ...]
+    clock: Text
+    converged: bool
+    iterations: int
+    parameters: dict[Text, FittedNumber]
+    map_reversed: bool
+    loops: tuple[LoopFile, ...]
+    unheard: tuple[UnheardFile, ...]
+    legs: int
+    gps_left_out: int
+    map_length: Size
+    active_channels: tuple[int, ...]
+    frame: FrameFile
+    start: Moment
+    seconds_shown: Size
+    anchors: tuple[AnchorFile, ...]
+    settings: dict[Text, float | tuple[float, ...]]
+    inputs: tuple[InputFile, ...]
+    timings: dict[Text, Size]
+    versions: dict[Text, Text]
+    created: Moment
+
+
+def is_drive(folder: Path) -> bool:
+    """Whether a folder holds the run of a drive, by the first word of its fit.json."""
+    path = Path(folder) / "fit.json"
+    try:
+        with path.open(encoding="utf-8") as file:
+            return f'"{FORMAT.rpartition(" ")[0]} ' in file.read(200)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def write_drive_run(folder: Path, run: DriveRun) -> None:
+    """Write a run folder, whole or not at all; an earlier run there is replaced.
+
+    `route.csv`, `route.geojson`, `fit.json`, `report.html`, `index.html` and `data.npz` go there.
+
+    Raises
+    ------
+    InputError
+        If `folder` holds something else than a run, or cannot be written.
+    """
+    from solver.run.folder import check_target
+
+    if not is_drive(folder):
+        check_target(folder)
+    require_writable(folder)
+    table = run.route
+    text = {name: table[name].map(lambda flag: str(bool(flag)).lower()) for name in ("loop", "heard")}
+    text |= {name: table[name].map("{:.2f}".format) for name in ("along", "sigma_along")}
+    with writing(folder) as temporary:
+        temporary.mkdir()
+        (temporary / "route.csv").write_text(route_csv(table.assign(**text)), encoding="utf-8")
+        (temporary / "route.geojson").write_text(json.dumps(run.features(), allow_nan=False), encoding="utf-8")
+        (temporary / "fit.json").write_text(json.dumps(run.facts, allow_nan=False, indent=1), encoding="utf-8")
+        kept: dict[str, Any] = {name: run.arrays[name] for name in EXPECTED}
+        np.savez_compressed(temporary / "data.npz", **kept)
+        (temporary / "report.html").write_text(drive_page(run), encoding="utf-8")
+        join(temporary, called=folder.resolve().name)
+
+
+def read_drive_run(folder: Path) -> DriveRun:
+    """Read the run folder of a drive back; nothing in it is executed.
+
+    Raises
+    ------
+    InputError
+        If it is no such folder, or a part of it is missing or corrupt.
+    """
+    folder = Path(folder)
+    facts: dict[str, Any] = read_model(folder / "fit.json", DriveFile, MEND).model_dump(mode="json")
+    arrays = read_arrays(folder / "data.npz", EXPECTED)
+    if len(arrays["residual"]) > MOST_LEGS or not np.isfinite(arrays["route"]).all():
+        raise InputError(f"{folder / 'data.npz'}: not the arrays of a drive; run `roadfiber locate` again")
+    frame = LocalFrame(tuple(facts["frame"]["origin"]), facts["frame"]["x_azimuth"])
+    anchors = [Anchor(**one) for one in facts["anchors"]]
+    return DriveRun(frame, facts, arrays, anchors, folder.resolve())

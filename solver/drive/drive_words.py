@@ -1,0 +1,192 @@
+"""What a located drive says in words: its headline, whether it may be relied on, and what to look at next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.drive.channel_fit import Fit
+from solver.drive.path import STEP
+from solver.run.trust import Gate
+
+#: Share of the channels beside the car that hear it in a good drive.
+MOST = 0.5
+#: s; a clock less sure than this moves channels by more than a car's length.
+CLOCK = 0.3
+#: Share of picks that disagree with their neighbors at most.
+STRAY = 0.25
+#: Sigmas of the length factor.
+FAR = 3.5
+#: m of path without the car that are worth a word, and stretches that are named.
+GAP, NAMED = 60.0, 6
+
+
+@dataclass(frozen=True)
+class Unheard:
+    """A stretch that no channel hears: first and last index, m along the map, and whether the car drove beside it."""
+
+    first: int
+    last: int
+    begin: float
+    end: float
+    beside: bool
+
+
+def constrained_of(fit: Fit) -> NDArray[np.bool_]:
+    """Which channels the drive decides: those that hear the car within two gauges, and loops among them."""
+    loop = np.zeros(len(fit.cell), bool)
+    for one in fit.loops:
+        loop[one.first : one.last + 1] = True
+    heard = np.flatnonzero(fit.audible)
+    found = np.zeros(len(fit.cell), bool)
+    if len(heard):
+        # Along the path, so that a loop is as near to both its ends as they are to one another.
+        order = np.sort(fit.cell[heard])
+        after = np.clip(np.searchsorted(order, fit.cell), 0, len(order) - 1)
+        away = np.minimum(np.abs(order[after] - fit.cell), np.abs(fit.cell - order[np.maximum(after - 1, 0)]))
+        inside = (np.arange(len(found)) >= heard[0]) & (np.arange(len(found)) <= heard[-1])
+        found = (away * STEP <= 2 * fit.quiet.gauge_length) & (inside | ~loop)
+    return np.asarray(found & (fit.sigma * STEP < 10.0))
+
+
+def unheard_of(fit: Fit, constrained: NDArray[np.bool_]) -> list[Unheard]:
+    """Stretches along the map that the drive does not decide, the longest first."""
+    along = (fit.cell - fit.path.first) * STEP
+    there = ~constrained & (along > 0) & (along < fit.path.length)
+    index = np.flatnonzero(there)
+    found = []
+    for run in np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(index) else []:
+        first, last = int(run[0]), int(run[-1])
+        begin, end = float(along[first]), float(along[last])
+        if end - begin >= GAP:
+            found.append(Unheard(first, last, begin, end, bool(fit.beside[run].mean() > 0.5)))
+    return sorted(found, key=lambda one: one.begin - one.end)
+
+
+def headline(fit: Fit, constrained: NDArray[np.bool_]) -> str:
+    """Where the fiber is, in a sentence."""
+    if not constrained.any():
+        return "no channel was located"
+    sigma = np.sqrt(np.median(fit.sigma[constrained] ** 2)) * STEP
+    way = float(np.ptp(fit.cell[constrained])) * STEP / 1e3
+    loops = len(fit.loops)
+    slack = f"{loops} loop{'s' * (loops != 1)} of slack found" if loops else "no loop of slack found"
+    return (
+        f"{constrained.sum()} of {len(fit.cell)} channels located along {way:.2f} km, 1 sigma {sigma:.1f} m along the "
+        f"path; {slack}"
+    )
+
+
+def clock_words(fit: Fit) -> str:
+    """How far the clocks are apart."""
+    way = "ahead of" if fit.clock_offset > 0 else "behind"
+    return f"the record's clock is {abs(fit.clock_offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's"
+
+
+def factor_of(fit: Fit, prior: tuple[float, float]) -> tuple[float, float]:
+    """Meters of cable per meter of map, loops left out, over what is heard; and its standard deviation."""
+    heard = fit.audible
+    if heard.sum() < 2:
+        return prior
+    mean = float(prior[0] / (1 + fit.along.stretch[heard].mean()))
+    first, last = np.flatnonzero(heard)[[0, -1]]
+    way = max(1.0, float(fit.cell[last] - fit.cell[first]) * STEP)
+    return mean, float(np.hypot(fit.sigma[first], fit.sigma[last]) * STEP / way)
+
+
+def gates_of(fit: Fit, prior: tuple[float, float]) -> list[Gate]:
+    """The checks of a drive."""
+    heard = float(fit.audible[fit.beside & ~fit.quiet.dead].mean()) if fit.beside.any() else 0.0
+    audible = fit.picks.audible[: fit.legs.count]
+    stray = float((fit.along.weight[: fit.legs.count][audible] < 0.999).mean()) if audible.any() else 1.0
+    factor, _ = factor_of(fit, prior)
+    off = abs(factor - prior[0]) / prior[1]
+    return [
+        Gate(
+            "converged",
+            "passed" if fit.converged else "failed",
+            "the clock stands still" if fit.converged else "the clock did not come to rest",
+            ("check the GPS track and the length factor",),
+        ),
+        Gate(
+            "heard",
+            "passed" if heard >= MOST else "failed",
+            f"{100 * heard:.0f} % of the channels beside the car hear it",
+            ("see which stretches are not heard; drive again slowly, or in another lane",),
+            found=heard,
+            expected=MOST,
+        ),
+        Gate(
+            "clock",
+            "passed" if fit.clock_sigma < CLOCK else "failed",
+            clock_words(fit),
+            ("drive with stops or a U-turn, which tell the clock from the place",),
+            found=fit.clock_sigma,
+            expected=CLOCK,
+        ),
+        Gate(
+            "picks",
+            "passed" if stray < STRAY else "failed",
+            f"{100 * (1 - stray):.0f} % of the picks agree with their neighbors",
+            ("see the misfit along the path; check the GPS track and the channel spacing",),
+            found=stray,
+            expected=STRAY,
+        ),
+        Gate(
+            "length",
+            "passed" if off < FAR else "failed",
+            f"{factor:.3f} m of cable per m of map",
+            ("check the channel spacing and length_factor in [route]",),
+            found=factor,
+            expected=prior[0],
+            scatter=prior[1],
+        ),
+        second_leg(fit),
+    ]
+
+
+def second_leg(fit: Fit) -> Gate:
+    """Whether passes of one place agree; open where it was passed once."""
+    audible = fit.picks.audible[: fit.legs.count]
+    both = audible.sum(0) >= 2
+    if both.sum() < 5:
+        return Gate("passes", "open", "whether two passes of one place agree, as none was driven twice")
+    off = np.where(audible, fit.along.residual[: fit.legs.count] / fit.picks.sigma[: fit.legs.count], np.nan)[:, both]
+    size = float(np.nanmedian(np.abs(off)) / 0.6745)
+    return Gate(
+        "passes",
+        "passed" if size < 2 else "failed",
+        f"passes of one place agree within {size:.1f} of their sigmas",
+        ("see the misfit along the path",),
+        found=size,
+        expected=1.0,
+    )
+
+
+def advice(fit: Fit, unheard: list[Unheard]) -> list[str]:
+    """What a second drive or a tap test should look at, a line each."""
+    channel = fit.quiet.channel
+    lines = []
+    for one in unheard[:NAMED]:
+        where = f"channels {channel[one.first]} to {channel[one.last]}, {one.begin / 1e3:.2f} to {one.end / 1e3:.2f} km"
+        middle = channel[(one.first + one.last) // 2]
+        if one.beside:
+            lines.append(
+                f"{where}: the car drove beside the map and nothing was heard: the fiber may run elsewhere, lie in a "
+                f"duct that is decoupled, or be coiled; a tap test near channel {middle} tells"
+            )
+        else:
+            lines.append(f"{where}: the car was not beside the map; drive there, or tap near channel {middle}")
+    if len(unheard) > NAMED:
+        lines.append(
+            f"{len(unheard) - NAMED} more stretches are not heard; route.csv has them (`constrained` is false)"
+        )
+    side = float(np.median(fit.aside.sigma[fit.audible])) if fit.audible.any() else 0.0
+    if side > 2.0:
+        lines.append(
+            f"which side of the road the fiber lies on is known to {side:.1f} m (1 sigma); a second drive in the other "
+            "direction, two lanes away, would decide it"
+        )
+    if fit.clock_sigma > CLOCK / 3:
+        lines.append("a drive with more stops, or with a U-turn, would set the clock")
+    return lines

@@ -1,0 +1,117 @@
+"""How likely each channel lies at each cell of the path: the matched filter as a likelihood that traffic cannot fool.
+
+Within reach of a cell, a channel's samples d are a response h of unit energy times an amplitude, plus noise whose level
+is not known (other vehicles): the ratio to noise alone is ((nu + d.d) / (nu + |d - a h|^2))^((nu + n) / 2). The
+amplitude is what fits best between a quarter and three times of what neighbors show: a truck that follows is no car.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.drive.quiet import Quiet
+from solver.drive.response import Responses
+from solver.ground.compiled import compiled
+
+Array = NDArray[np.float64]
+
+#: Degrees of freedom that the known noise counts for.
+KNOWN = 8.0
+#: Share of a sample that counts: neighbors, and errors of the model, are correlated.
+COUNTED = 0.5
+#: Price of an amplitude and a distance that are free, as log likelihood.
+PRICE = 1.5
+#: Shares of the neighbors' amplitude that a channel has at least, and at most.
+LEAST, MOST = 0.25, 3.0
+
+
+@cache
+def machine() -> Any:
+    """`fill(values, polarity, floor, low, begin, row, size, at, leg, response, ratio, amplitude)` in machine code."""
+
+    def fill(
+        values: Any,
+        polarity: float,
+        floor: Any,
+        low: Any,
+        begin: Any,
+        row: Any,
+        size: Any,
+        at: Any,
+        leg: Any,
+        response: Any,
+        chosen: int,
+        ratio: Any,
+        amplitude: Any,
+    ) -> None:
+        kinds, width = response.shape[0], ratio.shape[1]
+        dots = np.zeros(kinds)
+        for channel in range(values.shape[0]):
+            for place in range(width):
+                cell = low[channel] + place
+                total, loudest = 0.0, 0.0
+                if 0 <= cell < len(begin) - 1:
+                    first, last = begin[cell], begin[cell + 1]
+                    energy, count = 0.0, 0
+                    for index in range(first, last):
+                        if chosen >= 0 and leg[index] != chosen:
+                            continue
+                        for sample in range(size[index]):
+                            value = values[channel, row[index] + sample]
+                            energy += value * value
+                            for kind in range(kinds):
+                                dots[kind] += value * response[kind, at[index] + sample]
+                        count += size[index]
+                        if index + 1 == last or leg[index + 1] != leg[index]:
+                            noise = KNOWN + COUNTED * energy
+                            most, several = -1e9, 0.0
+                            for kind in range(kinds):
+                                dot = polarity * dots[kind]
+                                least = floor[channel, leg[index]]
+                                fit = max(dot, least)
+                                if least > 0.0:
+                                    fit = min(fit, least * MOST / LEAST)
+                                rest = noise + COUNTED * ((dot - fit) ** 2 - dot * dot)
+                                value = -0.5 * (KNOWN + COUNTED * count) * np.log(max(rest, 0.02 * noise) / noise)
+                                if value > most:
+                                    several = several * np.exp(most - value) + 1.0
+                                    most = value
+                                else:
+                                    several += np.exp(value - most)
+                                if dot > loudest:
+                                    loudest = dot
+                                dots[kind] = 0.0
+                            total += most + np.log(several / kinds) - PRICE
+                            energy, count = 0.0, 0
+                ratio[channel, place] = total
+                amplitude[channel, place] = loudest
+
+    return compiled(fill, fastmath=True)
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Log likelihood ratio, and loudest amplitude, of each channel at some cells [channel, place].
+
+    `low` [channel] is the cell of place 0.
+    """
+
+    low: NDArray[np.int64]
+    ratio: NDArray[np.float32]
+    amplitude: NDArray[np.float32]
+
+
+def heard(
+    quiet: Quiet, of: Responses, low: NDArray[np.int64], width: int, polarity: int, floor: Array, leg: int = -1
+) -> Heard:
+    """Compare all channels with the responses of cells `low` to `low` + `width`; of one `leg`, or of all (-1)."""
+    shape = (len(quiet.channel), width)
+    ratio, amplitude = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    low = np.ascontiguousarray(low, np.int64)
+    arrays = (of.begin, of.row, of.size, of.at, of.leg, of.values)
+    machine()(quiet.values, float(polarity), floor, low, *arrays, leg, ratio, amplitude)
+    ratio[quiet.dead] = 0.0
+    return Heard(low, ratio, amplitude)

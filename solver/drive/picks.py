@@ -1,0 +1,114 @@
+"""Where along the path each leg of the drive puts each channel: the peak of its likelihood, and how sharp it is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.drive.likelihood import heard
+from solver.drive.quiet import Quiet
+from solver.drive.response import Legs, Responses
+
+Array = NDArray[np.float64]
+
+#: Cells to either side of where a channel is expected in which its peak is sought.
+SIDE = 14
+#: Log likelihood ratio of a leg above which a channel is heard.
+AUDIBLE = 4.0
+#: Channels to either side of which so many, itself included, hear it too.
+NEAR, CONFIRMED = 3, 2
+#: m, standard deviation of the best peak: model errors that no noise tells of.
+SHARPEST = 0.25
+
+
+@dataclass(frozen=True)
+class Picks:
+    """Peaks of the likelihood.
+
+    Parameters
+    ----------
+    cell, sigma : of the peak, cells; NaN where nothing is heard [leg, channel]
+    speed : of the car along the path as it passes, cells per second [leg, channel]
+    row : sample at which it passes [leg, channel]
+    amplitude : of the response of unit energy, noise sigmas [leg, channel]
+    ratio : log likelihood ratio there [leg, channel]
+    """
+
+    cell: Array
+    sigma: Array
+    speed: Array
+    row: NDArray[np.int64]
+    amplitude: Array
+    ratio: Array
+
+    @property
+    def audible(self) -> NDArray[np.bool_]:
+        """Whether a channel is heard on a leg [leg, channel]."""
+        return np.isfinite(self.cell)
+
+
+def pick(
+    quiet: Quiet, of: Responses, legs: Legs, expected: Array, polarity: int, floor: Array, quietly: NDArray[np.bool_]
+) -> Picks:
+    """Pick the peaks.
+
+    Parameters
+    ----------
+    expected : cell of each channel [channel]
+    floor : least amplitude [channel, leg]
+    quietly : channels that are not looked at: dead, or in a loop [channel]
+    """
+    channels = len(expected)
+    shape = (legs.count, channels)
+    cell, sigma, speed = (np.full(shape, np.nan) for _ in range(3))
+    amplitude, ratio = np.zeros(shape), np.zeros(shape)
+    row = np.zeros(shape, np.int64)
+    low = np.round(expected).astype(np.int64) - SIDE
+    for leg in range(legs.count):
+        found = heard(quiet, of, low, 2 * SIDE + 1, polarity, floor, leg)
+        top, where = peaks(found.ratio.astype(np.float64))
+        ok = (top.ratio > AUDIBLE) & (where > 1) & (where < 2 * SIDE - 1) & ~quietly
+        # One that no neighbor confirms is chance.
+        ok &= np.convolve(ok, np.ones(2 * NEAR + 1), "same") >= CONFIRMED
+        cell[leg, ok] = low[ok] + where[ok]
+        sigma[leg, ok] = np.hypot(top.width[ok], SHARPEST)
+        rows, velocity = passing(legs, leg, low + where)
+        speed[leg], row[leg] = velocity, rows
+        amplitude[leg] = found.amplitude.max(1)
+        ratio[leg] = top.ratio
+    return Picks(cell, sigma, speed, row, amplitude, ratio)
+
+
+@dataclass(frozen=True)
+class Top:
+    """Height and width [channel] of peaks."""
+
+    ratio: Array
+    width: Array
+
+
+def peaks(ratio: Array) -> tuple[Top, Array]:
+    """Peaks of ratios [channel, place]: a parabola through the largest and two to either side."""
+    best = ratio.argmax(1)
+    middle = np.clip(best, 2, ratio.shape[1] - 3)
+    channel = np.arange(len(ratio))
+    around = np.stack([ratio[channel, middle + step] for step in range(-2, 3)], -1)
+    # Least squares over five neighbors (Savitzky and Golay 1964).
+    slope = around @ np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10
+    bend = around @ np.array([2.0, -1.0, -2.0, -1.0, 2.0]) / 7
+    down = np.maximum(-bend, 1e-3)
+    shift = np.clip(slope / down, -1.5, 1.5)
+    return Top(ratio[channel, best], 1 / np.sqrt(down)), middle + shift
+
+
+def passing(legs: Legs, leg: int, cell: Array) -> tuple[NDArray[np.int64], Array]:
+    """Sample, and speed in cells per second, at which the car passes cells [channel] on a leg."""
+    rows = np.flatnonzero(legs.near & (legs.leg == leg))
+    if not len(rows):
+        return np.zeros(len(cell), np.int64), np.ones(len(cell))
+    there = legs.cell[rows].astype(float)
+    forth = there[-1] >= there[0]
+    sorted_there = np.maximum.accumulate(there if forth else there[::-1])
+    index = np.clip(np.searchsorted(sorted_there, cell), 0, len(rows) - 1)
+    at = rows[index if forth else len(rows) - 1 - index]
+    return at, legs.speed[at]

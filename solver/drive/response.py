@@ -1,0 +1,212 @@
+"""What a channel at each cell of the path records of the car: the signal path's response, whitened like the record."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from solver.drive.car import Car, Driven
+from solver.drive.coarse import BESIDE
+from solver.drive.path import STEP, Path
+from solver.drive.quiet import Quiet
+from solver.ground.boussinesq import displacement_rate
+from solver.load.wheel_layout import layout_of
+from solver.trajectory.tracks import turns
+
+Array = NDArray[np.float64]
+
+#: m between car and fiber that are tried, and the depth and Poisson's ratio that are assumed.
+ASIDE = (2.0, 4.5, 8.0, 14.0)
+DEPTH, POISSON_RATIO = 0.9, 0.25
+#: m along the path, beside half a gauge, within which the car is looked at: farther, others drive.
+REACH = 10.0
+#: m/s below which the car strains nothing that is heard.
+SLOW = 0.5
+#: m back along the path after which the car is on another leg.
+TURN = 40.0
+#: Cells at once.
+SOME = 4096
+
+
+@dataclass(frozen=True)
+class Legs:
+    """How the car went, by the record's clock.
+
+    Parameters
+    ----------
+    driven : where the car was [time]
+    cell : of the path that it was next to [time]
+    near : whether it moved, beside the path [time]
+    leg : number of the leg [time]; the car goes one way on each
+    count : of legs
+    speed : cells per second, signed, along the path [time]
+    rate : samples per second
+    """
+
+    driven: Driven
+    cell: NDArray[np.int64]
+    near: NDArray[np.bool_]
+    leg: NDArray[np.int64]
+    count: int
+    speed: Array
+    rate: float
+
+
+@dataclass(frozen=True)
+class Responses:
+    """Responses of unit energy, ragged: one segment of rows for each run of samples in reach of a cell.
+
+    Parameters
+    ----------
+    begin : segments of a cell, CSR [cell + 1]
+    row, size, at, leg : first sample, samples, first value and leg of each segment [segment]
+    values : [aside, value], single precision
+    norm : of the responses of a segment's leg, at its cell, before they were scaled [aside, segment]
+    """
+
+    begin: NDArray[np.int64]
+    row: NDArray[np.int64]
+    size: NDArray[np.int64]
+    at: NDArray[np.int64]
+    leg: NDArray[np.int64]
+    values: NDArray[np.float32]
+    norm: Array
+
+
+def legs_of(quiet: Quiet, path: Path, car: Car, clock_offset: float) -> Legs:
+    """Where the car was at each sample of the record."""
+    driven = car.at(quiet.time - clock_offset)
+    cell, far = path.nearest(driven.position)
+    near = driven.known & (far < BESIDE) & (driven.speed > SLOW)
+    leg = np.zeros(len(cell), np.int64)
+    rows = np.flatnonzero(near)
+    if len(rows):
+        there = cell[rows].astype(float)
+        cuts = turns(there, TURN / STEP)
+        leg[rows] = np.searchsorted(np.array(cuts, float), np.arange(len(rows)), side="right")
+    along = (driven.velocity * path.along[cell]).sum(1) / STEP
+    return Legs(driven, cell, near, leg, int(leg.max(initial=0)) + 1, along, quiet.rate)
+
+
+def segments_of(legs: Legs, cells: int, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Segments of all cells: CSR [cell + 1], and (first row, one after last, leg) [segment, 3]."""
+    rows = np.flatnonzero(legs.near)
+    order = rows[np.argsort(legs.cell[rows], kind="stable")]
+    sorted_cells = legs.cell[order]
+    low = np.searchsorted(sorted_cells, np.arange(cells) - reach / STEP)
+    high = np.searchsorted(sorted_cells, np.arange(cells) + reach / STEP, side="right")
+    begin, found = np.zeros(cells + 1, np.int64), []
+    for cell in range(cells):
+        if high[cell] > low[cell]:
+            some = np.sort(order[low[cell] : high[cell]])
+            cuts = np.flatnonzero((np.diff(some) > 1) | (np.diff(legs.leg[some]) != 0)) + 1
+            first = some[np.concatenate([[0], cuts])]
+            last = some[np.concatenate([cuts - 1, [len(some) - 1]])] + 1
+            found.append(np.stack([first, last, legs.leg[first]], -1))
+            begin[cell + 1] = len(first)
+    joined = np.concatenate(found) if found else np.zeros((0, 3), np.int64)
+    return np.cumsum(begin), joined
+
+
+def responses(quiet: Quiet, path: Path, car: Car, legs: Legs, aside: tuple[float, ...] = ASIDE) -> Responses:
+    """Responses of all cells of a path.
+
+    The fiber is taken to run along the path, moved sideways so that the car goes by at each distance of `aside`.
+    """
+    cells = len(path.points)
+    begin, segment = segments_of(legs, cells, REACH + quiet.gauge_length / 2)
+    lag = len(quiet.whitener) - 1
+    segment[:, 0] = np.maximum(segment[:, 0], lag)
+    size = np.maximum(segment[:, 1] - segment[:, 0], 0)
+    at = np.concatenate([[0], np.cumsum(size)])
+    values = np.zeros((len(aside), int(at[-1])), np.float32)
+    norm = np.ones((len(aside), len(segment)))
+    cell_of = np.repeat(np.arange(cells), np.diff(begin))
+    for first in range(0, cells, SOME):
+        part = slice(int(begin[first]), int(begin[min(first + SOME, cells)]))
+        if part.stop > part.start:
+            some = slice(int(at[part.start]), int(at[part.stop]))
+            values[:, some], norm[:, part] = some_responses(
+                quiet, path, car, legs, cell_of[part], segment[part, 0], size[part], segment[part, 2], aside
+            )
+    return Responses(begin, segment[:, 0], size, at[:-1], segment[:, 2], values, norm)
+
+
+def some_responses(
+    quiet: Quiet,
+    path: Path,
+    car: Car,
+    legs: Legs,
+    cell: NDArray[np.int64],
+    row: NDArray[np.int64],
+    size: NDArray[np.int64],
+    leg: NDArray[np.int64],
+    aside: tuple[float, ...],
+) -> tuple[NDArray[np.float32], Array]:
+    """Responses [aside, value] of some segments, scaled to unit energy for each cell and leg, and their norms."""
+    taps = quiet.whitener
+    lag = len(taps) - 1
+    long = size + lag
+    which = np.repeat(np.arange(len(size)), long)
+    start = np.concatenate([[0], np.cumsum(long)[:-1]])
+    inside = np.arange(len(which)) - start[which]
+    sample = row[which] - lag + inside
+    lateral = passing_side(path, legs, cell, row, size)
+    group = np.unique(np.stack([cell, leg]), axis=1, return_inverse=True)[1].reshape(-1)
+    kept = inside >= lag
+    found, norms = [], []
+    for far in aside:
+        shift = lateral - np.where(lateral >= 0, 1.0, -1.0) * far
+        raw = strain_rate(quiet, path, car, legs, cell[which], shift[which], sample)
+        white = sum(tap * np.roll(raw, number) for number, tap in enumerate(taps))[kept]
+        energy = np.bincount(group[which[kept]], white**2, minlength=group.max() + 1)
+        scale = np.sqrt(np.maximum(energy, 1e-30))[group]
+        found.append((white / scale[which[kept]]).astype(np.float32))
+        norms.append(scale)
+    return np.stack(found), np.stack(norms)
+
+
+def passing_side(
+    path: Path, legs: Legs, cell: NDArray[np.int64], row: NDArray[np.int64], size: NDArray[np.int64]
+) -> Array:
+    """How far to the right of each segment's cell the car goes by, m [segment]."""
+    middle = row + size // 2
+    # The sample of the segment at which the car is next to the cell: it moves about evenly through the segment.
+    for _ in range(3):
+        ahead = cell - legs.cell[middle]
+        speed = legs.speed[middle]
+        step = np.where(np.abs(speed) > 0.3, ahead / np.where(np.abs(speed) > 0.3, speed, 1.0), 0.0)
+        middle = np.clip(middle + np.round(step * legs.rate).astype(np.int64), row, row + np.maximum(size - 1, 0))
+    off = legs.driven.position[middle] - path.points[cell]
+    return np.asarray((off * path.across[cell]).sum(1))
+
+
+def strain_rate(
+    quiet: Quiet,
+    path: Path,
+    car: Car,
+    legs: Legs,
+    cell: NDArray[np.int64],
+    shift: Array,
+    sample: NDArray[np.int64],
+    depth: float = DEPTH,
+) -> Array:
+    """Strain rate [value], per F / (4 pi G) in m^2, of a gauge at a cell, moved to the right, at a sample."""
+    half = quiet.gauge_length / 2 / STEP
+    place, velocity = legs.driven.position[sample], legs.driven.velocity[sample]
+    speed = np.hypot(*velocity.T)
+    heading = velocity / np.maximum(speed, 1e-6)[:, None]
+    layout = layout_of(car.vehicle_class)
+    axles = ((layout.wheelbase / 2, layout.front_share), (-layout.wheelbase / 2, 1 - layout.front_share))
+    total = np.zeros(len(sample))
+    for sign in (1, -1):
+        number = np.clip(cell + round(sign * half), 0, len(path.points) - 1)
+        along = path.along[number]
+        rest = sign * half - round(sign * half)
+        end = path.points[number] + rest * STEP * along + shift[:, None] * path.across[number]
+        for ahead, share in axles if layout.wheelbase else ((0.0, 1.0),):
+            offset = np.column_stack([end - place - ahead * heading, np.full(len(end), depth)])
+            rate = displacement_rate(torch.from_numpy(offset), torch.from_numpy(velocity), POISSON_RATIO).numpy()
+            total += sign * share * (rate[:, 0] * along[:, 0] + rate[:, 1] * along[:, 1])
+    return total / quiet.gauge_length

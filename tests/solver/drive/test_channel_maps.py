@@ -1,0 +1,67 @@
+"""The hidden Markov model over the channels, on likelihoods that are known."""
+
+import numpy as np
+import pytest
+
+from solver.drive.channel_map import kernels, map_channels
+from solver.drive.likelihood import Heard
+from solver.drive.loops import runs_of
+from solver.drive.path import path_of
+
+
+def made(cells: np.ndarray, quiet: np.ndarray, height: float = 12.0) -> Heard:
+    """Likelihoods that peak at `cells` [channel], flat where `quiet`, below 0 far away."""
+    low = np.zeros(len(cells), np.int64)
+    width = int(cells.max()) + 60
+    away = np.arange(width)[None] - cells[:, None]
+    ratio = np.where(quiet[:, None], -6.0, height - 0.5 * (away / 1.5) ** 2).clip(-6.0)
+    return Heard(low, ratio.astype(np.float32), np.ones_like(ratio, dtype=np.float32))
+
+
+def test_straight_cable_is_followed_past_quiet_channels() -> None:
+    cells = 20 + 8.0 * np.arange(40)
+    quiet = np.zeros(40, bool)
+    quiet[[11, 25, 26]] = True
+    found = map_channels(made(cells, quiet), np.zeros(40, bool), 8.0, 1.0)
+    assert np.abs(found.cell - cells).max() < 1.0
+    assert not found.best_loop.any()
+    assert found.spread[26] > found.spread[5]
+
+
+def test_loop_is_told_from_quiet_channels() -> None:
+    along = np.concatenate([8.0 * np.arange(20), np.full(12, 156.0), 160 + 8.0 * np.arange(20)]) + 20
+    quiet = np.zeros(52, bool)
+    quiet[20:32] = True
+    found = map_channels(made(along, quiet), np.zeros(52, bool), 8.0, 1.0)
+    assert runs_of(found.best_loop) == [(20, 31)]
+    assert found.in_loop[20:32].min() > 0.9
+    assert found.in_loop[:18].max() < 0.1
+    assert np.abs(found.cell - along)[[5, 40]].max() < 1.0
+
+
+def test_dead_channels_decide_nothing() -> None:
+    cells = 20 + 8.0 * np.arange(30)
+    dead = np.zeros(30, bool)
+    dead[10:14] = True
+    wrong = made(cells, np.zeros(30, bool))
+    wrong.ratio[10:14] = 50.0 * (np.arange(wrong.ratio.shape[1]) == 3)
+    found = map_channels(wrong, dead, 8.0, 1.0)
+    assert np.abs(found.cell - cells).max() < 1.5
+
+
+def test_kernels_are_probabilities() -> None:
+    for one in kernels(np.array([3.7, 9.8])):
+        assert one.sum(1) == pytest.approx(1.0)
+    on, _ = kernels(np.array([9.8]))
+    assert on @ np.arange(on.shape[1]) == pytest.approx(9.8, abs=0.1)
+
+
+def test_path_rounds_corners_and_runs_on() -> None:
+    path = path_of(np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0]]))
+    assert path.length == 200.0
+    cell, far = path.nearest(np.array([[50.0, 4.0], [-30.0, 0.0]]))
+    assert far == pytest.approx([4.0, 0.0], abs=0.6)
+    assert (cell - path.first).tolist() == [50, -30]
+    assert path.turn.max() < 0.2
+    turned = path.turned()
+    assert turned.nearest(np.array([100.0, 90.0]))[0] - turned.first == pytest.approx(10, abs=1)

@@ -1,0 +1,116 @@
+"""A simulated drive is located: clock, polarity, loops, channels; and its run folder is data."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import dascore
+import numpy as np
+import pandas as pd
+import pytest
+
+import roadfiber as rf
+from roadfiber.command import app
+from solver.drive.drive_folder import EXPECTED
+
+
+def along_error(run: rf.DriveRun, truth: dict[str, Any]) -> np.ndarray:
+    """Error [channel] along the true path, m; that of channels in loops is their distance from the manhole."""
+    real = np.array(truth["route_xyz"])[:, :2]
+    tangent = np.gradient(real, axis=0)
+    size = np.linalg.norm(tangent, axis=1, keepdims=True)
+    off = run.route[["x", "y"]].to_numpy() - real
+    along = (off * tangent / np.maximum(size, 1e-9)).sum(1)
+    return np.where(size[:, 0] > 1e-6, along, np.linalg.norm(off, axis=1))
+
+
+def test_channels_lie_where_they_are(run: rf.DriveRun, truth: dict[str, Any]) -> None:
+    straight = run.arrays["heard"] & ~np.array(truth["in_loop"])
+    error = along_error(run, truth)[straight]
+    assert straight.mean() > 0.4
+    assert np.sqrt((error**2).mean()) < 2.0
+    assert (np.abs(error) < 1.96 * run.arrays["sigma_along"][straight]).mean() > 0.8
+
+
+def test_clock_and_polarity(run: rf.DriveRun, truth: dict[str, Any]) -> None:
+    assert run.clock_offset == pytest.approx(truth["clock_offset"], abs=0.15)
+    assert run.facts["parameters"]["polarity"]["value"] == truth["polarity"]
+
+
+def test_loops_are_found_and_no_others(run: rf.DriveRun, truth: dict[str, Any]) -> None:
+    assert len(truth["loops"]) > 0
+    found = run.loops
+    assert len(found) == len(truth["loops"])
+    for one, real in zip(found.to_dict("records"), truth["loops"], strict=True):
+        assert one["first_channel"] == pytest.approx(real["first_channel"], abs=2.5)
+        assert one["last_channel"] == pytest.approx(real["last_channel"], abs=2.5)
+        assert one["length"] == pytest.approx(real["length"], abs=8.0)
+        assert np.hypot(one["x"] - real["place"][0], one["y"] - real["place"][1]) < 20
+
+
+def test_route_as_of_every_run_and_more(run: rf.DriveRun, site: Path) -> None:
+    table = run.route
+    assert list(table)[:11] == [
+        *("channel", "distance", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z", "latitude", "longitude", "constrained")
+    ]
+    assert {"loop", "along", "sigma_along", "heard"} <= set(table)
+    assert not table["constrained"].iloc[0]  # the lead
+    assert table["loop"].sum() == sum(run.loops["last_channel"] - run.loops["first_channel"] + 1)
+
+
+def test_folder_is_read_back(run: rf.DriveRun, tmp_path: Path) -> None:
+    run.save(tmp_path / "run")
+    again = rf.open(tmp_path / "run")
+    pd.testing.assert_frame_equal(again.route, run.route)
+    assert again.facts == run.facts
+    features = json.loads((tmp_path / "run" / "route.geojson").read_text())["features"]
+    kinds = [one["properties"]["what"] for one in features]
+    assert kinds[0] == "fiber route"
+    assert kinds.count("loop of slack") == len(run.loops)
+    assert "95 % corridor" in kinds
+    page = (tmp_path / "run" / "report.html").read_text()
+    assert page.count("<svg") == 4
+    assert "diagnose" not in (tmp_path / "run" / "index.html").read_text()
+    again.save(tmp_path / "run")  # over itself
+    csv = pd.read_csv(tmp_path / "run" / "route.csv")
+    assert csv["loop"].dtype == bool
+
+
+def test_damaged_folder_is_one_line(run: rf.DriveRun, tmp_path: Path) -> None:
+    run.save(tmp_path / "run")
+    arrays = dict(np.load(tmp_path / "run" / "data.npz"))
+    assert set(arrays) == set(EXPECTED)
+    np.savez_compressed(tmp_path / "run" / "data.npz", **arrays | {"along": arrays["along"][:-1]})
+    with pytest.raises(rf.InputError, match=r"data.npz: not the arrays of this run: .* has \d+ along an axis"):
+        rf.open(tmp_path / "run")
+
+
+def test_other_commands_refuse_a_drive(run: rf.DriveRun, tmp_path: Path) -> None:
+    run.save(tmp_path / "run")
+    with pytest.raises(rf.InputError, match="the run of a drive"):
+        app(["compare", str(tmp_path / "run")], standalone_mode=False)
+
+
+def test_patch_gets_coordinates(run: rf.DriveRun) -> None:
+    distance = run.placed.distance[5:25]
+    time = np.datetime64("2025-08-11T06:00:00", "ns") + np.arange(4) * np.timedelta64(1, "s")
+    patch = dascore.Patch(np.zeros((4, 20)), coords={"time": time, "distance": distance}, dims=("time", "distance"))
+    known = run.route[5:25]
+    expected = np.where(known["constrained"], known["latitude"], np.nan)
+    assert np.array_equal(run.to_patch(patch).get_array("latitude"), expected, equal_nan=True)
+
+
+def test_map_of_the_other_end(drive: rf.Drive, run: rf.DriveRun) -> None:
+    turned = rf.locate(replace(drive, vertices=drive.vertices[::-1].copy()))
+    assert turned.facts["map_reversed"] != run.facts["map_reversed"]
+    both = run.arrays["heard"] & turned.arrays["heard"]
+    assert np.abs(turned.arrays["route"] - run.arrays["route"])[both, :2].max() < 3.0
+
+
+def test_command_writes_a_run(site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    app(["locate", str(site), "--out", str(tmp_path / "run")], standalone_mode=False)
+    assert "channels located along" in capsys.readouterr().out
+    assert (tmp_path / "run" / "report.html").is_file()
+    with pytest.raises(rf.InputError, match="takes no method"):
+        rf.locate(site, method="network")

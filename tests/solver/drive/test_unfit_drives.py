@@ -1,0 +1,114 @@
+"""What of a drive cannot be used is one line: what, where, how to mend it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import roadfiber as rf
+from solver.drive.car import car_of
+from solver.drive.operator_map import read_operator_map
+from vision.contract import LocalFrame
+
+FRAME = LocalFrame((32.113, 34.804), 78.0)
+
+
+def test_gps_in_local_time(drive: rf.Drive) -> None:
+    moved = drive.tracks.assign(time=drive.tracks["time"] + pd.Timedelta(hours=3))
+    with pytest.raises(rf.InputError, match=r"3 h apart, as where one is in local time; write both in UTC"):
+        rf.locate(replace(drive, tracks=moved))
+
+
+def test_gps_of_another_day(drive: rf.Drive) -> None:
+    moved = drive.tracks.assign(time=drive.tracks["time"] + pd.Timedelta(days=40))
+    with pytest.raises(rf.InputError, match="give a record of the drive"):
+        rf.locate(replace(drive, tracks=moved))
+
+
+def test_map_of_another_place(drive: rf.Drive) -> None:
+    with pytest.raises(rf.InputError, match=r"never comes within \d+ m of the map"):
+        rf.locate(replace(drive, vertices=drive.vertices + 5000.0))
+
+
+def test_record_of_another_cable(drive: rf.Drive) -> None:
+    rng = np.random.default_rng(1)
+    start, _ = drive.span()
+    time = start + np.arange(3000) * np.timedelta64(100, "ms")
+    stated = {"gauge_length": 10.0, "quantity": "strain_rate", "scale": 1.0}
+    silent = rf.Drive.of(
+        *(rng.normal(0, 1e-9, (3000, 150)), drive.tracks, drive.vertices),
+        **{"frame": drive.frame, "time": time, "distance": 8.0 * np.arange(150), **stated},
+    )
+    with pytest.raises(rf.InputError, match="does not follow this drive"):
+        rf.locate(silent)
+
+
+def test_car_that_stays(drive: rf.Drive) -> None:
+    with pytest.raises(rf.InputError, match="no track goes farther than"):
+        car_of(drive.tracks.iloc[:5], drive.source.start)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("a.csv", "x,y\n0,0\n", "no line of two points"),
+        ("a.csv", "a,b\n0,0\n", "no columns latitude, longitude or x, y"),
+        ("a.csv", "x,y\n" + "".join(f"{x},0\n" for x in (0, 90, 10, 80, 20, 70, 30, 60, 40, 50)), "in order along"),
+        ("a.csv", "x,y\n32.1,34.8\n32.2,34.9\n", "hold latitude and longitude"),
+        ("a.shp", "", "unknown kind of map"),
+        ("a.geojson", "{", "not GeoJSON"),
+        ("a.geojson", '{"type": "Point", "coordinates": [34.8, 32.1]}', "no line of two points"),
+        ("a.geojson", '{"type": "LineString", "coordinates": [[32.1, 34.8], [32.2, 34.8]]}', "swapped"),
+        ("a.kml", "<kml", "not a readable KML"),
+    ],
+)
+def test_unfit_map(tmp_path: Path, name: str, text: str, told: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(rf.InputError, match=told):
+        read_operator_map(tmp_path / name, FRAME)
+
+
+def lines(*parts: list[tuple[float, float]]) -> str:
+    """GeoJSON of several lines, m of the frame."""
+    import json
+
+    degrees = []
+    for part in parts:
+        latitude, longitude = FRAME.to_geographic(*np.array(part).T)
+        degrees.append(np.stack([longitude, latitude], -1).tolist())
+    return json.dumps({"type": "MultiLineString", "coordinates": degrees})
+
+
+def test_maps_that_cross_and_that_join(tmp_path: Path) -> None:
+    path = tmp_path / "a.geojson"
+    path.write_text(lines([(0, 0), (900, 0)], [(400, -300), (400, 300)]))
+    with pytest.raises(rf.InputError, match="2 lines that cross"):
+        read_operator_map(path, FRAME)
+    path.write_text(lines([(0, 0), (900, 0)], [(0, 500), (900, 500)]))
+    with pytest.raises(rf.InputError, match="2 lines that are 500 m apart"):
+        read_operator_map(path, FRAME)
+    path.write_text(lines([(0, 0), (900, 0), (900, 0)], [(1800, 0), (905, 0)]))
+    assert read_operator_map(path, FRAME)[:, 0].round().tolist() == [0, 900, 905, 1800]
+
+
+def test_kml_and_damaged_geopackage(tmp_path: Path) -> None:
+    latitude, longitude = FRAME.to_geographic([0.0, 70.0], [0.0, 5.0])
+    points = " ".join(f"{b:.9f},{a:.9f},0" for a, b in zip(latitude, longitude, strict=True))
+    path = tmp_path / "a.kml"
+    path.write_text(
+        '<kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><LineString><coordinates>'
+        f"{points}</coordinates></LineString></Placemark></kml>"
+    )
+    assert read_operator_map(path, FRAME).round(2).tolist() == [[0.0, 0.0], [70.0, 5.0]]
+    (tmp_path / "a.gpkg").write_text("")
+    with pytest.raises(rf.InputError, match=r"geopandas|not a readable GeoPackage"):
+        read_operator_map(tmp_path / "a.gpkg", FRAME)
+
+
+def test_route_without_gps(site: Path, tmp_path: Path) -> None:
+    text = site.read_text().partition("[trajectories]")[0]
+    (site.parent / "nogps.toml").write_text(text.replace('"das/*.h5"', '"das/das_0001.h5"'))
+    with pytest.raises(rf.InputError, match=r"give one of them|without \[trajectories\]"):
+        rf.read(site.parent / "nogps.toml")
