@@ -6,13 +6,16 @@ plus speed times the clock, plus the car's error, plus its own.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.drive.path import STEP, Path
-from solver.drive.picks import Picks
-from solver.drive.response import Legs
+
+if TYPE_CHECKING:
+    from solver.drive.picks import Picks
+    from solver.drive.response import Legs
 
 Array = NDArray[np.float64]
 
@@ -94,7 +97,7 @@ def steps_of(path: Path, cell: Array, loop: NDArray[np.bool_], spacing: float, f
 
 
 def smoothed_along(
-    picks: Picks, legs: Legs, steps: Steps, factor_sigma: float, gps: tuple[float, float], spacing: float
+    picks: "Picks", legs: "Legs", steps: Steps, factor_sigma: float, gps: tuple[float, float], spacing: float
 ) -> Along:
     """Smooth the picks along the channels.
 
@@ -130,7 +133,7 @@ def smoothed_along(
 class Model:
     """The state space model; `scale` [leg, channel] is the sigma of the car's error, cells."""
 
-    picks: Picks
+    picks: "Picks"
     steps: Steps
     scale: Array
     keeps: Array
@@ -139,7 +142,7 @@ class Model:
 
     @classmethod
     def of(
-        cls, picks: Picks, legs: Legs, steps: Steps, factor_sigma: float, gps: tuple[float, float], spacing: float
+        cls, picks: "Picks", legs: "Legs", steps: Steps, factor_sigma: float, gps: tuple[float, float], spacing: float
     ) -> "Model":
         """The model of some picks."""
         memory, fix = max(MEMORY, gps[0]), gps[1]

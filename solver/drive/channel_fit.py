@@ -9,11 +9,11 @@ from solver.drive.along import Along, smoothed_along, steps_of
 from solver.drive.aside import Aside, beside
 from solver.drive.car import Car, car_of
 from solver.drive.channel_map import ChannelMap, map_channels
-from solver.drive.coarse import BESIDE, Coarse, first_look
+from solver.drive.coarse import Coarse, first_look
 from solver.drive.drive import Drive
 from solver.drive.likelihood import LEAST, Heard, heard
 from solver.drive.loops import Loop, confirmed, flags_of, loops_of
-from solver.drive.path import STEP, Path, path_of
+from solver.drive.path import BESIDE, STEP, Path, path_of
 from solver.drive.picks import AUDIBLE, Picks, pick
 from solver.drive.quiet import Quiet
 from solver.drive.response import Legs, Responses, legs_of, responses
@@ -132,7 +132,7 @@ def fit_drive(drive: Drive) -> Fit:
         channels=one.channels,
         picks=one.picks,
         along=one.along,
-        loops=confirmed(one.loops, one.picks.audible.any(0), quiet.channel_spacing),
+        loops=confirmed(one.loops, np.asarray(one.picks.audible.any(0)), quiet.channel_spacing),
         polarity=polarity,
         clock_offset=offset,
         clock_sigma=one.along.clock_sigma,

@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from solver.drive.car import Car
-from solver.drive.path import STEP, Path
+from solver.drive.path import BESIDE, STEP, Path
 from solver.drive.quiet import Quiet
 from solver.ground.boussinesq import displacement_rate
 from solver.ground.compiled import compiled
@@ -28,8 +28,6 @@ PIECE, PIECES = 10.0, 1500
 SPEEDS, ASIDE, DEPTH, REACH = (3.5, 7.0, 12.0, 20.0), 4.5, 0.9, 22.0
 #: Output, noise sigmas, that is typical of noise in a bin.
 TYPICAL = 1.3
-#: The car hears the fiber from this far, m: offset of the map, width of the road, and distance of the cable.
-BESIDE = 40.0
 #: What noise scores, and the bounds of a score.
 COST, LEAST, MOST = 4.0, -2.5, 6.0
 #: Score of a loop's begin, of each piece in it, and of a piece left out.

@@ -1,13 +1,16 @@
 """What a located drive says in words: its headline, whether it may be relied on, and what to look at next."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.drive.channel_fit import Fit
 from solver.drive.path import STEP
 from solver.run.trust import Gate
+
+if TYPE_CHECKING:
+    from solver.drive.channel_fit import Fit
 
 #: Share of the channels beside the car that hear it in a good drive.
 MOST = 0.5
@@ -32,7 +35,7 @@ class Unheard:
     beside: bool
 
 
-def constrained_of(fit: Fit) -> NDArray[np.bool_]:
+def constrained_of(fit: "Fit") -> NDArray[np.bool_]:
     """Which channels the drive decides: those that hear the car within two gauges, and loops among them."""
     loop = np.zeros(len(fit.cell), bool)
     for one in fit.loops:
@@ -49,7 +52,7 @@ def constrained_of(fit: Fit) -> NDArray[np.bool_]:
     return np.asarray(found & (fit.sigma * STEP < 10.0))
 
 
-def unheard_of(fit: Fit, constrained: NDArray[np.bool_]) -> list[Unheard]:
+def unheard_of(fit: "Fit", constrained: NDArray[np.bool_]) -> list[Unheard]:
     """Stretches along the map that the drive does not decide, the longest first."""
     along = (fit.cell - fit.path.first) * STEP
     there = ~constrained & (along > 0) & (along < fit.path.length)
@@ -63,7 +66,7 @@ def unheard_of(fit: Fit, constrained: NDArray[np.bool_]) -> list[Unheard]:
     return sorted(found, key=lambda one: one.begin - one.end)
 
 
-def headline(fit: Fit, constrained: NDArray[np.bool_]) -> str:
+def headline(fit: "Fit", constrained: NDArray[np.bool_]) -> str:
     """Where the fiber is, in a sentence."""
     if not constrained.any():
         return "no channel was located"
@@ -77,13 +80,13 @@ def headline(fit: Fit, constrained: NDArray[np.bool_]) -> str:
     )
 
 
-def clock_words(fit: Fit) -> str:
+def clock_words(fit: "Fit") -> str:
     """How far the clocks are apart."""
     way = "ahead of" if fit.clock_offset > 0 else "behind"
     return f"the record's clock is {abs(fit.clock_offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's"
 
 
-def factor_of(fit: Fit, prior: tuple[float, float]) -> tuple[float, float]:
+def factor_of(fit: "Fit", prior: tuple[float, float]) -> tuple[float, float]:
     """Meters of cable per meter of map, loops left out, over what is heard; and its standard deviation."""
     heard = fit.audible
     if heard.sum() < 2:
@@ -94,7 +97,7 @@ def factor_of(fit: Fit, prior: tuple[float, float]) -> tuple[float, float]:
     return mean, float(np.hypot(fit.sigma[first], fit.sigma[last]) * STEP / way)
 
 
-def gates_of(fit: Fit, prior: tuple[float, float]) -> list[Gate]:
+def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
     """The checks of a drive."""
     heard = float(fit.audible[fit.beside & ~fit.quiet.dead].mean()) if fit.beside.any() else 0.0
     audible = fit.picks.audible[: fit.legs.count]
@@ -145,7 +148,7 @@ def gates_of(fit: Fit, prior: tuple[float, float]) -> list[Gate]:
     ]
 
 
-def second_leg(fit: Fit) -> Gate:
+def second_leg(fit: "Fit") -> Gate:
     """Whether passes of one place agree; open where it was passed once."""
     audible = fit.picks.audible[: fit.legs.count]
     both = audible.sum(0) >= 2
@@ -163,7 +166,7 @@ def second_leg(fit: Fit) -> Gate:
     )
 
 
-def advice(fit: Fit, unheard: list[Unheard]) -> list[str]:
+def advice(fit: "Fit", unheard: list[Unheard]) -> list[str]:
     """What a second drive or a tap test should look at, a line each."""
     channel = fit.quiet.channel
     lines = []

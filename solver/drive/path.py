@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 STEP = 1.0
 #: m of straight path added at both ends: cable that the map does not show.
 BEYOND = 600.0
+#: m from the map within which the car may be heard: offset of the map, width of the road, distance of the cable.
+BESIDE = 40.0
 #: m over which corners of the map are rounded: nobody bends a cable sharper.
 ROUNDED = 6.0
 

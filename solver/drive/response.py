@@ -7,8 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from solver.drive.car import Car, Driven
-from solver.drive.coarse import BESIDE
-from solver.drive.path import STEP, Path
+from solver.drive.path import BESIDE, STEP, Path
 from solver.drive.quiet import Quiet
 from solver.ground.boussinesq import displacement_rate
 from solver.load.wheel_layout import layout_of
