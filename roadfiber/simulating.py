@@ -80,7 +80,9 @@ def simulate(
     drive = read_drive(scenario, **changes)
     if drive is not None:
         if effects or film:
-            raise InputError(f"{scenario}: a drive hides no effects and has no camera; its settings are {', '.join(vars(drive))}")
+            raise InputError(
+                f"{scenario}: a drive hides no effects and has no camera; its settings are {', '.join(vars(drive))}"
+            )
         return simulated_drive(drive, Path(out))
     wanted = read_scenario(scenario, effects=None if effects is None else dict(effects), **changes)
     folder = Path(out)

@@ -13,7 +13,7 @@ def simulate(
     scenario: Annotated[
         str,
         typer.Argument(
-            help="A TOML file, `street`, `street-` and `short`, `gps`, `paper` (point loads), `filtered` ..., or `drive`"
+            help="A TOML file, `street`, `street-` and `short`, `gps`, `paper`, `filtered` ..., or `drive`"
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; an earlier simulated survey there is replaced.")],
