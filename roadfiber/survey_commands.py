@@ -12,9 +12,7 @@ app = typer.Typer()
 def simulate(
     scenario: Annotated[
         str,
-        typer.Argument(
-            help="A TOML file, `street`, `street-` and `short`, `gps`, `paper`, `filtered` ..., or `drive`"
-        ),
+        typer.Argument(help="A TOML file, `street`, `street-` and `short`, `gps`, `paper`, `filtered` ..., or `drive`"),
     ],
     out: Annotated[Path, typer.Option(help="Folder to write; an earlier simulated survey there is replaced.")],
     seed: Annotated[int | None, typer.Option(help="Another seed is another street.  [default: 0]")] = None,
