@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 WANDER, JITTER = 0.004, 0.01
 #: s, correlation time of the errors of a smoothed GPS track at least; share of a fix's sigma that is so slow that no
 #: smoothing takes it out, as receivers' errors from the ionosphere and from walls are.
-MEMORY, SLOW = 20.0, 0.6
+MEMORY, SLOW = 30.0, 0.7
 #: s, of the clock offset that is left after the first look.
 CLOCK = 2.0
 #: Sigmas beyond which a pick weighs less, and rounds of weighing.

@@ -34,6 +34,8 @@ NEIGHBORS = 40
 FOUND = 0.2
 #: The same where another clock offset explains the record nearly as well, and how much better is clear.
 UNSURE, CLEAR = 0.45, 1.15
+#: m, standard deviation that every channel has at least: load of the car off its middle, bends of the map.
+FINEST = 0.4
 #: m, spread of the channel map beyond which it holds more than one place.
 SEVERAL = 3.0
 
@@ -137,7 +139,7 @@ def fit_drive(drive: Drive) -> Fit:
         clock_offset=offset,
         clock_sigma=one.along.clock_sigma,
         cell=one.along.cell,
-        sigma=np.hypot(one.along.sigma, several),
+        sigma=np.sqrt(one.along.sigma**2 + several**2 + (FINEST / STEP) ** 2),
         aside=aside,
         beside=beside_car(coarse.path, legs, one.along.cell),
         rounds=rounds,

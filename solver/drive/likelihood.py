@@ -30,7 +30,7 @@ LEAST, MOST = 0.25, 3.0
 
 @cache
 def machine() -> Any:
-    """`fill(values, polarity, floor, low, begin, row, size, at, leg, response, ratio, amplitude)` in machine code."""
+    """Fills ratios and amplitudes of `Heard`, in machine code; arguments as of `heard`."""
 
     def fill(
         values: Any,
@@ -43,6 +43,7 @@ def machine() -> Any:
         at: Any,
         leg: Any,
         response: Any,
+        strength: Any,
         chosen: int,
         ratio: Any,
         amplitude: Any,
@@ -70,7 +71,7 @@ def machine() -> Any:
                             most, several = -1e9, 0.0
                             for kind in range(kinds):
                                 dot = polarity * dots[kind]
-                                least = floor[channel, leg[index]]
+                                least = floor[channel, leg[index]] * strength[index]
                                 fit = max(dot, least)
                                 if least > 0.0:
                                     fit = min(fit, least * MOST / LEAST)
@@ -81,8 +82,7 @@ def machine() -> Any:
                                     most = value
                                 else:
                                     several += np.exp(value - most)
-                                if dot > loudest:
-                                    loudest = dot
+                                loudest = max(loudest, dot / strength[index])
                                 dots[kind] = 0.0
                             total += most + np.log(several / kinds) - PRICE
                             energy, count = 0.0, 0
@@ -96,7 +96,8 @@ def machine() -> Any:
 class Heard:
     """Log likelihood ratio, and loudest amplitude, of each channel at some cells [channel, place].
 
-    `low` [channel] is the cell of place 0.
+    `low` [channel] is the cell of place 0. Amplitudes are over the strength that the response has there: a car that
+    goes slowly strains the ground as far, but not as fast.
     """
 
     low: NDArray[np.int64]
@@ -111,7 +112,7 @@ def heard(
     shape = (len(quiet.channel), width)
     ratio, amplitude = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
     low = np.ascontiguousarray(low, np.int64)
-    arrays = (of.begin, of.row, of.size, of.at, of.leg, of.values)
+    arrays = (of.begin, of.row, of.size, of.at, of.leg, of.values, of.strength)
     machine()(quiet.values, float(polarity), floor, low, *arrays, leg, ratio, amplitude)
     ratio[quiet.dead] = 0.0
     return Heard(low, ratio, amplitude)

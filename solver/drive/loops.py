@@ -16,7 +16,7 @@ APART = 2
 #: Probability that a loop has at least.
 SURE = 0.5
 #: m of cable before and after a loop of which this share hears the car: elsewhere nothing tells a loop from quiet.
-BESIDE, HEARD = 40.0, 0.3
+BESIDE, HEARD = 60.0, 0.2
 #: Standard deviations by which its length is above zero at least.
 CLEAR = 3.0
 

@@ -72,6 +72,12 @@ class Responses:
     values: NDArray[np.float32]
     norm: Array
 
+    @property
+    def strength(self) -> Array:
+        """How strong the response of each segment's leg is at its cell, over what is usual [segment]."""
+        middle = self.norm[len(self.norm) // 3]
+        return np.asarray(np.maximum(middle / np.median(middle), 0.02)) if len(middle) else middle
+
 
 def legs_of(quiet: Quiet, path: Path, car: Car, clock_offset: float) -> Legs:
     """Where the car was at each sample of the record."""
