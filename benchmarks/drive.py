@@ -49,7 +49,11 @@ def drawn(seed: int, **fixed: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One drive against its truth: m, s, shares, counts."""
+    """One drive against its truth: m, s, shares, counts.
+
+    `rms` and `worst` are of channels that hear the car; `inside` is the share of all located channels, of loops too,
+    within their 95 % band.
+    """
 
     rms: float
     inside: float
@@ -80,8 +84,9 @@ def judged(run: DriveRun, truth: dict[str, Any], gauge: float, nearest: Array) -
     place = route[["x", "y"]].to_numpy()
     error = along_error(place, real)
     inside = route["constrained"].to_numpy()
+    hears = inside & route["heard"].to_numpy()
     off = np.abs(error[inside]) / route["sigma_along"].to_numpy()[inside]
-    heard = inside & np.isfinite(nearest[:, 0])
+    heard = hears & np.isfinite(nearest[:, 0])
     plain = along_error(nearest, real)[heard]
     first, last = run.facts["active_channels"] or (0, -1)
     there = [one for one in truth["loops"] if one["length"] > gauge and first < one["first_channel"] < last]
@@ -98,9 +103,9 @@ def judged(run: DriveRun, truth: dict[str, Any], gauge: float, nearest: Array) -
     total = route[["sigma_x", "sigma_y"]].to_numpy()[inside] ** 2
     wide = np.sqrt(np.maximum(total.sum(1) - route["sigma_along"].to_numpy()[inside] ** 2, 1e-6))
     return Outcome(
-        rms=float(np.sqrt((error[inside] ** 2).mean())),
+        rms=float(np.sqrt((error[hears] ** 2).mean())),
         inside=float((off < 1.96).mean()),
-        worst=float(np.abs(error[inside]).max()),
+        worst=float(np.abs(error[hears]).max()),
         located=float(inside.mean()),
         clock=run.clock_offset - truth["clock_offset"],
         loops=len(there),
