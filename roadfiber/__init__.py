@@ -28,6 +28,8 @@ require_own(Path(__file__).parents[1])
 prepare()
 
 if TYPE_CHECKING:
+    from roadfiber.batching import Batch as Batch
+    from roadfiber.batching import batch as batch
     from roadfiber.cameras import Calibrated as Calibrated
     from roadfiber.cameras import Quality as Quality
     from roadfiber.cameras import calibrate as calibrate
@@ -74,6 +76,7 @@ if TYPE_CHECKING:
 
 #: Name -> module that it is loaded from at its first use.
 _HOMES = {
+    "Batch": "roadfiber.batching",
     "Calibrated": "roadfiber.cameras",
     "Checkup": "roadfiber.checkup",
     "Combined": "roadfiber.combining",
@@ -96,6 +99,7 @@ _HOMES = {
     "Tracked": "vision.tracked",
     "Vehicles": "roadfiber.listening",
     "add": "roadfiber.growing",
+    "batch": "roadfiber.batching",
     "calibrate": "roadfiber.cameras",
     "clock_offset": "roadfiber.growing",
     "combine": "roadfiber.combining",

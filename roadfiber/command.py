@@ -15,6 +15,7 @@ import typer
 import calib.cli
 import vision.cli
 from roadfiber import (
+    batch_commands,
     criticism_commands,
     export_commands,
     installation_commands,
@@ -50,6 +51,7 @@ for group in (
     web_commands.app,
     export_commands.app,
     installation_commands.app,
+    batch_commands.app,
 ):
     app.registered_commands += group.registered_commands
 

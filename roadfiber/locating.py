@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Any, overload
 
 from solver.effect import Effect
 from solver.run.folder import read_run
@@ -15,9 +15,12 @@ from solver.survey.survey import Survey
 from vision.contract.errors import InputError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from solver.drive.drive import Drive
     from solver.drive.drive_run import DriveRun
     from solver.run.scene import Scene
+    from solver.survey.site import CameraSection
     from vision.tracked import Tracked
 
 
@@ -130,10 +133,24 @@ def locate(
     if whole.tracks is not None:
         run = locate_fiber(whole, method=method, effects=effects, filters=filters, all_passes=all_passes)
         return replace(run, scene=scene_of(whole))
-    tracked = followed(whole)
-    ready = whole.with_tracks(tracked.table, cautions=[tracked.placed])
-    run = locate_fiber(ready, method=method, effects=effects, filters=filters, all_passes=all_passes)
-    return replace(run, tracked=tracked.table, dropped=tracked.dropped, scene=scene_of(whole))
+    assert whole.camera is not None, "a survey without trajectories has a camera"
+    tracked = followed(whole.camera)
+    return located(
+        whole,
+        tracked.table,
+        tracked.dropped,
+        tracked.placed,
+        method=method,
+        effects=effects,
+        filters=filters,
+        all_passes=all_passes,
+    )
+
+
+def located(survey: Survey, table: "pd.DataFrame", dropped: "pd.DataFrame | None", placed: str, **settings: Any) -> Run:
+    """Locate the fiber of a survey whose video was tracked: fixes on the road, those dropped, a line on both."""
+    ready = survey.with_tracks(table, cautions=[placed])
+    return replace(locate_fiber(ready, **settings), tracked=table, dropped=dropped, scene=scene_of(survey))
 
 
 def scene_of(survey: Survey) -> "Scene | None":
@@ -148,13 +165,11 @@ def scene_of(survey: Survey) -> "Scene | None":
         return None  # The route does not need it.
 
 
-def followed(survey: Survey) -> "Tracked":
+def followed(camera: "CameraSection") -> "Tracked":
     """Track the video of a survey that has no trajectories."""
     from vision.cache import cache_folder
     from vision.pipeline import track
 
-    camera = survey.camera
-    assert camera is not None, "a survey without trajectories has a camera"
     return track(
         camera.video,
         detector=camera.detector,
