@@ -35,3 +35,24 @@ def workbench(
     from roadfiber.web.workbench import serve_workbench
 
     serve_workbench(opened, plugins, port, browser)
+
+
+@app.command()
+def start(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder with the survey's files; site.toml is written there.")
+    ] = Path(),
+    port: Port = 0,
+    browser: Browser = True,
+) -> None:
+    """Begin a survey in the browser: name its files, have them checked, and write site.toml.
+
+    Looks at what is in FOLDER, then checks the DAS record (files, units, channels), video and calibration, vehicles,
+    anchors, whether they overlap in time, whether the fiber heard the vehicles and how far the clocks are apart, and
+    draws all on a map. It listens on this machine only, and writes nothing but site.toml, when you say so.
+
+    Examples: `roadfiber start surveys/main-street`, `roadfiber start --no-browser --port 5006`
+    """
+    from roadfiber.web.start_page import serve_start
+
+    serve_start(folder, port, browser)

@@ -2,4 +2,4 @@
 
 from vision.contract.extras import require_extra
 
-require_extra("workbench", ("panel", "bokeh"), "the workbench")
+require_extra("workbench", ("panel", "bokeh"), "pages in the browser")

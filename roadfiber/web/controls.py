@@ -40,22 +40,22 @@ class Controls:
         names = ("heading", "said", "where", "about", "expected", "work", "steps")
         self.heading, self.said, self.where, self.about, self.expected, self.work, self.steps = (html() for _ in names)
         self.picture: Any = pn.pane.HTML("", min_height=40, **WIDE)
-        self.passes: Any = pn.widgets.Select(name="Pass", **WIDE)
-        self.regions: Any = pn.widgets.MultiSelect(name="Where the model fails", size=6, options={}, **WIDE)
-        self.effects: Any = pn.widgets.MultiSelect(name="What may be missing", size=9, options={}, **WIDE)
-        self.size: Any = pn.widgets.FloatSlider(name="Size", start=0.0, end=1.0, step=0.01, disabled=True, **WIDE)
-        self.follow: Any = pn.widgets.Checkbox(name="let route, vehicles and ground follow", value=True)
-        self.force: Any = pn.widgets.Checkbox(name="keep it even if held-out passes fit no better", value=False)
-        self.channel: Any = pn.widgets.IntSlider(name="Channel", **WIDE)
-        self.second: Any = pn.widgets.FloatSlider(name="Second of the pass", step=0.05, **WIDE)
-        self.by: Any = pn.widgets.Select(name="Residual by", options=list(PROPERTIES), **WIDE)
-        self.file: Any = pn.widgets.TextInput(name="File, kept beside the run", value=own_effect.NAME, **WIDE)
+        self.passes: Any = pn.widgets.Select(label="Pass", **WIDE)
+        self.regions: Any = pn.widgets.MultiSelect(label="Where the model fails", size=6, options={}, **WIDE)
+        self.effects: Any = pn.widgets.MultiSelect(label="What may be missing", size=9, options={}, **WIDE)
+        self.size: Any = pn.widgets.FloatSlider(label="Size", start=0.0, end=1.0, step=0.01, disabled=True, **WIDE)
+        self.follow: Any = pn.widgets.Checkbox(label="let route, vehicles and ground follow", value=True)
+        self.force: Any = pn.widgets.Checkbox(label="keep it even if held-out passes fit no better", value=False)
+        self.channel: Any = pn.widgets.IntSlider(label="Channel", **WIDE)
+        self.second: Any = pn.widgets.FloatSlider(label="Second of the pass", step=0.05, **WIDE)
+        self.by: Any = pn.widgets.Select(label="Residual by", options=list(PROPERTIES), **WIDE)
+        self.file: Any = pn.widgets.TextInput(label="File, kept beside the run", value=own_effect.NAME, **WIDE)
         code = "textarea { font: 12px/1.4 ui-monospace, monospace; white-space: pre; }"
         self.code: Any = pn.widgets.TextAreaInput(
-            name="Python", value=own_effect.TEMPLATE, rows=12, max_length=2**20, stylesheets=[code], **WIDE
+            label="Python", value=own_effect.TEMPLATE, rows=12, max_length=2**20, stylesheets=[code], **WIDE
         )
         self.button: dict[str, Any] = {
-            name: pn.widgets.Button(name=label, button_type="primary" if name == "add" else "default", min_width=70)
+            name: pn.widgets.Button(label=label, color="primary" if name == "add" else "default", min_width=70)
             for name, label in BUTTONS.items()
         }
         self.exports: list[Any] = [
@@ -64,7 +64,7 @@ class Controls:
                 filename=name,
                 embed=False,
                 label=f"Export {name}",
-                button_type="default",
+                color="default",
                 **WIDE,
             )
             for name in EXPORTED

@@ -58,6 +58,23 @@ def table(**columns: Any) -> dict[str, list[Any]]:
     return {name: list(values) for name, values in columns.items()}
 
 
+def north(plot: Any, azimuth: float) -> None:
+    """An arrow to the north, by the azimuth of +x, degrees; +y points down on the screen."""
+    turn = np.radians(azimuth)
+    middle, reach = np.array([46.0, 96.0]), 22.0
+    way = np.array([np.cos(turn), np.sin(turn)])
+    (x0, y0), (x1, y1), (x, y) = middle - reach * way, middle + reach * way, middle + (reach + 9) * way - (4, 7)
+    if not plot.select(tags="north"):
+        screen = {f"{end}_units": "screen" for end in ("start", "end")}
+        head = NormalHead(size=9, fill_color=INK)
+        plot.add_layout(Arrow(end=head, line_color=INK, tags=["north"], **screen))
+        units = {f"{axis}_units": "screen" for axis in "xy"}
+        plot.add_layout(Label(x=x, y=y, text="N", text_color=INK, text_font_size="12px", tags=["north"], **units))
+    arrow, label = plot.select(type=Arrow)[0], plot.select(type=Label)[0]
+    arrow.update(x_start=x0, y_start=y0, x_end=x1, y_end=y1)
+    label.update(x=x, y=y)
+
+
 class RouteMap:
     """The street from above: route with its corridor, tracks, anchors, where a preview or the rung below puts it."""
 
@@ -109,25 +126,7 @@ class RouteMap:
         self.anchors.data = table(
             x=[one.x for one in anchors], y=[one.y for one in anchors], name=[one.name for one in anchors]
         )
-        if not self.plot.select(tags="north"):
-            self.north(run.frame.x_azimuth)
-
-    def north(self, azimuth: float) -> None:
-        """An arrow to the north, by the azimuth of +x, degrees; +y points down on the screen."""
-        turn = np.radians(azimuth)
-        middle, reach = np.array([46.0, 36.0]), 22.0
-        way = np.array([np.cos(turn), np.sin(turn)])
-        (x0, y0), (x1, y1) = middle - reach * way, middle + reach * way
-        screen = {f"{end}_units": "screen" for end in ("start", "end")}
-        self.plot.add_layout(
-            Arrow(x_start=x0, y_start=y0 + 60, x_end=x1, y_end=y1 + 60, end=NormalHead(size=9, fill_color=INK),
-                  line_color=INK, tags=["north"], **screen)
-        )  # fmt: skip
-        at = middle + (reach + 9) * way
-        self.plot.add_layout(
-            Label(x=at[0] - 4, y=at[1] + 53, x_units="screen", y_units="screen", text="N", text_color=INK,
-                  text_font_size="12px")
-        )  # fmt: skip
+        north(self.plot, run.frame.x_azimuth)
 
     def beside(self, route: Array) -> None:
         """Draw another route [place, 2 or 3] dashed, or none of no places."""

@@ -9,6 +9,8 @@ from typing import Any
 import roadfiber as rf
 from roadfiber.locating import open_street
 from roadfiber.web.preview import Dial, Preview, Previews
+from roadfiber.web.site_checks import Checked, check
+from roadfiber.web.site_draft import Draft
 from solver.catalogue.catalogue import find
 from solver.catalogue.plugins import Plugin, read_plugin
 from solver.criticism.bench import scorable
@@ -133,3 +135,8 @@ def own(tell: Tell, folder: Path, plugins: tuple[Path, ...], mine: Path) -> list
     there, with_mine = set(opened(folder, others).known), (*others, mine)
     names = [name for name in opened(folder, with_mine).known if name not in there]
     return score(tell, folder, with_mine, names)
+
+
+def check_site(tell: Tell, folder: Path, draft: Draft) -> Checked:
+    """The checks of a survey whose site.toml would stand in a folder."""
+    return check(folder, draft, lambda what: tell(("line", what)))

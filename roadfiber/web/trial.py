@@ -44,7 +44,7 @@ class Trial:
             return
         bench, size, started = self.bench, self.controls.size, object()
         self.started = started
-        self.controls.set(size, name="Size: being prepared ...", disabled=True)
+        self.controls.set(size, label="Size: being prepared ...", disabled=True)
 
         def ready(dial: Dial) -> None:
             if self.started is started:
@@ -53,7 +53,7 @@ class Trial:
 
         def failed(said: str) -> None:
             if self.started is started:
-                self.later(lambda: self.controls.set(size, name=said, disabled=True))
+                self.later(lambda: self.controls.set(size, label=said, disabled=True))
 
         bench.looker.ask("dial", bench.folder, bench.plugins, effect, then=ready, failed=failed)
 
@@ -61,12 +61,12 @@ class Trial:
         """Set the slider to where the effect is absent."""
         dial, size = self.dial, self.controls.size
         if dial is None:
-            self.controls.set(size, name="Size: choose what may be missing", disabled=True)
+            self.controls.set(size, label="Size: choose what may be missing", disabled=True)
             return
         unit = "" if dial.unit == "1" else f", {dial.unit}"
-        name = f"Size ({dial.name}{unit}), absent at {dial.null:.3g}, fits best near {dial.best:.3g}"
-        step = (dial.upper - dial.lower) / 200
-        self.controls.set(size, start=dial.lower, end=dial.upper, step=step, value=dial.null, name=name, disabled=False)
+        said = f"Size ({dial.name}{unit}), absent at {dial.null:.3g}, fits best near {dial.best:.3g}"
+        reach = {"start": dial.lower, "end": dial.upper, "step": (dial.upper - dial.lower) / 200}
+        self.controls.set(size, **reach, value=dial.null, label=said, disabled=False)
 
     def sized(self) -> None:
         """The size was moved: show the residual with it."""

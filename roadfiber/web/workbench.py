@@ -146,7 +146,7 @@ class Page:
             self.show_comparison()
         if bench.candidates is not self.listed:
             self.show_candidates()
-        controls.effects.name = f"What may be missing, best first: {bench.source or 'nothing'}"
+        controls.effects.label = f"What may be missing, best first: {bench.source or 'nothing'}"
         controls.said.object = words.news_of(bench)
         controls.work.object = words.work_words(job, elapsed)
         self.live.show(job.fits if job else [])

@@ -63,15 +63,14 @@ def draw_misfits(
     top = max(float(known.max()), base)
     reach = max(top - base, 0.02)
     axes.fill_between(x, base, both[0], color=ROUTE, alpha=0.15, lw=0)
-    parts = zip(both, (ROUTE, HELD), ("o-", "s--"), ("fitted passes", "passes held out"), (1, -1), strict=True)
-    for values, color, style, name, side in parts:
+    parts = zip(both, (ROUTE, HELD), ("o-", "s--"), ("fitted passes", "passes held out"), (-11, 4), strict=True)
+    for values, color, style, name, up in parts:
         axes.plot(x, values, style, color=color, label=name)
         for at, value in zip(x, values, strict=True):
             if np.isfinite(value):
-                ha = "left" if side > 0 else "right"
-                axes.annotate(
-                    f"{value:.3f}", (at, value), (7 * side, 5), textcoords="offset points", ha=ha, color=color
-                )
+                # Away from the line: it begins at the first rung, and falls toward the others.
+                ha, aside = ("right", -8) if at == x[0] else ("left", 8)
+                axes.annotate(f"{value:.3f}", (at, value), (aside, up), textcoords="offset points", ha=ha, color=color)
     if floor is not None:
         axes.axhline(floor, color=INK, lw=1.0, ls=(0, (4, 3)))
         axes.text(len(x) - 0.52, floor, f"noise alone: {floor:.3f}", va="bottom", ha="right", color=MUTED)
