@@ -66,7 +66,8 @@ def region_lines(bench: Bench) -> list[str]:
 def candidate_line(row: Mapping[str, Any]) -> str:
     """An effect in the list of candidates."""
     how = "fitted" if row.get("refitted") else "scored"
-    return f"{title(row)} · chi² falls by {row.get('delta_chi2') or 0.0:,.0f} ({how})"
+    likely = f"{100 * row['probability']:.0f} % · " if row.get("probability") else ""
+    return f"{title(row)} · {likely}chi² falls by {row.get('delta_chi2') or 0.0:,.0f} ({how})"
 
 
 def title(row: Mapping[str, Any]) -> str:
