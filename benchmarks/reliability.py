@@ -116,7 +116,7 @@ def judged(row: Mapping[str, Any]) -> dict[str, float]:
         return {
             "right": float(right),
             "wrong": float(claimed),
-            "stage": float(row["stage"] in stages) if right else np.nan,
+            "placed": float(row["stage"] in stages) if right else np.nan,
         }
     return {"right": float(claimed and bool(hidden & said)), "wrong": float(claimed and not hidden & said)}
 
@@ -165,8 +165,8 @@ def report(rows: Sequence[Mapping[str, Any]], plot: Path | None) -> None:
     figures = ["right", "wrong", "inside plain", "half plain", "inside considered", "half considered", "cpu seconds"]
     kinds = frame.groupby("kind")
     print(kinds[figures].mean().join(kinds.size().rename("surveys")).round(3).to_string())
-    if "stage" in frame:
-        print(f"stage right where the unknown is called so: {frame['stage'].mean():.2f}")
+    if "placed" in frame:
+        print(f"stage right where the unknown is called so: {frame['placed'].mean():.2f}")
     if plot is not None:
         draw_plot(table, plot)
 

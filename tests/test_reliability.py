@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.reliability import KINDS, binned, claims, draw, judged
+from benchmarks.reliability import KINDS, binned, claims, draw, judged, report
 
 ECHO = {"kind": "unknown", "effects": ["generic_echo"], "stage": "interrogator", "probability": 0.2}
 GAUGE = {"kind": "effect", "effects": ["gauge_length"], "stage": "interrogator", "probability": 0.7}
@@ -45,7 +45,7 @@ def test_what_is_named_is_judged():
     assert judged(row("null", "", "missing-effect", "pulse_width"))["wrong"] == 1.0
     assert judged(row("null", "", "adequate", "pulse_width"))["right"] == 1.0
     found = judged(row("unknown", "unknown_echo", "unknown-effect", "generic_echo"))
-    assert (found["right"], found["stage"]) == (1.0, 1.0)
+    assert (found["right"], found["placed"]) == (1.0, 1.0)
 
 
 def test_bins_tell_how_often_what_was_said_was_so():
@@ -54,3 +54,16 @@ def test_bins_tell_how_often_what_was_said_was_so():
     table, error = binned([sure, sure, sure, wrong])
     assert table["count"].tolist() == [4]
     assert table["right"].tolist() == [0.75] and error == pytest.approx(0.15)
+
+
+def test_a_report_has_a_line_for_each_kind_and_a_diagram(capsys, tmp_path):
+    corridors = {f"{what} {which}": 0.9 for what in ("inside", "half") for which in ("plain", "considered")}
+    one = row("one", "gauge_length", "missing-effect", "gauge_length") | corridors | {"cpu seconds": 3.0}
+    other = row("unknown", "unknown_echo", "unknown-effect", "generic_echo") | corridors | {"cpu seconds": 5.0}
+    rows = [one | {"explanations": [GAUGE, ECHO]}, other | {"explanations": [GAUGE, ECHO, NOTHING]}]
+    report(rows, tmp_path / "diagram.png")
+    said = capsys.readouterr().out
+    assert said.startswith("2 surveys; expected calibration error 0.")
+    assert "stage right where the unknown is called so: 1.00" in said
+    assert [line.split()[0] for line in said.splitlines()[-3:-1]] == ["one", "unknown"]
+    assert (tmp_path / "diagram.png").stat().st_size > 1000
