@@ -88,7 +88,8 @@ def test_a_fiber_that_bends_away_is_located_up_to_the_bend(tmp_path: Path, caplo
 
 def test_a_coil_is_seen_and_a_fit_with_it_begins_there(tmp_path: Path) -> None:
     effects = {"slack_spool": 18.0, "slack_spool_at": 0.5}
-    survey = simulate(Scenario(seed=4, noise="street", track_noise="camera", snr_db=18.0, effects=effects))
+    small = {"passes": 5, "view": (0.0, 70.0), "channels": 200}
+    survey = simulate(Scenario(seed=4, **small, noise="street", track_noise="camera", snr_db=18.0, effects=effects))
     found = locate(Read.read(write_survey(survey, tmp_path / "s")))
     assert found.problem.coil is not None and abs(found.problem.coil.length - 18.0) < 3.0
     # What turns there is the model, not the fiber: all of it stays.
