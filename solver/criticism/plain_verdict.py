@@ -86,7 +86,9 @@ def details(diagnosis: "Diagnosis") -> list[str]:
         lines.append(f"What is left looks as if this were so: {first.told.sentence if first.told else ''}")
     if diagnosis.verdict != "inconclusive" and first.route_change is not None:
         lines.append(f"Ignored, it moves the route by up to {meters(first.route_change)}.")
-    if diagnosis.verdict == "missing-effect" and (least := least_words(first)):
+    # Where a fit found more than the score test could promise, the promise says nothing.
+    shown = first.told is not None and first.told.detectable <= abs(first.told.size)
+    if diagnosis.verdict == "missing-effect" and shown and (least := least_words(first)):
         lines.append(f"This survey would have shown it from {least} on.")
     if first.confounded_with:
         other = titles(first.confounded_with, listed)
