@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 MOST = 0.5
 #: s; a clock less sure than this moves channels by more than a car's length.
 CLOCK = 0.3
+#: How much better the best clock offset is than any other, as a ratio of scores.
+CLEAR = 1.1
 #: Share of picks that disagree with their neighbors at most.
 STRAY = 0.25
 #: Sigmas of the length factor.
@@ -145,7 +147,24 @@ def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
             scatter=prior[1],
         ),
         second_leg(fit),
+        rival(fit),
     ]
+
+
+def rival(fit: "Fit") -> Gate:
+    """Whether any other clock offset explains the record nearly as well."""
+    ratio = fit.coarse.score / max(fit.coarse.rival, 1e-9)
+    clear = ratio >= CLEAR
+    return Gate(
+        "other offsets",
+        "passed" if clear else "failed",
+        "no other clock offset explains the record as well"
+        if clear
+        else "another clock offset explains the record nearly as well",
+        ("drive again with less traffic, with stops and a U-turn; or give an anchor",),
+        found=ratio,
+        expected=CLEAR,
+    )
 
 
 def second_leg(fit: "Fit") -> Gate:
