@@ -62,6 +62,8 @@ if TYPE_CHECKING:
     from roadfiber.schemas import schema as schema
     from roadfiber.simulating import Simulated as Simulated
     from roadfiber.simulating import simulate as simulate
+    from roadfiber.studying import Study as Study
+    from roadfiber.studying import study as study
     from roadfiber.web.workbench import workbench as workbench
     from solver.drive.drive import Drive as Drive
     from solver.drive.drive_run import DriveRun as DriveRun
@@ -95,6 +97,7 @@ _HOMES = {
     "Run": "solver.run.run",
     "Simulated": "roadfiber.simulating",
     "Story": "roadfiber.growing",
+    "Study": "roadfiber.studying",
     "Survey": "solver.survey.survey",
     "Tracked": "vision.tracked",
     "Vehicles": "roadfiber.listening",
@@ -117,6 +120,7 @@ _HOMES = {
     "read": "roadfiber.locating",
     "schema": "roadfiber.schemas",
     "simulate": "roadfiber.simulating",
+    "study": "roadfiber.studying",
     "track": "roadfiber.cameras",
     "vehicles": "roadfiber.listening",
     "view": "roadfiber.ingesting",

@@ -21,6 +21,7 @@ from roadfiber import (
     installation_commands,
     planning_commands,
     record_commands,
+    study_commands,
     survey_commands,
     web_commands,
 )
@@ -52,6 +53,7 @@ for group in (
     export_commands.app,
     installation_commands.app,
     batch_commands.app,
+    study_commands.app,
 ):
     app.registered_commands += group.registered_commands
 
@@ -86,6 +88,12 @@ def locate(
     site: Annotated[Path, typer.Argument(help="The survey's site.toml, or its folder.")],
     out: Annotated[Path, typer.Option("--out", help="Run folder to write.")] = Path("run"),
     method: Annotated[str, typer.Option(help="spline (default), or network: the paper's.")] = "spline",
+    likelihood: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the network: published, or whitened: noise and priors as the spline's.", show_default="published"
+        ),
+    ] = None,
     effects: Annotated[
         str | None,
         typer.Option(help="Effects in the model, by comma; none: as published.", show_default="the base model's"),
@@ -118,7 +126,14 @@ def locate(
     asked = EFFECTS if effects is None else [name.strip() for name in effects.split(",")]
     chosen = [name for name in asked if name not in ("", "none")]
     try:
-        run = rf.locate(site, method=method, effects=chosen, filters=filters or (), all_passes=all_passes)
+        run = rf.locate(
+            site,
+            method=method,
+            likelihood=likelihood,
+            effects=chosen,
+            filters=filters or (),
+            all_passes=all_passes,
+        )
     except InputError as error:
         raise InputError(f"{error}{pictured(error, out)}") from error
     run.save(out)

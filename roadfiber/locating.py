@@ -64,6 +64,7 @@ def locate(
     survey: Survey,
     *,
     method: str = "spline",
+    likelihood: str | None = None,
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
     all_passes: bool = False,
@@ -75,6 +76,7 @@ def locate(
     survey: Path | str,
     *,
     method: str = "spline",
+    likelihood: str | None = None,
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
     all_passes: bool = False,
@@ -85,6 +87,7 @@ def locate(
     survey: "Survey | Drive | Path | str",
     *,
     method: str = "spline",
+    likelihood: str | None = None,
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
     all_passes: bool = False,
@@ -101,6 +104,7 @@ def locate(
     ----------
     survey : as `read` returns it or built in memory; or the path of a site.toml
     method : "spline", or "network" (the paper's)
+    likelihood : of the network: "published" (default), or "whitened": noise, priors and anchors as the spline has them
     effects : names out of the catalogue (`roadfiber effects`), or effects of your own; `[]` is the paper's model, point
         loads and straight gauges
     filters : "fk" or "median", for the matched filter in much noise
@@ -127,24 +131,17 @@ def locate(
     if not isinstance(whole, Survey):
         from solver.drive.drive_run import locate_drive
 
-        if method != "spline" or list(effects) != list(EFFECTS) or filters or all_passes:
+        if method != "spline" or likelihood or list(effects) != list(EFFECTS) or filters or all_passes:
             raise InputError(f"{whole.name}: a drive; it takes no method, effects, filters or choice of passes")
         return locate_drive(whole)
+    asked: dict[str, Any] = {"method": method, "likelihood": likelihood, "effects": effects, "filters": filters}
+    asked |= {"all_passes": all_passes}
     if whole.tracks is not None:
-        run = locate_fiber(whole, method=method, effects=effects, filters=filters, all_passes=all_passes)
+        run = locate_fiber(whole, **asked)
         return replace(run, scene=scene_of(whole))
     assert whole.camera is not None, "a survey without trajectories has a camera"
     tracked = followed(whole.camera)
-    return located(
-        whole,
-        tracked.table,
-        tracked.dropped,
-        tracked.placed,
-        method=method,
-        effects=effects,
-        filters=filters,
-        all_passes=all_passes,
-    )
+    return located(whole, tracked.table, tracked.dropped, tracked.placed, **asked)
 
 
 def located(survey: Survey, table: "pd.DataFrame", dropped: "pd.DataFrame | None", placed: str, **settings: Any) -> Run:

@@ -23,7 +23,7 @@ from solver.fit.stretches import is_long
 from solver.load.wheel_layout import not_known
 from solver.processing import filtered
 from solver.run.chosen import choice_facts, choice_line
-from solver.run.methods import METHODS
+from solver.run.methods import METHODS, method_of
 from solver.run.run import Run, run_of
 from solver.start.first_routes import find_first_routes
 from solver.start.regauge import shorter_gauges
@@ -159,6 +159,7 @@ def locate(
     survey: Survey,
     *,
     method: str = "spline",
+    likelihood: str | None = None,
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
     all_passes: bool = False,
@@ -169,6 +170,7 @@ def locate(
     ----------
     survey : with its tracks
     method : "spline" (default) or "network" (the paper's)
+    likelihood : of the network: "published" (default), or "whitened": noise, priors and anchors as the spline has them
     effects : names out of the catalogue, or effects of the user's own; empty = the paper's point loads and straight
         gauges
     filters : "fk" or "median", one after the other, of what the matched filter looks at. Fits model the noise, so a
@@ -181,8 +183,7 @@ def locate(
     InputError
         If the survey's video is not tracked yet, clocks do not overlap, or no vehicle is seen in the DAS.
     """
-    if method not in METHODS:
-        raise InputError(f"--method {method}: not known; choose one of {', '.join(METHODS)}")
+    method = method_of(method, likelihood)
     known = catalogue().extended(one for one in effects if isinstance(one, Effect))
     asked = [one if isinstance(one, Effect) else find(one, known) for one in effects]
     parts = {one.base_part for one in asked}
@@ -232,7 +233,7 @@ def locate(
             choice = choose(whole, advance)
         if choice.taken:
             problems = [only(one, choice.numbers) for one in problems]
-    if method == "spline":
+    if method != "network":
         require_room_to_fit(problems[0])
     if record.rounding:
         warnings += told(record.rounding.at(posed[0].channel - record.channel[0]), posed[0].noise.numpy())

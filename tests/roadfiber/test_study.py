@@ -4,28 +4,31 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
-from benchmarks import paper
-from benchmarks.paper import (
+import roadfiber as rf
+from roadfiber import study_surveys
+from roadfiber.command import app
+from roadfiber.study_surveys import (
     AXES,
     Axis,
     Setting,
     anchors_of,
-    draw,
     run,
     settings_of,
     shifted,
-    study,
+    studied,
     survey_of,
-    table_of,
 )
+from roadfiber.study_tables import claims_of, draw, table_of
 from solver.simulator import Survey
 from vision.contract import InputError
 
 
 def test_every_point_is_there_once():
-    settings = settings_of(["snr", "anchors"], ["spline", "network"], 3, Setting())
+    settings = settings_of([AXES["snr"], AXES["anchors"]], ["spline", "network"], 3, Setting())
     # The point that both axes share is located once.
     assert len(settings) == 3 * 2 * (len(AXES["snr"].values) + len(AXES["anchors"].values) - 1)
     assert len({setting.key for setting in settings}) == len(settings)
@@ -80,7 +83,7 @@ def test_what_cannot_be_located_says_so(monkeypatch: pytest.MonkeyPatch):
     def refuse(*_: object, **__: object) -> None:
         raise InputError("nothing seen: mend it")
 
-    monkeypatch.setattr(paper, "locate", refuse)
+    monkeypatch.setattr(study_surveys, "locate", refuse)
     assert run(Setting(passes=1)) == {"failed": "nothing seen: mend it"}
 
 
@@ -101,17 +104,17 @@ def made(setting: Setting) -> dict[str, float | str]:
 
 
 def test_a_stopped_study_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    settings, kept, asked = settings_of(["snr"], ["spline"], 2, Setting()), tmp_path / "results.json", []
-    monkeypatch.setattr(paper, "run", lambda setting: asked.append(setting) or made(setting))
-    study(settings[:5], kept)
-    results = study(settings, kept)
+    settings, kept, asked = settings_of([AXES["snr"]], ["spline"], 2, Setting()), tmp_path / "results.json", []
+    monkeypatch.setattr(study_surveys, "run", lambda setting: asked.append(setting) or made(setting))
+    studied(settings[:5], kept)
+    results = studied(settings, kept)
     assert asked == settings
     assert results == json.loads(kept.read_text())
     assert results[settings[0].key] == made(settings[0])
 
 
 def test_table_and_figure():
-    settings = settings_of(["snr"], ["spline", "network"], 3, Setting())
+    settings = settings_of([AXES["snr"]], ["spline", "network"], 3, Setting())
     results = {setting.key: made(setting) for setting in settings}
     table = table_of(AXES["snr"], settings, results).set_index(["snr_db", "method"])
     assert table.loc[(-3, "spline"), "surveys"] == 3
@@ -135,11 +138,66 @@ def test_every_axis_can_be_drawn(axis: Axis):
     assert len(draw(axis, table).axes) == 3
 
 
-def test_the_command_prints_a_table_and_draws_a_figure_per_axis(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-):
-    monkeypatch.setattr(paper, "run", made)
-    paper.main(["--axes", "anchors", "noise", "--methods", "spline", "--surveys", "2", "--out", str(tmp_path)])
-    assert {path.name for path in tmp_path.iterdir()} == {"results.json", "anchors.png", "noise.png"}
-    printed = capsys.readouterr().out
-    assert "the paper needs 2 per 100 m" in printed and "expected" in printed
+@pytest.fixture
+def quickly(monkeypatch: pytest.MonkeyPatch) -> list[Setting]:
+    """Located at once, with results made up; what was asked for."""
+    asked = list[Setting]()
+    monkeypatch.setattr(study_surveys, "run", lambda setting: asked.append(setting) or made(setting))
+    return asked
+
+
+def test_a_study_is_saved_as_page_tables_and_figures(tmp_path: Path, quickly: list[Setting]):
+    done = rf.study(tmp_path, axes=["anchors", "noise"], methods=["spline"], surveys=2)
+    done.save(tmp_path)
+    files = {"results.json", "study.html", "claims.csv", "anchors.csv", "anchors.png", "noise.csv", "noise.png"}
+    assert {path.name for path in tmp_path.iterdir()} == files
+    page = done.page()
+    assert "the paper needs 2 per 100 m" in page and "field data were not at hand" in page and "<script" not in page
+    assert list(done.claims["method"]) == ["spline", "spline"]
+    assert done.facts["tables"]["noise"][0]["surveys"] == 2
+    count = len(quickly)
+    assert rf.study(tmp_path, axes=["noise"], methods=["spline"], surveys=2).results.keys() <= done.results.keys()
+    assert len(quickly) == count  # nothing is located twice
+
+
+def test_a_quick_study_by_the_command(tmp_path: Path, quickly: list[Setting]):
+    done = CliRunner().invoke(app, ["study", "--quick", "--out", str(tmp_path)])
+    assert done.exit_code == 0 and "the paper fails below 7 dB" in done.output and "expected" in done.output
+    assert {(one.passes, one.seed) for one in quickly} == {(3, 0)}
+    assert {one.method for one in quickly} == {"spline", "network-whitened", "geometric"}
+    assert {one.snr_db for one in quickly} == {0.0, 10.0}
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"axes": ["weather"]}, "--axes weather: not known; choose of snr"),
+        ({"methods": ["guess"]}, "--methods guess: not known; choose of spline"),
+        ({"loads": "feathers"}, "--loads feathers: not known"),
+    ],
+)
+def test_what_cannot_be_studied_is_one_line(tmp_path: Path, asked: dict, said: str):
+    with pytest.raises(InputError, match=said):
+        rf.study(tmp_path / "a", **asked)
+    assert not (tmp_path / "a").exists()
+
+
+def test_results_of_something_else_are_left_alone(tmp_path: Path):
+    (tmp_path / "results.json").write_text('{"mine": 1}')
+    with pytest.raises(InputError, match="holds no results of a study"):
+        rf.study(tmp_path, axes=["snr"], methods=["spline"], surveys=1)
+    assert (tmp_path / "results.json").read_text() == '{"mine": 1}'
+
+
+def test_claims_are_told_from_the_tables():
+    def claim(axis: str, distance: dict[float, float]) -> pd.Series:
+        values = {AXES[axis].field: list(distance), "method": "network", "hausdorff": list(distance.values())}
+        return claims_of({axis: AXES[axis]}, {axis: pd.DataFrame(values)}).iloc[0]
+
+    assert claim("snr", {0.0: 3.0, 7.0: 0.4, 20.0: 0.2})["agrees"]
+    still = claim("snr", {0.0: 0.3, 7.0: 0.2, 20.0: 0.1})  # it does not fail where the paper says that it does
+    assert not still["agrees"] and "0.30 m beyond" in still["found"]
+    assert not claim("noise", {0.1: 0.9, 0.35: 0.4, 0.7: 0.8})["agrees"]
+    assert claim("snr", {10.0: 0.2})["agrees"] is None
+    assert claim("poisson", {-0.05: 0.30, 0.0: 0.05, 0.05: 0.30})["agrees"]
+    assert not claim("poisson", {-0.05: 0.06, 0.0: 0.05, 0.05: 0.06})["agrees"]

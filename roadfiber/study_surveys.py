@@ -1,13 +1,10 @@
-"""The paper's study, repeated: error against SNR, track noise, anchors and Poisson ratio, beside the paper's figures.
+"""The paper's study, survey by survey: its points, the survey of each, and what locating it gives.
 
-    python benchmarks/paper.py --axes snr anchors --surveys 50 --methods spline network --out runs/paper
-
-Every survey comes from the simulator, which shares no code with the signal path. Results are kept in `results.json` by
-their settings, so that a run that was stopped goes on where it was, and more surveys or methods add to it. Expected
-error: of draws from the covariance of the fit at the truth (Cramer-Rao, with the priors).
+Every survey comes from the simulator, which shares no code with the signal path. Results are kept by their settings, so
+that a study that was stopped goes on where it was, and more surveys or methods add to it. Expected error: of draws from
+the covariance of the fit at the truth (Cramer-Rao, with the priors).
 """
 
-import argparse
 import json
 import tempfile
 import time
@@ -16,12 +13,10 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import torch
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
 
 from solver.cable.curves import hausdorff
 from solver.fit import Prior, Problem
@@ -37,7 +32,10 @@ from solver.survey.anchors import Anchor
 from solver.survey.survey import Survey as Read
 from vision.contract import InputError, progress, writing
 
-METHODS = ("spline", "network", "geometric")
+if TYPE_CHECKING:
+    import pandas as pd
+
+METHODS = ("spline", "network", "network-whitened", "geometric")
 DRAWS = 200
 ASSUMED_RATIO = 0.25  # what every simulated site.toml says
 
@@ -48,7 +46,7 @@ class Setting:
 
     Parameters
     ----------
-    method : "spline", "network", or "geometric": the paper's first route alone
+    method : of `METHODS`; "geometric" is the paper's first route alone
     seed : of the simulated survey
     snr_db : over the maps of all passes, dB
     track_noise : standard deviation of every fix, independent, known to the fit, m
@@ -86,6 +84,7 @@ class Axis:
     values : to try
     limit : value beyond which the paper fails, or that it needs; None where it names none
     said : about it
+    rises : whether the paper locates above the limit rather than below it
     """
 
     field: str
@@ -93,14 +92,16 @@ class Axis:
     values: tuple[float, ...]
     limit: float | None
     said: str
+    rises: bool = False
 
 
 FAILS = "the paper fails beyond 0.35 m"
+QUIET = "the paper fails below 7 dB"
 AXES = {
-    "snr": Axis("snr_db", "SNR, dB", (-3.0, 0.0, 3.0, 7.0, 10.0, 15.0, 20.0, 30.0), 7.0, "the paper fails below 7 dB"),
+    "snr": Axis("snr_db", "SNR, dB", (-3.0, 0.0, 3.0, 7.0, 10.0, 15.0, 20.0, 30.0), 7.0, QUIET, True),
     "noise": Axis("track_noise", "noise of the fixes, m", (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0), 0.35, FAILS),
     "offset": Axis("track_offset", "error of a whole track, m", (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0), 0.35, FAILS),
-    "anchors": Axis("anchors", "anchors per 100 m", (0, 1, 2, 3, 4, 5), 2.0, "the paper needs 2 per 100 m"),
+    "anchors": Axis("anchors", "anchors per 100 m", (0, 1, 2, 3, 4, 5), 2.0, "the paper needs 2 per 100 m", True),
     "poisson": Axis(
         "poisson_error",
         "error of the Poisson ratio",
@@ -134,19 +135,21 @@ def survey_of(setting: Setting) -> Survey:
     )
 
 
-def anchors_of(survey: Survey, count: int, rng: np.random.Generator) -> pd.DataFrame:
+def anchors_of(survey: Survey, count: int, rng: np.random.Generator) -> "pd.DataFrame":
     """Anchors evenly over the view, an eighth of it from either end, with the scenario's errors."""
     first, last = survey.active
     share = np.linspace(1 / 8, 7 / 8, count) if count > 1 else np.array([0.5])[:count]
     channel = np.rint(first + share * (last - first)).astype(int)
     sigma = survey.scenario.anchor_sigma
     place = survey.route[channel] + sigma * rng.normal(size=(len(channel), 3))
+    import pandas as pd
+
     columns = {"name": [f"anchor_{number}" for number in channel], "channel": channel}
     columns |= dict(zip("xyz", place.T, strict=True)) | {"sigma_xy": sigma, "sigma_z": sigma}
     return pd.DataFrame(columns)
 
 
-def shifted(table: pd.DataFrame, sd: float, rng: np.random.Generator) -> pd.DataFrame:
+def shifted(table: "pd.DataFrame", sd: float, rng: np.random.Generator) -> "pd.DataFrame":
     """Trajectories with a constant error of each track, of standard deviation `sd` along x and along y, m."""
     tracks = table["track_id"].unique()
     shift = dict(zip(tracks, sd * rng.normal(size=(len(tracks), 2)), strict=True))
@@ -160,8 +163,9 @@ def located(setting: Setting, survey: Survey) -> tuple[Read, Run]:
         whole = Read.read(write_survey(survey, Path(folder) / "survey"))
         if not setting.anchors:
             whole = Read.of(**vars(whole) | {"anchors": []})
-        method = "spline" if setting.method == "geometric" else setting.method
-        return whole, locate(whole, method=method, effects=() if setting.loads == "point" else ("wheel_layout",))
+        method, _, likelihood = ("spline" if setting.method == "geometric" else setting.method).partition("-")
+        effects = () if setting.loads == "point" else ("wheel_layout",)
+        return whole, locate(whole, method=method, likelihood=likelihood or None, effects=effects)
 
 
 def problem_at(survey: Read, found: Run, true: np.ndarray) -> Problem:
@@ -208,11 +212,11 @@ def run(setting: Setting) -> dict[str, float | str]:
             rough.channel[here],
             geometric_route(read.record, found.passes, rough, anchors=found.anchors)[here],
         )
-    error = np.linalg.norm(route - true[channel], axis=1)
+    off = np.linalg.norm(route - true[channel], axis=1)
     mean, largest = expected_errors(problem_at(read, found, true), true, channel)
     row: dict[str, float | str] = {
-        "mean": float(error.mean()),
-        "largest": float(error.max()),
+        "mean": float(off.mean()),
+        "largest": float(off.max()),
         "hausdorff": hausdorff(route, true[channel]),
         "located_share": len(channel) / len(view),
         "expected_mean": mean,
@@ -221,26 +225,31 @@ def run(setting: Setting) -> dict[str, float | str]:
         "seconds": seconds,
     }
     if setting.method != "geometric":
-        off = np.abs(result.route - true[result.channel])[np.isin(result.channel, channel)]
-        row["covered"] = float((off < 1.96 * result.sigma[np.isin(result.channel, channel)]).mean())
+        apart = np.abs(result.route - true[result.channel])[np.isin(result.channel, channel)]
+        row["covered"] = float((apart < 1.96 * result.sigma[np.isin(result.channel, channel)]).mean())
     return row
 
 
-def settings_of(axes: Iterable[str], methods: Sequence[str], surveys: int, base: Setting) -> list[Setting]:
+def settings_of(axes: Iterable[Axis], methods: Sequence[str], surveys: int, base: Setting) -> list[Setting]:
     """Every point of the study once, survey by survey, so that a part of a run is a smaller study."""
     points = [
-        replace(base, method=method, seed=seed, **{axis.field: value})
+        replace(base, method=method, seed=seed, **varied(axis, value))
         for seed in range(surveys)
-        for axis in (AXES[name] for name in axes)
+        for axis in axes
         for value in axis.values
         for method in methods
     ]
     return list(dict.fromkeys(points))
 
 
-def study(settings: Sequence[Setting], kept: Path, jobs: int = 1) -> dict[str, dict[str, float | str]]:
+def varied(axis: Axis, value: float) -> dict[str, Any]:
+    """The field that an axis varies, by name."""
+    return {axis.field: value}
+
+
+def studied(settings: Sequence[Setting], kept: Path, jobs: int = 1) -> dict[str, dict[str, float | str]]:
     """Results by key of all settings; those in the file `kept` are taken from there, and new ones added to it."""
-    results = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
+    results = kept_results(kept)
     left = [setting for setting in settings if setting.key not in results]
     with progress("locating surveys", len(left)) as advance:
         for setting, row in finished(left, jobs):
@@ -251,6 +260,25 @@ def study(settings: Sequence[Setting], kept: Path, jobs: int = 1) -> dict[str, d
     return results
 
 
+def kept_results(path: Path) -> dict[str, dict[str, float | str]]:
+    """Results of an earlier study; none where there is no file.
+
+    Raises
+    ------
+    InputError
+        If the file holds something else.
+    """
+    if not path.is_file():
+        return {}
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if not all(isinstance(Setting(**json.loads(key)), Setting) and isinstance(found[key], dict) for key in found):
+            raise ValueError("not by settings")
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{path}: holds no results of a study; give another folder for --out") from error
+    return dict(found)
+
+
 def finished(settings: Sequence[Setting], jobs: int) -> Iterator[tuple[Setting, dict[str, float | str]]]:
     """Settings and their results, as they come."""
     if jobs == 1:
@@ -259,98 +287,3 @@ def finished(settings: Sequence[Setting], jobs: int) -> Iterator[tuple[Setting, 
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         futures = {pool.submit(run, setting): setting for setting in settings}
         yield from ((futures[future], future.result()) for future in as_completed(futures))
-
-
-def table_of(axis: Axis, settings: Sequence[Setting], results: dict[str, dict[str, float | str]]) -> pd.DataFrame:
-    """One row per value and method of an axis.
-
-    Surveys, failures, mean error with its spread, 10th and 90th percentile over surveys, expectation, largest error,
-    share of coordinates within 1.96 sigma, share of surveys that say that the fiber may be on the other side, seconds.
-    """
-    rows = [{**asdict(setting), **results[setting.key]} for setting in settings if setting.key in results]
-    frame = pd.DataFrame(rows)
-    for name in ("mean", "largest", "hausdorff", "expected_mean", "covered", "ambiguous", "seconds", "failed"):
-        if name not in frame:
-            frame[name] = np.nan
-    groups = frame.groupby([axis.field, "method"])
-    table = pd.DataFrame(
-        {
-            "surveys": groups.size(),
-            "failed": groups["failed"].count(),
-            "mean": groups["mean"].mean(),
-            "spread": groups["mean"].std(),
-            "low": groups["mean"].quantile(0.1),
-            "high": groups["mean"].quantile(0.9),
-            "expected": groups["expected_mean"].mean(),
-            "ratio": groups["mean"].mean() / groups["expected_mean"].mean(),
-            "largest": groups["largest"].mean(),
-            "95 %": groups["largest"].quantile(0.95),
-            "hausdorff": groups["hausdorff"].mean(),
-            "covered": groups["covered"].mean(),
-            "two sides": groups["ambiguous"].mean(),
-            "seconds": groups["seconds"].mean(),
-        }
-    )
-    return table.reset_index()
-
-
-def draw(axis: Axis, table: pd.DataFrame) -> Figure:
-    """Mean error with its spread and expectation, Hausdorff distance beside the paper's, and seconds."""
-    figure = Figure(figsize=(13, 4), layout="constrained")
-    error, curve, seconds = figure.subplots(1, 3)
-    for method, rows in table.groupby("method"):
-        at = rows[axis.field]
-        (line,) = error.plot(at, rows["mean"], "o-", label=method)
-        error.fill_between(at, rows["low"], rows["high"], color=line.get_color(), alpha=0.2)
-        curve.plot(at, rows["hausdorff"], "o-", color=line.get_color(), label=method)
-        seconds.plot(at, rows["seconds"], "o-", color=line.get_color(), label=method)
-    # Methods may have been run on different numbers of surveys; what is expected is known best where there are most.
-    most = table.loc[table.groupby(axis.field)["surveys"].idxmax()]
-    error.plot(most[axis.field], most["expected"], "k--", label="expected (Cramer-Rao)")
-    curve.axhspan(*FIELD, color="gray", alpha=0.3, label="the paper, in the field")
-    if axis.limit is not None:
-        curve.axvline(axis.limit, color="gray", linestyle=":", label=axis.said)
-    elif axis.field == "poisson_error":
-        at = np.linspace(min(axis.values), max(axis.values), 50)
-        curve.plot(at, PER_RATIO * np.abs(at), ":", color="gray", label=axis.said)
-    titles = ("mean error; 80 % of surveys, m", "Hausdorff distance, m", "seconds per survey")
-    for panel, title in zip((error, curve, seconds), titles, strict=True):
-        panel.set(title=title, xlabel=axis.label, yscale="log")
-        panel.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        panel.yaxis.set_major_formatter("{x:g}")
-        panel.yaxis.set_minor_formatter("")
-        panel.grid(alpha=0.3)
-    error.legend()
-    curve.legend()
-    return figure
-
-
-def read_options(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--axes", nargs="+", choices=AXES, default=list(AXES))
-    parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
-    parser.add_argument("--surveys", type=int, default=50)
-    parser.add_argument("--passes", type=int, default=8)
-    parser.add_argument("--snr", type=float, default=15.0, help="dB, where SNR is not the axis")
-    parser.add_argument("--loads", choices=("point", "wheels"), default="point", help="point loads are the paper's")
-    parser.add_argument("--jobs", type=int, default=1, help="surveys at once")
-    parser.add_argument("--out", type=Path, default=Path("runs/paper"))
-    return parser.parse_args(arguments)
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run what is missing, print a table and draw a figure per axis."""
-    options = read_options(arguments)
-    base = Setting(passes=options.passes, snr_db=options.snr, loads=options.loads)
-    options.out.mkdir(parents=True, exist_ok=True)
-    settings = settings_of(options.axes, options.methods, options.surveys, base)
-    results = study(settings, options.out / "results.json", options.jobs)
-    for name in options.axes:
-        axis = AXES[name]
-        table = table_of(axis, settings_of([name], options.methods, options.surveys, base), results)
-        print(f"\n{axis.label} ({axis.said})\n{table.round(3).to_string(index=False)}")
-        draw(axis, table).savefig(options.out / f"{name}.png", dpi=110)
-
-
-if __name__ == "__main__":
-    main()
