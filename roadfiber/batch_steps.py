@@ -152,7 +152,6 @@ def track_step(job: Job, site: Site) -> tuple[str, dict[str, Any]]:
     """Follow the vehicles of the video."""
     from roadfiber.locating import followed
 
-    assert site.camera is not None, "a site that needs tracking has a camera"
     tracked = followed(site.camera)
     assert tracked.dropped is not None, "a camera of site.toml is calibrated"
     for table, path in zip((tracked.table, tracked.dropped), tables(job), strict=True):

@@ -139,7 +139,6 @@ def locate(
     if whole.tracks is not None:
         run = locate_fiber(whole, **asked)
         return replace(run, scene=scene_of(whole))
-    assert whole.camera is not None, "a survey without trajectories has a camera"
     tracked = followed(whole.camera)
     return located(whole, tracked.table, tracked.dropped, tracked.placed, **asked)
 
@@ -162,11 +161,12 @@ def scene_of(survey: Survey) -> "Scene | None":
         return None  # The route does not need it.
 
 
-def followed(camera: "CameraSection") -> "Tracked":
+def followed(camera: "CameraSection | None") -> "Tracked":
     """Track the video of a survey that has no trajectories."""
     from vision.cache import cache_folder
     from vision.pipeline import track
 
+    assert camera is not None, "a survey without trajectories has a camera"
     return track(
         camera.video,
         detector=camera.detector,
