@@ -106,6 +106,10 @@ def locate(
         bool,
         typer.Option("--all-passes", help="Fit all vehicles; of more than 30, the 10 to 20 that tell most otherwise."),
     ] = False,
+    unlisted: Annotated[
+        bool,
+        typer.Option("--unlisted", help="Fit vehicles, too, that the fiber hears and the trajectories lack."),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of words.")] = False,
 ) -> None:
     """Locate the fiber of a survey: DAS files and trajectories, or a video, to a route on a map.
@@ -133,6 +137,7 @@ def locate(
             effects=chosen,
             filters=filters or (),
             all_passes=all_passes,
+            unlisted=unlisted,
         )
     except InputError as error:
         raise InputError(f"{error}{pictured(error, out)}") from error

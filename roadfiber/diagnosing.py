@@ -149,7 +149,7 @@ def diagnose(run: Run, *, effects: Iterable[Effect] = ()) -> Diagnosis:
     >>> found = rf.diagnose(run)
     >>> found.verdict in ("adequate", "missing-effect", "unknown-effect", "inconclusive")
     True
-    >>> round(found.probabilities.probability.sum(), 6)
+    >>> round(float(found.probabilities.probability.sum()), 6)
     1.0
     """
     known = list(run.known.extended(effects).values())

@@ -155,8 +155,8 @@ def story_page(out: Path, undone: str) -> str:
         section(
             1,
             "A street was filmed, and its fiber recorded",
-            "A camera saw vehicles go by, a fiber under the street felt them. Into the record went physics that the "
-            "model does not have; which is in the envelope at the end.",
+            "A camera saw vehicles go by, a fiber under the street recorded them. Into the record went physics that "
+            "the model does not have; which is in the envelope at the end.",
         ),
         section(2, "The fiber was located", f"{escape(fit['headline'])} {trust}", f"{FIRST}/report.html"),
         section(3, "Model and measurement were compared", escape(compared["verdict"]), f"{FIRST}/compare.html"),

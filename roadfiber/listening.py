@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solver.run.strict_json import strict
-from solver.start.heard import Paired, listen, middle_times, pair
+from solver.start.heard import Hearing, Paired, middle_times, pair
 from solver.start.initialization import initialize
 from solver.start.regauge import shorter_gauges
 from solver.survey.survey import Survey
@@ -142,7 +142,6 @@ def vehicles(survey: Survey | Path | str) -> Vehicles:
     rough = initialize(shorter_gauges(whole.record), passes, **believed)
     record = whole.at_all_times().record
     passes = smooth_passes(whole.tracks, record)
-    heard = listen(shorter_gauges(record), rough, **believed)
-    x0, slope = rough.x_of_channel
-    middle = middle_times(passes, float((x0 + slope * rough.channel).mean()), record.time)
-    return Vehicles(pair(heard, middle, np.array([one.speed for one in passes])), passes, record.start)
+    hearing = Hearing.of(shorter_gauges(record), rough, **believed)
+    middle = middle_times(passes, hearing.middle, record.time)
+    return Vehicles(pair(hearing.vehicles(), middle, np.array([one.speed for one in passes])), passes, record.start)

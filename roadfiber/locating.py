@@ -68,6 +68,7 @@ def locate(
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
     all_passes: bool = False,
+    unlisted: bool = False,
 ) -> Run: ...
 
 
@@ -80,6 +81,7 @@ def locate(
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
     all_passes: bool = False,
+    unlisted: bool = False,
 ) -> "Run | DriveRun": ...
 
 
@@ -91,6 +93,7 @@ def locate(
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
     all_passes: bool = False,
+    unlisted: bool = False,
 ) -> "Run | DriveRun":
     """Locate the fiber of a survey.
 
@@ -110,6 +113,8 @@ def locate(
     filters : "fk" or "median", for the matched filter in much noise
     all_passes : fit all vehicles; else of more than 30 those ten to twenty that tell most of route, depth and ground,
         and the rest test the route
+    unlisted : fit vehicles, too, that the fiber hears while it records one of the trajectories, and that these lack;
+        their tracks are free
 
     Returns
     -------
@@ -131,11 +136,11 @@ def locate(
     if not isinstance(whole, Survey):
         from solver.drive.drive_run import locate_drive
 
-        if method != "spline" or likelihood or list(effects) != list(EFFECTS) or filters or all_passes:
+        if method != "spline" or likelihood or list(effects) != list(EFFECTS) or filters or all_passes or unlisted:
             raise InputError(f"{whole.name}: a drive; it takes no method, effects, filters or choice of passes")
         return locate_drive(whole)
     asked: dict[str, Any] = {"method": method, "likelihood": likelihood, "effects": effects, "filters": filters}
-    asked |= {"all_passes": all_passes}
+    asked |= {"all_passes": all_passes, "unlisted": unlisted}
     if whole.tracks is not None:
         run = locate_fiber(whole, **asked)
         return replace(run, scene=scene_of(whole))

@@ -71,7 +71,7 @@ def schema(file: str) -> dict[str, Any]:
     Examples
     --------
     >>> rf.schema("route.csv")["properties"]["sigma_y"]["description"]
-    'standard deviation of y, m; empty where the method gives none'
+    'standard deviations, m; empty where the method gives none'
     """
     if file not in FILES:
         raise InputError(f"no schema of {file!r}; there are {', '.join(FILES)}")

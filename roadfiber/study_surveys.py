@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 from solver.cable.curves import hausdorff
+from solver.catalogue.catalogue import built_in
 from solver.fit import Prior, Problem
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
@@ -50,7 +51,7 @@ class Setting:
     seed : of the simulated survey
     snr_db : over the maps of all passes, dB
     track_noise : standard deviation of every fix, independent, known to the fit, m
-    track_offset : standard deviation of a constant error of each whole track, unknown to the fit, m
+    track_error : standard deviation of a constant error of each whole track, unknown to the fit, m
     anchors : how many, over the 100 m view, with 5 cm of error
     poisson_error : true minus assumed Poisson ratio
     passes : vehicles
@@ -61,7 +62,7 @@ class Setting:
     seed: int = 0
     snr_db: float = 15.0
     track_noise: float = 0.06
-    track_offset: float = 0.0
+    track_error: float = 0.0
     anchors: int = 2
     poisson_error: float = 0.0
     passes: int = 8
@@ -100,7 +101,7 @@ QUIET = "the paper fails below 7 dB"
 AXES = {
     "snr": Axis("snr_db", "SNR, dB", (-3.0, 0.0, 3.0, 7.0, 10.0, 15.0, 20.0, 30.0), 7.0, QUIET, True),
     "noise": Axis("track_noise", "noise of the fixes, m", (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0), 0.35, FAILS),
-    "offset": Axis("track_offset", "error of a whole track, m", (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0), 0.35, FAILS),
+    "offset": Axis("track_error", "error of a whole track, m", (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0), 0.35, FAILS),
     "anchors": Axis("anchors", "anchors per 100 m", (0, 1, 2, 3, 4, 5), 2.0, "the paper needs 2 per 100 m", True),
     "poisson": Axis(
         "poisson_error",
@@ -131,7 +132,7 @@ def survey_of(setting: Setting) -> Survey:
     return replace(
         survey,
         anchors=anchors_of(survey, setting.anchors, rng),
-        trajectories=shifted(survey.trajectories, setting.track_offset, rng),
+        trajectories=shifted(survey.trajectories, setting.track_error, rng),
     )
 
 
@@ -164,7 +165,8 @@ def located(setting: Setting, survey: Survey) -> tuple[Read, Run]:
         if not setting.anchors:
             whole = Read.of(**vars(whole) | {"anchors": []})
         method, _, likelihood = ("spline" if setting.method == "geometric" else setting.method).partition("-")
-        effects = () if setting.loads == "point" else ("wheel_layout",)
+        wheels = [name for name, one in built_in().items() if one.base_part == "wheels"]
+        effects = [] if setting.loads == "point" else wheels
         return whole, locate(whole, method=method, likelihood=likelihood or None, effects=effects)
 
 

@@ -3,12 +3,14 @@
 import ast
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import matplotlib.pyplot as plt
 import pytest
+import torch
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 #: Those that look into the rooms; the others use the door alone.
@@ -37,6 +39,14 @@ def run_cell(source: str, name: str, names: dict[str, Any]) -> None:
 
 def test_there_are_notebooks():
     assert len(NOTEBOOKS) >= 6
+
+
+@pytest.fixture(autouse=True)
+def torch_as_it_was() -> Iterator[None]:
+    """A notebook may set the precision that it computes with; the tests after it have their own."""
+    before = torch.get_default_dtype()
+    yield
+    torch.set_default_dtype(before)
 
 
 @each

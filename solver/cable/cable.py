@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from solver.transfers import FiberTransfer
+from solver.effect.transfers import FiberTransfer
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
+from solver.effect.transfers import Field, MapFunction, TimeTransfer
 from solver.ground.boussinesq import Ratio, Response, displacement, displacement_rate
-from solver.transfers import Field, MapFunction, TimeTransfer
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
-from solver.transfers import FiberTransfer, MapFunction, TimeTransfer
+from solver.effect.transfers import FiberTransfer, MapFunction, TimeTransfer
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from solver.transfers import MapFunction
+from solver.effect.transfers import MapFunction
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,11 @@ from solver.fit.stretches import is_long
 from solver.load.wheel_layout import not_known
 from solver.processing import filtered
 from solver.run.chosen import choice_facts, choice_line
+from solver.run.heard_passes import with_unlisted
 from solver.run.methods import METHODS, method_of
 from solver.run.run import Run, run_of
 from solver.start.first_routes import find_first_routes
+from solver.start.free_tracks import is_heard
 from solver.start.regauge import shorter_gauges
 from solver.survey.das.record import DASRecord, ranges
 from solver.survey.das.rounding import dithered, told
@@ -163,6 +165,7 @@ def locate(
     effects: Sequence[str | Effect] = EFFECTS,
     filters: Sequence[str] = (),
     all_passes: bool = False,
+    unlisted: bool = False,
 ) -> Run:
     """Locate the fiber of a survey.
 
@@ -177,6 +180,7 @@ def locate(
         filter would only lose signal: they take the record as it came
     all_passes : fit them all; else of more than `solver.fit.choice.MANY` those that tell most, and the rest test the
         route
+    unlisted : fit vehicles, too, that are heard beside those of the trajectories, with free tracks
 
     Raises
     ------
@@ -213,6 +217,12 @@ def locate(
         except InputError as error:
             why = other_unit(shown, passes, priors) or suspicions(record, passes)
             raise InputError(f"{error}{why}") from error
+    every = passes
+    if unlisted:
+        with timed(timings, "listen"):
+            every = with_unlisted(shown, found, passes, priors, warnings)
+        if "wheels" not in parts:
+            every = [replace(one, vehicle_class="vehicle") for one in every]
     prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
     dead = dead_channels(heard, found.channel)
     if len(dead):
@@ -220,7 +230,7 @@ def locate(
             f"channels {ranges(dead)} are nearly silent where their neighbors record vehicles; they are left out, and "
             "the route there depends on their neighbors"
         )
-    begun = pose(record, passes, found.anchors, found.routes[0], found.channel, prior, dead)
+    begun = pose(record, every, found.anchors, found.routes[0], found.channel, prior, dead)
     # All starts share noise and samples, so that their misfits compare.
     alive = np.isin(found.channel, begun.channel)
     posed = [replace(begun, start=start[alive]) for start in found.routes]
@@ -242,8 +252,8 @@ def locate(
         result, problem = fit_straight(*fit_sides(problems, method), method, recorded, warnings)
         result, problem = fit_finely(result, problem, method)
         result, problem = fit_agreeing(result, problem, method, disputed)
-    if len(problem.passes) < FEW:
-        count = "one pass" if len(problem.passes) == 1 else f"{len(problem.passes)} passes"
+    if (seen := sum(not is_heard(one) for one in problem.passes)) < FEW:
+        count = "one pass" if seen == 1 else f"{seen} passes"
         warnings.append(
             f"{count} only: an error of a track goes straight into the route, and no other vehicle checks it; "
             "survey at least four passes, in both directions"
@@ -256,7 +266,7 @@ def locate(
         unseen = held_out(again, advance, at=ended, rest=rest) if method == "spline" else None
     told_choice = None
     if choice is not None and choice.taken:
-        passes = [one for one in passes if one.track_id in {mine.track_id for mine in problem.passes}]
+        every = [one for one in every if one.track_id in {mine.track_id for mine in problem.passes}]
         told_choice = choice_facts(choice, 0 if rest is None else len(rest.passes))
         warnings.append(choice_line(told_choice))
     if all(one.vehicle_class == "vehicle" for one in passes):
@@ -264,7 +274,7 @@ def locate(
     return run_of(
         result,
         survey,
-        passes=passes,
+        passes=every,
         anchors=list(problem.anchors),
         problem=again,
         timings=timings,

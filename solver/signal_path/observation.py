@@ -10,11 +10,11 @@ from scipy.fft import next_fast_len
 from torch import Tensor
 
 from solver.cable.cable import Cable
+from solver.effect.transfers import FiberTransfer, TimeTransfer
 from solver.ground.ground import Ground
 from solver.interrogator.interrogator import Interrogator
 from solver.noise.whitening import blocks_of
 from solver.processing.processing import Processing
-from solver.transfers import FiberTransfer, TimeTransfer
 
 #: How far the exponential window of the numerical Laplace transform falls over a block, as a power of e.
 DECAY = 8.0

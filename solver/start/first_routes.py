@@ -31,6 +31,7 @@ class FirstRoutes:
     anchors : within reach of the channels
     disputed : sentences on anchors that are left out because vehicles are recorded elsewhere
     coil : fiber that seems to lie coiled; None where none does
+    rough : what the matched filter made of the passes; None along kilometers
     """
 
     channel: NDArray[np.int64]
@@ -38,6 +39,7 @@ class FirstRoutes:
     anchors: list[Anchor]
     disputed: list[str]
     coil: Coil | None = None
+    rough: Initialization | None = None
 
 
 def find_first_routes(
@@ -86,7 +88,7 @@ def find_first_routes(
     if coil is None and abs(ahead := anchors_ahead(rough, used)) > OFF_LINE:
         routes.append(routes[0] + np.array([ahead, 0.0, 0.0]))
     disputed = [misplaced_line(one, rough.channel, rough.route[:, 0]) for one in wrong]
-    return FirstRoutes(rough.channel[keep], routes, used, disputed, coil)
+    return FirstRoutes(rough.channel[keep], routes, used, disputed, coil, rough)
 
 
 def anchors_ahead(rough: Initialization, anchors: Sequence[Anchor]) -> float:

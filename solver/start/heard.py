@@ -4,7 +4,7 @@ A vehicle at constant speed is a straight line in the matched filter's map of pl
 and time of passing the middle the filter's output is averaged along the line; what stands out is a vehicle.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -140,23 +140,47 @@ def without_lobes(found: Sequence[Heard]) -> list[Heard]:
     return sorted(kept, key=lambda one: one.time)
 
 
-def listen(record: DASRecord, rough: Initialization, *, depth: float, poisson_ratio: float) -> list[Heard]:
-    """All vehicles that a record heard on the active channels of a rough route, in the order of time."""
-    stride = max(1, int(record.sampling_rate / FRAME_RATE))
-    frames, _ = thinned(record.strain_rate, [], stride)
-    curve = coupling_curve("car", depth=depth, gauge_length=record.gauge_length, poisson_ratio=poisson_ratio)
-    scales = bank_scales([curve], record.channel_spacing)
-    both = snr_maps(mended(quieted(frames)), scales, np.asarray(np.isfinite(frames).any(0)))
-    x0, slope = rough.x_of_channel
-    columns = np.searchsorted(record.channel, rough.channel)
-    x = x0 + slope * rough.channel
-    found: list[Heard] = []
-    with progress("listening for vehicles", 2) as advance:
-        for way in (1, -1):
-            snr = both[0 if rough.polarity * way > 0 else 1]
-            found += lines(decibel(snr[:, columns]), x - float(x.mean()), way, record.sampling_rate / stride)
-            advance(1)
-    return without_lobes(found)
+@dataclass(frozen=True)
+class Hearing:
+    """The matched filter's maps on the active channels of a rough route.
+
+    Parameters
+    ----------
+    snr_db : by direction (1 along +x, -1 against it), dB [frame, channel]
+    x : of the channels [channel], m, as the rough route has them
+    rate : frames per second
+    """
+
+    snr_db: Mapping[int, Array]
+    x: Array
+    rate: float
+
+    @classmethod
+    def of(cls, record: DASRecord, rough: Initialization, *, depth: float, poisson_ratio: float) -> "Hearing":
+        """Of a whole record; `depth`, m, and `poisson_ratio` are prior means."""
+        stride = max(1, int(record.sampling_rate / FRAME_RATE))
+        frames, _ = thinned(record.strain_rate, [], stride)
+        curve = coupling_curve("car", depth=depth, gauge_length=record.gauge_length, poisson_ratio=poisson_ratio)
+        scales = bank_scales([curve], record.channel_spacing)
+        both = snr_maps(mended(quieted(frames)), scales, np.asarray(np.isfinite(frames).any(0)))
+        x0, slope = rough.x_of_channel
+        columns = np.searchsorted(record.channel, rough.channel)
+        maps = {way: decibel(both[0 if rough.polarity * way > 0 else 1][:, columns]) for way in (1, -1)}
+        return cls(maps, x0 + slope * rough.channel, record.sampling_rate / stride)
+
+    @property
+    def middle(self) -> float:
+        """Place along x of the middle of the channels, m."""
+        return float(self.x.mean())
+
+    def vehicles(self) -> list[Heard]:
+        """All that were heard, in the order of time."""
+        found: list[Heard] = []
+        with progress("listening for vehicles", 2) as advance:
+            for way in (1, -1):
+                found += lines(self.snr_db[way], self.x - self.middle, way, self.rate)
+                advance(1)
+        return without_lobes(found)
 
 
 def pair(heard: Sequence[Heard], middle: Array, speed: Array) -> Paired:

@@ -27,6 +27,14 @@ def two_threads():
     torch.set_num_threads(before)
 
 
+@pytest.fixture
+def interruptible():
+    """Ctrl-C raises KeyboardInterrupt, which a shell's background jobs ignore."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @forks
 @pytest.mark.usefixtures("two_threads")
 def test_tasks_run_in_other_processes_and_keep_their_order():
@@ -53,7 +61,7 @@ def test_a_process_that_the_system_ends_is_reported_as_want_of_memory():
 
 @forks
 @pytest.mark.usefixtures("two_threads")
-def test_ctrl_c_ends_all_processes_at_once(capfd, tmp_path):
+def test_ctrl_c_ends_all_processes_at_once(capfd, tmp_path, interruptible):
     def task(number):
         (tmp_path / str(number)).touch()
         if number == 0:

@@ -134,7 +134,7 @@ def test_a_bad_scenario_is_one_line_and_exit_2(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stdout == ""
     assert done.stderr.splitlines() == [
-        "roadfiber: strete: neither a file nor a built-in scenario (street, street-gps, street-paper, street-filtered, "
-        "street-blind, street-filmed)"
+        "roadfiber: strete: neither a file nor a built-in scenario (street, street-short, street-gps, street-paper, "
+        "street-filtered, street-blind, street-filmed)"
     ]
     assert not out.exists()
