@@ -54,7 +54,7 @@ class Spectrum:
         """Ln of the Bayes factor of the effect, at a noise variance.
 
         >>> two = Spectrum(np.array([99.0, 0.0]), np.array([99.0 * 20, 0.0]))
-        >>> round(two.evidence(1.0), 3), round(20 * 0.99 / 2 - np.log(100) / 2, 3)
+        >>> round(two.evidence(1.0), 3), round(float(20 * 0.99 / 2 - np.log(100) / 2), 3)
         (7.597, 7.597)
         """
         gain = self.along / (variance * (variance + self.information))
@@ -70,7 +70,7 @@ class Spectrum:
 
         >>> left = Spectrum(np.array([1.0, 1.0]), np.array([30.0, 2.0]))
         >>> round(left.tolerated(1.0, 60.0), 3), left.tolerated(1.0, 0.0)
-        (12.050, 0.0)
+        (12.05, 0.0)
         """
         falls = self.falls() / variance
         share = energy / variance / max(len(falls), 1)
