@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from solver.criticism.directions import Directions
 from solver.criticism.policy import POLICY
 from solver.criticism.score import Score
-from solver.criticism.scorer import Scorer
 from solver.effect import Effect, Parameter
 from solver.fit.chain import Chain
 from solver.fit.least_squares import Solution
@@ -49,10 +49,10 @@ def loss(fit: MapFit, state: State, counts: Tensor) -> float:
     return float(misfit(fit, state, counts).sum()) + fit.prior.total(state)
 
 
-def largest_share(scorer: Scorer, refit: "Refit", counts: Tensor) -> float:
+def largest_share(without: Directions, refit: "Refit", counts: Tensor) -> float:
     """By how much the misfit of the one pass that gains most fell."""
-    fell = misfit(scorer.fit, scorer.state, counts) - misfit(refit.fit, refit.solution.state, counts)
-    traffic = scorer.fit.problem.traffic
+    fell = misfit(without.fit, without.state, counts) - misfit(refit.fit, refit.solution.state, counts)
+    traffic = without.fit.problem.traffic
     gains = torch.zeros(traffic.passes, dtype=fell.dtype).index_add(0, traffic.pass_index, fell[traffic.sample_index])
     return float(gains.max())
 

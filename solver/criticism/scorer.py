@@ -1,42 +1,29 @@
-"""Score tests of effects at the end of a fit: their directions, what the fit leaves of them, their best shapes."""
+"""Score tests of effects at the end of a fit: each by itself, and in the shape that explains most."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
-from functools import cached_property, partial
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import pad
 
+from solver.criticism.directions import Directions
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
-from solver.criticism.score import Outcome, Projected, Score, mixes, one_sided, outcome
+from solver.criticism.score import Outcome, Score, mixes, one_sided, outcome
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.windowed import Windowed
-from solver.effect import Effect, Heard
-from solver.fit.chain import Chain
-from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
-from solver.fit.prior import Rows, anchor_rows
-from solver.fit.state import Linearized, State
-from solver.signal_path.derivatives import Local, Seen, acts_on_rows, derivative
+from solver.effect import Effect
 from solver.signal_path.extension import Extension
-from solver.signal_path.signal_path import columns
-from solver.trajectory.trajectory_effects import SLOW_ERROR
-from solver.trajectory.vehicle_pass import track_sigma
 
 #: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
 FAR, FAR_ALONE = (1.0, 3.0), (0.5, 1.0, 2.0, 3.0)
-#: What tracks may be off slowly at least, m, however sure of themselves they are.
-SMALLEST = 0.01
 #: What an effect of plausible size must change at least, sigmas over all samples, to be more than rounding.
 FEEBLE = 0.1
 #: Directions that act all the while, or as much of others, that are projected at once: few take as long as that many.
 BATCH = 36
-#: Share of its diagonal that is added to a normal matrix that is singular to rounding.
-RIDGE = 1e-10
 #: Stages whose effects are in proportion to their numbers, once tracks may shift.
 NEAR_STAGES = ("trajectory", "load")
 #: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
@@ -58,130 +45,8 @@ class Made(NamedTuple):
     counts: list[int]
 
 
-class Scorer:
-    """Score tests at the end of one fit.
-
-    What tracks may be off slowly by their own account is open beside all that was fitted, as no fault of the model:
-    else an effect that changes vehicle by vehicle would take it up.
-
-    Parameters
-    ----------
-    fit : the fit
-    state : where it converged
-    alone : hold all that was fitted, wherever the state is
-    variance : that the noise counts as in directions that effects may take, where it is known from another fit
-    """
-
-    def __init__(self, fit: MapFit, state: State, alone: bool = False, variance: float | None = None):
-        self.fit, self.state, self.alone = fit, state, alone
-        self.at: Linearized = fit.linearized(state)
-        matrix, right = Chain.single(fit).dense(state, [self.at])
-        self.fitted = len(matrix)
-        self._local: dict[tuple[torch.Size, bool, int], Local] = {}
-        self._seen: Seen | None = None
-        self._slow: tuple[Windowed, list[int]] | None = None
-        factor = factor_of(matrix)
-        #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
-        self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
-        #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.
-        self.residual = torch.cat([self.at.residual, self._below(-self._anchors.residual[:, None])[:, 0]])
-        fitted = Windowed.of(self.at.jacobian[:, fit.free], fit.data.shape[1])
-        #: What was fitted, and then the tracks' slow errors [sample * channel + anchor, column].
-        self.jacobian = fitted.above(self._below(self._anchors.jacobian[:, fit.free]))
-        if not alone and not any(one.slow_error for one in fit.extension.effects):
-            self._slow = self.slow_errors()
-            self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
-            matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
-        self.factor = factor_of(matrix)
-        #: What the noise's variance counts as in directions that effects may take: the base model is not exact.
-        self.variance = self._inexact() if variance is None else variance
-        self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
-
-    def _inexact(self) -> float:
-        signal = self._white(self.at.model[..., None])
-        return 1 + POLICY.inexact**2 * float(signal.square().sum())
-
-    def slow_errors(self) -> tuple[Windowed, list[int]]:
-        """Directions of the tracks' slow errors, as `columns` gives them."""
-        extension = self.fit.problem.extension([*self.fit.extension.effects, SLOW_ERROR])
-        return self.columns(SLOW_ERROR, {}, extension)
-
-    def _with_slow_errors(self, matrix: Tensor, right: Tensor, columns: Windowed) -> tuple[Tensor, Tensor]:
-        """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
-        crossed, own = self.jacobian.transposed_times(columns).split([self.fitted, columns.width])
-        expected = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2 / SPLINE_VARIANCE
-        own = own + torch.eye(len(own), dtype=torch.float64) / expected
-        whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
-        return whole, torch.cat([right, columns.along(self.residual)])
-
-    @cached_property
-    def _anchors(self) -> Rows:
-        """The anchors' rows, with derivatives by every parameter of the fit."""
-        fit, state = self.fit, self.state
-        place, by_number, other = fit.prior.led(state, fit.prior.anchor_distance)
-        rows = anchor_rows(fit.basis, fit.prior.anchors, place, by_number, state.coefficients)
-        jacobian = torch.zeros(len(rows.residual), fit.layout.size, dtype=torch.float64)
-        route = fit.layout["route"].stop
-        jacobian[:, :route], jacobian[:, other] = rows.jacobian[:, :route], rows.jacobian[:, route:]
-        return Rows(rows.residual, jacobian)
-
-    def _below(self, rows: Tensor) -> Tensor:
-        """Rows of the anchors [anchor, column], filled up with zeros to whole samples of all channels."""
-        return pad(rows, (0, 0, 0, -len(rows) % self.fit.data.shape[1]))
-
-    def _anchor_columns(self, effect: Effect, numbers: Tensor, extension: Extension) -> Tensor:
-        """Derivatives [anchor, number] of the anchors' rows by an effect's amplitudes, which may lead channels away."""
-        place, by_number = extension.moves(numbers, torch.from_numpy(self.fit.prior.anchor_distance))
-        counts = [slot.where.stop - slot.where.start for slot in extension.moving]
-        parts = zip(extension.moving, by_number.split(counts, 1), strict=True)
-        found = {slot.parameter.name: part for slot, part in parts if slot.effect is effect}
-        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
-        nothing = [torch.zeros(len(place), s.where.stop - s.where.start, dtype=torch.float64) for s in slots]
-        by_amplitude = torch.cat([found.get(s.parameter.name, none) for s, none in zip(slots, nothing, strict=True)], 1)
-        rows = anchor_rows(self.fit.basis, self.fit.prior.anchors, place, by_amplitude, self.state.coefficients)
-        return self._below(rows.jacobian[:, self.fit.layout["route"].stop :])
-
-    def seen(self, extension: Extension) -> Seen:
-        """The model with a candidate at its null; what candidates share is computed once."""
-        if self._seen is not None and self._seen.path.extension is extension:
-            return self._seen
-        path = self.fit.path.with_effects(extension)
-        gauges = partial(self.fit.gauges_at, path, self.state.coefficients)
-        values = extension.local(self.numbers(extension, {}))
-        here = gauges(path.described(values))
-        key = here.points.shape, here.change is None, path.traffic.over
-        if key not in self._local:
-            vehicles = self.state.vehicles.rows(path.traffic)
-            self._local[key] = Local.of(path, gauges, vehicles, self.state.poisson_ratio, values)
-        self._seen = Seen(path, gauges, self._local[key])
-        return self._seen
-
-    def numbers(self, extension: Extension, shape: dict[str, float]) -> Tensor:
-        """All effects' numbers: those of the fit, then the candidate's null and shape."""
-        candidate = extension.effects[-1]
-        numbers = extension.numbers({candidate.name: shape})
-        numbers[: len(self.state.numbers)] = self.state.numbers
-        return numbers
-
-    def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Windowed, list[int]]:
-        """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, how many each has."""
-        if effect == SLOW_ERROR and self._slow is not None:
-            return self._slow
-        seen, numbers = self.seen(extension), self.numbers(extension, shape)
-        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
-        maps = [derivative(seen, slot, numbers) for slot in slots]
-        white = Windowed.through(torch.cat(maps), self._white, self.fit.whiten.memory)
-        return white.above(self._anchor_columns(effect, numbers, extension)), [len(m) for m in maps]
-
-    def _white(self, maps: Tensor) -> Tensor:
-        """Whitened, weighted maps [sample, channel, column]."""
-        weights = self.at.weights
-        return self.fit.whiten(maps * weights.good[..., None]) * weights.soft.sqrt()[..., None]
-
-    def _changed(self, model: Tensor, anchors: Tensor) -> Windowed:
-        """How the whitened record changes with the model's map [sample, channel] and the anchors' rows [anchor, 1]."""
-        white = Windowed.through((model - self.at.model)[None], self._white, self.fit.whiten.memory)
-        return white.above(self._below(anchors))
+class Scorer(Directions):
+    """Score tests at the end of one fit, in the directions there."""
 
     def spectrum(self, effect: Effect, shape: dict[str, float]) -> Spectrum:
         """What the fit leaves of each of an effect's numbers, of one shape."""
@@ -270,7 +135,7 @@ class Scorer:
             numbers[where] = float(np.clip(p.null + sign * size * p.plausible, p.lower, p.upper))
             if numbers[where] == p.null:
                 continue
-            column = self._changed(self.model(extension, numbers), self._anchor_change(extension, base, numbers))
+            column = self.change(extension, base, numbers)
             step = float(numbers[where] - p.null)
             found = outcome(self.project([column])[0], 1, torch.tensor([p.plausible / abs(step)]).double())
             if found.fall > score.fall:
@@ -278,71 +143,6 @@ class Scorer:
                 found = found._replace(estimate=step * found.estimate, sigma=abs(step) * found.sigma)
                 score = self._score(effect, found, score.shape, False, score.counts, score.trials, signal)
         return score
-
-    def _anchor_change(self, extension: Extension, base: Tensor, numbers: Tensor) -> Tensor:
-        """How the anchors' rows [anchor, 1] change with an effect's numbers."""
-        told = torch.from_numpy(self.fit.prior.anchor_distance)
-        none = torch.zeros(len(told), 0, dtype=torch.float64)
-        before, after = (
-            anchor_rows(
-                self.fit.basis, self.fit.prior.anchors, extension.places(at, told), none, self.state.coefficients
-            )
-            for at in (base, numbers)
-        )
-        return (after.residual - before.residual)[:, None]
-
-    def model(self, extension: Extension, numbers: Tensor) -> Tensor:
-        """Map [sample, channel] with a candidate at some numbers."""
-        seen, values = self.seen(extension), extension.local(numbers)
-        slot = extension.slots[-1]
-        if acts_on_rows(seen, slot, values):
-            state = self.state
-            fiber = self.fit.fiber_at(seen.path, state.coefficients, seen.path.described(values))
-            return seen.path.strain_rate(fiber, state.vehicles, state.poisson_ratio, values)
-        return seen.path.observed(seen.local.alone, values)
-
-    def heard(self, extension: Extension) -> Heard:
-        """What the fit leaves, for effects that seek their shapes in it."""
-        seen, numbers = self.seen(extension), self.numbers(extension, {})
-        values = extension.local(numbers)
-        load = seen.path.loads(columns(seen.local.vehicles), values)
-        fiber = self.fit.fiber(self.state, self.fit.values(self.state))
-        residual = self.at.residual.reshape(self.fit.data.shape)
-        middle, slope = (fiber.ahead + fiber.behind) / 2, fiber.ahead - fiber.behind
-        if (chosen := self.fit.extension.chosen) is not None:
-            middle, slope = middle[chosen], slope[chosen]
-        return Heard(residual, load, seen.path.traffic.record_sample, middle, slope)
-
-    def project(self, parts: Sequence[Windowed]) -> list[Projected]:
-        """What the fit leaves of directions, as `columns` has them; those of several shapes at once are faster."""
-        grams, scores = [one.transposed_times(one) for one in parts], [one.along(self.residual) for one in parts]
-        if self.alone or not parts:
-            return [Projected(score, gram, gram) for score, gram in zip(scores, grams, strict=True)]
-        crossed = self.jacobian.transposed_times(Windowed.beside(parts)).split([one.width for one in parts], 1)
-        halves = [torch.linalg.solve_triangular(self.factor, one, upper=False) for one in crossed]
-        return [
-            Projected(score - cross.T @ self.step, gram - half.T @ half, gram)
-            for score, cross, gram, half in zip(scores, crossed, grams, halves, strict=True)
-        ]
-
-    def following(self, score: Score) -> Tensor:
-        """How all that was fitted [free] moves with a score's estimate."""
-        if self.alone:
-            return torch.zeros(self.fitted, dtype=torch.float64)
-        crossed = self.jacobian.along(score.signal)
-        return -torch.cholesky_solve(crossed[:, None], self.factor)[: self.fitted, 0]
-
-
-def factor_of(matrix: Tensor) -> Tensor:
-    """Cholesky factor of a normal matrix, with a ridge where rounding has left it indefinite.
-
-    A route that nearly stands still somewhere, as it does along a coil that the model lacks, turns there at once.
-
-    >>> factor_of(torch.ones(2, 2, dtype=torch.float64)).diagonal()
-    tensor([1.0000e+00, 1.4142e-05], dtype=torch.float64)
-    """
-    factor, failed = torch.linalg.cholesky_ex(matrix)
-    return torch.linalg.cholesky(matrix + RIDGE * torch.diag(matrix.diagonal())) if int(failed) else factor
 
 
 def apart(ranked: Sequence[Score]) -> list[Score]:

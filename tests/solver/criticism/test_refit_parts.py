@@ -11,6 +11,7 @@ import torch
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.bench import scorable
+from solver.criticism.directions import factor_of
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
 from solver.criticism.refit import (
@@ -25,7 +26,7 @@ from solver.criticism.refit import (
     with_effect,
 )
 from solver.criticism.score import Score
-from solver.criticism.scorer import apart, factor_of
+from solver.criticism.scorer import apart
 from solver.effect import Parameter
 from solver.fit.robust import HUBER
 from solver.signal_path.extension import Slot
