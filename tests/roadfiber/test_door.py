@@ -239,7 +239,7 @@ def test_ctrl_c_is_not_swallowed(survey: rf.Survey, monkeypatch) -> None:
     def interrupted(*given, **more):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "fit_sides", interrupted)
+    monkeypatch.setattr(module, "fit_route", interrupted)
     with pytest.raises(KeyboardInterrupt):
         rf.locate(survey, effects=[])
 

@@ -18,8 +18,8 @@ from solver.criticism.comparison.map_figure import CELLS, path_of, shown, touche
 from solver.criticism.comparison.regions import Region
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import Pictures, pass_label, pictures_of, scale_figure, worst
-from solver.run.report.parts import resource, with_commands
-from solver.run.report.report_page import MOST_PASSES, THUMBNAIL, json_text
+from solver.run.report.parts import json_text, resource, with_commands
+from solver.run.report.pass_panes import MOST_PASSES, THUMBNAIL
 from solver.run.run import Run
 from vision.contract.drawing import coarse, color_map, color_scale
 from vision.contract.figures import data_uri, png_bytes, svg

@@ -1,9 +1,13 @@
 """What the pages of a run share: the frame of a page, its style, and commands within a sentence."""
 
+import json
 import re
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
+from typing import Any
+
+from solver.run.strict_json import strict
 
 PAGE = """<!doctype html>
 <html lang="en">
@@ -50,3 +54,12 @@ def with_commands(text: str) -> str:
     'a &lt; b: <code>roadfiber diagnose RUN</code>'
     """
     return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
+
+
+def json_text(value: Any) -> str:
+    """JSON that can stand in HTML."""
+    return (
+        json.dumps(strict(value), allow_nan=False, separators=(",", ":"))
+        .replace("<", "\\u003c")
+        .replace("'", "\\u0027")
+    )

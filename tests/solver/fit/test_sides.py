@@ -8,7 +8,7 @@ import pytest
 from solver.fit.chain import Chain
 from solver.fit.sides import reopened
 from solver.fit.state import Weights
-from solver.run import locate
+from solver.run import route_fits
 
 
 @pytest.fixture
@@ -18,9 +18,9 @@ def two_sides(survey, monkeypatch):
     def ends(*results):
         left = replace(survey.problem, start=survey.problem.start * [1, -1, 1])
         found = iter(results)
-        monkeypatch.setattr(locate, "METHODS", {"spline": (lambda problem, advance: next(found), 40)})
-        monkeypatch.setattr(locate, "fit_spline", lambda problem, advance, hopeless: next(found))
-        return locate.fit_sides([survey.problem, left], "spline")[0].ambiguous_side
+        monkeypatch.setattr(route_fits, "METHODS", {"spline": (lambda problem, advance: next(found), 40)})
+        monkeypatch.setattr(route_fits, "fit_spline", lambda problem, advance, hopeless: next(found))
+        return route_fits.fit_sides([survey.problem, left], "spline")[0].ambiguous_side
 
     return ends
 

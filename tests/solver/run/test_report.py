@@ -13,12 +13,13 @@ from solver.fit.result import Parameter
 from solver.run import Run
 from solver.run.facts import facts_of
 from solver.run.report import misfit as misfit_module
-from solver.run.report import report_page as page_module
 from solver.run.report import report_words as words
 from solver.run.report import told
+from solver.run.report.fit_tables import gauge_words, parameter_tables
 from solver.run.report.misfit import misfit_of
 from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure
-from solver.run.report.report_page import parameter_tables, render
+from solver.run.report.pass_panes import waves
+from solver.run.report.report_page import render
 from solver.run.report.route_figure import along_x, route_figure, same_scale
 from vision.contract.drawing import coarse, color_scale
 from vision.contract.figures import svg
@@ -121,10 +122,10 @@ def test_page_of_a_route_that_turns_uses_distance(survey):
 
 
 def test_page_with_many_passes_shows_the_worst_and_says_so(survey, monkeypatch):
-    monkeypatch.setattr(page_module, "MOST_PASSES", 2)
+    monkeypatch.setattr("solver.run.report.pass_panes.MOST_PASSES", 2)
     many = replace(survey, passes=[replace(survey.passes[i % 2], track_id=f"track {i}") for i in range(5)])
     result = spoiled(survey, slice(60, 100), slice(10, 20), 5.0)
-    parts = page_module.waves(made_run(replace(many, result=result)), misfit_of(result, many.passes))
+    parts = waves(made_run(replace(many, result=result)), misfit_of(result, many.passes))
     assert parts["radios"].count("<input") == parts["panes"].count("pane-") == 2
     assert "track 1" in parts["chips"]
     assert "track 3" in parts["chips"]
@@ -203,11 +204,11 @@ def test_key_figures(survey):
 
 
 def test_the_gauge_length_is_that_of_the_model(survey):
-    assert page_module.gauge_words(made_run(survey)) == "10 m"
+    assert gauge_words(made_run(survey)) == "10 m"
     problem = replace(survey.problem, effects=(built_in()["gauge_length"],))
     fitted = survey.result.parameters | {"gauge_length.relative": Parameter(0.15, 0.002, "1", True)}
     run = made_run(replace(survey, problem=problem), parameters=fitted)
-    assert page_module.gauge_words(run) == "11.50 m as fitted (10 m by the files)"
+    assert gauge_words(run) == "11.50 m as fitted (10 m by the files)"
 
 
 # ---- numbers --------------------------------------------------------------------------------------------------------

@@ -1,0 +1,147 @@
+"""What is fitted of a survey: its smooth passes, its rough routes, and a problem for each of these."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from solver.effect import Effect
+from solver.fit import Prior, Problem
+from solver.fit.choice import Choice, only
+from solver.fit.pose import pose, with_slow_errors
+from solver.load.wheel_layout import not_known
+from solver.start.first_routes import FirstRoutes, find_first_routes
+from solver.survey.anchors import Anchor
+from solver.survey.das.record import DASRecord, ranges
+from solver.survey.das.rounding import told
+from solver.survey.dead_channels import dead_channels
+from solver.survey.survey import Survey
+from solver.trajectory.agreement import slow_line, suspicions
+from solver.trajectory.passes import smooth_passes
+from solver.trajectory.vehicle_pass import Pass
+from vision.contract import InputError
+
+#: m
+FOOT = 0.3048
+
+
+def smoothed(survey: Survey, wheels: bool, warnings: list[str]) -> list[Pass]:
+    """Smooth passes of a survey's tracks; without `wheels` in the model every vehicle is a point load.
+
+    Parameters
+    ----------
+    warnings : lines for the user are added
+    """
+    passes = smooth_passes(survey.tracks, survey.record, warnings=warnings)
+    if wheels:
+        warnings += not_known([one.vehicle_class for one in passes])
+    else:
+        passes = as_points(passes)
+    if slow := slow_line(survey.record, passes):
+        warnings.append(slow)
+    return passes
+
+
+def as_points(passes: Sequence[Pass]) -> list[Pass]:
+    """The passes of vehicles that are point loads."""
+    return [replace(one, vehicle_class="vehicle") for one in passes]
+
+
+def matched(
+    record: DASRecord,
+    passes: Sequence[Pass],
+    anchors: Sequence[Anchor],
+    priors: Mapping[str, float],
+    warnings: list[str],
+    *,
+    raw: DASRecord,
+) -> FirstRoutes:
+    """Channels and rough routes by the matched filter; an error says what may be wrong with the files.
+
+    Parameters
+    ----------
+    record : as the matched filter looks at it
+    priors : prior means of depth, m, and Poisson's ratio
+    warnings : lines for the user are added
+    raw : the record as it came
+
+    Raises
+    ------
+    InputError
+        If no vehicle is seen in the record where the trajectories say.
+    """
+    try:
+        return find_first_routes(record, passes, anchors, **priors, warnings=warnings)
+    except InputError as error:
+        why = other_unit(record, passes, priors) or suspicions(raw, passes)
+        raise InputError(f"{error}{why}") from error
+
+
+def other_unit(record: DASRecord, passes: Sequence[Pass], priors: Mapping[str, float]) -> str:
+    """Say in which unit tracks would follow a record that they do not follow, as the end of a sentence; empty: in none.
+
+    Parameters
+    ----------
+    priors : prior means of depth, m, and Poisson's ratio
+    """
+    for factor, words in ((FOOT, "x and y of the trajectories"), (1 / FOOT, "gauge_length and channel_spacing")):
+        scaled = [
+            replace(one, **{name: factor * getattr(one, name) for name in ("position", "velocity", "sigma")})
+            for one in passes
+        ]
+        try:
+            find_first_routes(record, scaled, [], **priors, warnings=[])
+        except InputError:
+            continue
+        return f"; they would follow if {words} were in feet: give them in m"
+    return ""
+
+
+def problems_of(
+    survey: Survey,
+    record: DASRecord,
+    passes: Sequence[Pass],
+    found: FirstRoutes,
+    effects: Sequence[Effect],
+    warnings: list[str],
+) -> list[Problem]:
+    """A problem for each rough route.
+
+    Parameters
+    ----------
+    survey : that is located
+    record : its record, rounded samples dithered, in which dead channels are looked for
+    passes : that are fitted
+    found : channels, anchors and rough routes
+    effects : of the model, parts of the base model among them
+    warnings : lines for the user are added: dead channels, coarsely rounded samples
+    """
+    ground, raw = survey.ground, survey.record
+    prior = Prior(depth=ground.depth, poisson_ratio=(ground.poisson_ratio, Prior.poisson_ratio[1]))
+    dead = dead_channels(record, found.channel)
+    if len(dead):
+        warnings.append(
+            f"channels {ranges(dead)} are nearly silent where their neighbors record vehicles; they are left out, and "
+            "the route there depends on their neighbors"
+        )
+    begun = pose(raw, passes, found.anchors, found.routes[0], found.channel, prior, dead)
+    if raw.rounding:
+        warnings += told(raw.rounding.at(begun.channel - raw.channel[0]), begun.noise.numpy())
+    # All starts share noise and samples, so that their misfits compare.
+    alive = np.isin(found.channel, begun.channel)
+    begun = replace(
+        begun,
+        effects=tuple(one for one in effects if not one.base_part),
+        curved=any(one.base_part == "bends" for one in effects),
+        coil=found.coil,
+    )
+    return [with_slow_errors(replace(begun, start=start[alive])) for start in found.routes]
+
+
+def untaken(problem: Problem, whole: Problem, choice: Choice | None) -> Problem | None:
+    """The survey of passes that were not chosen, over the channels of the problem that was fitted; None without any."""
+    if choice is None or not choice.others:
+        return None
+    columns = np.isin(whole.channel, problem.channel)
+    every = replace(problem, record=whole.record[:, columns], passes=whole.passes, traffic=whole.traffic)
+    return only(every, choice.others)
