@@ -121,7 +121,7 @@ def locate(
     shown = shorter_gauges(filtered(heard, filters))
     priors = {"depth": ground.depth[0], "poisson_ratio": ground.poisson_ratio}
     with timed(timings, "smooth"):
-        passes = smoothed(survey, wheels, warnings)
+        passes = smoothed(survey.tracks, record, wheels, warnings)
     with timed(timings, "match"):
         found = matched(shown, passes, anchors, priors, warnings, raw=record)
     every = passes

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,23 +22,26 @@ from solver.trajectory.passes import smooth_passes
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 #: m
 FOOT = 0.3048
 
 
-def smoothed(survey: Survey, wheels: bool, warnings: list[str]) -> list[Pass]:
-    """Smooth passes of a survey's tracks; without `wheels` in the model every vehicle is a point load.
+def smoothed(tracks: "pd.DataFrame", record: DASRecord, wheels: bool, warnings: list[str]) -> list[Pass]:
+    """Smooth passes of the tracks; without `wheels` in the model every vehicle is a point load.
 
     Parameters
     ----------
     warnings : lines for the user are added
     """
-    passes = smooth_passes(survey.tracks, survey.record, warnings=warnings)
+    passes = smooth_passes(tracks, record, warnings=warnings)
     if wheels:
         warnings += not_known([one.vehicle_class for one in passes])
     else:
         passes = as_points(passes)
-    if slow := slow_line(survey.record, passes):
+    if slow := slow_line(record, passes):
         warnings.append(slow)
     return passes
 
