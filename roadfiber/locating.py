@@ -134,7 +134,7 @@ def locate(
     """
     whole = read(survey) if isinstance(survey, Path | str) else survey
     if not isinstance(whole, Survey):
-        from solver.drive.drive_run import locate_drive
+        from solver.drive.locate_drive import locate_drive
 
         if method != "spline" or likelihood or list(effects) != list(EFFECTS) or filters or all_passes or unlisted:
             raise InputError(f"{whole.name}: a drive; it takes no method, effects, filters or choice of passes")

@@ -5,15 +5,13 @@ One bench serves all browsers that look at a run. It knows nothing of how it is 
 
 import re
 import threading
-import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from roadfiber.locating import open_street
+from roadfiber.web.job import Job
 from roadfiber.web.worker import Worker
-from solver.catalogue.catalogue import title_of
 from solver.criticism.comparison import Comparison
 from solver.run.run import Run
 from vision.contract import InputError, writing
@@ -23,50 +21,6 @@ from vision.contract.errors import machine_words
 KEPT = 6
 #: A file name of Python code.
 PYTHON = re.compile(r"[A-Za-z_]\w{0,60}\.py")
-
-
-@dataclass
-class Job:
-    """Work under way in the background, or done.
-
-    Parameters
-    ----------
-    title : what is done
-    begun : when, s of a clock that only runs forward
-    words : what it said last
-    fits : of each fit so far: in words, and chi2 per sample by step
-    done, of : how far it is, where that is known
-    ended : whether it has ended
-    """
-
-    title: str
-    begun: float = field(default_factory=time.monotonic)
-    words: str = ""
-    fits: list[tuple[str, list[tuple[int, float]]]] = field(default_factory=list)
-    done: int = 0
-    of: int = 0
-    ended: bool = False
-
-    def take(self, step: tuple[Any, ...]) -> None:
-        """Take in what the worker told.
-
-        >>> job = Job("adding")
-        >>> for step in (1, 2, 1):
-        ...     job.take(("step", ("gauge_length", 8, step, 1.2)))
-        >>> job.fits
-        [('Gauge length, 8 passes', [(1, 1.2), (2, 1.2)]), ('Gauge length, 8 passes', [(1, 1.2)])]
-        """
-        if step[0] == "step":
-            effects, passes, number, misfit = step[1]
-            titles = ", ".join(map(title_of, filter(None, effects.split(", "))))
-            name = f"{titles or 'the base model'}, {passes} passes"
-            if not self.fits or self.fits[-1][0] != name or self.fits[-1][1][-1][0] >= number:
-                self.fits.append((name, []))
-            self.fits[-1][1].append((number, misfit))
-        elif step[0] == "done":
-            self.done, self.of = step[1:]
-        else:
-            self.words = str(step[1])
 
 
 class Bench:

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from roadfiber.web.bench import Bench, Job
+from roadfiber.web.bench import Bench
+from roadfiber.web.job import Job
 from roadfiber.web.preview import Preview
 from solver.catalogue.catalogue import title_of
 from solver.criticism.comparison.comparison_words import region_words
@@ -134,3 +135,14 @@ def held_words(rung: Any) -> str:
     """Misfit of held-out passes."""
     held = rung.held_out_chi2_per_dof
     return "-" if held is None else f"{held:.3f}"
+
+
+def frame(source: str) -> str:
+    """A frame of the video, of a data address, as HTML; words where there is none.
+
+    >>> frame("")
+    '<small>The video shows nothing at this moment.</small>'
+    """
+    if not source:
+        return "<small>The video shows nothing at this moment.</small>"
+    return f"<img src='{source}' alt='the street at this moment' style='width:100%'>"

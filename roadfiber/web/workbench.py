@@ -1,339 +1,47 @@
 """The workbench in the browser: a run by hand, with what the commands do, on one page."""
 
 import atexit
-import time
-from collections.abc import Callable, Sequence
-from html import escape
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import panel as pn
 
-from roadfiber.web import words
 from roadfiber.web.bench import Bench
-from roadfiber.web.breakdown import ByChannel, ByProperty, VehicleFrame
-from roadfiber.web.controls import WIDE, Controls
-from roadfiber.web.figures import DepthProfile, LadderFigure, LiveMisfit, RouteMap, StrainMaps, Traces
-from roadfiber.web.film import Film, film_of
-from roadfiber.web.outlines import outline, pass_of, window
-from roadfiber.web.strain_maps import maps_of, worst_channel
-from roadfiber.web.trial import Trial
-from solver.criticism.comparison.comparison_words import region_words
-from solver.run.report.ladder_page import news
-from solver.run.report.misfit import misfit_of
-from solver.run.report.misfit_figure import pass_label
+from roadfiber.web.controls import WIDE
+from roadfiber.web.film import film_of
+from roadfiber.web.workbench_page import Page
 from solver.run.run import Run
 
-#: ms between looks at what has changed where nothing calls, as in a notebook.
-BEAT = 250
 #: px, width of the column of controls, and of the video.
 LEFT, VIDEO = 390, 340
 
 
-class Page:
-    """One browser's page of a bench.
+def laid_out(page: Page) -> Any:
+    """All that is on a page."""
+    controls, button = page.controls, page.controls.button
 
-    Parameters
-    ----------
-    bench : that it shows, as other pages may
-    film : the survey's video, or why there is none
-    """
+    def drawn(one: Any) -> Any:
+        return pn.pane.Bokeh(one.plot, **WIDE)
 
-    def __init__(self, bench: Bench, film: Film | str):
-        self.bench, self.film = bench, film
-        self.run = bench.run
-        self.comparison: Any = None
-        self.listed: list[dict[str, Any]] = []
-        self.zoomed, self.seen, self.frame = False, -1, -1
-        self.document: Any = pn.state.curdoc
-        self.due: list[Callable[[], Any]] = []
-        self.map, self.traces = RouteMap(), Traces()
-        self.maps = StrainMaps(self.tapped, self.moved)
-        self.depth = DepthProfile(self.maps.channels)
-        self.by_channel, self.by_property, self.stack = ByChannel(self.maps.channels), ByProperty(), VehicleFrame()
-        self.ladder, self.live = LadderFigure(), LiveMisfit()
-        self.live.plot.visible = self.ladder.plot.visible = False
-        self.controls = Controls(lambda: bench.folder)
-        self.trial = Trial(bench, self.controls, self.later, self.show_trial)
-        self.listen()
-        self.show_run(first=True)
-        self.tick()
-        pn.state.add_periodic_callback(self.tick, period=BEAT)
-
-    def listen(self) -> None:
-        """Hear what is chosen, pressed and pointed at, and what happens on the bench."""
-        controls, bench = self.controls, self.bench
-        controls.heard(controls.passes, self.show_pass)
-        controls.heard(controls.regions, self.show_region)
-        controls.heard(controls.effects, self.choose)
-        controls.heard(controls.channel, self.show_trace)
-        controls.heard(controls.second, self.show_trace)
-        controls.heard(controls.by, self.show_property)
-        controls.pressed("add", self.add)
-        controls.pressed("check", self.check)
-        for name in ("cancel", "undo", "redo", "diagnose"):
-            controls.pressed(name, getattr(bench, name))
-        self.maps.under.on_change("data", lambda attr, old, new: self.at(new["channel"][0], float(new["second"][0])))
-        if self.served:
-            end = bench.watch(lambda: self.later(self.tick))
-            self.document.on_session_destroyed(lambda context: end())
-
-    def view(self) -> Any:
-        """All that is on the page."""
-        controls, button = self.controls, self.controls.button
-
-        def drawn(one: Any) -> Any:
-            return pn.pane.Bokeh(one.plot, **WIDE)
-
-        own = pn.Card(
-            controls.file, controls.code, button["check"], title="An effect of your own", collapsed=True, **WIDE
-        )
-        left = pn.Column(
-            controls.passes, controls.regions, controls.where, controls.effects, controls.about, controls.size,
-            controls.follow, controls.expected, pn.Row(button["add"], button["undo"], button["redo"]), controls.force,
-            pn.Row(button["diagnose"], button["cancel"]), controls.work, drawn(self.live), controls.steps,
-            drawn(self.ladder), pn.Row(*controls.exports), own, width=LEFT,
-        )  # fmt: skip
-        right = pn.Column(
-            drawn(self.map),
-            pn.Row(*(pn.pane.Bokeh(plot, **WIDE) for plot in self.maps.plots), **WIDE),
-            drawn(self.depth),
-            pn.Row(controls.channel, controls.second, **WIDE),
-            pn.Row(drawn(self.traces), pn.Column(controls.picture, width=VIDEO), **WIDE),
-            drawn(self.by_channel),
-            pn.Row(drawn(self.stack), pn.Column(controls.by, drawn(self.by_property), **WIDE), **WIDE),
-            **WIDE,
-        )
-        return pn.Column(controls.heading, controls.said, pn.Row(left, right, **WIDE), min_width=900, **WIDE)
-
-    # ---- when something changes --------------------------------------------------------------------------------------
-
-    @property
-    def served(self) -> bool:
-        """Whether a server, rather than a notebook, shows it."""
-        return self.document is not None and self.document.session_context is not None
-
-    def later(self, called: Callable[[], Any]) -> None:
-        """Have something done on the page, from any thread."""
-        if self.served:
-            self.document.add_next_tick_callback(called)
-        else:
-            self.due.append(called)
-
-    def moved(self) -> None:
-        """The zoom has changed: draw when there is time."""
-        self.zoomed = True
-
-    def tick(self) -> None:
-        """Show what has changed."""
-        due, self.due = self.due, []
-        for called in due:
-            called()
-        if self.zoomed:
-            self.zoomed = False
-            self.maps.draw()
-        bench, job, controls = self.bench, self.bench.job, self.controls
-        elapsed = time.monotonic() - job.begun if job else 0.0
-        if bench.busy:
-            controls.work.object = words.work_words(job, elapsed)
-        if bench.version == self.seen:
-            return
-        self.seen = bench.version
-        if bench.run is not self.run:
-            self.show_run()
-        if bench.comparison is not self.comparison:
-            self.show_comparison()
-        if bench.candidates is not self.listed:
-            self.show_candidates()
-        controls.effects.label = f"What may be missing, best first: {bench.source or 'nothing'}"
-        controls.said.object = words.news_of(bench)
-        controls.work.object = words.work_words(job, elapsed)
-        self.live.show(job.fits if job else [])
-        self.live.plot.visible = bench.busy
-        self.able()
-
-    def able(self) -> None:
-        """Which buttons can be pressed."""
-        bench, free = self.bench, not self.bench.busy
-        self.controls.able(
-            {
-                "add": free and self.candidate is not None,
-                "cancel": not free,
-                "undo": free and bench.at > 0,
-                "redo": free and bench.at + 1 < len(bench.runs),
-                "diagnose": free,
-                "check": free,
-            }
-        )
-
-    # ---- the run -----------------------------------------------------------------------------------------------------
-
-    def show_run(self, first: bool = False) -> None:
-        """Draw the rung that is on the bench."""
-        run, controls = self.bench.run, self.controls
-        self.run = run
-        self.trial.begin(None)
-        self.misfits = np.nan_to_num(misfit_of(run.result, run.passes).by_pass)
-        controls.heading.object = words.head(self.bench)
-        controls.steps.object = words.ladder_words(self.bench)
-        self.map.show(run)
-        self.depth.show(run)
-        if run.rungs:
-            self.ladder.show(run.rungs, news(run.rungs))
-        self.ladder.plot.visible = bool(run.rungs)
-        labels = [pass_label(one) for one in run.passes]
-        options = {f"{one} · misfit {self.misfits[n]:.2f}": n for n, one in enumerate(labels)}
-        chosen = int(np.argmax(self.misfits)) if first else min(controls.passes.value or 0, len(labels) - 1)
-        controls.set(controls.passes, options=options, value=chosen)
-        self.show_trial(keep=not first)
-
-    def show_trial(self, keep: bool = True) -> None:
-        """Draw the chosen pass with the preview there is, and where the route is with it; else the rung below."""
-        run, before, preview = self.run, self.bench.before, self.trial.preview
-        place, channel = np.zeros((0, 3)), np.zeros(0, np.int64)
-        if preview is not None:
-            place, channel = preview.route, run.result.fitted_channel
-        elif before is not None:
-            place = np.where(before.result.constrained[:, None], before.result.route, np.nan)
-            channel = before.result.channel
-        self.map.beside(place)
-        self.depth.beside(channel, place[:, 2])
-        self.show_pass(keep)
-
-    def show_pass(self, keep: bool = False) -> None:
-        """Draw the chosen pass; zoomed, and with the channel and moment, as they are where `keep`."""
-        controls, preview = self.controls, self.trial.preview
-        model = None if preview is None else preview.model.astype(float)
-        maps = maps_of(self.run, int(controls.passes.value), model)
-        self.maps.show(maps, keep)
-        self.outline()
-        low, high, end = int(maps.channel[0]), int(maps.channel[-1]), float(maps.seconds[-1])
-        channel = controls.channel.value if keep else worst_channel(maps)
-        second = controls.second.value if keep else end / 2
-        controls.set(controls.channel, start=low, end=max(high, low + 1), value=int(np.clip(channel, low, high)))
-        controls.set(controls.second, start=0.0, end=max(end, 0.1), value=min(second, end))
-        self.show_trace()
-
-    def show_trace(self) -> None:
-        """Draw the chosen channel and moment."""
-        assert self.maps.maps is not None
-        second = float(self.controls.second.value)
-        self.at(self.traces.show(self.maps.maps, self.controls.channel.value, second), second)
-
-    def tapped(self, channel: float, second: float) -> None:
-        """Somebody clicked a map."""
-        controls = self.controls
-        controls.set(controls.channel, value=int(np.clip(round(channel), controls.channel.start, controls.channel.end)))
-        controls.set(controls.second, value=float(np.clip(second, controls.second.start, controls.second.end)))
-        self.show_trace()
-
-    def at(self, channel: float, second: float) -> None:
-        """Mark a channel and the pass's vehicle on the map, and show the video's frame of the moment."""
-        run, maps = self.run, self.maps.maps
-        assert maps is not None
-        result, one = run.result, run.passes[maps.number]
-        place = [np.interp(channel, result.channel, result.route[:, axis]) for axis in (0, 1)]
-        row = int(np.abs(np.interp(one.rows, result.samples, run.time) - maps.start - second).argmin())
-        self.map.point(np.array(place), one.position[row])
-        self.show_frame(maps.start + second)
-
-    def show_frame(self, second: float) -> None:
-        """Show the video's frame of a second of the record."""
-        picture = self.controls.picture
-        if isinstance(self.film, str):
-            picture.object = f"<small>{escape(self.film)}</small>"
-            return
-        place = self.film.place(second)
-        frame = -2 if place is None else place
-        if frame == self.frame:
-            return
-        self.frame = frame
-        source = self.film.at(frame) if frame >= 0 else ""
-        none = "<small>The video shows nothing at this moment.</small>"
-        image = f"<img src='{source}' alt='the street at this moment' style='width:100%'>"
-        picture.object = image if source else none
-
-    # ---- where it fails ----------------------------------------------------------------------------------------------
-
-    def show_comparison(self) -> None:
-        """List the regions that fail, and draw the residual by everything."""
-        controls = self.controls
-        self.comparison = self.bench.comparison
-        lines = words.region_lines(self.bench)
-        controls.set(controls.regions, options={line: at for at, line in enumerate(lines)}, value=[])
-        controls.where.object = ""
-        if self.comparison is not None:
-            self.stack.show(self.comparison)
-            self.by_channel.show(self.comparison)
-            self.show_property()
-        self.outline()
-
-    def show_property(self) -> None:
-        """Draw the residual by the chosen property."""
-        if self.comparison is not None:
-            self.by_property.show(self.comparison, self.controls.by.value)
-
-    def outline(self) -> None:
-        """Outline the regions of the pass that is shown."""
-        maps, found = self.maps.maps, []
-        if maps is not None and self.comparison is not None:
-            for at, region in enumerate(self.comparison.regions):
-                if (box := outline(region, self.run, maps)) is not None:
-                    found.append((*box, at in self.controls.regions.value))
-        self.maps.outline(found)
-
-    def show_region(self) -> None:
-        """Show the chosen region in the pass where it is worst."""
-        controls = self.controls
-        if self.comparison is None or not controls.regions.value:
-            return
-        region = self.comparison.regions[controls.regions.value[-1]]
-        controls.where.object = f"<p>{escape(region_words(region, self.run))}</p>"
-        number = pass_of(region, self.run, self.misfits)
-        if number is None:
-            return
-        controls.set(controls.passes, value=number)
-        self.show_pass()
-        assert self.maps.maps is not None
-        box = outline(region, self.run, self.maps.maps)
-        if box is not None:
-            self.maps.zoom(*window(box, self.maps.maps))
-            self.tapped((region.channels[0] + region.channels[1]) / 2, float(box[1].mean()))
-
-    # ---- what may be missing -----------------------------------------------------------------------------------------
-
-    @property
-    def candidate(self) -> dict[str, Any] | None:
-        """The chosen candidate."""
-        chosen = [at for at in self.controls.effects.value if at < len(self.listed)]
-        return self.listed[chosen[-1]] if chosen else None
-
-    def show_candidates(self) -> None:
-        """List what the run may lack."""
-        controls, chosen = self.controls, self.candidate
-        self.listed = self.bench.candidates
-        lines = {f"{at}. {words.candidate_line(row)}": at - 1 for at, row in enumerate(self.listed, 1)}
-        same = [at for at, row in enumerate(self.listed) if chosen and row["effect"] == chosen["effect"]]
-        controls.set(controls.effects, options=lines, value=same)
-        controls.about.object = words.candidate_words(self.candidate, self.listed)
-
-    def choose(self) -> None:
-        """A candidate was chosen: prepare to move its size."""
-        row = self.candidate
-        self.controls.about.object = words.candidate_words(row, self.listed)
-        self.trial.begin(None if row is None else row["effect"])
-        self.able()
-
-    def add(self) -> None:
-        """Put the chosen candidate into the model."""
-        row = self.candidate
-        if row is not None:
-            self.bench.add(row["effect"], words.title(row), self.controls.force.value)
-
-    def check(self) -> None:
-        """Try what stands in the code box."""
-        self.bench.own(self.controls.file.value.strip(), self.controls.code.value)
+    own = pn.Card(controls.file, controls.code, button["check"], title="An effect of your own", collapsed=True, **WIDE)
+    left = pn.Column(
+        controls.passes, controls.regions, controls.where, controls.effects, controls.about, controls.size,
+        controls.follow, controls.expected, pn.Row(button["add"], button["undo"], button["redo"]), controls.force,
+        pn.Row(button["diagnose"], button["cancel"]), controls.work, drawn(page.live), controls.steps,
+        drawn(page.ladder), pn.Row(*controls.exports), own, width=LEFT,
+    )  # fmt: skip
+    right = pn.Column(
+        drawn(page.map),
+        pn.Row(*(pn.pane.Bokeh(plot, **WIDE) for plot in page.maps.plots), **WIDE),
+        drawn(page.depth),
+        pn.Row(controls.channel, controls.second, **WIDE),
+        pn.Row(drawn(page.traces), pn.Column(controls.picture, width=VIDEO), **WIDE),
+        drawn(page.by_channel),
+        pn.Row(drawn(page.stack), pn.Column(controls.by, drawn(page.by_property), **WIDE), **WIDE),
+        **WIDE,
+    )
+    return pn.Column(controls.heading, controls.said, pn.Row(left, right, **WIDE), min_width=900, **WIDE)
 
 
 def workbench(run: Run, *, plugins: Sequence[Path | str] = ()) -> Any:
@@ -360,7 +68,7 @@ def workbench(run: Run, *, plugins: Sequence[Path | str] = ()) -> Any:
     pn.extension()
     bench = Bench(run, [Path(one) for one in plugins])
     atexit.register(bench.close)
-    return Page(bench, film_of(run)).view()
+    return laid_out(Page(bench, film_of(run)))
 
 
 def serve_workbench(run: Run, plugins: Sequence[Path], port: int, browser: bool) -> None:
@@ -370,6 +78,8 @@ def serve_workbench(run: Run, plugins: Sequence[Path], port: int, browser: bool)
     pn.extension()
     bench, film = Bench(run, plugins), film_of(run)
     try:
-        serve(lambda: Page(bench, film).view(), "workbench", port=port, browser=browser, title=f"roadfiber: {run.name}")
+        serve(
+            lambda: laid_out(Page(bench, film)), "workbench", port=port, browser=browser, title=f"roadfiber: {run.name}"
+        )
     finally:
         bench.close()

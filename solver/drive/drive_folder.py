@@ -10,20 +10,11 @@ from solver.drive.drive_figures import MOST_LEGS
 from solver.drive.drive_page import drive_page
 from solver.drive.drive_run import FORMAT, DriveRun
 from solver.run.arrays import Expected, read_arrays
+from solver.run.read_stored import read_model
 from solver.run.report.joined import join
 from solver.run.route_table import route_csv
-from solver.run.stored import (
-    AnchorFile,
-    FittedNumber,
-    FrameFile,
-    InputFile,
-    Moment,
-    Size,
-    Stored,
-    Text,
-    TrustFile,
-    read_model,
-)
+from solver.run.stored import AnchorFile, FittedNumber, FrameFile, InputFile, TrustFile
+from solver.run.stored_types import Moment, Size, Stored, Text
 from solver.survey.anchors import Anchor
 from vision.contract import InputError, LocalFrame, require_writable, writing
 
@@ -75,7 +66,7 @@ class UnheardFile(Stored):
 
 
 class DriveFile(Stored):
-    """fit.json of a drive: what `solver.drive.drive_run.locate_drive` makes."""
+    """fit.json of a drive: what `solver.drive.locate_drive.locate_drive` makes."""
 
     format: Literal["roadfiber drive 1"]
     name: Text

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -16,17 +15,17 @@ import torch
 from torch import Tensor
 
 from solver.cable.fiber import SplineBasis
+from solver.fit.chain_layout import ChainLayout
 from solver.fit.convoy import Sums, best_amplitudes, glances, jacobians, settled, weighed, whitened
 from solver.fit.links import Link, linked
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Assembly, Block, Part
 from solver.fit.parameter_layout import of_route
-from solver.fit.parameter_prior import ParameterPrior, RouteRows
-from solver.fit.parameter_space import ParameterSpace
+from solver.fit.parameter_prior import RouteRows
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER, SPIKE
 from solver.fit.state import Linearized, State, Weights
-from solver.fit.stretches import is_long, parts
+from solver.fit.stretches import parts
 from solver.fit.visit import Looked, Visit
 
 T = TypeVar("T")
@@ -44,7 +43,7 @@ def one_thread_each(many: bool) -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-class Chain(ParameterSpace):
+class Chain(ChainLayout):
     """Small problems along one route, fitted together.
 
     Parameters
@@ -53,10 +52,6 @@ class Chain(ParameterSpace):
     prior : on all that is fitted
     problem : the whole survey
     """
-
-    def __init__(self, problem: Problem, prior: ParameterPrior, links: Sequence[Link]):
-        super().__init__(problem, prior)
-        self.links = list(links)
 
     @classmethod
     def single(cls, fit: MapFit) -> "Chain":
@@ -77,29 +72,6 @@ class Chain(ParameterSpace):
             return cls.single(MapFit(problem, known_ground, basis))
         return cls(problem, *linked(problem, groups, basis or problem.basis, known_ground))
 
-    @property
-    def long(self) -> bool:
-        """Whether the route is fitted stretch by stretch: vehicles, weights and noise of each are its own."""
-        return len(self.links) > 1 and is_long(self.problem)
-
-    @cached_property
-    def convoys(self) -> list[list[int]]:
-        """Links whose noise hangs together."""
-        found: list[list[int]] = []
-        for number, link in enumerate(self.links):
-            if len(link.back):
-                found[-1].append(number)
-            else:
-                found.append([number])
-        return found
-
-    @cached_property
-    def groups(self) -> list[list[int]]:
-        """Numbers of convoys that are weighed together: all of a survey, but on a long fiber each by itself."""
-        every = list(range(len(self.convoys)))
-        survey = {one: one if self.long else self.links[self.convoys[one][0]].stretch for one in every}
-        return [[one for one in every if survey[one] == key] for key in dict.fromkeys(survey.values())]
-
     def each(self, work: Callable[[list[int]], T]) -> Iterator[T]:
         """Results of a work on each group of convoys, in order; those of a long chain side by side."""
         with one_thread_each(self.long):
@@ -108,14 +80,6 @@ class Chain(ParameterSpace):
                 return
             with ThreadPoolExecutor(THREADS) as pool:
                 yield from pool.map(work, self.groups)
-
-    def links_of(self, group: Sequence[int]) -> list[int]:
-        """Numbers of the links of some convoys."""
-        return [number for convoy in group for number in self.convoys[convoy]]
-
-    def part_of(self, state: State, link: Link) -> State:
-        """The state of one link."""
-        return link.fit.state_of(state.vector()[link.where])
 
     def begun(self, state: State) -> State:
         """The same vehicles with the amplitudes that fit best; along a long fiber the first visit finds them.
@@ -166,45 +130,6 @@ class Chain(ParameterSpace):
         lower, upper = (one[where].numpy() for one in self.prior.bounds)
         at = state.vector()[where].numpy()
         return np.asarray(((at <= lower) & (push < 0)) | ((at >= upper) & (push > 0)))
-
-    @property
-    def size(self) -> int:
-        """How many of the route's parameters are fitted."""
-        return 0 if self.prior.held else self.layout["route"].stop
-
-    @cached_property
-    def border(self) -> Tensor:
-        """What all stretches share beside the route, among the chain's parameters."""
-        shared = torch.ones(self.layout.size, dtype=torch.bool)
-        shared[self.layout["route"]] = False
-        for link in self.links:
-            shared[link.where[link.own]] = False
-        return torch.nonzero(shared & self.free).flatten()
-
-    @cached_property
-    def _places(self) -> list[tuple[Tensor, Tensor]]:
-        """Of each convoy: free parameters that no other has, and those that it shares in the order of its block."""
-        places = []
-        for convoy in self.convoys:
-            links = [self.links[number] for number in convoy]
-            own = torch.cat([link.where[link.own & self.free[link.where]] for link in links])
-            shared = links[0].where[~links[0].own & self.free[links[0].where]]
-            places.append((own, shared))
-        return places
-
-    @property
-    def own_places(self) -> list[Tensor]:
-        """Of each convoy, where the chain holds the free parameters that no other has."""
-        return [own for own, _ in self._places]
-
-    @cached_property
-    def slots(self) -> list[Tensor]:
-        """Where the chain's numbers hold each parameter of the effects."""
-        first, places = self.layout["numbers"].start, []
-        for which, _ in enumerate(self.links[0].fit.extension.slots):
-            every = [link.numbers[link.fit.extension.slots[which].where] for link in self.links]
-            places.append(torch.unique(torch.cat(every)) - first)
-        return places
 
     def look(
         self, group: Sequence[int], state: State, before: Sequence[Weights] | None, precision: Tensor, shift: Tensor
@@ -318,10 +243,6 @@ class Chain(ParameterSpace):
             where = np.concatenate([np.arange(one.route.start, one.route.stop), self.size + self.rank(one.other)])
             right[where] -= (one.rows.jacobian.T @ one.rows.residual).numpy()
         return right
-
-    def rank(self, where: Tensor) -> np.ndarray:
-        """Which of the border some of its parameters [where] are."""
-        return np.searchsorted(self.border.numpy(), where.numpy())
 
     def stepped(self, state: State, step: tuple[np.ndarray, list[np.ndarray]]) -> State:
         """The state after a step of `Normal.step`."""

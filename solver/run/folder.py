@@ -16,12 +16,13 @@ from solver.run.arrays import Arrays, read_arrays
 from solver.run.code import check_plugins, finder
 from solver.run.ladder_file import read_ladder, write_ladder
 from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, problem_from
+from solver.run.read_stored import read_model
 from solver.run.report.joined import join
 from solver.run.route_table import route_csv
 from solver.run.run import Run
 from solver.run.scene import CALIBRATION, PICTURE
 from solver.run.soundness import check_agreement, check_arrays
-from solver.run.stored import AnyRun, FitFile, read_model
+from solver.run.stored import AnyRun, FitFile
 from solver.survey.anchors import Anchor
 from vision.contract import InputError, LocalFrame, require_writable, write_trajectories, writing
 

@@ -9,10 +9,11 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
+from solver.run.read_stored import read_model
 from solver.run.report.joined import join
 from solver.run.report.ladder_page import ladder_page
 from solver.run.rung import Glimpse, Rung
-from solver.run.stored import Maybe, Stored, Text, read_model
+from solver.run.stored_types import Maybe, Stored, Text
 from solver.run.strict_json import strict
 from vision.contract import writing_into
 

@@ -3,48 +3,32 @@
 The models below are all that a run folder's JSON may hold: a key, type or size that they do not have is an error.
 """
 
-import re
-from pathlib import Path
-from typing import Annotated, Literal, TypeVar, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
+from solver.run.stored_choice import ChoiceFile
+from solver.run.stored_types import (
+    Count,
+    Digest,
+    FileName,
+    Length,
+    Moment,
+    Place,
+    Positive,
+    Rate,
+    Size,
+    Spread,
+    Stored,
+    Text,
+)
 from solver.run.trust import Verdict
-from vision.contract import InputError
 
 Format = Literal["roadfiber run 3"]
 (FORMAT,) = get_args(Format)
 #: What says of a file that it is of a run, of whatever version of roadfiber.
 ANY_FORMAT = r"^roadfiber run (\d{1,9})$"
-#: Bytes of a JSON file; a run of 10 km of fiber and a thousand vehicles has a tenth of it.
-LARGEST = 2**26
-#: What is told of an error's place.
-PLACE = 80
-
-#: Text of one line, that no terminal takes for a command.
-Text = Annotated[str, Field(max_length=2**16, pattern=r"^[^\p{Cc}]*$")]
-FileName = Annotated[str, Field(max_length=255, pattern=r"^[^\p{Cc}/\\]+$")]
-Digest = Annotated[str, Field(pattern=r"^(sampled:)?[0-9a-f]{64}$")]
-Moment = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?Z$")]
-Count = Annotated[int, Field(ge=0, le=10**9)]
-Size = Annotated[float, Field(ge=0)]
-Spread = Annotated[float, Field(ge=0, le=1e6)]
-Positive = Annotated[float, Field(gt=0, le=1e9)]
-#: Samples a second.
-Rate = Annotated[float, Field(ge=0.01, le=1e5)]
-#: Meters of gauges, between channels and knots.
-Length = Annotated[float, Field(ge=0.01, le=1e4)]
-#: A place, m, or a channel, which may lie between two.
-Place = Annotated[float, Field(ge=-1e8, le=1e8)]
-#: A number of which null says that it is not known; NaN then.
-Maybe = Annotated[float | None, AfterValidator(lambda value: float("nan") if value is None else value)]
-
-
-class Stored(BaseModel):
-    """What a JSON file of a run holds: finite numbers, no conversions, no other keys."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class FittedNumber(Stored):
@@ -197,44 +181,6 @@ class TrustFile(Stored):
     gates: tuple[GateFile, ...]
 
 
-#: Of what a pass narrows the sigma, and by which share.
-Narrower = Annotated[dict[Literal["route", "depth", "ground"], Annotated[float, Field(le=1)]], Field(min_length=1)]
-
-
-class TakenFile(Stored):
-    """One of `choice.taken`: a pass, m/s, m, and the share by which each sigma was expected to fall with it."""
-
-    track_id: Text
-    vehicle_class: Text
-    speed: Place
-    lane: Place
-    narrower: Narrower
-
-
-class MissingFile(Stored):
-    """One of `choice.missing`: a kind of pass in words."""
-
-    kind: Text
-    narrower: Narrower
-
-
-class ChoiceFile(Stored):
-    """`choice`: what `solver.run.chosen.choice_facts` makes."""
-
-    of: Count
-    tested: Count
-    taken: tuple[TakenFile, ...]
-    missing: tuple[MissingFile, ...]
-
-    @model_validator(mode="after")
-    def alike(self) -> "ChoiceFile":
-        """Refuse passes of which not the same is known."""
-        known = [one.narrower for one in self.taken] + [one.narrower for one in self.missing]
-        if len({tuple(sorted(one)) for one in known}) > 1:
-            raise ValueError("not of every pass is the same sigma known")
-        return self
-
-
 class AnyRun(Stored):
     """The key of fit.json that marks a run of any version of roadfiber."""
 
@@ -320,68 +266,3 @@ class FitFile(Stored):
         """Refuse a start that no clock shows."""
         np.datetime64(self.start.removesuffix("Z"), "ns")
         return self
-
-
-Model = TypeVar("Model", bound=Stored)
-
-
-def printable(text: str, most: int = PLACE) -> str:
-    r"""At most so many characters of untrusted text, none of which controls a terminal.
-
-    >>> printable("a\x1b[2Jb"), printable("abc", 2)
-    ('a?[2Jb', 'ab...')
-    """
-    shown = "".join(c if c.isprintable() else "?" for c in text[:most])
-    return shown + "..." if len(text) > most else shown
-
-
-def of_another_version(written: object) -> str | None:
-    """What to do with a run of another format than this version's; None where a format is none of a run.
-
-    >>> of_another_version("roadfiber run 1")
-    'written by an older roadfiber (format "roadfiber run 1"); run `roadfiber locate` on its survey again'
-    >>> of_another_version("roadfiber run 99")
-    'written by a newer roadfiber (format "roadfiber run 99"); update roadfiber to open it'
-    >>> of_another_version("a letter")
-    """
-    found = re.match(ANY_FORMAT, written) if isinstance(written, str) else None
-    if found is None or written == FORMAT:
-        return None
-    if int(found[1]) > int(FORMAT.split()[-1]):
-        return f'written by a newer roadfiber (format "{written}"); update roadfiber to open it'
-    return f'written by an older roadfiber (format "{written}"); run `roadfiber locate` on its survey again'
-
-
-def read_model(path: Path, model: type[Model], mend: str) -> Model:
-    """Read a JSON file of a run folder.
-
-    Parameters
-    ----------
-    path : of the file
-    model : what it must be
-    mend : what to do where it is not that
-
-    Raises
-    ------
-    InputError
-        If it is not a file, too large, not JSON, of another version's format, or something else than `model`.
-    """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; {mend}")
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path}: over {LARGEST >> 20} MiB, which no run's is; {mend}")
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); {mend}") from error
-    try:
-        return model.model_validate_json(content)
-    except ValidationError as error:
-        problem = error.errors(include_url=False)[0]
-        if problem["loc"] == ("format",) and (told := of_another_version(problem["input"])) is not None:
-            raise InputError(f"{path}: {told}") from error
-        place = printable(".".join(map(str, problem["loc"]))) or "all of it"
-        said = printable(problem["msg"].removeprefix("Value error, "))
-        if problem["type"] == "json_invalid":
-            raise InputError(f"{path}: invalid JSON ({said}); {mend}") from error
-        raise InputError(f"{path}: {place}: {said[:1].lower()}{said[1:]}; {mend}") from error

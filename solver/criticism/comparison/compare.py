@@ -3,7 +3,7 @@
 from solver.criticism.comparison.cells import cells_of
 from solver.criticism.comparison.comparison import Comparison
 from solver.criticism.comparison.power import power_of
-from solver.criticism.comparison.regions import TRIED, regions_of
+from solver.criticism.comparison.region_search import TRIED, regions_of
 from solver.criticism.comparison.split import split_of
 from solver.criticism.comparison.stack import stack_of
 from solver.run.run import Run

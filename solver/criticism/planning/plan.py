@@ -24,7 +24,8 @@ from solver.criticism.planning.additions import (
     ways,
 )
 from solver.criticism.planning.detectable import Detectable, detectable
-from solver.criticism.planning.planned import Planned, read_planned
+from solver.criticism.planning.planned import Planned
+from solver.criticism.planning.planned_site import read_planned
 from solver.criticism.scorer import Scorer
 from solver.effect import Setting
 from solver.fit.chain import Chain

@@ -19,7 +19,7 @@ from solver.criticism.comparison.cells import cells_of, noise_of, on_fiber
 from solver.criticism.comparison.comparison_files import facts_of
 from solver.criticism.comparison.comparison_words import clock, region_words, size_words
 from solver.criticism.comparison.power import periodogram, power_of
-from solver.criticism.comparison.regions import regions_of
+from solver.criticism.comparison.region_search import regions_of
 from solver.criticism.comparison.split import SOURCES, fair_shares, normal_equations, split_of
 from solver.criticism.comparison.stack import stack_of
 from solver.criticism.comparison.windows import ladder, power_statistic, threshold, widest

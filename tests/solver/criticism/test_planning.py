@@ -15,7 +15,9 @@ from benchmarks.plan import site_of
 from solver.catalogue.catalogue import built_in
 from solver.criticism.planning.additions import Known, Sigmas, anchor_options, lane_words, pass_options, way_to
 from solver.criticism.planning.plan import Plan, plan_survey
-from solver.criticism.planning.planned import Planned, drives, read_planned
+from solver.criticism.planning.planned import Planned
+from solver.criticism.planning.planned_drives import drives
+from solver.criticism.planning.planned_site import read_planned
 from solver.criticism.scorer import Scorer
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit

@@ -18,7 +18,8 @@ from test_run_is_data import COMMANDS, command
 from solver.run import folder as run_folder
 from solver.run import read_run, run_of
 from solver.run.arrays import EXPECTED, SMALL, check_sizes
-from solver.run.stored import FitFile, printable
+from solver.run.read_stored import printable
+from solver.run.stored import FitFile
 from vision.contract import InputError
 
 #: Parts of fit.json whose keys are names that anything may have.
@@ -184,7 +185,7 @@ def test_a_tampered_law_of_noise_is_one_line_and_exit_code_2(run):
 
 
 def test_a_huge_or_strange_fit_json_is_not_read(run, monkeypatch):
-    monkeypatch.setattr("solver.run.stored.LARGEST", 1000)
+    monkeypatch.setattr("solver.run.read_stored.LARGEST", 1000)
     assert "over" in refused(run)
     (run / "fit.json").unlink()
     (run / "fit.json").symlink_to("/dev/zero")
