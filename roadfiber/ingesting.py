@@ -12,7 +12,8 @@ from solver.survey.das.ingest import ingest as ingest_record
 from solver.survey.das.lowpass import FIT_RATE
 from solver.survey.das.opened import Raw, opened, plain
 from solver.survey.das.store import FILE, Store
-from solver.survey.site import DASSection, read_site
+from solver.survey.site import read_site
+from solver.survey.site_sections import DASSection
 from vision.contract import InputError
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from solver.drive.drive import Drive
     from solver.drive.drive_run import DriveRun
     from solver.run.scene import Scene
-    from solver.survey.site import CameraSection
+    from solver.survey.site_sections import CameraSection
     from vision.tracked import Tracked
 
 

@@ -12,15 +12,8 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from roadfiber.table_rows import AnchorRow, ChannelRow, FileRow, PointRow, RouteRow, TrajectoryRow
-from roadfiber.written_files import (
-    CombinedFile,
-    CompareFile,
-    DiagnosisFile,
-    HeardFile,
-    QualityFile,
-    RouteFeatures,
-    Written,
-)
+from roadfiber.written_files import CombinedFile, CompareFile, DiagnosisFile, RouteFeatures, Written
+from roadfiber.written_quality import HeardFile, QualityFile
 from solver.run.ladder_file import LadderFile
 from solver.run.stored import FitFile
 from solver.survey.das.store import StoreFile

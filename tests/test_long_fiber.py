@@ -9,7 +9,8 @@ from benchmarks.long_fiber import LongSurvey, made, written
 from solver.run.folder import read_run
 from solver.run.locate import locate
 from solver.run.run import Run
-from solver.start.sections import extent, heard, initialize_sections, joined, sections_of, sides_of, sought
+from solver.start.joined_sections import joined, sides_of
+from solver.start.sections import extent, heard, initialize_sections, sections_of, sought
 from solver.survey.survey import Survey
 from solver.trajectory.passes import smooth_passes
 from solver.trajectory.vehicle_pass import Pass

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera import Pinhole
+from vision.pinhole import Pinhole
 from vision.vehicles import VehicleShape
 
 Array = NDArray[np.float64]

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -22,6 +21,7 @@ from vision.contract.errors import InputError
 from vision.contract.files import writing
 from vision.contract.text import read_text
 from vision.lens import NAMES, Lens
+from vision.pinhole import Pinhole, pinhole_from_columns
 
 Array = NDArray[np.float64]
 
@@ -84,42 +84,6 @@ class Parameter(BaseModel):
     value: float
     sigma: float
     unit: str
-
-
-@dataclass(frozen=True)
-class Pinhole:
-    """Where a camera stands and how it sees.
-
-    Parameters
-    ----------
-    focal : focal length, px
-    matrix : [3, 4], (x, y, z, 1) in the local frame (m, z down) -> homogeneous pixels, third one > 0 in front
-    position : (x, y, z) of the camera, m; z is negative, above the road
-    lens : which distorts the picture, or None
-    """
-
-    focal: float
-    matrix: Array
-    position: Array
-    lens: Lens | None = None
-
-    def project(self, points: ArrayLike) -> Array:
-        """Points [..., 3], m (z down) -> pixels [..., 2]; NaN behind the camera."""
-        points = np.asarray(points, float)
-        image = points @ self.matrix[:, :3].T + self.matrix[:, 3]
-        depth = np.where(image[..., 2:] > 0, image[..., 2:], np.nan)
-        ideal = image[..., :2] / depth
-        return ideal if self.lens is None else self.lens.distort(ideal).reshape(ideal.shape)
-
-    def slope(self, ideal: Array, depth: Array) -> Array:
-        """Derivative [..., 2, 3], px/m, of the pixels of points by the points, which lie at `ideal` pixels [..., 2].
-
-        Of m = P (X, 1): du/dX = (P_1 - u P_3) / m_3 (the quotient rule), with m_3 = `depth` [..., 1].
-        """
-        slope = (self.matrix[:2, :3] - ideal[..., None] * self.matrix[2, :3]) / depth[..., None]
-        if self.lens is None:
-            return np.asarray(slope)
-        return np.asarray(self.lens.jacobian(ideal).reshape(*ideal.shape, 2) @ slope)
 
 
 class Calibration(BaseModel):
@@ -263,7 +227,7 @@ class Calibration(BaseModel):
         """
         if self.lens is not None:
             columns = np.linalg.inv(self.lens.matrix) @ np.linalg.inv(self.homography)
-            return _pinhole_from_columns(self.lens.focal[0], self.lens.matrix, columns, self.lens)
+            return pinhole_from_columns(self.lens.focal[0], self.lens.matrix, columns, self.lens)
         width, height = self.image_size
         center = np.array([[1, 0, -width / 2], [0, 1, -height / 2], [0, 0, 1]])
         columns = center @ np.linalg.inv(self.homography)
@@ -277,7 +241,7 @@ class Calibration(BaseModel):
             return None
         focal = float(inverse_square**-0.5)
         intrinsic = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
-        return _pinhole_from_columns(focal, intrinsic, np.diag([1 / focal, 1 / focal, 1]) @ columns, None)
+        return pinhole_from_columns(focal, intrinsic, np.diag([1 / focal, 1 / focal, 1]) @ columns, None)
 
     def require_size(self, width: int, height: int, video: str | Path) -> None:
         """Raise InputError unless the video has the size the calibration was made for."""
@@ -301,18 +265,6 @@ class Calibration(BaseModel):
         text = re.sub(r"\[([^][{}\"]+)\]", lambda row: f"[{' '.join(row[1].split())}]", text)
         with writing(path) as temporary:
             temporary.write_text(text + "\n", encoding="utf-8")
-
-
-def _pinhole_from_columns(focal: float, intrinsic: Array, columns: Array, lens: Lens | None) -> Pinhole:
-    scale = np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
-    r1, r2, translation = (columns / scale).T
-    # The nearest rotation, in Frobenius norm, to what the homography holds.
-    u, _, vt = np.linalg.svd(np.column_stack([r1, r2, np.cross(r1, r2)]))
-    rotation = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
-    # Used for the vertical only: the road must stay where the homography, fitted to control points, puts it.
-    axes = np.column_stack([r1, r2, rotation[:, 2]])
-    matrix = intrinsic @ np.column_stack([axes, translation])
-    return Pinhole(focal=focal, matrix=matrix, position=-np.linalg.solve(axes, translation), lens=lens)
 
 
 def _first_complaint(errors: Sequence[Any]) -> str:

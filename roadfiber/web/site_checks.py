@@ -13,7 +13,8 @@ import roadfiber as rf
 from roadfiber.web.site_draft import Draft
 from solver.survey.anchors import read_anchors
 from solver.survey.das.description import Description, describe
-from solver.survey.site import CameraSection, Site, read_site
+from solver.survey.site import Site, read_site
+from solver.survey.site_sections import CameraSection
 from vision.contract import InputError, read_trajectories
 
 if TYPE_CHECKING:

@@ -18,7 +18,8 @@ from solver.survey.das.grid import part_of
 from solver.survey.das.in_memory import block_of
 from solver.survey.das.opened import Raw, opened
 from solver.survey.das.store import Store
-from solver.survey.site import GroundSection, Site, read_site
+from solver.survey.site import Site, read_site
+from solver.survey.site_sections import GroundSection
 from solver.survey.survey import Source, table_source
 from vision.contract import InputError, LocalFrame, read_trajectories, trajectories_of
 

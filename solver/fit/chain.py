@@ -19,7 +19,8 @@ from solver.fit.chain_layout import ChainLayout
 from solver.fit.convoy import Sums, best_amplitudes, glances, jacobians, settled, weighed, whitened
 from solver.fit.links import Link, linked
 from solver.fit.map_fit import MapFit
-from solver.fit.normal import Assembly, Block, Part
+from solver.fit.normal import Assembly
+from solver.fit.normal_parts import Block, Part
 from solver.fit.parameter_layout import of_route
 from solver.fit.parameter_prior import RouteRows
 from solver.fit.problem import Problem

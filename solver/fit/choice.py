@@ -19,8 +19,8 @@ from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.parameter_layout import AXES
 from solver.fit.problem import Problem
+from solver.fit.some_passes import ALONE, alone_samples, by_itself
 from solver.fit.state import State
-from solver.fit.stretches import TAIL, around
 from solver.signal_path.traffic import Traffic
 from solver.trajectory.vehicle_pass import Pass
 
@@ -36,8 +36,6 @@ ALIKE = (0.05, 0.3, 0.1)
 ANYWHERE = 10.0
 #: Passes that test a route at most.
 TESTED = 40
-#: Samples without another vehicle that a pass needs.
-ALONE = 10
 #: Meters between places of the fiber whose variances count.
 EVERY = 5.0
 #: What a kind of pass that is missing may differ in from a chosen one: m beside it, and how many times as heavy.
@@ -103,36 +101,6 @@ def greedy(
         known, at = known + informations[number], at - falls[best]
         found.append(Taken(number, falls[best]))
     return found
-
-
-def alone_samples(passes: Sequence[Pass]) -> list[NDArray[np.bool_]]:
-    """At which of its rows each pass [pass][row] is the only vehicle near.
-
-    >>> from types import SimpleNamespace as Some
-    >>> [one.tolist() for one in alone_samples([Some(rows=np.array([3, 4])), Some(rows=np.array([4, 5]))])]
-    [[True, False], [False, True]]
-    """
-    count = np.bincount(np.concatenate([one.rows for one in passes]))
-    return [count[one.rows] == 1 for one in passes]
-
-
-def only(problem: Problem, chosen: Sequence[int]) -> Problem:
-    """The survey with some of its passes only; where any other vehicle is near, nothing counts as measured."""
-    taken = set(chosen)
-    passes = [problem.passes[i] for i in sorted(taken)]
-    others = [one.rows for i, one in enumerate(problem.passes) if i not in taken]
-    record = problem.record.copy()
-    if others:
-        record[np.unique(np.concatenate(others))] = np.nan
-    near = around(passes, len(record), round(TAIL * problem.sampling_rate))
-    return replace(problem, record=record, passes=passes, traffic=Traffic.of(passes, near))
-
-
-def by_itself(problem: Problem, one: Pass, rows: NDArray[np.bool_]) -> Problem:
-    """A survey of some rows of a pass and nothing else."""
-    parts = {name: getattr(one, name)[rows] for name in ("position", "velocity", "sigma", "in_view")}
-    mine = [replace(one, rows=np.arange(rows.sum()), **parts)]
-    return replace(problem, record=problem.record[one.rows[rows]], passes=mine, traffic=Traffic.of(mine))
 
 
 @dataclass(frozen=True)

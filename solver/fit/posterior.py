@@ -13,7 +13,8 @@ from torch import Tensor
 
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
-from solver.fit.normal import Block, Reduced
+from solver.fit.normal import Reduced
+from solver.fit.normal_parts import Block
 from solver.fit.parameter_layout import PER_PASS, of_route
 from solver.fit.parameter_prior import RouteRows
 from solver.fit.problem import Problem

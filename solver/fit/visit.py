@@ -6,7 +6,8 @@ from functools import cached_property
 import numpy as np
 from torch import Tensor
 
-from solver.fit.normal import Block, Normal, Part
+from solver.fit.normal import Normal
+from solver.fit.normal_parts import Block, Part
 from solver.fit.state import State, Weights
 
 

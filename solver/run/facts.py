@@ -17,7 +17,7 @@ from solver.run.stored import FORMAT
 from solver.run.strict_json import strict
 from solver.survey.anchors import Anchor
 from solver.survey.das.record import DASRecord
-from solver.survey.site import GroundSection
+from solver.survey.site_sections import GroundSection
 from solver.survey.survey import Survey
 
 PACKAGES = ("roadfiber", "torch", "numpy", "scipy", "dascore", "pandas", "pyproj", "matplotlib")

@@ -12,10 +12,11 @@ from solver.catalogue.plugins import catalogue
 from solver.effect import Effect
 from solver.fit import FitResult, Problem
 from solver.fit.chain import Chain
-from solver.fit.choice import MANY, Choice, choose, only
+from solver.fit.choice import MANY, Choice, choose
 from solver.fit.held_out import FOLDS, HeldOut, held_out
 from solver.fit.pose import shortened
 from solver.fit.room import require_room_to_fit
+from solver.fit.some_passes import only
 from solver.fit.stretches import is_long
 from solver.processing import filtered
 from solver.run.chosen import choice_facts, choice_line

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from solver.cable.fiber import Coil
 from solver.start.initialization import Initialization, initialize
+from solver.start.joined_sections import joined, sides_of
 from solver.start.rough_route import OFF_LINE, silent, start_route, straight_part, view_of
-from solver.start.sections import ONE_SECTION, Found, extent, initialize_sections, joined, sides_of
+from solver.start.sections import ONE_SECTION, Found, extent, initialize_sections
 from solver.survey.anchors import Anchor
 from solver.survey.das.record import DASRecord
 from solver.trajectory.agreement import check_reach, misplaced, misplaced_line, near

@@ -17,7 +17,8 @@ from solver.survey.das.opened import opened
 from solver.survey.das.reader import record_of
 from solver.survey.das.record import DASRecord
 from solver.survey.selection import wanted
-from solver.survey.site import CameraSection, GroundSection, Site, read_site
+from solver.survey.site import Site, read_site
+from solver.survey.site_sections import CameraSection, GroundSection
 from vision.contract import InputError, LocalFrame, read_trajectories, trajectories_of
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ from vision.body_fit import _linearize, fit_body, project_bodies, silhouette_box
 from vision.camera import Calibration
 from vision.dropped import BORDER, FAR, GHOST, HIDDEN, HORIZON, SHAPE, SHORT, SIGMA
 from vision.edges import edge_sigma, hidden_edges
-from vision.ground_track import WORST_SIGMA, ground_tracks, headings, scatter_share, unplaceable
+from vision.ground_track import WORST_SIGMA, ground_tracks, scatter_share, unplaceable
+from vision.headings import headings
 from vision.interpolate import BOX
 from vision.lens import Lens
 from vision.vehicles import SHAPES

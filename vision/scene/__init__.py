@@ -3,12 +3,13 @@
 Serves the demo (a real video whose answer is known) and the embedded detector's training.
 """
 
+from vision.scene.bodies import PAINTS
 from vision.scene.camera import Camera
 from vision.scene.light import Light
 from vision.scene.render import Scene, render
 from vision.scene.street import Street
 from vision.scene.truth import ControlPoint, Truth, control_point_card, control_points, truth_boxes
-from vision.scene.vehicles import PAINTS, SIZES, SceneVehicle, constant_speed
+from vision.scene.vehicles import SIZES, SceneVehicle, constant_speed
 from vision.scene.video import write_video
 
 __all__ = [

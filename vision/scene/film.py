@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.contract import writing
+from vision.scene.bodies import PAINTS
 from vision.scene.camera import Camera
 from vision.scene.light import Light
 from vision.scene.render import Scene
 from vision.scene.street import Street
 from vision.scene.truth import control_point_card, control_points
-from vision.scene.vehicles import PAINTS, Pose, SceneVehicle
+from vision.scene.vehicles import Pose, SceneVehicle
 from vision.scene.video import write_video
 
 FPS = 12.5

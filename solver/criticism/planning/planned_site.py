@@ -7,7 +7,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from solver.survey.plan_section import PlanSection, Positive, Table
-from solver.survey.site import FrameSection, GroundSection, first_problem
+from solver.survey.site import first_problem
+from solver.survey.site_sections import FrameSection, GroundSection
 from vision.contract import InputError, read_toml
 
 #: m between channels where the site does not say it.

@@ -8,11 +8,12 @@ import pytest
 import torch
 
 from solver.fit.chain import Chain
-from solver.fit.choice import Choice, Informed, alone_samples, choose, greedy, only
+from solver.fit.choice import Choice, Informed, choose, greedy
 from solver.fit.held_out import held_out
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
+from solver.fit.some_passes import alone_samples, only
 from solver.fit.stretches import part
 from solver.signal_path.traffic import Traffic
 from solver.trajectory.vehicle_pass import Pass

@@ -10,7 +10,8 @@ from solver.catalogue.catalogue import built_in
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
-from solver.fit.normal import Banded, Block, Factor, Normal, Part
+from solver.fit.normal import Banded, Factor, Normal
+from solver.fit.normal_parts import Block, Part
 from solver.fit.posterior import Posterior
 from solver.fit.spline import fit_spline, initial_state
 from solver.fit.stretches import crowds, nearby, parts, some, stretches

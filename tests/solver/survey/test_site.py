@@ -2,7 +2,8 @@ import datetime
 
 import pytest
 
-from solver.survey.site import DETECTORS, read_site
+from solver.survey.site import read_site
+from solver.survey.site_sections import DETECTORS
 from vision.contract import InputError, LocalFrame
 from vision.detectors.onnx_detector import BUILT_IN
 
