@@ -1,4 +1,4 @@
-"""The parts of the search for an unseen vehicle, on numbers written out."""
+"""The parts of the searches for faults, on numbers written out."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -6,22 +6,31 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.repairs import (
     GUESSED,
+    JUMP,
     LANE,
     OFFSET,
     REACH,
     SPEEDS,
     Peak,
     correlate,
+    find_cycle_skips,
+    find_faded_channels,
     lanes,
     passing_times,
     refined,
     straight,
+    template,
+    unexplained,
     with_pass,
 )
+from solver.fit.map_fit import MapFit
+from solver.fit.robust import HUBER
+from solver.fit.state import State
 
 RNG = np.random.default_rng(9)
 RATE = 5.0
@@ -125,3 +134,103 @@ def test_vehicles_that_were_added_are_numbered():
     assert len(problem.passes) == len(twice.passes) - 2, "the survey stays as it was"
     assert twice.traffic.passes == len(twice.passes)
     np.testing.assert_array_equal(twice.traffic.samples, problem.traffic.samples)
+
+
+@pytest.fixture(scope="module")
+def ended() -> tuple[MapFit, State]:
+    """The trial survey in noise of a hundredth of its signal, with its true state."""
+    fit, state = trial_survey()
+    record = fit.problem.record.copy()
+    level = float(np.abs(record).max()) / 100
+    record += level * RNG.normal(size=record.shape)
+    return MapFit(replace(fit.problem, record=record, noise=torch.full_like(fit.problem.noise, level))), state
+
+
+def with_record(fit: MapFit, change: Any) -> MapFit:
+    """The same survey with what `change` makes of its record [row, channel] and noise."""
+    record = fit.problem.record.copy()
+    change(record, float(fit.problem.noise[0]))
+    return MapFit(replace(fit.problem, record=record))
+
+
+def test_a_sound_record_has_no_jumps_and_no_silent_channels(ended: tuple[MapFit, State]) -> None:
+    assert find_cycle_skips(*ended) is None and find_faded_channels(*ended) is None
+
+
+def test_samples_that_jump_and_come_back_are_taken_out(ended: tuple[MapFit, State]) -> None:
+    fit, state = ended
+    samples = fit.problem.traffic.samples
+    places = [(int(samples[at]), channel) for at, channel in ((3, 2), (9, 11), (15, 20), (22, 5), (27, 15))]
+
+    def jump(record: np.ndarray, level: float) -> None:
+        for place in places:
+            record[place] += 40 * level
+
+    found = find_cycle_skips(with_record(fit, jump), state)
+    assert found is not None and (found.name, found.freedom, found.unit) == ("cycle_skips", 1, "1")
+    total = int(fit.measured.sum())
+    assert found.estimate == pytest.approx(5 / total) and found.sigma == pytest.approx(5**0.5 / total)
+    assert found.fall == pytest.approx(5 * (2 * HUBER * JUMP - HUBER**2)) and found.detectable == 5 / total
+    mended = found.mend(fit.problem).record
+    assert sorted(map(tuple, np.argwhere(np.isnan(mended)).tolist())) == sorted(places)
+    assert not np.isnan(fit.problem.record).any(), "the survey stays as it was"
+
+
+def test_three_jumps_are_no_fault_nor_is_what_lasts(ended: tuple[MapFit, State]) -> None:
+    fit, state = ended
+    rows = fit.problem.traffic.samples
+
+    def few(record: np.ndarray, level: float) -> None:
+        record[rows[[3, 9, 15]], 7] += 40 * level
+
+    def lasting(record: np.ndarray, level: float) -> None:
+        record[rows[3:9], 7] += 40 * level
+
+    assert find_cycle_skips(with_record(fit, few), state) is None
+    assert find_cycle_skips(with_record(fit, lasting), state) is None
+
+
+def test_a_silent_channel_is_named_and_taken_out(ended: tuple[MapFit, State]) -> None:
+    fit, state = ended
+
+    def mute(record: np.ndarray, level: float) -> None:
+        record[:, 8] *= 0.01
+
+    found = find_faded_channels(with_record(fit, mute), state)
+    assert found is not None and found.freedom == 1 and "(8)" in found.words
+    assert found.estimate == found.detectable == pytest.approx(1 / 24) and found.trials == 24
+    model = fit.model(state).numpy()[:, 8] / float(fit.problem.noise[8])
+    assert found.fall == pytest.approx(float((model**2).sum()), rel=0.1), "all of its signal"
+    mended = found.mend(fit.problem).record
+    assert np.isnan(mended[:, 8]).all() and np.isfinite(np.delete(mended, 8, 1)).all()
+
+
+def test_what_is_left_is_of_the_whole_record_without_spikes(ended: tuple[MapFit, State]) -> None:
+    fit, state = ended
+    samples = fit.problem.traffic.samples
+    quiet = np.setdiff1d(np.arange(len(fit.problem.record)), samples)
+
+    def spike(record: np.ndarray, level: float) -> None:
+        record[samples[4], 3], record[samples[5], 3] = 500 * level, np.nan
+
+    rest = unexplained(with_record(fit, spike), state)
+    assert rest[samples[4], 3] == rest[samples[5], 3] == 0
+    np.testing.assert_array_equal(rest[quiet], fit.problem.record[quiet])
+    kept = np.ones(len(samples), bool)
+    kept[[4, 5]] = False
+    left = fit.problem.record[samples[kept]] - fit.model(state).numpy()[kept]
+    np.testing.assert_allclose(rest[samples[kept]], left, atol=1e-12 * np.abs(left).max())
+
+
+def test_a_template_is_what_a_typical_car_makes(ended: tuple[MapFit, State]) -> None:
+    """In proportion to the median load, earlier in the channels that it reaches first."""
+    fit, state = ended
+    shape = template(fit, state, 12.0, 1, 0.0)
+    assert len(shape) == 2 * int(np.ceil(REACH / 12.0 * fit.problem.sampling_rate)) + 1
+    heavier = replace(state, vehicles=replace(state.vehicles, amplitude=3 * state.vehicles.amplitude))
+    np.testing.assert_allclose(template(fit, heavier, 12.0, 1, 0.0), 3 * shape, rtol=1e-9)
+    middle = (shape**2 * np.arange(len(shape))[:, None]).sum(0) / (shape**2).sum(0)
+    assert middle[0] < middle[12] < middle[-1]
+    back = template(fit, state, 12.0, -1, 0.0)
+    turned = (back**2 * np.arange(len(back))[:, None]).sum(0) / (back**2).sum(0)
+    assert turned[0] > turned[12] > turned[-1]

@@ -10,7 +10,9 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.criticism.candidate import score_candidate
 from solver.criticism.policy import POLICY
-from solver.criticism.scorer import Scorer
+from solver.criticism.score import one_sided, outcome
+from solver.criticism.scorer import FEEBLE, Made, Scorer, figures, score_all, similarity, sizes_of
+from solver.criticism.windowed import Windowed
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.signal_path.derivatives import derivative
@@ -129,3 +131,120 @@ def test_what_candidates_share_serves_each_of_their_shapes(name: str, curved: bo
             for slot in (slot for slot in trial.extension.slots if not slot.parameter.is_shape):
                 found, expected = (derivative(one, slot, numbers) for one in (seen, alone))
                 torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-10 * float(expected.abs().max()))
+
+
+@pytest.fixture(scope="module")
+def stretched() -> Scorer:
+    """A survey of which gauges are longer than thought by a twentieth, in noise of a thirtieth of the signal."""
+    fit, state = trial_survey()
+    effect = built_in()["gauge_length"]
+    grown = MapFit(replace(fit.problem, effects=(effect,)))
+    numbers = torch.tensor([0.05], dtype=torch.float64)
+    model = grown.model(replace(state, numbers=numbers)).numpy()
+    record = np.zeros_like(fit.problem.record)
+    level = float(np.abs(model).max()) / 30
+    record[fit.problem.traffic.samples] = model
+    record += level * np.random.default_rng(6).normal(size=record.shape)
+    noisy = MapFit(replace(fit.problem, record=record, noise=torch.full_like(fit.problem.noise, level)))
+    return Scorer(noisy, solve(noisy, state).state)
+
+
+def test_the_score_of_one_shape_is_the_outcome_of_its_projection(stretched: Scorer) -> None:
+    effect = built_in()["gauge_length"]
+    extension = stretched.fit.problem.extension([effect])
+    columns, counts = stretched.columns(effect, {}, extension)
+    (score,) = stretched.of_shapes(effect, [{}], extension, 1)
+    found = outcome(
+        stretched.project([columns])[0], one_sided(effect, 1), torch.tensor([effect.amplitudes[0].plausible])
+    )
+    assert (score.fall, score.freedom, score.retained) == (found.fall, found.freedom, found.retained)
+    assert score.counts == tuple(counts) == (1,) and score.variance == stretched.variance
+    torch.testing.assert_close(score.signal, columns.times(torch.from_numpy(score.estimate)))
+    assert stretched.spectrum(effect, {}).evidence(score.variance) == pytest.approx(score.evidence)
+
+
+def test_shapes_in_batches_are_scored_as_each_by_itself(stretched: Scorer, monkeypatch: pytest.MonkeyPatch) -> None:
+    effect = built_in()["lowpass"]
+    extension = stretched.fit.problem.extension([effect])
+    shapes, trials = effect.tried(lambda: stretched.heard(extension))
+    together = list(stretched.of_shapes(effect, shapes, extension, trials))
+    monkeypatch.setattr("solver.criticism.scorer.BATCH", 1)
+    alone = list(stretched.of_shapes(effect, shapes, extension, trials))
+    assert [one.shape for one in together] == [one.shape for one in alone] == list(shapes)
+    assert [one.fall for one in together] == pytest.approx([one.fall for one in alone], rel=1e-7, abs=1e-7)
+    assert {one.trials for one in together} == {trials}
+
+
+def test_what_changes_less_than_rounding_is_not_scored(stretched: Scorer) -> None:
+    effect = built_in()["gauge_length"]
+    extension = stretched.fit.problem.extension([effect])
+    columns, _ = stretched.columns(effect, {}, extension)
+    for share, scores in ((0.9, 0), (1.1, 1)):
+        size = replace(effect.amplitudes[0], plausible=share * FEEBLE / columns.norm)
+        small = replace(effect, parameters=(size,))
+        within = stretched.fit.problem.extension([small])
+        assert len(list(stretched.of_shapes(small, [{}], within, 1))) == scores
+
+
+def test_the_best_of_a_table_stands_first_and_what_does_nothing_is_left_out(stretched: Scorer) -> None:
+    """On which side of nothing an effect is, the evidence says."""
+    names = ("clock_offset", "gauge_length", "sloping_fiber", "highpass")
+    table = score_all(stretched, [built_in()[name] for name in names])
+    assert [one.evidence for one in table] == sorted((one.evidence for one in table), reverse=True)
+    assert {one.effect.name for one in table} <= set(names) and all(one.freedom for one in table)
+
+
+def test_the_whole_change_is_kept_where_it_says_more(stretched: Scorer) -> None:
+    """Never less than the derivative says; and in proportion to it where an effect acts on the vehicles."""
+    for name in ("gauge_length", "clock_offset"):
+        score = max(stretched.scores(built_in()[name]), key=lambda one: one.fall)
+        far = stretched.reaching(score)
+        assert far.fall >= score.fall and far.counts == score.counts and far.shape == score.shape
+    near = max(stretched.scores(built_in()["track_jitter"]), key=lambda one: one.fall)
+    assert stretched.reaching(near) is near
+    generic = max(stretched.scores(built_in()["generic_gain"]), key=lambda one: one.fall)
+    assert stretched.reaching(generic) is generic
+
+
+def test_refined_shapes_stay_within_their_bounds_and_explain_no_less(stretched: Scorer) -> None:
+    effect = built_in()["lowpass"]
+    extension = stretched.fit.problem.extension([effect])
+    (p,) = effect.shapes
+    for value in (p.grid[0], p.grid[-1]):
+        (score,) = stretched.of_shapes(effect, [{p.name: value}], extension, 7)
+        better = stretched.refined(score, extension, 7)
+        assert better.fall >= score.fall and better.trials == 7
+        assert p.lower <= better.shape[p.name] <= p.upper
+        assert abs(better.shape[p.name] - value) <= p.spacing
+
+
+def test_signals_are_alike_by_what_the_fit_leaves_of_them(stretched: Scorer) -> None:
+    one = max(stretched.scores(built_in()["gauge_length"]), key=lambda s: s.fall)
+    other = max(stretched.scores(built_in()["clock_offset"]), key=lambda s: s.fall)
+    assert similarity(stretched, one, one) == pytest.approx(1.0)
+    assert similarity(stretched, one, replace(one, signal=-3.0 * one.signal)) == pytest.approx(1.0)
+    found = similarity(stretched, one, other)
+    assert found == pytest.approx(similarity(stretched, other, one)) and 0 <= found <= 1
+    signals = torch.stack([one.signal, other.signal], 1)
+    jacobian = torch.stack(
+        [stretched.jacobian.times(e) for e in torch.eye(stretched.jacobian.width, dtype=torch.float64)], 1
+    )
+    crossed = jacobian.T @ signals
+    left = signals.T @ signals - crossed.T @ torch.cholesky_solve(crossed, stretched.factor)
+    assert found == pytest.approx(float(left[0, 1].abs() / (left[0, 0] * left[1, 1]).sqrt()), rel=1e-5)
+
+
+def test_what_other_processes_send_back_is_all_but_the_effect(stretched: Scorer) -> None:
+    score = next(iter(stretched.scores(built_in()["gauge_length"])))
+    sent = figures(score)
+    assert "effect" not in sent and replace(score, **sent) == score
+
+
+def test_sizes_of_numbers_that_passes_share_are_those_of_one() -> None:
+    effect = next(one for one in built_in().values() if len(one.amplitudes) == 2)
+    first, second = (p.plausible for p in effect.amplitudes)
+    made = Made({}, Windowed((), 0, 5), [3, 2])
+    each = torch.eye(5, dtype=torch.float64)
+    assert sizes_of(effect, made, each).tolist() == [first] * 3 + [second] * 2
+    shared = torch.block_diag(torch.ones(3, 1), torch.ones(2, 1)).double()
+    assert sizes_of(effect, made, shared).tolist() == [first, second]

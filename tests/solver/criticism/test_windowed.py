@@ -1,10 +1,13 @@
 """Matrices without the zeros of columns that act for a short while."""
 
+from itertools import pairwise
+
 import numpy as np
+import pytest
 import torch
 from torch import Tensor
 
-from solver.criticism.windowed import Windowed
+from solver.criticism.windowed import Part, Windowed, alike, joined, lanes_of
 
 SAMPLES, CHANNELS = 60, 5
 
@@ -69,3 +72,59 @@ def test_a_matrix_is_kept_where_it_is_not_zero():
     found = Windowed.of(matrix, CHANNELS)
     torch.testing.assert_close(dense(found), matrix)
     assert sorted(tuple(part.columns.tolist()) for part in found.parts) == [(0,), (1, 2), (3,)]
+
+
+def test_a_matrix_of_zeros_has_no_parts() -> None:
+    found = Windowed.of(torch.zeros(SAMPLES * CHANNELS, 3, dtype=torch.float64), CHANNELS)
+    assert found.parts == () and (found.rows, found.width) == (SAMPLES * CHANNELS, 3)
+    assert found.norm == found.extent == 0.0
+    assert not found.times(torch.ones(3, dtype=torch.float64)).any()
+    assert not found.transposed_times(found).any()
+
+
+def test_rows_of_zeros_below_add_no_part() -> None:
+    one = Windowed.of(maps((0, 12), (30, 40)).flatten(1).T, CHANNELS)
+    more = one.above(torch.zeros(4, 2, dtype=torch.float64))
+    assert more.parts == one.parts and more.rows == one.rows + 4
+
+
+def test_windows_without_a_row_in_common_have_no_product() -> None:
+    """A column meets those of its time alone."""
+    one = Windowed.of(maps((0, 12), (40, 50), (10, 20)).flatten(1).T, CHANNELS)
+    product = one.transposed_times(one)
+    assert product[0, 1] == product[1, 0] == product[1, 2] == 0
+    assert product[0, 2] == product[2, 0] != 0
+
+
+@pytest.mark.parametrize(("stretched", "groups"), [(0.25, 1), (0.35, 2)])
+def test_columns_are_kept_together_where_their_windows_nearly_agree(stretched: float, groups: int) -> None:
+    """Up to 1.3 times as many rows as each has itself."""
+    shift = round(40 * stretched)
+    assert len(alike(torch.tensor([[0, 40], [shift, 40 + shift]]))) == groups
+
+
+def test_joined_parts_hold_what_each_held() -> None:
+    parts = [
+        Part(torch.tensor([4]), 2, 12, torch.ones(1, 10).double()),
+        Part(torch.tensor([1]), 0, 11, 2 * torch.ones(1, 11).double()),
+        Part(torch.tensor([2]), 60, 70, 3 * torch.ones(1, 10).double()),
+    ]
+    found = {tuple(part.columns.tolist()): part for part in joined(parts)}
+    assert found[(2,)] is parts[2]
+    (together,) = (part for key, part in found.items() if set(key) == {1, 4})
+    assert (together.first, together.last) == (0, 12)
+    rows = dict(zip(together.columns.tolist(), together.values.tolist(), strict=True))
+    assert rows[4] == [0.0, 0.0, *[1.0] * 10] and rows[1] == [*[2.0] * 11, 0.0]
+
+
+def test_lanes_hold_every_window_once_and_keep_apart() -> None:
+    torch.manual_seed(5)
+    first = torch.randint(0, 90, (40,))
+    windows = torch.stack([first, first + torch.randint(0, 12, (40,))], 1)
+    lanes = lanes_of(windows, 3)
+    kept = [one for lane in lanes for one in lane]
+    assert sorted(kept) == (windows[:, 1] > windows[:, 0]).nonzero()[:, 0].tolist()
+    for lane in lanes:
+        assert all(windows[a, 1] + 3 <= windows[b, 0] for a, b in pairwise(lane))
+    busiest = max(int(((windows[:, 0] <= t) & (t < windows[:, 1])).sum()) for t in range(110))
+    assert len(lanes) >= busiest

@@ -1,0 +1,228 @@
+"""Whitened directions at the end of a fit, against dense matrices of the same small survey."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from solver.catalogue.catalogue import built_in
+from solver.catalogue.trial_survey import trial_survey
+from solver.criticism.directions import SMALLEST, Directions
+from solver.criticism.policy import POLICY
+from solver.criticism.windowed import Windowed
+from solver.fit.chain import Chain
+from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
+from solver.survey.anchors import Anchor
+from solver.trajectory.trajectory_effects import SLOW_ERROR
+
+KNOWN = built_in()
+SPOOL = KNOWN["slack_spool"]
+
+
+def dense(windowed: Windowed) -> Tensor:
+    return torch.stack([windowed.times(one) for one in torch.eye(windowed.width, dtype=torch.float64)], 1)
+
+
+def noisy() -> MapFit:
+    """The trial survey in noise that makes a car's signal 30 sigmas, with two anchors."""
+    problem = trial_survey()[0].problem
+    rng = np.random.default_rng(2)
+    level = float(np.abs(problem.record).max()) / 30
+    points = [Anchor("a", int(problem.channel[k]), *problem.start[k] + [0, 0.1, 0], 0.05, 0.05) for k in (3, -4)]
+    return MapFit(
+        replace(
+            problem,
+            record=problem.record + level * rng.normal(size=problem.record.shape),
+            noise=torch.full_like(problem.noise, level),
+            anchors=points,
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def at() -> Directions:
+    fit = noisy()
+    return Directions(fit, replace(fit.start(), vehicles=trial_survey()[1].vehicles))
+
+
+@pytest.fixture(scope="module")
+def whole(at: Directions) -> tuple[Tensor, Tensor]:
+    """All columns that are fitted [row, column], and the normal matrix that the factor is of."""
+    return dense(at.jacobian), at.factor @ at.factor.T
+
+
+def scored(signal: Tensor) -> Any:
+    """As much of a score as says what it would change."""
+    return SimpleNamespace(signal=signal)
+
+
+def columns_of(at: Directions, name: str) -> Windowed:
+    effect = KNOWN[name]
+    shape = {p.name: p.grid[0] for p in effect.shapes}
+    return at.columns(effect, shape, at.fit.problem.extension([effect]))[0]
+
+
+def test_the_normal_matrix_is_that_of_all_rows_and_the_priors(at: Directions, whole: tuple[Tensor, Tensor]) -> None:
+    """What the rows of the record and of the anchors do not make of it is the priors', block by block."""
+    jacobian, matrix = whole
+    prior = matrix - jacobian.T @ jacobian
+    fitted = at.fitted
+    slow = torch.eye(len(matrix) - fitted, dtype=torch.float64) * SPLINE_VARIANCE / 0.05**2
+    torch.testing.assert_close(prior[fitted:, fitted:], slow, rtol=1e-6, atol=1e-4)
+    torch.testing.assert_close(prior[:fitted, fitted:], torch.zeros_like(prior[:fitted, fitted:]), rtol=0, atol=1e-5)
+    lowest = float(torch.linalg.eigvalsh(prior[:fitted, :fitted]).min())
+    assert lowest > -1e-9 * float(matrix.diagonal().max()), "priors only add"
+
+
+def test_slow_errors_are_pulled_by_the_residual_alone(at: Directions, whole: tuple[Tensor, Tensor]) -> None:
+    """They are open where they begin, at zero, so that their own prior does not pull."""
+    jacobian, matrix = whole
+    slow = slice(at.fitted, None)
+    torch.testing.assert_close((matrix @ at.step)[slow], (jacobian.T @ at.residual)[slow], rtol=1e-8, atol=1e-6)
+
+
+def test_the_step_solves_the_normal_equations_of_a_dense_chain(at: Directions) -> None:
+    """Alone, without slow errors, they are those of `Chain.dense`."""
+    bare = Directions(at.fit, at.state, alone=True)
+    matrix, right = Chain.single(at.fit).dense(at.state, [at.at])
+    torch.testing.assert_close(bare.step, torch.linalg.solve(matrix, right), rtol=1e-6, atol=1e-12)
+    assert bare.stress == pytest.approx(
+        float(torch.linalg.solve(torch.linalg.cholesky(matrix), right).abs().max()), rel=1e-8
+    )
+
+
+@pytest.mark.parametrize("name", ["slack_spool", "gauge_length", "clock_offset", "track_jitter"])
+def test_what_the_fit_leaves_is_a_projection(at: Directions, whole: tuple[Tensor, Tensor], name: str) -> None:
+    jacobian, matrix = whole
+    columns = columns_of(at, name)
+    x = dense(columns)
+    (found,) = at.project([columns])
+    crossed = jacobian.T @ x
+    torch.testing.assert_close(found.gram, x.T @ x, rtol=1e-9, atol=1e-9)
+    left = x.T @ x - crossed.T @ torch.linalg.solve(matrix, crossed)
+    torch.testing.assert_close(found.information, left, rtol=1e-6, atol=1e-6 * float(found.gram.max()))
+    score = x.T @ at.residual - crossed.T @ at.step
+    torch.testing.assert_close(found.score, score, rtol=1e-6, atol=1e-7 * float(crossed.abs().max()))
+    lowest = float(torch.linalg.eigvalsh(found.information).min())
+    assert lowest > -1e-9 * float(found.gram.max()), "no more is left than there was"
+
+
+def test_directions_are_projected_together_as_each_by_itself(at: Directions) -> None:
+    every = [columns_of(at, name) for name in ("gauge_length", "clock_offset", "slack_spool")]
+    for one, together in zip(every, at.project(every), strict=True):
+        (alone,) = at.project([one])
+        torch.testing.assert_close(together.score, alone.score)
+        torch.testing.assert_close(together.information, alone.information)
+    assert at.project([]) == []
+
+
+def test_alone_nothing_is_fitted_beside(at: Directions) -> None:
+    held = Directions(at.fit, at.state, alone=True)
+    columns = columns_of(held, "gauge_length")
+    (found,) = held.project([columns])
+    assert found.information is found.gram
+    torch.testing.assert_close(found.score, columns.along(held.residual))
+    assert not held.following(scored(torch.ones(columns.rows, dtype=torch.float64))).any()
+
+
+def test_what_was_fitted_follows_a_signal_by_least_squares(at: Directions, whole: tuple[Tensor, Tensor]) -> None:
+    """A signal that the fit can make itself is taken back by what makes it, but for what the priors hold."""
+    jacobian, matrix = whole
+    weight = torch.linspace(-1, 1, jacobian.shape[1], dtype=torch.float64)
+    signal = jacobian @ weight
+    found = at.following(scored(signal))
+    expected = -torch.linalg.solve(matrix, jacobian.T @ signal)[: at.fitted]
+    torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-6)
+    free = -torch.linalg.solve(matrix, (matrix @ weight))[: at.fitted]
+    torch.testing.assert_close(free, -weight[: at.fitted])
+
+
+@pytest.mark.parametrize("name", ["gauge_length", "slack_spool", "clock_offset"])
+def test_a_small_change_is_the_derivative(at: Directions, name: str) -> None:
+    """Of the record and of the anchors, in the same rows."""
+    effect = KNOWN[name]
+    shape = {p.name: p.grid[0] for p in effect.shapes}
+    extension = at.fit.problem.extension([effect])
+    columns, _ = at.columns(effect, shape, extension)
+    base = at.numbers(extension, shape)
+    where = next(slot.where for slot in extension.slots if not slot.parameter.is_shape)
+    step = 1e-5 * effect.amplitudes[0].plausible
+    ends = []
+    for sign in (1, -1):
+        numbers = base.clone()
+        numbers[where] += sign * step
+        ends.append(dense(at.change(extension, base, numbers))[:, 0])
+    found = (ends[0] - ends[1]) / (2 * step)
+    expected = dense(columns)[:, 0]
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-5 * float(expected.abs().max()))
+    nothing = at.change(extension, base, base)
+    assert nothing.norm < 1e-9 * columns.norm
+
+
+def test_at_its_null_a_candidate_changes_no_map(at: Directions) -> None:
+    for name in ("gauge_length", "slack_spool", "wheel_layout", "saturation"):
+        effect = KNOWN[name]
+        extension = at.fit.problem.extension([effect])
+        numbers = at.numbers(extension, {p.name: p.grid[0] for p in effect.shapes})
+        model = at.model(extension, numbers)
+        torch.testing.assert_close(model, at.at.model, rtol=1e-9, atol=1e-12 * float(at.at.model.abs().max()))
+
+
+def test_numbers_are_those_of_the_fit_and_then_the_candidates() -> None:
+    fit = MapFit(replace(noisy().problem, effects=(KNOWN["gauge_length"],)))
+    state = replace(fit.start(), numbers=torch.tensor([0.07], dtype=torch.float64))
+    at = Directions(fit, state)
+    extension = fit.problem.extension([*fit.extension.effects, SPOOL])
+    shape = {p.name: p.grid[1] for p in SPOOL.shapes}
+    found = at.numbers(extension, shape).tolist()
+    assert found[0] == 0.07
+    for slot in extension.slots[1:]:
+        p = slot.parameter
+        assert found[slot.where] == [shape[p.name] if p.is_shape else p.null]
+
+
+def test_the_noise_counts_for_more_as_the_law_may_be_off(at: Directions) -> None:
+    white = at.fit.whiten(at.at.model[..., None] * at.at.weights.good[..., None])[..., 0]
+    energy = float((white.square() * at.at.weights.soft).sum())
+    assert at.variance == pytest.approx(1 + POLICY.inexact**2 * energy)
+    assert Directions(at.fit, at.state, alone=True, variance=3.5).variance == 3.5
+
+
+def test_slow_errors_are_open_unless_they_are_fitted_or_all_is_held(at: Directions) -> None:
+    fitted = dense(at.jacobian).shape[1]
+    slow, counts = at.slow_errors()
+    assert fitted == at.fitted + slow.width and sum(counts) == slow.width
+    assert Directions(at.fit, at.state, alone=True).jacobian.width == at.fitted
+    grown = MapFit(replace(at.fit.problem, effects=(SLOW_ERROR,)))
+    state = replace(grown.start(), vehicles=at.state.vehicles)
+    assert Directions(grown, state).jacobian.width == int(grown.free.sum())
+
+
+def test_tracks_that_are_sure_of_themselves_may_still_be_off(at: Directions) -> None:
+    """By a centimeter: what is open is no less than that."""
+    passes = [replace(one, sigma=np.full(one.sigma.shape, 1e-6)) for one in at.fit.problem.passes]
+    fit = MapFit(replace(at.fit.problem, passes=passes))
+    sure = Directions(fit, at.state)
+    jacobian = dense(sure.jacobian)[:, sure.fitted :]
+    prior = (sure.factor @ sure.factor.T)[sure.fitted :, sure.fitted :] - jacobian.T @ jacobian
+    assert float(prior.diagonal().mean()) == pytest.approx(SPLINE_VARIANCE / SMALLEST**2, rel=1e-3)
+
+
+def test_what_candidates_share_is_computed_once(at: Directions) -> None:
+    one, other = (at.fit.problem.extension([KNOWN[name]]) for name in ("gauge_length", "saturation"))
+    seen = at.seen(one)
+    assert at.seen(one) is seen
+    there = at.seen(other)
+    same = there is not seen and there.local is seen.local
+    assert same
+
+
+def test_what_is_heard_is_the_residual_of_every_sample(at: Directions) -> None:
+    heard = at.heard(at.fit.problem.extension([KNOWN["gauge_length"]]))
+    samples, channels = at.fit.data.shape
+    assert heard.residual.shape == (samples, channels)
+    torch.testing.assert_close(heard.residual.flatten(), at.residual[: samples * channels])

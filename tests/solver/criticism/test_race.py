@@ -1,0 +1,161 @@
+"""Where full fits with a candidate begin, and how they run side by side, on a small survey."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from solver.catalogue.catalogue import built_in
+from solver.catalogue.trial_survey import trial_survey
+from solver.criticism.policy import POLICY
+from solver.criticism.race import elsewhere, race, rests_on_one, started, started_elsewhere, unshifted
+from solver.criticism.refit import Refit, counted, with_effect
+from solver.criticism.scorer import Scorer
+from solver.effect import Start
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit
+from solver.fit.state import Weights
+
+KNOWN = built_in()
+GAUGE, CLOCK = KNOWN["gauge_length"], KNOWN["clock_offset"]
+LONGER = 0.1
+
+
+@pytest.fixture(scope="module")
+def scorer() -> Scorer:
+    """At the fit of a survey whose gauges are a tenth longer than told, in noise of a hundredth of the signal."""
+    fit, state = trial_survey()
+    grown = MapFit(with_effect(fit.problem, GAUGE))
+    model = grown.model(replace(state, numbers=torch.tensor([LONGER], dtype=torch.float64))).numpy()
+    level = float(np.abs(model).max()) / 100
+    record = level * np.random.default_rng(7).normal(size=fit.problem.record.shape)
+    record[fit.problem.traffic.samples] += model
+    noisy = MapFit(replace(fit.problem, record=record, noise=torch.full_like(fit.problem.noise, level)))
+    return Scorer(noisy, solve(noisy, state).state)
+
+
+@pytest.fixture(scope="module")
+def weights(scorer: Scorer) -> Weights:
+    counts = counted(scorer.fit, scorer.at)
+    return Weights((counts > 0).double(), counts**2)
+
+
+@pytest.fixture(scope="module")
+def score(scorer: Scorer) -> Any:
+    return max(scorer.scores(GAUGE), key=lambda one: one.fall)
+
+
+def test_a_fit_starts_toward_the_estimate_where_that_lowers_the_misfit(
+    scorer: Scorer, weights: Weights, score: Any
+) -> None:
+    fit = MapFit(with_effect(scorer.fit.problem, GAUGE))
+    begun = started(fit, scorer, score, weights)
+    size = float(begun.numbers[-1])
+    assert np.sign(size) == np.sign(score.estimate[0]) and 0 < abs(size) <= abs(score.estimate[0]) + 1e-12
+    still = replace(scorer.state, numbers=fit.extension.numbers())
+    assert fit.cost(begun, weights) < fit.cost(still, weights)
+
+
+@pytest.mark.parametrize("fall", [0.0, 1.0])
+def test_a_start_that_only_raises_the_misfit_is_taken_as_told_or_smaller(
+    scorer: Scorer, weights: Weights, score: Any, fall: float
+) -> None:
+    """What is predicted may be tried at a twentieth; what is told, and not predicted, begins as told."""
+    fit = MapFit(with_effect(scorer.fit.problem, GAUGE))
+    wrong = replace(score, estimate=-8 * np.abs(score.estimate), fall=fall, signal=torch.zeros_like(score.signal))
+    size = float(started(fit, scorer, wrong, weights).numbers[-1])
+    told = max(float(wrong.estimate[0]), GAUGE.amplitudes[0].lower)
+    assert size == pytest.approx(told if fall == 0 else 0.05 * float(wrong.estimate[0]), rel=1e-6)
+
+
+def test_tracks_that_did_not_shift_leave_nothing_to_unshift(scorer: Scorer) -> None:
+    still = replace(scorer.state.vehicles, along=torch.zeros_like(scorer.state.vehicles.along))
+    at = Scorer(scorer.fit, replace(scorer.state, vehicles=still))
+    assert unshifted(at, [CLOCK]) == []
+
+
+def test_where_tracks_shifted_effects_of_all_passes_are_scored_without_the_shifts(scorer: Scorer) -> None:
+    far = torch.full_like(scorer.state.vehicles.along, 3 * POLICY.shifted * scorer.fit.problem.prior.along)
+    shifted = replace(scorer.state, vehicles=replace(scorer.state.vehicles, along=far))
+    at = Scorer(scorer.fit, shifted)
+    found = unshifted(at, [CLOCK, GAUGE, KNOWN["track_jitter"], KNOWN["generic_gain"]])
+    assert {score.effect.name for _, score in found} <= {"clock_offset", "gauge_length"}
+    for one, score in found:
+        assert one.alone and one.variance == at.variance
+        assert not one.state.vehicles.along.any(), "as the tracks say"
+        torch.testing.assert_close(one.state.vehicles.amplitude, at.state.vehicles.amplitude)
+        assert score.evidence > POLICY.late * max(other.evidence for _, other in found)
+
+
+def test_an_effect_may_say_where_its_fit_starts(scorer: Scorer) -> None:
+    """With numbers of its own and, where it says so, on another route."""
+    distance = scorer.fit.problem.distance
+    aside = np.column_stack([distance - distance.mean(), np.full(len(distance), 6.0), np.ones(len(distance))])
+    for route in (None, lambda at: np.column_stack([np.interp(at, distance, aside[:, k]) for k in range(3)])):
+        effect = replace(GAUGE, start=lambda known, route=route: Start((np.array([0.2]),), {}, route))
+        at, score = started_elsewhere(scorer, effect) or (None, None)
+        assert at is not None and score is not None
+        assert score.estimate.tolist() == [0.2] and score.counts == (1,) and score.fall == 0.0
+        assert at.alone and at.variance == scorer.variance
+        if route is None:
+            torch.testing.assert_close(at.state.coefficients, scorer.state.coefficients)
+        else:
+            coefficients = at.state.coefficients.numpy()
+            assert np.median(at.fit.basis.along(coefficients, distance)[:, 1]) == pytest.approx(6.0, abs=0.05)
+    assert started_elsewhere(scorer, GAUGE) is None
+    silent = replace(GAUGE, start=lambda known: None)
+    assert started_elsewhere(scorer, silent) is None and elsewhere(scorer, [silent]) == unshifted(scorer, [silent])
+
+
+def test_the_race_finds_the_size_and_the_winner(scorer: Scorer, score: Any) -> None:
+    other = max(scorer.scores(CLOCK), key=lambda one: one.fall)
+    told = []
+    found = race(scorer, [score, other], told.append)
+    assert sum(told) == 2 and set(found) == {"gauge_length", "clock_offset"}
+    best = found["gauge_length"]
+    assert best.fall > found["clock_offset"].fall and best.evidence > POLICY.found
+    assert best.estimate[0] == pytest.approx(LONGER, abs=5 * float(best.sigma[0]))
+    assert best.fit.problem.effects[-1] is GAUGE and not best.lone
+
+
+def refit(evidence: float, share: float, scope: str = "one") -> Any:
+    """A refit of so much evidence, of which one pass has a share."""
+    effect = SimpleNamespace(amplitudes=[SimpleNamespace(scope=scope)])
+    return SimpleNamespace(effect=effect, evidence=evidence, standing=lambda more: evidence + more / 2, share=share)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "share", "scope", "lone"),
+    [
+        (2.0 * POLICY.found, 1.6 * POLICY.found, "one", True),
+        (2.0 * POLICY.found, 1.4 * POLICY.found, "one", False),  # enough is left
+        (2.0 * POLICY.found, 1.6 * POLICY.found, "pass", False),  # each pass has its own number
+        (0.9 * POLICY.found, 0.9 * POLICY.found, "one", False),  # nothing was claimed
+        (1.01 * POLICY.lone, 1.01 * POLICY.lone, "one", False),  # there is much
+    ],
+)
+def test_evidence_rests_on_one_pass_where_little_is_left_without_it(
+    evidence: float, share: float, scope: str, lone: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = refit(evidence, share, scope)
+    monkeypatch.setattr("solver.criticism.race.largest_share", lambda scorer, refit, counts: 2 * refit.share)
+    nobody: Any = None
+    assert rests_on_one(nobody, one, nobody) is lone
+
+
+def test_a_fit_that_leads_nowhere_leaves_the_race_to_the_rest(
+    scorer: Scorer, score: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = max(scorer.scores(CLOCK), key=lambda one: one.fall)
+
+    def solved(fit: MapFit, *given: Any, **more: Any) -> Any:
+        if fit.problem.effects[-1] is CLOCK:
+            raise np.linalg.LinAlgError("no numbers")
+        return solve(fit, *given, **more)
+
+    monkeypatch.setattr("solver.criticism.race.solve", solved)
+    found = race(scorer, [score, other])
+    assert set(found) == {"gauge_length"} and isinstance(found["gauge_length"], Refit)
