@@ -261,8 +261,7 @@ class Page:
         controls.set(controls.passes, value=number)
         self.show_pass()
         assert self.maps.maps is not None
-        box = outline(region, self.run, self.maps.maps)
-        if box is not None:
+        if (box := outline(region, self.run, self.maps.maps)) is not None:
             self.maps.zoom(*window(box, self.maps.maps))
             self.tapped((region.channels[0] + region.channels[1]) / 2, float(box[1].mean()))
 
@@ -292,8 +291,7 @@ class Page:
 
     def add(self) -> None:
         """Put the chosen candidate into the model."""
-        row = self.candidate
-        if row is not None:
+        if (row := self.candidate) is not None:
             self.bench.add(row["effect"], words.title(row), self.controls.force.value)
 
     def check(self) -> None:

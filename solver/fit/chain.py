@@ -232,8 +232,7 @@ class Chain(ChainLayout):
     def known(self, state: State, precision: Tensor) -> Iterator[Block]:
         """Normal matrices of the priors on what is shared."""
         for one in self.rows(state):
-            matrix = (one.rows.jacobian.T @ one.rows.jacobian).numpy()
-            yield Block(one.route.start, one.count, self.rank(one.other), matrix)
+            yield Block(one.route.start, one.count, self.rank(one.other), one.gram)
         yield Block(0, 0, np.arange(len(self.border)), np.diag(precision[self.border].numpy()))
 
     def pull(self, state: State, precision: Tensor) -> np.ndarray:

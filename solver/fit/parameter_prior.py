@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.cable.fiber import DEGREE, SplineBasis
@@ -38,6 +39,11 @@ class RouteRows:
     def count(self) -> int:
         """How many of the route's parameters they are of."""
         return self.rows.jacobian.shape[1] - len(self.other)
+
+    @property
+    def gram(self) -> NDArray[np.float64]:
+        """Their normal matrix."""
+        return np.asarray((self.rows.jacobian.T @ self.rows.jacobian).numpy())
 
     @property
     def route(self) -> slice:

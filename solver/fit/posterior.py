@@ -16,7 +16,6 @@ from solver.fit.map_fit import MapFit
 from solver.fit.normal import Reduced
 from solver.fit.normal_parts import Block
 from solver.fit.parameter_layout import PER_PASS, of_route
-from solver.fit.parameter_prior import RouteRows
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.fit.state import State
@@ -60,7 +59,7 @@ class Posterior:
     def shape(self) -> "csr_array":
         """Normal matrix [shared, shared] of the prior on the route's shape alone."""
         return self._sparse(
-            Block(one.route.start, one.rows.jacobian.shape[1], np.zeros(0, int), gram(one))
+            Block(one.route.start, one.rows.jacobian.shape[1], np.zeros(0, int), one.gram)
             for one in self.chain.prior.shape(self.visit.state.coefficients)
             if not self.chain.prior.held
         )
@@ -130,7 +129,7 @@ class Posterior:
         for one in self.chain.prior.shape(self.visit.state.coefficients):
             if self.visit.normal.size:
                 where = one.where.numpy()
-                total += float((self.columns(where)[where] * gram(one)).sum())
+                total += float((self.columns(where)[where] * one.gram).sum())
         return total
 
     @cached_property
@@ -185,11 +184,6 @@ class Posterior:
         for where, covariance in zip(self.chain.own_places, self.own_covariance, strict=True):
             sigma[where] = torch.from_numpy(np.sqrt(self.scale * np.diagonal(covariance)))
         return sigma
-
-
-def gram(one: RouteRows) -> NDArray[np.float64]:
-    """Normal matrix of the rows of a prior."""
-    return np.asarray((one.rows.jacobian.T @ one.rows.jacobian).numpy())
 
 
 def lateral_share(route: NDArray[np.float64], total: NDArray[np.float64], prior: NDArray[np.float64]) -> NDArray:
