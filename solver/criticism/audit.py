@@ -146,9 +146,9 @@ def signal_growth(
     channel: NDArray[np.int64],
     level: NDArray[np.float64],
 ) -> tuple[float, float]:
-    """How the variance of the noise grows with the square of the signal; and that over loud samples over quiet ones.
+    """Growth of the noise's variance with the square of the signal, and that variance in loud over quiet samples.
 
-    0 and 1 where it does not, beyond chance.
+    0 and 1 where neither is beyond chance.
 
     A high difference between neighboring channels leaves noise and takes what the model lacks, which is smooth over a
     gauge. Its square is regressed on the model's, with single large ones bounded.

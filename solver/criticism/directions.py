@@ -21,7 +21,7 @@ from solver.signal_path.signal_path import columns
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import track_sigma
 
-#: What tracks may be off slowly at least, m, however sure of themselves they are.
+#: Least slow error of a track, m, however small it says that it is.
 SMALLEST = 0.01
 #: Share of its diagonal that is added to a normal matrix that is singular to rounding.
 RIDGE = 1e-10
@@ -30,8 +30,8 @@ RIDGE = 1e-10
 class Directions:
     """Whitened directions at the end of one fit.
 
-    What tracks may be off slowly by their own account is open beside all that was fitted, as no fault of the model:
-    else an effect that changes vehicle by vehicle would take it up.
+    Slow errors of the tracks, as large as the tracks themselves say, are free beside all that was fitted. They are no
+    fault of the model, and an effect that changes from vehicle to vehicle would otherwise absorb them.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Directions:
         return pad(rows, (0, 0, 0, -len(rows) % self.fit.data.shape[1]))
 
     def _anchor_columns(self, effect: Effect, numbers: Tensor, extension: Extension) -> Tensor:
-        """Derivatives [anchor, number] of the anchors' rows by an effect's amplitudes, which may lead channels away."""
+        """Derivatives [anchor, number] of the anchors' rows by an effect's amplitudes, which may move channels."""
         place, by_number = extension.moves(numbers, torch.from_numpy(self.fit.prior.anchor_distance))
         counts = [slot.where.stop - slot.where.start for slot in extension.moving]
         parts = zip(extension.moving, by_number.split(counts, 1), strict=True)
@@ -133,7 +133,7 @@ class Directions:
         return numbers
 
     def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Windowed, list[int]]:
-        """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, how many each has."""
+        """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, and how many each has."""
         if effect == SLOW_ERROR and self._slow is not None:
             return self._slow
         seen, numbers = self.seen(extension), self.numbers(extension, shape)
@@ -148,7 +148,7 @@ class Directions:
         return self.fit.whiten(maps * weights.good[..., None]) * weights.soft.sqrt()[..., None]
 
     def change(self, extension: Extension, base: Tensor, numbers: Tensor) -> Windowed:
-        """How the whitened record and the anchors' rows change from an effect's numbers `base` to others."""
+        """Change of the whitened record and of the anchors' rows from the numbers `base` to others."""
         told = torch.from_numpy(self.fit.prior.anchor_distance)
         none = torch.zeros(len(told), 0, dtype=torch.float64)
         before, after = (
@@ -184,7 +184,7 @@ class Directions:
         return Heard(residual, load, seen.path.traffic.record_sample, middle, slope)
 
     def project(self, parts: Sequence[Windowed]) -> list[Projected]:
-        """What the fit leaves of directions, as `columns` has them; those of several shapes at once are faster."""
+        """What the fit leaves of directions, as `columns` gives them; several shapes at once are faster."""
         grams, scores = [one.transposed_times(one) for one in parts], [one.along(self.residual) for one in parts]
         if self.alone or not parts:
             return [Projected(score, gram, gram) for score, gram in zip(scores, grams, strict=True)]
@@ -206,7 +206,7 @@ class Directions:
 def factor_of(matrix: Tensor) -> Tensor:
     """Cholesky factor of a normal matrix, with a ridge where rounding has left it indefinite.
 
-    A route that nearly stands still somewhere, as it does along a coil that the model lacks, turns there at once.
+    Along a coil that the model lacks the route nearly stands still, and its direction is hardly determined.
 
     >>> factor_of(torch.ones(2, 2, dtype=torch.float64)).diagonal()
     tensor([1.0000e+00, 1.4142e-05], dtype=torch.float64)

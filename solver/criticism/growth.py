@@ -49,7 +49,7 @@ class Grown:
 
     @property
     def better(self) -> bool:
-        """Whether passes held out agree that it is better, by more than what does nothing may gain by chance."""
+        """Whether passes held out agree that it is better, by more than an effect that does nothing gains by chance."""
         before, after = self.held_out
         if before is None or after is None:
             return True

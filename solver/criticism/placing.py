@@ -1,4 +1,4 @@
-"""At which stage something unknown acts, by more than which discrepancy model explains it best."""
+"""The stage at which something unknown acts: the discrepancy model that explains it best does not alone decide."""
 
 import torch
 
@@ -46,7 +46,7 @@ def levels(discrepancy: Effect) -> bool:
 
 
 def fixed_to_fiber(discrepancy: Effect, scorer: Scorer) -> bool:
-    """Whether what is ahead for those who drive one way is behind for the others, rather than the same for all."""
+    """Whether what is ahead of vehicles in one direction is behind those in the other, rather than ahead of all."""
     velocity = torch.tensor([one.velocity.mean(0).tolist() for one in scorer.fit.problem.passes])
     back = velocity @ velocity[0] < 0
     extension = scorer.fit.problem.extension([*scorer.fit.extension.effects, discrepancy])

@@ -50,7 +50,7 @@ def loss(fit: MapFit, state: State, counts: Tensor) -> float:
 
 
 def largest_share(without: Directions, refit: "Refit", counts: Tensor) -> float:
-    """By how much the misfit of the one pass that gains most fell."""
+    """Fall of the misfit of the one pass that gains most."""
     fell = misfit(without.fit, without.state, counts) - misfit(refit.fit, refit.solution.state, counts)
     traffic = without.fit.problem.traffic
     gains = torch.zeros(traffic.passes, dtype=fell.dtype).index_add(0, traffic.pass_index, fell[traffic.sample_index])
@@ -96,7 +96,7 @@ class Refit:
         return self.standing(0.0 if self.solution.converged else POLICY.hope * self.solution.at.open.decrement**2)
 
     def standing(self, more: float) -> float:
-        """Evidence if the misfit fell by more; what the numbers' own prior asks is no matter of the noise."""
+        """Evidence if the misfit fell by so much more; what numbers pay to their prior is not scaled by the noise."""
         variance = self.score.variance
         gain = (self.fall + more + self.paid) / variance - self.paid
         return gain / 2 - self.score.spectrum.told(variance) - float(np.log(self.score.trials))
@@ -128,7 +128,7 @@ class Refit:
 
     @property
     def pushed(self) -> bool:
-        """Whether the fit drove it to what cannot be: one number to its bound, many far from their prior."""
+        """Whether the fit drove it to an impossible size: one number to its bound, or many far beyond their prior."""
         sizes = [(slot.parameter, self.numbers(slot)) for slot in self.slots if not slot.parameter.is_shape]
         return any(too_large(p, size) if len(size) > 1 else not p.lower < size[0] < p.upper for p, size in sizes)
 
@@ -143,7 +143,7 @@ class Refit:
         return not self.effect.generic and len(self.estimate) == 1
 
     def farther(self, weights: Weights) -> State:
-        """Where it ended, with that one number, and the vehicles' weights with it, farther from null."""
+        """Where it ended, with its one number farther from null and the vehicles as heavy as then fits best."""
         state = self.solution.state
         numbers = state.numbers.clone()
         slot = next(slot for slot in self.slots if not slot.parameter.is_shape)
@@ -161,7 +161,7 @@ class Refit:
 
 
 def too_large(parameter: Parameter, size: NDArray[np.float64]) -> bool:
-    """Whether many numbers without bounds are together of a size that their prior rules out."""
+    """Whether many unbounded numbers are together larger than their prior allows."""
     bounded = np.isfinite(parameter.lower) or np.isfinite(parameter.upper)
     return not bounded and float(np.sqrt(np.mean((size - parameter.null) ** 2))) > POLICY.extreme * parameter.plausible
 
@@ -169,7 +169,7 @@ def too_large(parameter: Parameter, size: NDArray[np.float64]) -> bool:
 def as_located(problem: Problem) -> Problem:
     """The survey with noise as `locate` and `add` take it.
 
-    That it grows with the signal is allowed for while effects are ranked, but it may be what the missing effect leaves.
+    While effects are ranked the noise may grow with the signal; but such growth may be what a missing effect leaves.
     """
     return replace(problem, signal_noise=0.0)
 

@@ -52,7 +52,7 @@ def with_moves(bench: "Bench", listed: Sequence[Candidate], tried: Mapping[str, 
 
 
 def from_run(run: Run, diagnosis: "Diagnosis") -> "Diagnosis":
-    """The diagnosis with how far the route of the run itself moves, as its ladder will say, where that is known.
+    """The diagnosis with route changes from the run's own route, as the ladder will state them, where that is known.
 
     A diagnosis starts from a fit of its own, whose tracks may shift less.
     """

@@ -73,7 +73,7 @@ class Score:
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether it falls by more than noise alone lets it, about."""
+        """Whether chi2 falls by clearly more than noise alone makes it fall."""
         return self.fall > self.freedom + NOTED * np.sqrt(2 * self.freedom)
 
 
@@ -103,7 +103,7 @@ class Projected:
 
 
 def mixes(effect: Effect, counts: Sequence[int]) -> Iterator[tuple[bool, Tensor]]:
-    """How numbers [number, combination] combine: each by itself, and over passes where they are one per pass."""
+    """Combinations of numbers [number, combination]: each alone and, of one number per pass, summed over passes."""
     yield False, torch.eye(sum(counts), dtype=torch.float64)
     if any(p.scope == "pass" for p in effect.amplitudes):
         yield True, torch.block_diag(*(torch.ones(count, 1, dtype=torch.float64) for count in counts))

@@ -46,7 +46,7 @@ class Made(NamedTuple):
 
 
 class Scorer(Directions):
-    """Score tests at the end of one fit, in the directions there."""
+    """Score tests of effects at the end of one fit."""
 
     def spectrum(self, effect: Effect, shape: dict[str, float]) -> Spectrum:
         """What the fit leaves of each of an effect's numbers, of one shape."""
@@ -80,7 +80,7 @@ class Scorer(Directions):
                 made = []
 
     def of_made(self, effect: Effect, made: "Sequence[Made]", trials: int) -> Iterator[Score]:
-        """Scores of shapes whose directions are made."""
+        """Scores of shapes whose directions are already computed."""
         for one, projected in zip(made, self.project([one.columns for one in made]), strict=True):
             heard = projected.gram.diagonal().numpy() > projected.least
             for shared, mix in mixes(effect, one.counts):
@@ -107,7 +107,7 @@ class Scorer(Directions):
         )
 
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
-        """A better shape near that of a score, by steps along each of its numbers, from half the grid's on."""
+        """A better shape near a score's: steps along each shape parameter, from half the grid's spacing down."""
         shapes, step = score.effect.shapes, {p.name: p.spacing / 2 for p in score.effect.shapes}
         for _ in range(HALVINGS):
             for p, sign in product(shapes, (1, -1)):
@@ -120,8 +120,8 @@ class Scorer(Directions):
     def reaching(self, score: Score) -> Score:
         """The score of the whole change that an effect of one number makes at some size, where that says more.
 
-        Filters along the fiber and much of the ground act far from in proportion to their number, and what a small one
-        does may be what the route hides.
+        Filters along the fiber and many effects of the ground are far from linear in their number, and the route may
+        hide what a small one does.
         """
         effect = score.effect
         near = effect.stage in NEAR_STAGES and not self.alone

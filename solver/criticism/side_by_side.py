@@ -26,7 +26,7 @@ _task: Callable[[int], bytes]
 def side_by_side(
     function: Callable[[S], T], of: Sequence[S], advance: Callable[[int], None] = lambda n: None
 ) -> list[T]:
-    """What a function makes of each of some things, in their order.
+    """Results of a function for each of some things, in their order.
 
     Each core that PyTorch may use (`torch.set_num_threads`) is one process, forked with all that the function refers
     to; only the results are sent back. Where forks are not safe, it is all done here.

@@ -1,4 +1,4 @@
-"""Derivatives of which most act for a short while: each vehicle's numbers on its own pass."""
+"""Derivatives that mostly act for a short while: a vehicle's numbers act on its own pass alone."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -100,7 +100,7 @@ class Windowed:
 
     @property
     def extent(self) -> float:
-        """How many columns would hold as much if none had zeros left out."""
+        """How many full columns would hold as many values as are kept."""
         return sum(part.values.numel() for part in self.parts) / self.rows
 
     def above(self, below: Tensor) -> "Windowed":
@@ -149,12 +149,12 @@ def acting(acts: Tensor) -> Tensor:
 
 
 def spanned(windows: Tensor) -> Tensor:
-    """First and last of windows [window, 2], together."""
+    """The window that spans all of some windows [window, 2]."""
     return torch.stack([windows[:, 0].min(), windows[:, 1].max()])
 
 
 def alike(windows: Tensor) -> list[Tensor]:
-    """Numbers [window] of those that are much the same, of windows [window, 2]; those of no length are left out.
+    """Groups of windows [window, 2] that nearly coincide, by their numbers; empty windows are left out.
 
     >>> [group.tolist() for group in alike(torch.tensor([[0, 10], [20, 30], [1, 11], [0, 30], [5, 5]]))]
     [[0, 2], [3], [1]]
@@ -201,7 +201,7 @@ def lanes_of(windows: Tensor, apart: int) -> list[list[int]]:
 
 
 def joined(parts: Sequence[Part]) -> tuple[Part, ...]:
-    """Parts, those of about the same rows as one."""
+    """Parts, with those of nearly the same rows merged into one."""
     windows = torch.tensor([[part.first, part.last] for part in parts]).reshape(-1, 2)
     whole = []
     for group in alike(windows):

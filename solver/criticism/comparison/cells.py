@@ -247,7 +247,7 @@ def middle(square: Array) -> float:
 
 
 def own_level(square: Array, level: float) -> float:
-    """Noise level of a channel from squares [sample] in time, drawn to that of all channels.
+    """Noise level of a channel from squares [sample] in time, shrunk toward that of all channels.
 
     >>> own_level(np.full(100, 3.0), 1.0) < 2.0, own_level(np.full(5, 3.0), 1.0)
     (True, 1.0)

@@ -41,8 +41,8 @@ def path_of(run: Run, one: Pass) -> tuple[Array, Array]:
 def touches(region: Region, run: Run, number: int) -> tuple[float, float] | None:
     """First and last second of a region in a pass, None where it is elsewhere.
 
-    That is while its vehicle drives by the region's channels, a gauge length before and after included; of what no
-    vehicle made, its own time.
+    That is while its vehicle drives by the region's channels, a gauge length before and after included. A region that
+    no vehicle made has a time of its own.
     """
     one = run.passes[number]
     seconds, path = path_of(run, one)

@@ -48,7 +48,7 @@ def corner_sums(values: Array) -> Array:
 
 
 def starts(size: int, length: int) -> NDArray[np.int64]:
-    """First positions of windows of a length, a quarter of it apart.
+    """First positions of windows of a length, a quarter of the length apart.
 
     >>> starts(10, 8).tolist()
     [0, 2]

@@ -1,4 +1,4 @@
-"""What to add to a planned survey: passes and anchors, by the fall of variance that each is expected to bring.
+"""What to add to a planned survey: passes and anchors, by how much each is expected to lower the variance.
 
 Information adds up: that of a pass with its own numbers eliminated, and that of an anchor, are added to the precision
 of the plan, and the best are taken one by one (Krause, Singh and Guestrin 2008, J. Mach. Learn. Res. 9, 235).
@@ -206,7 +206,7 @@ def ways(known: Known, passes: Sequence[Option], anchors: Sequence[Option], want
 
 
 def single(known: Known, options: Sequence[Option]) -> list[Addition]:
-    """What each option would do by itself, the one first that narrows most."""
+    """What each option would do by itself, the one that narrows most first."""
     before = np.concatenate(known.variances(known.covariance))
     found = []
     for one in options:

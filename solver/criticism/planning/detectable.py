@@ -49,7 +49,7 @@ def detectable(
 
 
 def smallest(scorer: Scorer, effect: Effect, setting: Setting) -> Detectable:
-    """The smallest size of one effect, for the middle one of some of its shapes."""
+    """The smallest size of one effect that shows: the median over some of its shapes."""
     extension = scorer.fit.problem.extension([*scorer.fit.extension.effects, effect])
     shapes, trials = effect.tried(lambda: scorer.heard(extension))
     few = np.unique(np.linspace(0, len(shapes) - 1, SHAPES).round().astype(int))

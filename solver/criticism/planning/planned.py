@@ -66,7 +66,7 @@ class Planned:
         return cls(site, record, made, problem, state, noise)
 
     def alone(self, vehicle_class: str, lane: LaneSection, speed: float) -> tuple[Problem, State]:
-        """A vehicle more, by itself, at a speed in m/s: its problem on the same fiber, and the state of that."""
+        """One more vehicle by itself, at a speed in m/s: its problem on the same fiber, and where its fit would end."""
         drive = Drive(vehicle_class, lane, speed)
         record = empty_record(self.site, [drive])
         route = expected_route(self.site, record.distance)

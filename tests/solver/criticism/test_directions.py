@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from noisy_trials import noisy
 from torch import Tensor
 
 from solver.catalogue.catalogue import built_in
@@ -27,25 +28,16 @@ def dense(windowed: Windowed) -> Tensor:
     return torch.stack([windowed.times(one) for one in torch.eye(windowed.width, dtype=torch.float64)], 1)
 
 
-def noisy() -> MapFit:
+def anchored() -> MapFit:
     """The trial survey in noise that makes a car's signal 30 sigmas, with two anchors."""
     problem = trial_survey()[0].problem
-    rng = np.random.default_rng(2)
-    level = float(np.abs(problem.record).max()) / 30
     points = [Anchor("a", int(problem.channel[k]), *problem.start[k] + [0, 0.1, 0], 0.05, 0.05) for k in (3, -4)]
-    return MapFit(
-        replace(
-            problem,
-            record=problem.record + level * rng.normal(size=problem.record.shape),
-            noise=torch.full_like(problem.noise, level),
-            anchors=points,
-        )
-    )
+    return noisy(30, 2, anchors=points)
 
 
 @pytest.fixture(scope="module")
 def at() -> Directions:
-    fit = noisy()
+    fit = anchored()
     return Directions(fit, replace(fit.start(), vehicles=trial_survey()[1].vehicles))
 
 
@@ -173,7 +165,7 @@ def test_at_its_null_a_candidate_changes_no_map(at: Directions) -> None:
 
 
 def test_numbers_are_those_of_the_fit_and_then_the_candidates() -> None:
-    fit = MapFit(replace(noisy().problem, effects=(KNOWN["gauge_length"],)))
+    fit = MapFit(replace(anchored().problem, effects=(KNOWN["gauge_length"],)))
     state = replace(fit.start(), numbers=torch.tensor([0.07], dtype=torch.float64))
     at = Directions(fit, state)
     extension = fit.problem.extension([*fit.extension.effects, SPOOL])

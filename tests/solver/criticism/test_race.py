@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from noisy_trials import noisy
 
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
@@ -27,14 +28,8 @@ LONGER = 0.1
 @pytest.fixture(scope="module")
 def scorer() -> Scorer:
     """At the fit of a survey whose gauges are a tenth longer than told, in noise of a hundredth of the signal."""
-    fit, state = trial_survey()
-    grown = MapFit(with_effect(fit.problem, GAUGE))
-    model = grown.model(replace(state, numbers=torch.tensor([LONGER], dtype=torch.float64))).numpy()
-    level = float(np.abs(model).max()) / 100
-    record = level * np.random.default_rng(7).normal(size=fit.problem.record.shape)
-    record[fit.problem.traffic.samples] += model
-    noisy = MapFit(replace(fit.problem, record=record, noise=torch.full_like(fit.problem.noise, level)))
-    return Scorer(noisy, solve(noisy, state).state)
+    fit = noisy(100, 7, GAUGE, LONGER)
+    return Scorer(fit, solve(fit, trial_survey()[1]).state)
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
+from noisy_trials import noisy
 
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.repairs import (
@@ -139,11 +139,7 @@ def test_vehicles_that_were_added_are_numbered():
 @pytest.fixture(scope="module")
 def ended() -> tuple[MapFit, State]:
     """The trial survey in noise of a hundredth of its signal, with its true state."""
-    fit, state = trial_survey()
-    record = fit.problem.record.copy()
-    level = float(np.abs(record).max()) / 100
-    record += level * RNG.normal(size=record.shape)
-    return MapFit(replace(fit.problem, record=record, noise=torch.full_like(fit.problem.noise, level))), state
+    return noisy(100, 9), trial_survey()[1]
 
 
 def with_record(fit: MapFit, change: Any) -> MapFit:

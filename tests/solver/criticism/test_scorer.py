@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from noisy_trials import noisy
 
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import Trial, trial_survey
@@ -136,17 +137,8 @@ def test_what_candidates_share_serves_each_of_their_shapes(name: str, curved: bo
 @pytest.fixture(scope="module")
 def stretched() -> Scorer:
     """A survey of which gauges are longer than thought by a twentieth, in noise of a thirtieth of the signal."""
-    fit, state = trial_survey()
-    effect = built_in()["gauge_length"]
-    grown = MapFit(replace(fit.problem, effects=(effect,)))
-    numbers = torch.tensor([0.05], dtype=torch.float64)
-    model = grown.model(replace(state, numbers=numbers)).numpy()
-    record = np.zeros_like(fit.problem.record)
-    level = float(np.abs(model).max()) / 30
-    record[fit.problem.traffic.samples] = model
-    record += level * np.random.default_rng(6).normal(size=record.shape)
-    noisy = MapFit(replace(fit.problem, record=record, noise=torch.full_like(fit.problem.noise, level)))
-    return Scorer(noisy, solve(noisy, state).state)
+    fit = noisy(30, 6, built_in()["gauge_length"], 0.05)
+    return Scorer(fit, solve(fit, trial_survey()[1]).state)
 
 
 def test_the_score_of_one_shape_is_the_outcome_of_its_projection(stretched: Scorer) -> None:
