@@ -28,13 +28,9 @@ def workbench(
 
     Examples: `roadfiber workbench runs/main-street`, `roadfiber workbench run --no-browser --port 5006`
     """
-    from roadfiber.locating import open_street
-
-    plugins = plugin or []
-    opened = open_street(run, plugins=plugins)
     from roadfiber.web.workbench import serve_workbench
 
-    serve_workbench(opened, plugins, port, browser)
+    serve_workbench(run, plugin or [], port, browser)
 
 
 @app.command()

@@ -13,6 +13,7 @@ from roadfiber.locating import open_street
 from roadfiber.web.job import Job
 from roadfiber.web.worker import Worker
 from solver.criticism.comparison import Comparison
+from solver.run.fitted import too_long
 from solver.run.run import Run
 from vision.contract import InputError, writing
 from vision.contract.errors import machine_words
@@ -69,6 +70,11 @@ class Bench:
         return self.run.folder
 
     @property
+    def refused(self) -> str:
+        """Why nothing can be put into its model, and what to do; empty where effects can."""
+        return too_long(self.run)
+
+    @property
     def busy(self) -> bool:
         """Whether a fit or diagnosis is under way."""
         return self.job is not None and not self.job.ended
@@ -109,7 +115,9 @@ class Bench:
                 self.changed()
 
         self.looker.ask("compare", self.folder, self.plugins, then=compared, failed=self.changed)
-        if self.candidates:
+        if self.refused:
+            self.candidates, self.source = [], "not asked, the fiber is too long"
+        if self.candidates or self.refused:
             return
         self.source = "scoring ..."
 

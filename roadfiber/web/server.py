@@ -1,6 +1,7 @@
 """A page that this machine serves to itself alone: on 127.0.0.1, at an address that nobody can guess."""
 
 import secrets
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -8,10 +9,19 @@ from vision.contract import InputError
 
 #: Bytes of the token in an address.
 TOKEN = 24
+#: s that open pages have to show why serving ends.
+LAST_WORDS = 0.5
 
 
 def serve(
-    page: Callable[[], Any], name: str, *, port: int, browser: bool, title: str, token: str | None = None
+    page: Callable[[], Any],
+    name: str,
+    *,
+    port: int,
+    browser: bool,
+    title: str,
+    token: str | None = None,
+    work: Callable[[], None] | None = None,
 ) -> None:
     """Serve a page until Ctrl-C ends it.
 
@@ -26,6 +36,7 @@ def serve(
     browser : open the user's browser
     title : of the page
     token : part of the address; a new one where None
+    work : done in a thread once the address is told; what it raises ends the serving, and is raised here
 
     Raises
     ------
@@ -56,12 +67,25 @@ def serve(
     if browser:
         server.io_loop.add_callback(server.show, f"/{token}")
     server.start()
+    raised: list[BaseException] = []
+
+    def beside(work: Callable[[], None]) -> None:
+        try:
+            work()
+        except BaseException as error:
+            raised.append(error)
+            server.io_loop.add_callback(lambda: server.io_loop.call_later(LAST_WORDS, server.io_loop.stop))
+
+    if work is not None:
+        threading.Thread(target=beside, args=(work,), daemon=True).start()
     try:
         server.io_loop.start()
     except KeyboardInterrupt:
         print("ended")
     finally:
         server.stop()
+    if raised:
+        raise raised[0]
 
 
 #: Says on the page that the server has ended.

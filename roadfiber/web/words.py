@@ -1,6 +1,6 @@
 """What the workbench says, as HTML whose every value is escaped, and as lines of its lists."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
@@ -64,6 +64,15 @@ def region_lines(bench: Bench) -> list[str]:
     return [f"{number}. {region_words(region, bench.run)}" for number, region in enumerate(bench.comparison.regions, 1)]
 
 
+def regions_news(bench: Bench) -> str:
+    """What there is to say of the list of regions before one is chosen."""
+    if bench.comparison is None:
+        return "<small>Looking where the model fails ...</small>"
+    if not bench.comparison.regions:
+        return "<p><b>Where the model fails:</b> nowhere that this survey shows.</p>"
+    return ""
+
+
 def candidate_line(row: Mapping[str, Any]) -> str:
     """An effect in the list of candidates."""
     how = "fitted" if row.get("refitted") else "scored"
@@ -76,11 +85,13 @@ def title(row: Mapping[str, Any]) -> str:
     return str(row["told"].get("title") or row["effect"])
 
 
-def candidate_words(row: Mapping[str, Any] | None, rows: Sequence[Mapping[str, Any]]) -> str:
-    """What is known of a candidate."""
+def candidate_words(row: Mapping[str, Any] | None, bench: Bench) -> str:
+    """What is known of a candidate, or why there is none."""
+    if bench.refused:
+        return f"<p>Nothing can be added to this {escape(bench.refused)}.</p>"
     if row is None:
         return "<small>Choose one of the list.</small>"
-    titles = {one["effect"]: title(one) for one in rows}
+    titles = {one["effect"]: title(one) for one in bench.candidates}
     lines = [escape(str(row["told"].get("sentence") or ""))]
     kind = "A discrepancy model: it names no cause. " if row.get("generic") else ""
     lines.append(f"<small>{kind}At the {escape(str(row.get('stage')))} stage.</small>")

@@ -3,48 +3,17 @@
 import atexit
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import panel as pn
 
-from roadfiber.web.bench import Bench
-from roadfiber.web.controls import WIDE
-from roadfiber.web.film import film_of
-from roadfiber.web.workbench_page import Page
-from solver.run.run import Run
+from vision.contract.errors import InputError
 
-#: px, width of the column of controls, and of the video.
-LEFT, VIDEO = 390, 340
+if TYPE_CHECKING:
+    from solver.run.run import Run
 
 
-def laid_out(page: Page) -> Any:
-    """All that is on a page."""
-    controls, button = page.controls, page.controls.button
-
-    def drawn(one: Any) -> Any:
-        return pn.pane.Bokeh(one.plot, **WIDE)
-
-    own = pn.Card(controls.file, controls.code, button["check"], title="An effect of your own", collapsed=True, **WIDE)
-    left = pn.Column(
-        controls.passes, controls.regions, controls.where, controls.effects, controls.about, controls.size,
-        controls.follow, controls.expected, pn.Row(button["add"], button["undo"], button["redo"]), controls.force,
-        pn.Row(button["diagnose"], button["cancel"]), controls.work, drawn(page.live), controls.steps,
-        drawn(page.ladder), pn.Row(*controls.exports), own, width=LEFT,
-    )  # fmt: skip
-    right = pn.Column(
-        drawn(page.map),
-        pn.Row(*(pn.pane.Bokeh(plot, **WIDE) for plot in page.maps.plots), **WIDE),
-        drawn(page.depth),
-        pn.Row(controls.channel, controls.second, **WIDE),
-        pn.Row(drawn(page.traces), pn.Column(controls.picture, width=VIDEO), **WIDE),
-        drawn(page.by_channel),
-        pn.Row(drawn(page.stack), pn.Column(controls.by, drawn(page.by_property), **WIDE), **WIDE),
-        **WIDE,
-    )
-    return pn.Column(controls.heading, controls.said, pn.Row(left, right, **WIDE), min_width=900, **WIDE)
-
-
-def workbench(run: Run, *, plugins: Sequence[Path | str] = ()) -> Any:
+def workbench(run: "Run", *, plugins: Sequence[Path | str] = ()) -> Any:
     """The workbench of a run in a notebook: what `roadfiber workbench` serves.
 
     Parameters
@@ -65,21 +34,50 @@ def workbench(run: Run, *, plugins: Sequence[Path | str] = ()) -> Any:
     --------
     >>> rf.workbench(rf.open(folder / "run"))  # doctest: +SKIP
     """
+    from roadfiber.web.bench import Bench
+    from roadfiber.web.film import film_of
+    from roadfiber.web.layout import laid_out
+    from roadfiber.web.workbench_page import Page
+
     pn.extension()
     bench = Bench(run, [Path(one) for one in plugins])
     atexit.register(bench.close)
     return laid_out(Page(bench, film_of(run)))
 
 
-def serve_workbench(run: Run, plugins: Sequence[Path], port: int, browser: bool) -> None:
-    """Serve the workbench of a run on this machine until Ctrl-C ends it."""
+def serve_workbench(folder: Path, plugins: Sequence[Path], port: int, browser: bool) -> None:
+    """Serve the workbench of a run on this machine until Ctrl-C ends it; the page is there while the run is read.
+
+    Raises
+    ------
+    InputError
+        If it is no run folder of a street, or cannot be read; the page says so, too.
+    """
+    from roadfiber.web.opening import Opening
     from roadfiber.web.server import serve
 
     pn.extension()
-    bench, film = Bench(run, plugins), film_of(run)
+    opening, benches = Opening(f"Reading {folder} ..."), []
+
+    def read() -> None:
+        # These take longer to import than the first page to draw.
+        from roadfiber.locating import open_street
+        from roadfiber.web.bench import Bench
+        from roadfiber.web.film import film_of
+        from roadfiber.web.layout import laid_out
+        from roadfiber.web.workbench_page import Page
+
+        try:
+            run = open_street(folder, plugins=plugins)
+            film = film_of(run)
+        except InputError as error:
+            opening.failed(f"This run cannot be shown: {error}")
+            raise
+        benches.append(bench := Bench(run, plugins))
+        opening.ready(lambda: laid_out(Page(bench, film)))
+
     try:
-        serve(
-            lambda: laid_out(Page(bench, film)), "workbench", port=port, browser=browser, title=f"roadfiber: {run.name}"
-        )
+        serve(opening.page, "workbench", port=port, browser=browser, title=f"roadfiber: {folder.name}", work=read)
     finally:
-        bench.close()
+        for bench in benches:
+            bench.close()

@@ -130,8 +130,8 @@ class Page:
                 "cancel": not free,
                 "undo": free and bench.at > 0,
                 "redo": free and bench.at + 1 < len(bench.runs),
-                "diagnose": free,
-                "check": free,
+                "diagnose": free and not bench.refused,
+                "check": free and not bench.refused,
             }
         )
 
@@ -225,9 +225,9 @@ class Page:
         """List the regions that fail, and draw the residual by everything."""
         controls = self.controls
         self.comparison = self.bench.comparison
-        lines = words.region_lines(self.bench)
-        controls.set(controls.regions, options={line: at for at, line in enumerate(lines)}, value=[])
-        controls.where.object = ""
+        options = {line: at for at, line in enumerate(words.region_lines(self.bench))}
+        controls.set(controls.regions, options=options, value=[], visible=bool(options) or self.comparison is None)
+        controls.where.object = words.regions_news(self.bench)
         if self.comparison is not None:
             self.stack.show(self.comparison)
             self.by_channel.show(self.comparison)
@@ -280,12 +280,12 @@ class Page:
         lines = {f"{at}. {words.candidate_line(row)}": at - 1 for at, row in enumerate(self.listed, 1)}
         same = [at for at, row in enumerate(self.listed) if chosen and row["effect"] == chosen["effect"]]
         controls.set(controls.effects, options=lines, value=same)
-        controls.about.object = words.candidate_words(self.candidate, self.listed)
+        controls.about.object = words.candidate_words(self.candidate, self.bench)
 
     def choose(self) -> None:
         """A candidate was chosen: prepare to move its size."""
         row = self.candidate
-        self.controls.about.object = words.candidate_words(row, self.listed)
+        self.controls.about.object = words.candidate_words(row, self.bench)
         self.trial.begin(None if row is None else row["effect"])
         self.able()
 

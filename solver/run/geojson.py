@@ -13,7 +13,7 @@ from vision.contract import LocalFrame
 
 Z95 = 1.959964  # standard deviations that hold 95 % of a normal distribution
 ALTITUDE = "minus the depth below the road surface, m; not a height above the ellipsoid"
-CHUNK = 512
+CHUNK = 128
 
 
 def normals(route: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -41,11 +41,14 @@ def half_width(route: NDArray[np.float64], covariance: NDArray[np.float64]) -> N
 
 def outer(side: NDArray[np.float64], route: NDArray[np.float64], half: NDArray[np.float64]) -> NDArray[np.float64]:
     """Points of an offset curve `side` [point, 2] that lie in no other point's disk, so that the curve has no loops."""
-    keep = np.empty(len(side), bool)
+    keep, reach = np.empty(len(side), bool), half.max()
     for first in range(0, len(side), CHUNK):
         part = slice(first, first + CHUNK)
-        distance = np.linalg.norm(side[part, None] - route[None], axis=2)
-        keep[part] = (distance >= half * (1 - 1e-6)).all(axis=1)
+        # On a long fiber most disks are too far away to hold any of these points.
+        low, high = side[part].min(axis=0) - reach, side[part].max(axis=0) + reach
+        near = ((route >= low) & (route <= high)).all(axis=1)
+        distance = np.linalg.norm(side[part, None] - route[None, near], axis=2)
+        keep[part] = (distance >= half[near] * (1 - 1e-6)).all(axis=1)
     return side[keep]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 import roadfiber as rf
+from tests.roadfiber.web.told import Told
 
 #: A name that would show if it were not escaped.
 MARKUP = "<i id='injected'>9</i>"
@@ -43,3 +44,13 @@ def chromium() -> Iterator[Any]:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def bench(hidden: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A bench on a run folder of its own, with workers that answer as they are told."""
+    from roadfiber.web import bench as module
+
+    monkeypatch.setattr(module, "Worker", Told)
+    shutil.copytree(hidden, tmp_path / "run")
+    return module.Bench(rf.open(tmp_path / "run"))

@@ -1,41 +1,16 @@
 """What happens on the bench, with workers that answer as they are told."""
 
 import json
-import shutil
 from types import SimpleNamespace
 
 import pytest
 
-import roadfiber as rf
-from roadfiber.web import bench as module
 from roadfiber.web import tasks
 from roadfiber.web.bench import Bench
 from roadfiber.web.own_effect import NAME, TEMPLATE
 from vision.contract import InputError
 
-
-class Told:
-    """A worker that keeps what it was asked."""
-
-    def __init__(self, name):
-        self.asked, self.stopped = [], False
-
-    def ask(self, task, *given, then, told=None, failed=None):
-        self.asked.append(SimpleNamespace(task=task, given=given, then=then, told=told, failed=failed))
-
-    def stop(self):
-        self.stopped = True
-
-
 ROW = {"effect": "gauge_length", "told": {"title": "Gauge length"}, "evidence": 9.0, "delta_chi2": 30.0}
-
-
-@pytest.fixture
-def bench(hidden, tmp_path, monkeypatch):
-    """A bench on a run folder of its own."""
-    monkeypatch.setattr(module, "Worker", Told)
-    shutil.copytree(hidden, tmp_path / "run")
-    return Bench(rf.open(tmp_path / "run"))
 
 
 def test_a_run_without_a_diagnosis_is_compared_and_scored(bench):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.path import Path as Outline
 
-from solver.run.geojson import Z95, corridor_ring, half_width, route_features, runs
+from solver.run.geojson import Z95, corridor_ring, half_width, normals, outer, route_features, runs
 
 
 def crossings(ring: np.ndarray) -> int:
@@ -78,6 +78,15 @@ def test_crossings_are_found():
 def test_corridor_is_as_wide_as_it_says():
     ring = corridor_ring(straight(), np.full(60, 0.3))
     assert abs(area(ring)) == pytest.approx(59 * 0.6)
+
+
+def test_a_long_corridor_is_that_of_all_pairs_of_points():
+    x = np.arange(700.0)
+    route, half = np.stack([x, 30 * np.sin(x / 10)], 1), 4 + np.sin(x / 9)
+    side = route + half[:, None] * normals(route)
+    far = np.linalg.norm(side[:, None] - route[None], axis=2) >= half * (1 - 1e-6)
+    np.testing.assert_array_equal(outer(side, route, half), side[far.all(1)])
+    assert 0 < far.all(1).sum() < len(x)
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, 2.5])

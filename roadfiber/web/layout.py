@@ -1,0 +1,38 @@
+"""Where on the page of the workbench each thing stands."""
+
+from typing import Any
+
+import panel as pn
+
+from roadfiber.web.controls import WIDE
+from roadfiber.web.workbench_page import Page
+
+#: px, width of the column of controls, and of the video.
+LEFT, VIDEO = 390, 340
+
+
+def laid_out(page: Page) -> Any:
+    """All that is on a page."""
+    controls, button = page.controls, page.controls.button
+
+    def drawn(one: Any) -> Any:
+        return pn.pane.Bokeh(one.plot, **WIDE)
+
+    own = pn.Card(controls.file, controls.code, button["check"], title="An effect of your own", collapsed=True, **WIDE)
+    left = pn.Column(
+        controls.passes, controls.regions, controls.where, controls.effects, controls.about, controls.size,
+        controls.follow, controls.expected, pn.Row(button["add"], button["undo"], button["redo"]), controls.force,
+        pn.Row(button["diagnose"], button["cancel"]), controls.work, drawn(page.live), controls.steps,
+        drawn(page.ladder), pn.Row(*controls.exports), own, width=LEFT,
+    )  # fmt: skip
+    right = pn.Column(
+        drawn(page.map),
+        pn.Row(*(pn.pane.Bokeh(plot, **WIDE) for plot in page.maps.plots), **WIDE),
+        drawn(page.depth),
+        pn.Row(controls.channel, controls.second, **WIDE),
+        pn.Row(drawn(page.traces), pn.Column(controls.picture, width=VIDEO), **WIDE),
+        drawn(page.by_channel),
+        pn.Row(drawn(page.stack), pn.Column(controls.by, drawn(page.by_property), **WIDE), **WIDE),
+        **WIDE,
+    )
+    return pn.Column(controls.heading, controls.said, pn.Row(left, right, **WIDE), min_width=900, **WIDE)

@@ -1,0 +1,64 @@
+"""The page is there before what it shows, and says why that cannot be shown."""
+
+import subprocess
+import sys
+from contextlib import contextmanager
+
+from tests.roadfiber.web.test_workbench_page import opened
+
+SERVED = """
+import sys, time
+from pathlib import Path
+import panel as pn
+from roadfiber.web.opening import Opening
+from roadfiber.web.server import serve
+from vision.contract import InputError
+
+pn.extension()
+opening = Opening("Reading <i>it</i> ...")
+
+def read():
+    while not Path(sys.argv[1]).exists():
+        time.sleep(0.05)
+    if sys.argv[2] == "shown":
+        return opening.ready(lambda: pn.pane.HTML("<p id='there'>there</p>"))
+    opening.failed("data.npz: <b>none</b>")
+    raise InputError("data.npz: none")
+
+try:
+    serve(opening.page, "test", port=0, browser=False, title="test", work=read)
+except InputError as error:
+    print(error)
+"""
+
+
+@contextmanager
+def served(path, how):
+    """The address of a page that waits for a file, and its process."""
+    with subprocess.Popen([sys.executable, "-c", SERVED, path, how], stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process.stdout.readline().split()[1], process
+        finally:
+            process.terminate()
+
+
+def test_the_page_waits_for_what_it_shows(chromium, tmp_path):
+    with served(tmp_path / "go", "shown") as (address, _):
+        page = opened(chromium, address)
+        assert page.locator("#reading").inner_text() == "Reading <i>it</i> ..."
+        (tmp_path / "go").touch()
+        page.locator("#there").wait_for()
+        later = opened(chromium, address)
+        later.locator("#there").wait_for()
+        page.close()
+        later.close()
+
+
+def test_the_page_says_why_there_is_nothing_to_show(chromium, tmp_path):
+    with served(tmp_path / "go", "failed") as (address, process):
+        page = opened(chromium, address)
+        (tmp_path / "go").touch()
+        page.locator("#reading", has_text="data.npz: <b>none</b>").wait_for()
+        page.locator("#roadfiber-lost").wait_for()
+        assert process.communicate(timeout=60)[0] == "data.npz: none\n"
+        page.close()
