@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from calib.ground import GroundFit
+from calib.next_mark import next_mark
 from calib.report import scores_text
 from calib.rounding import with_sigma
 from calib.session import Mark, Marks
@@ -18,6 +19,21 @@ EDITED = ("name", "px", "py", "x", "y", "sigma", "sigma_xy")
 FOUND = ("residual_px", "residual_m", "leave_one_out_m", "color")
 FIELDS = {"name": "selected mark", "px": "px", "py": "py", "x": "x, m", "y": "y, m", "sigma": "sigma, px",
           "sigma_xy": "sigma, m"}  # fmt: skip
+LISTED = {"name": "mark", "leave_one_out_m": "left out, m", "residual_m": "off, m", "residual_px": "off, px",
+          "x": "x, m", "y": "y, m", "px": "px", "py": "py"}  # fmt: skip
+#: Style of the page's words; colors are those of all pages.
+STYLE = """
+:host { font: 14px/1.45 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; color: #1f2933; }
+h1 { font-size: 19px; margin: 0 0 2px; } p { margin: 2px 0; } small { color: #5d6873; }
+.wrong { color: #d55e00; font-weight: 600; } .next { border-left: 4px solid #0072b2; padding-left: 8px; }
+code { color: #5d6873; }
+"""
+#: What the page is for, and what to do on it.
+HEAD = (
+    "<h1>Where the camera looks: calibration by marks on the road</h1><p>Click the picture to add a mark, drag it to "
+    "its place, and type where it is on the road. Each mark is also placed by the others alone (<i>left out</i>): "
+    "where that is far off, look at the mark first.</p>"
+)
 USED, LEFT_OUT, UNPLACED = "#37d067", "#ff4040", "#ffd23c"
 
 
@@ -98,6 +114,24 @@ def table_data(marks: Marks, fit: GroundFit | None) -> dict[str, list[Any]]:
     return data
 
 
+def listed(data: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    """Rows of the table on the page, the largest leave-one-out error first, with the place `at` of each mark.
+
+    >>> missing = float("nan")
+    >>> marks = {name: [1.0, 2.0, 3.0] for name in LISTED} | {"leave_one_out_m": [0.1, missing, 0.4]}
+    >>> listed(marks)["at"]
+    [2, 0, 1]
+    """
+    error = np.nan_to_num(np.array(data["leave_one_out_m"], float), nan=-1.0)
+    order = np.argsort(-error, kind="stable").tolist()
+    return {name: [data[name][at] for at in order] for name in LISTED} | {"at": order}
+
+
+def wrong(words: object) -> str:
+    """Words on something that must be mended, as HTML."""
+    return f"<span class='wrong'>{html.escape(str(words))}</span>"
+
+
 def describe(fit: GroundFit) -> str:
     """The fit in a few lines of HTML."""
     rms_px = float(np.sqrt(np.mean(fit.residuals_px[fit.used] ** 2)))
@@ -112,4 +146,7 @@ def describe(fit: GroundFit) -> str:
         lines.append(
             ", ".join(f"{n} {with_sigma(parameters[n].value, parameters[n].sigma)} {parameters[n].unit}" for n in shown)
         )
-    return "<br>".join(lines + [f"<span style='color:#b60'>{html.escape(message)}</span>" for message in fit.warnings])
+    if wanted := next_mark(fit.calibration):
+        lines.append(f"<b>What to add next.</b> {wanted.sentence}")
+    lines += [f"<span class='wrong'>{html.escape(message)}</span>" for message in fit.warnings]
+    return "".join(f"<p>{line}</p>" for line in lines)

@@ -28,6 +28,7 @@ PLACE = """([u, v]) => {
     const box = view.el.getBoundingClientRect()
     return [box.x + view.frame.x_scale.compute(u), box.y + view.frame.y_scale.compute(v)]
 }"""
+ROWS = "() => Array.from(Bokeh.documents[0].get_model_by_name('rows').get('leave_one_out_m'))"
 COLUMN = "name => Array.from(Bokeh.documents[0].get_model_by_name('marks').get(name))"
 
 
@@ -50,8 +51,10 @@ class Street:
         return self.page.evaluate(PLACE, [float(value) for value in pixel])
 
     def select(self, index):
-        self.page.locator(".slick-row").nth(index).locator(".slick-cell").first.click()
         name = self.column("name")[index]
+        self.page.locator(".slick-row", has=self.page.get_by_text(name, exact=True)).locator(
+            ".slick-cell"
+        ).first.click()
         self.wait("name => Bokeh.documents[0].get_model_by_name('field_name').value == name", name)
 
     def wait(self, condition, argument=None):
@@ -82,7 +85,7 @@ def street(chromium, tmp_path):
     ) as server:  # fmt: skip
         try:
             address = re.search(r"http://\S+", server.stdout.readline())[0]
-            page = chromium.new_page(viewport={"width": 1500, "height": 950})
+            page = chromium.new_page(viewport={"width": 1280, "height": 950})
             asked: list[str] = []
             page.on("request", lambda request: asked.append(request.url))
             page.goto(address)
@@ -96,6 +99,13 @@ def street(chromium, tmp_path):
 def test_drag_undo_type_add_save_and_delete(street):
     rms, pixels = street.rms(), np.column_stack([street.column("px"), street.column("py")])
     assert rms < 1 and all(url.startswith("http://localhost:") for url in street.asked)
+
+    assert street.page.evaluate("() => document.documentElement.scrollWidth") <= 1280
+    errors = street.page.evaluate(ROWS)
+    assert errors == sorted(street.column("leave_one_out_m"), reverse=True), "the worst mark is listed first"
+    assert "What to add next" in street.status()
+    labels = "() => Bokeh.documents[0].get_model_by_name('labels').get('name').length"
+    assert street.page.evaluate(labels) == 0, "only a selected mark has its name beside it"
 
     start, end = street.at(pixels[4]), street.at(pixels[4] + (60, 0))
     street.page.mouse.move(*start)
@@ -115,6 +125,7 @@ def test_drag_undo_type_add_save_and_delete(street):
     assert street.column("px")[4] == pytest.approx(pixels[4, 0])
 
     street.select(0)
+    street.wait("() => Bokeh.documents[0].get_model_by_name('labels').get('name')[0] == 'p0'")
     street.page.get_by_label("x, m").fill(f"{street.column('x')[0] + 8:.2f}")
     street.page.get_by_label("x, m").press("Enter")
     street.wait("() => Bokeh.documents[0].get_model_by_name('status').text.includes('left out as outliers: p0')")
