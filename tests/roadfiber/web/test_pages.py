@@ -1,0 +1,82 @@
+"""Every page of a run: what others wrote is text on it, it loads nothing from a network, and is 8 MB at most."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import roadfiber as rf
+from solver.criticism.comparison import compare
+from solver.criticism.comparison import render as comparison_page
+from solver.criticism.finding import Diagnosis
+from solver.criticism.pages import Chapter, diagnosis_page, story_page
+from solver.run.report import render as report_page
+from solver.run.report.joined import index_page
+from solver.run.report.ladder_page import ladder_page
+from solver.run.run import Run
+from solver.run.rung import Glimpse, Rung
+from tests.solver.criticism.test_plain_verdict import candidate, diagnosis
+
+EVIL = "<img src=x onerror=alert(1)>"
+LARGEST = 8_000_000
+#: Whatever a browser would fetch by itself.
+LOADED = re.compile(
+    r"""<(?:script|link|img|iframe|source|image|use|video|audio|object|embed)\b[^>]*\b(?:src|href|data)\s*=\s*["']?"""
+    r"""(?:https?:)?//|url\(\s*["']?(?:https?:)?//|@import""",
+    re.IGNORECASE,
+)
+
+
+def suspected() -> Diagnosis:
+    """A diagnosis whose every word is a user's."""
+    one = candidate("gauge_length", confounded_with=(EVIL,), route_change=0.4)
+    return diagnosis("missing-effect", replace(one, told=replace(one.told, title=EVIL, sentence=EVIL, unit=EVIL)))
+
+
+def rungs() -> list[Rung]:
+    route = ((7.0, 0.1, 4.2, 1.0), (8.0, 1.1, 4.2, 1.0))
+    glimpse = Glimpse(EVIL, ((1.0, None), (0.5, -2.0)), ((EVIL, 0.1, 2.0),))
+    first = Rung((), 1.4, 1.5, 1.0, 0.0, 0.0, None, route, (), glimpse)
+    return [first, replace(first, effects=(EVIL,), chi2_per_dof=1.1, folder=Path(EVIL), words=(EVIL,))]
+
+
+def index(run: Run) -> str:
+    assert run.folder is not None
+    return index_page(run.folder, ["report.html", "compare.html"], EVIL)
+
+
+PAGES: dict[str, Callable[[Run], str]] = {
+    "report": report_page,
+    "comparison": lambda run: comparison_page(compare(run), run),
+    "diagnosis": lambda run: diagnosis_page(suspected(), EVIL),
+    "diagnosis of a run": lambda run: diagnosis_page(suspected(), EVIL, run),
+    "ladder": lambda run: ladder_page(rungs(), EVIL),
+    "story": lambda run: story_page([Chapter(suspected(), EVIL)], rungs(), EVIL),
+    "index": index,
+}
+
+
+@pytest.fixture(scope="module")
+def evil(hidden: Path) -> Run:
+    """A run whose names are all markup."""
+    run = rf.open(hidden)
+    facts: dict[str, Any] = run.facts | {"name": EVIL, "warnings": [EVIL], "headline": EVIL, "effects": [EVIL]}
+    facts |= {"trust": run.facts["trust"] | {"sentence": EVIL}}
+    passes = [replace(one, track_id=EVIL, vehicle_class=EVIL) for one in run.passes]
+    return replace(run, facts=facts, passes=passes, anchors=[replace(one, name=EVIL) for one in run.anchors])
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_is_one_small_file_on_which_names_are_text(name, evil):
+    text = PAGES[name](evil)
+    assert "<img src=x" not in text and ("&lt;img" in text or "\\u003cimg" in text)
+    assert not LOADED.search(text), "nothing is fetched"
+    assert len(text.encode()) < LARGEST
+
+
+def test_what_is_fetched_is_found():
+    assert LOADED.search('<script src="https://cdn.example/x.js">') and LOADED.search("url(//fonts.example/a)")
+    assert not LOADED.search('<a href="https://example.org">a link</a>')
