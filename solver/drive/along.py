@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: How much the stretch wanders over 100 m of cable, and each step besides, as shares.
 WANDER, JITTER = 0.004, 0.01
+#: m, about the length of a bend, all through which the map is off by the same.
+BEND = 30.0
 #: s, correlation time of the errors of a smoothed GPS track at least; share of a fix's sigma that is so slow that no
 #: smoothing takes it out, as receivers' errors from the ionosphere and from walls are.
 MEMORY, SLOW = 30.0, 0.7
@@ -72,6 +74,12 @@ class Steps:
     variance: Array
 
 
+def bends_of(path: Path, cell: Array, spacing: float, sigma: float) -> Array:
+    """Standard deviation of each channel's advance, cells [channel], from bends that a map of `sigma`, m, cuts."""
+    number = np.clip(np.round(cell).astype(np.int64), 0, len(path.points) - 1)
+    return np.asarray(sigma * path.turn[number] * np.sqrt(spacing * max(spacing, BEND)) / STEP)
+
+
 def steps_of(path: Path, cell: Array, loop: NDArray[np.bool_], spacing: float, factor: float, sigma: float) -> Steps:
     """How far channels are apart along the path.
 
@@ -82,8 +90,7 @@ def steps_of(path: Path, cell: Array, loop: NDArray[np.bool_], spacing: float, f
     sigma : of the map, m: in bends a cable beside the path is longer or shorter than the path
     """
     step = spacing / factor / STEP
-    number = np.clip(np.round(cell).astype(np.int64), 0, len(path.points) - 1)
-    bend = sigma * path.turn[number] * spacing / STEP
+    bend = bends_of(path, cell, spacing, sigma)
     advance = np.full(len(cell), step)
     stretched = np.full(len(cell), step)
     variance = (JITTER * step) ** 2 + bend**2

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.drive.along import Along, smoothed_along, steps_of
+from solver.drive.along import Along, bends_of, smoothed_along, steps_of
 from solver.drive.aside import Aside, beside
 from solver.drive.car import Car, car_of
 from solver.drive.channel_map import ChannelMap, map_channels
@@ -22,8 +22,9 @@ from vision.contract import InputError, progress
 
 Array = NDArray[np.float64]
 
-#: Cells to either side of where a channel is expected: in the first round, and later.
-FIRST, LATER = 120, 40
+#: Cells to either side of where a channel is expected: in the first round, when a first look may have followed another
+#: vehicle for some loops' lengths, and later.
+FIRST, LATER = 700, 40
 #: Rounds at most; s by which the clock moves in the last.
 ROUNDS, STILL = 5, 0.01
 #: Cells to either side in which the car's loudness is looked for.
@@ -162,7 +163,8 @@ def one_round(
     low = np.round(expected).astype(np.int64) - side
     floor = loudness(quiet, of, legs, expected, polarity)
     found = with_anchors(heard(quiet, of, low, 2 * side + 1, polarity, floor), drive.anchors, quiet, path)
-    channels = map_channels(found, quiet.dead, spacing, factor)
+    bend = bends_of(path, expected, spacing, drive.sigma)
+    channels = map_channels(found, quiet.dead, spacing, factor, bend)
     flags, middle = channels.best_loop, channels.best.astype(float)
     for _ in range(2):
         picks = pick(quiet, of, legs, middle, polarity, floor, quiet.dead | flags)

@@ -24,6 +24,9 @@ LOOPS, LENGTH = 1.5e-3, 120.0
 JITTER, LEAST, ANY = 0.03, 0.45, 1e-5
 #: Share of loops' channels that hear the car at the manhole.
 LEAKS = 0.3
+#: Probability that another vehicle looks like the car to a channel, at a cell where it is not: companions do so for many
+#: channels in a row, so that no channel alone may tell much.
+TRAFFIC = 0.06
 
 
 @dataclass(frozen=True)
@@ -47,18 +50,35 @@ class ChannelMap:
     evidence: float
 
 
-def kernels(advance: Array) -> tuple[Array, Array]:
-    """Probability of each advance in cells [channel, step]: for cable that runs on, and at either end of a loop."""
+def kernels(advance: Array, bend: Array | float = 0.0) -> tuple[Array, Array]:
+    """Probability of each advance in cells [channel, step]: for cable that runs on, and at either end of a loop.
+
+    Parameters
+    ----------
+    advance : cells that are expected [channel]
+    bend : cells, standard deviation from bends of the map, [channel] or one
+    """
     size = int(np.ceil(2 * advance.max())) + 3
     step = np.arange(size)
-    sigma = np.maximum(JITTER * advance, LEAST)[:, None]
+    sigma = np.hypot(np.maximum(JITTER * advance, LEAST), bend)[:, None]
     on = np.exp(-0.5 * ((step - advance[:, None]) / sigma) ** 2)
     on = (1 - ANY) * on / on.sum(1, keepdims=True) + ANY / size
     edge = np.clip(advance[:, None] + 0.5 - step, 0, 1) * (step <= advance[:, None] + 0.5)
     return on, edge / edge.sum(1, keepdims=True)
 
 
-def map_channels(heard: Heard, dead: NDArray[np.bool_], spacing: float, factor: Array | float) -> ChannelMap:
+def against_traffic(ratio: Array) -> Array:
+    """Log likelihood ratios of the car to noise or another vehicle, from those of the car to noise.
+
+    >>> against_traffic(np.array([-5.0, 0.0, 30.0])).round(2).tolist()
+    [-5.0, -0.06, 2.81]
+    """
+    return ratio - np.logaddexp(0.0, np.log(TRAFFIC) + ratio)
+
+
+def map_channels(
+    heard: Heard, dead: NDArray[np.bool_], spacing: float, factor: Array | float, bend: Array | float = 0.0
+) -> ChannelMap:
     """The posterior of which channel lies where.
 
     Parameters
@@ -67,14 +87,15 @@ def map_channels(heard: Heard, dead: NDArray[np.bool_], spacing: float, factor: 
     dead : channels that measure nothing [channel]
     spacing : of the channels, m
     factor : meters of cable per meter of path, [channel] or one
+    bend : cells, standard deviation of an advance from bends of the map, [channel] or one
     """
     forward, backward, viterbi = recursions()
     channels, width = heard.ratio.shape
     advance = np.broadcast_to(spacing / np.asarray(factor, float) / STEP, channels).astype(float)
-    on, edge = kernels(advance)
+    on, edge = kernels(advance, bend)
     begins = np.full(channels, min(0.2, LOOPS * spacing))
     ends = min(0.5, spacing / LENGTH)
-    ratio = heard.ratio.astype(np.float64)
+    ratio = against_traffic(heard.ratio.astype(np.float64))
     top = np.maximum(ratio.max(1, keepdims=True), 0.0)
     even = DEAF * np.exp(-top) + (1 - DEAF) * np.exp(ratio - top)
     odd = (1 - LEAKS) * np.exp(-top) + LEAKS * np.exp(ratio - top)

@@ -28,10 +28,11 @@ PIECE, PIECES = 10.0, 1500
 SPEEDS, ASIDE, DEPTH, REACH = (3.5, 7.0, 12.0, 20.0), 4.5, 0.9, 22.0
 #: Output, noise sigmas, that is typical of noise in a bin.
 TYPICAL = 1.3
-#: What noise scores, and the bounds of a score.
-COST, LEAST, MOST = 4.0, -2.5, 6.0
+#: What noise scores, and the bounds of a score: a companion is as loud as the car, and louder on a stretch, but not all
+#: the way; what is heard a little everywhere must outweigh it.
+COST, LEAST, MOST = 4.0, -1.0, 2.0
 #: Score of a loop's begin, of each piece in it, and of a piece left out.
-LOOP, INSIDE, SKIP = -12.0, -0.1, -10.0
+LOOP, INSIDE, SKIP = -12.0, -0.3, -10.0
 #: m/s; slower, the car strains nothing.
 SLOW = 1.0
 
