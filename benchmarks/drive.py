@@ -6,8 +6,8 @@
 Each drive has its own map error (5 to 10 m, length off by 1 %), loops of slack at manholes, stops, a U-turn, GPS noise
 of 1 to 3 m with outliers, traffic, SNR of -5 to 15 dB at 50 Hz, channels of 4 to 16 m, clock offset up to a minute and
 polarity. At another sampling rate noise of the same density is drawn, so that 12.5 Hz, which is simulated four times
-faster, tells the same. Each line ends with the checks that failed. Beside it stands what can be had without a model: every channel where the GPS had the car when the channel was
-loudest, with the one clock shift that fits best.
+faster, tells the same. Each line ends with the checks that failed. Beside it stands what can be had without a model:
+every channel where the GPS had the car when the channel was loudest, with the one clock shift that fits best.
 """
 
 import argparse

@@ -14,6 +14,7 @@ from pydantic_core import core_schema
 from roadfiber.table_rows import AnchorRow, ChannelRow, FileRow, PointRow, RouteRow, TrajectoryRow
 from roadfiber.written_files import CombinedFile, CompareFile, DiagnosisFile, RouteFeatures, Written
 from roadfiber.written_quality import HeardFile, QualityFile
+from solver.drive.drive_folder import DriveFile
 from solver.run.ladder_file import LadderFile
 from solver.run.stored import FitFile
 from solver.survey.das.store import StoreFile
@@ -30,6 +31,7 @@ FILES: dict[str, Any] = {
     "points.csv": PointRow,
     "calibration.json": Calibration,
     "fit.json": FitFile,
+    "drive-fit.json": DriveFile,
     "route.csv": RouteRow,
     "route.geojson": RouteFeatures,
     "ladder.json": LadderFile,
@@ -50,7 +52,7 @@ def schema(file: str) -> dict[str, Any]:
     Parameters
     ----------
     file : "site.toml", "fit.json", "route.csv" ...; of a csv file it is the schema of a row, in which what is empty is
-        absent. `heard.json` is what `roadfiber vehicles --json` prints
+        absent. `heard.json` is what `roadfiber vehicles --json` prints, `drive-fit.json` the fit.json of a drive
 
     Returns
     -------

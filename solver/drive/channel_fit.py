@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from solver.drive.along import Along, bends_of, smoothed_along, steps_of
 from solver.drive.aside import Aside, beside
 from solver.drive.car import Car, car_of
-from solver.drive.channel_map import ChannelMap, map_channels
+from solver.drive.channel_map import ChannelMap, against_traffic, map_channels
 from solver.drive.coarse import Coarse, first_look
 from solver.drive.drive import Drive
 from solver.drive.likelihood import LEAST, Heard, heard
@@ -162,7 +162,8 @@ def one_round(
     of = responses(quiet, path, car, legs)
     low = np.round(expected).astype(np.int64) - side
     floor = loudness(quiet, of, legs, expected, polarity)
-    found = with_anchors(heard(quiet, of, low, 2 * side + 1, polarity, floor), drive.anchors, quiet, path)
+    found = heard(quiet, of, low, 2 * side + 1, polarity, floor)
+    found = with_anchors(replace(found, ratio=against_traffic(found.ratio)), drive.anchors, quiet, path)
     bend = bends_of(path, expected, spacing, drive.sigma)
     channels = map_channels(found, quiet.dead, spacing, factor, bend)
     flags, middle = channels.best_loop, channels.best.astype(float)

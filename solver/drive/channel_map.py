@@ -24,8 +24,8 @@ LOOPS, LENGTH = 1.5e-3, 120.0
 JITTER, LEAST, ANY = 0.03, 0.45, 1e-5
 #: Share of loops' channels that hear the car at the manhole.
 LEAKS = 0.3
-#: Probability that another vehicle looks like the car to a channel, at a cell where it is not: companions do so for many
-#: channels in a row, so that no channel alone may tell much.
+#: Probability that another vehicle looks like the car to a channel, at a cell where it is not: companions do so for
+#: many channels in a row, so that no channel alone may tell much.
 TRAFFIC = 0.06
 
 
@@ -70,6 +70,8 @@ def kernels(advance: Array, bend: Array | float = 0.0) -> tuple[Array, Array]:
 def against_traffic(ratio: Array) -> Array:
     """Log likelihood ratios of the car to noise or another vehicle, from those of the car to noise.
 
+    They choose between companions; where exactly the car is they tell less well, as the tops of peaks are cut.
+
     >>> against_traffic(np.array([-5.0, 0.0, 30.0])).round(2).tolist()
     [-5.0, -0.06, 2.81]
     """
@@ -95,7 +97,7 @@ def map_channels(
     on, edge = kernels(advance, bend)
     begins = np.full(channels, min(0.2, LOOPS * spacing))
     ends = min(0.5, spacing / LENGTH)
-    ratio = against_traffic(heard.ratio.astype(np.float64))
+    ratio = heard.ratio.astype(np.float64)
     top = np.maximum(ratio.max(1, keepdims=True), 0.0)
     even = DEAF * np.exp(-top) + (1 - DEAF) * np.exp(ratio - top)
     odd = (1 - LEAKS) * np.exp(-top) + LEAKS * np.exp(ratio - top)

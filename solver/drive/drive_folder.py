@@ -43,7 +43,18 @@ EXPECTED: Expected = {
 
 
 class LoopFile(Stored):
-    """One of `loops`."""
+    """A loop of slack.
+
+    Attributes
+    ----------
+    first_channel, last_channel : in it
+    length : of cable in it, m
+    sigma : standard deviation of its length, m
+    along : the map, m from its begin
+    x, y : of the manhole in the local frame, m
+    latitude, longitude : of the manhole, degrees
+    probability : that there is one
+    """
 
     first_channel: int
     last_channel: int
@@ -58,7 +69,14 @@ class LoopFile(Stored):
 
 
 class UnheardFile(Stored):
-    """One of `unheard`."""
+    """A stretch that the drive does not decide.
+
+    Attributes
+    ----------
+    channels : first and last
+    along : the map, m from its begin: from and to
+    beside_the_car : whether the car drove beside it
+    """
 
     channels: tuple[int, int]
     along: tuple[float, float]
@@ -66,7 +84,36 @@ class UnheardFile(Stored):
 
 
 class DriveFile(Stored):
-    """fit.json of a drive: what `solver.drive.locate_drive.locate_drive` makes."""
+    """fit.json of a drive: what `solver.drive.locate_drive.locate_drive` makes.
+
+    Attributes
+    ----------
+    format : of the run folder
+    name : of the survey
+    headline : where the fiber is, in a sentence
+    trust : every check of the fit, and the sentence that follows from them
+    next : what a second drive or a tap test should look at, a line each
+    clock : how far the clocks are apart, in words
+    converged : whether the clock stands still
+    iterations : rounds until it did
+    parameters : clock offset (s), length factor and polarity, by name
+    map_reversed : whether the map runs against the channels
+    loops : of slack in manholes
+    unheard : stretches that no channel hears
+    legs : runs of the car in one direction
+    gps_left_out : fixes that are far from the smoothed drive
+    map_length : of the map, m
+    active_channels : first and last that the drive decides; empty where there are none
+    frame : the local frame
+    start : of the record that was read, UTC
+    seconds_shown : length of that record, s
+    anchors : as given
+    settings : what the fit was given
+    inputs : every file that was read, with its checksum
+    timings : of each step, s
+    versions : of Python, roadfiber and what it computes with
+    created : UTC
+    """
 
     format: Literal["roadfiber drive 1"]
     name: Text

@@ -158,10 +158,13 @@ class Survey:
         Raises
         ------
         InputError
-            If a file is missing, or cannot be used.
+            If a file is missing, or cannot be used, or it is a drive's (`[route]`), which `roadfiber.read` reads.
         """
         path = Path(path)
-        return cls.of_site(read_site(path / "site.toml" if path.is_dir() else path))
+        site = read_site(path / "site.toml" if path.is_dir() else path)
+        if site.route is not None:
+            raise InputError(f"{path}: [route] makes it a drive; read it with roadfiber.read or Drive.read")
+        return cls.of_site(site)
 
     @classmethod
     def of_site(cls, site: Site) -> "Survey":

@@ -1,9 +1,11 @@
 """The hidden Markov model over the channels, on likelihoods that are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from solver.drive.channel_map import kernels, map_channels
+from solver.drive.channel_map import against_traffic, kernels, map_channels
 from solver.drive.likelihood import Heard
 from solver.drive.loops import runs_of
 from solver.drive.path import path_of
@@ -54,6 +56,23 @@ def test_kernels_are_probabilities() -> None:
         assert one.sum(1) == pytest.approx(1.0)
     on, _ = kernels(np.array([9.8]))
     assert on @ np.arange(on.shape[1]) == pytest.approx(9.8, abs=0.1)
+
+
+def test_bends_let_a_cable_be_longer_than_the_map() -> None:
+    straight, _ = kernels(np.array([8.0]))
+    bent, _ = kernels(np.array([8.0]), np.array([6.0]))
+    assert straight[0, 2] < 1e-5 < 0.02 < bent[0, 2]
+
+
+def test_no_channel_alone_tells_much() -> None:
+    """Six channels that hear another vehicle loudly do not outweigh forty that hear the car faintly."""
+    cells = 20 + 8.0 * np.arange(40)
+    both = made(cells, np.zeros(40, bool), 3.0)
+    loud = made(cells + 60, np.zeros(40, bool), 40.0)
+    both.ratio[10:16] = np.maximum(both.ratio[10:16], loud.ratio[10:16, : both.ratio.shape[1]])
+    cut = replace(both, ratio=against_traffic(both.ratio))
+    found = map_channels(cut, np.zeros(40, bool), 8.0, 1.0)
+    assert np.abs(found.cell - cells).max() < 1.0
 
 
 def test_path_rounds_corners_and_runs_on() -> None:

@@ -9,6 +9,7 @@ import dascore
 import numpy as np
 import pandas as pd
 import pytest
+from jsonschema import Draft202012Validator
 
 import roadfiber as rf
 from roadfiber.command import app
@@ -64,6 +65,8 @@ def test_folder_is_read_back(run: rf.DriveRun, tmp_path: Path) -> None:
     again = rf.open(tmp_path / "run")
     pd.testing.assert_frame_equal(again.route, run.route)
     assert again.facts == run.facts
+    written = json.loads((tmp_path / "run" / "fit.json").read_text())
+    Draft202012Validator(rf.schema("drive-fit.json")).validate(written)
     features = json.loads((tmp_path / "run" / "route.geojson").read_text())["features"]
     kinds = [one["properties"]["what"] for one in features]
     assert kinds[0] == "fiber route"

@@ -21,6 +21,11 @@ def test_gps_in_local_time(drive: rf.Drive) -> None:
         rf.locate(replace(drive, tracks=moved))
 
 
+def test_drive_read_as_a_street(site: Path) -> None:
+    with pytest.raises(rf.InputError, match=r"\[route\] makes it a drive; read it with roadfiber.read"):
+        rf.Survey.read(site)
+
+
 def test_gps_of_another_day(drive: rf.Drive) -> None:
     moved = drive.tracks.assign(time=drive.tracks["time"] + pd.Timedelta(days=40))
     with pytest.raises(rf.InputError, match="give a record of the drive"):
