@@ -6,6 +6,7 @@ posterior (Rabiner 1989, Proc. IEEE 77, 257), Viterbi's the best path.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,7 @@ def kernels(advance: Array, bend: Array | float = 0.0) -> tuple[Array, Array]:
     return on, edge / edge.sum(1, keepdims=True)
 
 
-def against_traffic(ratio: Array) -> Array:
+def against_traffic(ratio: NDArray[Any]) -> NDArray[Any]:
     """Log likelihood ratios of the car to noise or another vehicle, from those of the car to noise.
 
     They choose between companions; where exactly the car is they tell less well, as the tops of peaks are cut.
@@ -75,7 +76,7 @@ def against_traffic(ratio: Array) -> Array:
     >>> against_traffic(np.array([-5.0, 0.0, 30.0])).round(2).tolist()
     [-5.0, -0.06, 2.81]
     """
-    return ratio - np.logaddexp(0.0, np.log(TRAFFIC) + ratio)
+    return np.asarray(ratio - np.logaddexp(0.0, np.log(TRAFFIC) + ratio))
 
 
 def map_channels(
