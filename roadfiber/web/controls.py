@@ -39,6 +39,7 @@ class Controls:
         self.writing = False
         names = ("heading", "said", "where", "about", "expected", "work", "steps")
         self.heading, self.said, self.where, self.about, self.expected, self.work, self.steps = (html() for _ in names)
+        self.where.object = words.LOOKING
         self.picture: Any = pn.pane.HTML("", min_height=40, **WIDE)
         self.passes: Any = pn.widgets.Select(label="Pass", **WIDE)
         self.regions: Any = pn.widgets.MultiSelect(label="Where the model fails", size=6, options={}, **WIDE)

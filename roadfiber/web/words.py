@@ -21,6 +21,8 @@ small, .muted { color: #5d6873; } .grade { border-left: 4px solid; padding-left:
 .poor { border-color: #d55e00; } b.big { font-size: 18px; font-variant-numeric: tabular-nums; }
 code { color: #5d6873; overflow-wrap: anywhere; }
 """
+#: Until the run was compared.
+LOOKING = "<small>Looking where the model fails ...</small>"
 
 
 def head(bench: Bench) -> str:
@@ -67,7 +69,7 @@ def region_lines(bench: Bench) -> list[str]:
 def regions_news(bench: Bench) -> str:
     """What there is to say of the list of regions before one is chosen."""
     if bench.comparison is None:
-        return "<small>Looking where the model fails ...</small>"
+        return LOOKING
     if not bench.comparison.regions:
         return "<p><b>Where the model fails:</b> nowhere that this survey shows.</p>"
     return ""

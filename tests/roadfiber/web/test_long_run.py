@@ -51,6 +51,7 @@ def test_what_cannot_be_added_is_said_and_nothing_is_asked_for_it(page, bench):
 
 
 def test_a_model_that_fails_nowhere_says_so(page, bench):
+    assert "Looking" in page.controls.where.object
     comparison = SimpleNamespace(regions=[])
     bench.comparison = comparison
     for one in (page.stack, page.by_channel, page.by_property):
