@@ -17,6 +17,14 @@ def workbench(
     plugin: Annotated[
         list[Path] | None, typer.Option("--plugin", help="File with effects of your own; may be repeated.")
     ] = None,
+    tiles: Annotated[
+        str,
+        typer.Option(
+            help="Draw map tiles beneath the route, such as https://tile.openstreetmap.org/{z}/{x}/{y}.png; their "
+            "server then learns where the survey is.  [default: none is asked]",
+            show_default=False,
+        ),
+    ] = "",
     port: Port = 0,
     browser: Browser = True,
 ) -> None:
@@ -28,9 +36,12 @@ def workbench(
 
     Examples: `roadfiber workbench runs/main-street`, `roadfiber workbench run --no-browser --port 5006`
     """
+    from roadfiber.web.tiles import host_of
     from roadfiber.web.workbench import serve_workbench
 
-    serve_workbench(run, plugin or [], port, browser)
+    if tiles:
+        host_of(tiles)  # before anything is read
+    serve_workbench(run, plugin or [], tiles, port, browser)
 
 
 @app.command()

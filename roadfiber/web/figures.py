@@ -20,6 +20,7 @@ from bokeh.models import (
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
+from roadfiber.web.tiles import Beneath
 from solver.run.geojson import Z95, corridor_ring, half_width, runs
 from solver.run.run import Run
 from solver.run.rung import Rung
@@ -70,6 +71,7 @@ class RouteMap:
     """The street from above: route with its corridor, tracks, anchors, where a preview or the rung below puts it."""
 
     def __init__(self) -> None:
+        self.ground = ColumnDataSource(table(image=[], x=[], y=[], dw=[], dh=[]))
         self.corridor = ColumnDataSource(table(xs=[], ys=[]))
         self.tracks = ColumnDataSource(table(xs=[], ys=[], color=[], name=[]))
         self.other, self.route = (ColumnDataSource(table(x=[], y=[])) for _ in range(2))
@@ -80,6 +82,7 @@ class RouteMap:
                    title="From above", x_axis_label="x along the road, m", y_axis_label="y, m", **WIDE)
         )  # fmt: skip
         self.plot.y_range.flipped = True
+        self.plot.image_rgba("image", source=self.ground, x="x", y="y", dw="dw", dh="dh")
         tracks = self.plot.multi_line("xs", "ys", source=self.tracks, color="color", line_width=1, alpha=0.7)
         self.plot.add_tools(HoverTool(renderers=[tracks], tooltips=[("vehicle", "@name")]))
         self.plot.patches("xs", "ys", source=self.corridor, fill_color=ROUTE, fill_alpha=0.25, line_alpha=0)
@@ -118,6 +121,12 @@ class RouteMap:
             x=[one.x for one in anchors], y=[one.y for one in anchors], name=[one.name for one in anchors]
         )
         north(self.plot, run.frame.x_azimuth)
+
+    def beneath(self, ground: Beneath) -> None:
+        """Draw a picture of the ground beneath all else, and say whose it is."""
+        (x, y), (right, down) = ground.low, ground.high
+        self.ground.data = table(image=[ground.image], x=[x], y=[y], dw=[right - x], dh=[down - y])
+        self.plot.title.text = f"From above, on map tiles of {ground.host}"
 
     def beside(self, route: Array) -> None:
         """Draw another route [place, 2 or 3] dashed, or none of no places."""

@@ -5,14 +5,17 @@ from typing import Any
 import panel as pn
 
 from roadfiber.web.controls import WIDE
+from roadfiber.web.tiles import Beneath
 from roadfiber.web.workbench_page import Page
 
 #: px, width of the column of controls, and of the video.
 LEFT, VIDEO = 390, 340
 
 
-def laid_out(page: Page) -> Any:
-    """All that is on a page."""
+def laid_out(page: Page, ground: Beneath | None = None) -> Any:
+    """All that is on a page, on a picture of the ground where there is one."""
+    if ground is not None:
+        page.map.beneath(ground)
     controls, button = page.controls, page.controls.button
 
     def drawn(one: Any) -> Any:

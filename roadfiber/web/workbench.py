@@ -13,13 +13,15 @@ if TYPE_CHECKING:
     from solver.run.run import Run
 
 
-def workbench(run: "Run", *, plugins: Sequence[Path | str] = ()) -> Any:
+def workbench(run: "Run", *, plugins: Sequence[Path | str] = (), tiles: str = "") -> Any:
     """The workbench of a run in a notebook: what `roadfiber workbench` serves.
 
     Parameters
     ----------
     run : of a folder: every effect that is added becomes a run folder beside it
     plugins : files with effects of your own
+    tiles : address of map tiles to draw beneath the route, such as
+        "https://tile.openstreetmap.org/{z}/{x}/{y}.png"; its server learns where the survey is. "" asks nobody
 
     Returns
     -------
@@ -28,7 +30,7 @@ def workbench(run: "Run", *, plugins: Sequence[Path | str] = ()) -> Any:
     Raises
     ------
     InputError
-        If the run was not saved.
+        If the run was not saved, or there are no such tiles.
 
     Examples
     --------
@@ -37,16 +39,19 @@ def workbench(run: "Run", *, plugins: Sequence[Path | str] = ()) -> Any:
     from roadfiber.web.bench import Bench
     from roadfiber.web.film import film_of
     from roadfiber.web.layout import laid_out
+    from roadfiber.web.tiles import around
     from roadfiber.web.workbench_page import Page
 
     pn.extension()
     bench = Bench(run, [Path(one) for one in plugins])
     atexit.register(bench.close)
-    return laid_out(Page(bench, film_of(run)))
+    return laid_out(Page(bench, film_of(run)), around(run, tiles) if tiles else None)
 
 
-def serve_workbench(folder: Path, plugins: Sequence[Path], port: int, browser: bool) -> None:
+def serve_workbench(folder: Path, plugins: Sequence[Path], tiles: str, port: int, browser: bool) -> None:
     """Serve the workbench of a run on this machine until Ctrl-C ends it; the page is there while the run is read.
+
+    Tiles that cannot be had are told on the page, which goes without.
 
     Raises
     ------
@@ -65,16 +70,23 @@ def serve_workbench(folder: Path, plugins: Sequence[Path], port: int, browser: b
         from roadfiber.web.bench import Bench
         from roadfiber.web.film import film_of
         from roadfiber.web.layout import laid_out
+        from roadfiber.web.tiles import around
         from roadfiber.web.workbench_page import Page
 
+        ground, untiled = None, ""
         try:
             run = open_street(folder, plugins=plugins)
             film = film_of(run)
         except InputError as error:
             opening.failed(f"This run cannot be shown: {error}")
             raise
+        try:
+            ground = around(run, tiles) if tiles else None
+        except InputError as error:
+            untiled = str(error)
         benches.append(bench := Bench(run, plugins))
-        opening.ready(lambda: laid_out(Page(bench, film)))
+        bench.changed(untiled)
+        opening.ready(lambda: laid_out(Page(bench, film), ground))
 
     try:
         serve(opening.page, "workbench", port=port, browser=browser, title=f"roadfiber: {folder.name}", work=read)
