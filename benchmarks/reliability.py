@@ -4,8 +4,9 @@
     python -m benchmarks.reliability --table reliability.jsonl --plot docs/reliability.png
 
 Each seed draws a survey: something hidden (or nothing, or what no catalogue has), as large as is plausible or less
-than half of that, 4 to 8 passes, 5 to 25 dB, colored or street noise, a view of 40 to 60 m. One file may be filled by
-several runs; seeds that are in it already are left out.
+than half of that, 4 to 12 passes, 5 to 25 dB, colored or street noise, a view of 40 to 60 m. It is located with and
+without what is hidden: what that adds to the misfit says whether it shows. Several runs may fill one file; they leave
+out the seeds that it has.
 """
 
 import argparse
@@ -13,8 +14,9 @@ import json
 import time
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -23,9 +25,17 @@ import torch
 from benchmarks.blind import ALIASES, FAIR, GEOMETRY, UNKNOWN, amount, surveyed
 from solver.simulator import EFFECTS, Scenario
 
+if TYPE_CHECKING:
+    from solver.criticism.finding import Diagnosis
+    from solver.run.run import Run
+
 KINDS = {"null": 0.3, "one": 0.4, "two": 0.05, "unknown": 0.2, "geometry": 0.05}
 #: Sizes in proportion to what is drawn out of the plausible range.
 SCALES = (1.0, 0.4)
+#: Hidden effects that a smaller number does not make smaller.
+AS_DRAWN = ("wheel_layout", "long_vehicle", "lowpass", "saturation", "fk_filter", "median_filter")
+#: Chi2 that a hidden effect adds to the misfit of a fit without it, from which on it shows: 5 sigma.
+SHOWS = 25.0
 EDGES = (0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 
 
@@ -39,58 +49,95 @@ def draw(seed: int) -> tuple[str, Scenario]:
     scenario = Scenario(
         name=f"{kind}-{seed}",
         seed=seed,
-        passes=int(rng.integers(4, 9)),
+        passes=int(rng.integers(4, 13)),
         snr_db=float(rng.uniform(5, 25)),
         noise=str(rng.choice(["colored", "street"])),
         view=(0.0, float(rng.uniform(40, 60))),
-        effects={name: scale * amount(name, rng) for name in names},
+        effects={name: (1.0 if name in AS_DRAWN else scale) * amount(name, rng) for name in names},
     )
     return kind, scenario
 
 
-def claims(kind: str, hidden: Iterable[str], explanations: Sequence[Mapping[str, Any]]) -> list[tuple[float, bool]]:
-    """Probability of each explanation, the unknown as one, and whether it is what was hidden.
+def claims(row: Mapping[str, Any]) -> list[tuple[float, bool]]:
+    """Probability of each explanation, the unknown as one, and whether it is so.
 
-    What the route absorbs counts as nothing that would show.
+    What is hidden and would not show counts as nothing; then it is left out who is named beside.
     """
-    true = set(hidden)
-    nothing = kind in ("null", "geometry")
+    hidden, shows = set(row["hidden"]), row["misfit"] >= SHOWS
     told: list[tuple[float, bool]] = []
-    unknown = sum(one["probability"] for one in explanations if one["kind"] == "unknown")
-    told.append((unknown, kind == "unknown"))
-    for one in explanations:
+    unknown = sum(one["probability"] for one in row["explanations"] if one["kind"] == "unknown")
+    told.append((unknown, row["kind"] == "unknown" and shows))
+    for one in row["explanations"]:
         if one["kind"] == "nothing":
-            told.append((one["probability"], nothing))
+            told.append((one["probability"], not shows))
         elif one["kind"] != "unknown":
-            name = one["effects"][0]
-            told.append((one["probability"], bool(true & set(ALIASES.get(name, (name,))) and kind != "unknown")))
+            known = set(ALIASES.get(one["effects"][0], (one["effects"][0],)))
+            so = bool(hidden & known) and row["kind"] != "unknown"
+            if shows or not so:
+                told.append((one["probability"], so))
     return told
 
 
+def known_to(finding: "Diagnosis") -> list[str]:
+    """What a diagnosis names, with what it does not tell it from; [] where it names nothing."""
+    first = finding.candidates[0] if finding.verdict == "missing-effect" else None
+    return [] if first is None else [first.effect, *first.confounded_with]
+
+
+def said(names: Iterable[str]) -> set[str]:
+    """Names of the catalogue as the simulator has them."""
+    return {known for name in names for known in ALIASES.get(name, (name,))}
+
+
+def paid(run: "Run") -> float:
+    """What a fit pays to its priors, as for tracks that it shifts."""
+    from solver.fit.map_fit import MapFit
+
+    fit = MapFit(run.problem)
+    return float(fit.prior.total(fit.state_of(torch.from_numpy(run.result.vector))))
+
+
 def tried(seed: int) -> dict[str, Any]:
-    """Locate and diagnose one survey: explanations, verdict, and what both corridors hold of the true route."""
+    """Locate and diagnose one survey: explanations, verdict, and what both corridors hold of the true route.
+
+    Of two effects the one that is named rightly is put into the model, and what is left is diagnosed again.
+    """
     from solver.catalogue.catalogue import built_in
     from solver.criticism.diagnosis import diagnose
+    from solver.criticism.refit import as_located
     from solver.fit.map_fit import MapFit
     from solver.run.geojson import half_width
 
     kind, scenario = draw(seed)
     survey, located, _ = surveyed(scenario)
+    misfit = 0.0
+    if scenario.effects:
+        _, without, _ = surveyed(replace(scenario, effects={}))
+        more = located.result.chi2_per_dof - without.result.chi2_per_dof
+        misfit = more * located.problem.strain_rate.numel() + paid(located) - paid(without)
     begun, result = time.process_time(), located.result
     state = MapFit(located.problem).state_of(torch.from_numpy(result.vector))
-    found = diagnose(located.problem, state, effects=list(built_in().values()))
-    first = found.candidates[0] if found.candidates else None
+    effects = list(built_in().values())
+    found = diagnose(located.problem, state, effects=effects)
+    seconds = time.process_time() - begun
+    then: list[str] = []
+    named = known_to(found)
+    if kind == "two" and set(scenario.effects) & said(named) and named[0] in found.fits:
+        fit, state = found.fits[named[0]]
+        then = known_to(diagnose(as_located(fit.problem), state, effects=effects))
     facts = {
         "seed": seed,
         "kind": kind,
         "hidden": dict(scenario.effects),
+        "misfit": misfit,
         "passes": scenario.passes,
         "snr_db": scenario.snr_db,
         "verdict": found.verdict,
-        "named": [first.effect, *first.confounded_with] if first else [],
-        "stage": first.stage if first else "",
+        "named": named,
+        "then": then,
+        "stage": found.candidates[0].stage if found.candidates else "",
         "explanations": [vars(one) for one in found.explanations],
-        "cpu seconds": time.process_time() - begun,
+        "cpu seconds": seconds,
     }
     channel = result.channel[result.constrained]
     covariance, route = result.covariance[result.constrained], result.route[result.constrained]
@@ -103,27 +150,40 @@ def tried(seed: int) -> dict[str, Any]:
 
 
 def judged(row: Mapping[str, Any]) -> dict[str, float]:
-    """Whether what is named is what was hidden; wrong where something else is; the stage of the unknown."""
-    hidden = set(row["hidden"])
-    claimed = row["verdict"] == "missing-effect"
-    said = {known for name in row["named"] for known in ALIASES.get(name, (name,))}
-    if row["kind"] in ("null", "geometry"):
-        wrong = claimed and not hidden & said
-        return {"right": float(not wrong and (row["kind"] == "geometry" or not claimed)), "wrong": float(wrong)}
-    if row["kind"] == "unknown":
+    """Shares that count: NaN where a survey says nothing of one.
+
+    - claimed: something missing, known or unknown, where nothing is hidden
+    - named: a hidden effect that shows well is, or is among those named together
+    - wrong: what is named is not hidden, nor told to be inseparable from what is
+    - open: where what is hidden does not show, nothing else is claimed
+    - blamed: on a known effect, what is not in the catalogue
+    - placed: something unknown that is called so, at its stage
+    - both: of two effects, one after the other
+    """
+    hidden, names = set(row["hidden"]), said(row["named"])
+    claimed, right = bool(row["named"]), bool(hidden & names)
+    kind, rest = row["kind"], hidden - names
+    shares = dict.fromkeys(("claimed", "named", "wrong", "open", "blamed", "placed", "both"), np.nan)
+    silent = row["verdict"] in ("adequate", "inconclusive")
+    if kind == "null":
+        return shares | {"claimed": float(not silent)}
+    if kind == "unknown":
         stages = {EFFECTS[name].stage for name in hidden}
-        right = row["verdict"] == "unknown-effect"
-        return {
-            "right": float(right),
-            "wrong": float(claimed),
-            "placed": float(row["stage"] in stages) if right else np.nan,
-        }
-    return {"right": float(claimed and bool(hidden & said)), "wrong": float(claimed and not hidden & said)}
+        placed = float(row["stage"] in stages) if row["verdict"] == "unknown-effect" else np.nan
+        return shares | {"blamed": float(claimed), "placed": placed}
+    shares["wrong"] = float(claimed and not right)
+    if row["misfit"] < SHOWS:
+        return shares | {"open": float(silent or right)}
+    if row["misfit"] >= 4 * SHOWS:
+        shares["named"] = float(right)
+        if kind == "two":
+            shares["both"] = float(right and (not rest or bool(rest & said(row["then"]))))
+    return shares
 
 
 def binned(rows: Sequence[Mapping[str, Any]]) -> tuple[pd.DataFrame, float]:
     """How often explanations were right, by how probable they were called, and the expected calibration error."""
-    told = [one for row in rows for one in claims(row["kind"], row["hidden"], row["explanations"]) if one[0] > EDGES[0]]
+    told = [one for row in rows for one in claims(row) if one[0] > EDGES[0]]
     table = pd.DataFrame(told, columns=["said", "right"])
     table["bin"] = pd.cut(table["said"], EDGES)
     grouped = table.groupby("bin", observed=True).agg(
@@ -162,11 +222,11 @@ def report(rows: Sequence[Mapping[str, Any]], plot: Path | None) -> None:
     print(f"{len(rows)} surveys; expected calibration error {error:.3f}")
     print(table.round(3).to_string())
     frame = pd.DataFrame([{**row, **judged(row)} for row in rows])
-    figures = ["right", "wrong", "inside plain", "half plain", "inside considered", "half considered", "cpu seconds"]
+    shares = ["claimed", "named", "wrong", "open", "blamed", "placed", "both"]
+    print(pd.DataFrame({"share": frame[shares].mean(), "surveys": frame[shares].count()}).round(3).to_string())
+    figures = ["inside plain", "half plain", "inside considered", "half considered", "cpu seconds"]
     kinds = frame.groupby("kind")
     print(kinds[figures].mean().join(kinds.size().rename("surveys")).round(3).to_string())
-    if "placed" in frame:
-        print(f"stage right where the unknown is called so: {frame['placed'].mean():.2f}")
     if plot is not None:
         draw_plot(table, plot)
 

@@ -1,8 +1,12 @@
 """The benchmark of a diagnosis's probabilities: what it draws, and what it counts as right."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import pytest
 
-from benchmarks.reliability import KINDS, binned, claims, draw, judged, report
+from benchmarks.reliability import AS_DRAWN, KINDS, binned, claims, draw, judged, report
+from solver.simulator import EFFECTS
 
 ECHO = {"kind": "unknown", "effects": ["generic_echo"], "stage": "interrogator", "probability": 0.2}
 GAUGE = {"kind": "effect", "effects": ["gauge_length"], "stage": "interrogator", "probability": 0.7}
@@ -15,41 +19,70 @@ def test_every_kind_is_drawn_and_a_seed_is_a_survey():
     assert draw(7) == drawn[7]
     for kind, scenario in drawn:
         assert len(scenario.effects) == {"null": 0, "two": 2}.get(kind, 1)
-        assert 4 <= scenario.passes <= 8 and 5 <= scenario.snr_db <= 25
+        assert 4 <= scenario.passes <= 12 and 5 <= scenario.snr_db <= 25
+
+
+def row(kind: str, hidden: str, verdict: str, *named: str, misfit: float = 500.0, **more: Any) -> dict[str, Any]:
+    secret = {name: 1.0 for name in hidden.split()}
+    facts = {"kind": kind, "hidden": secret, "verdict": verdict, "named": named, "misfit": misfit, "then": ()}
+    return facts | {"stage": "interrogator"} | more
+
+
+def told(row: Mapping[str, Any]) -> dict[str, float]:
+    return {key: value for key, value in judged(row).items() if value == value}
+
+
+def test_what_a_smaller_number_makes_stronger_is_as_drawn():
+    for seed in range(400):
+        for name, value in draw(seed)[1].effects.items():
+            assert name not in AS_DRAWN or EFFECTS[name].plausible[0] <= abs(value) <= EFFECTS[name].plausible[1]
 
 
 @pytest.mark.parametrize(
-    ("kind", "hidden", "right"),
+    ("kind", "hidden", "misfit", "right"),
     [
-        ("one", ["gauge_length"], [False, True, False]),
-        ("one", ["pulse_width"], [False, False, False]),
-        ("null", [], [False, False, True]),
-        ("geometry", ["camber"], [False, False, True]),
-        ("unknown", ["unknown_echo"], [True, False, False]),
+        ("one", "gauge_length", 500.0, [False, True, False]),
+        ("one", "pulse_width", 500.0, [False, False, False]),
+        ("one", "pulse_width", 3.0, [False, False, True]),
+        ("null", "", 0.0, [False, False, True]),
+        ("geometry", "camber", 5.0, [False, False, True]),
+        ("unknown", "unknown_echo", 500.0, [True, False, False]),
+        ("unknown", "unknown_echo", 5.0, [False, False, True]),
     ],
 )
-def test_one_explanation_is_right_the_unknown_counted_as_one(kind, hidden, right):
-    told = claims(kind, hidden, [GAUGE, ECHO | {"stage": "ground"}, ECHO, NOTHING])
-    assert told == [(0.4, right[0]), (0.7, right[1]), (0.1, right[2])]
+def test_one_explanation_is_so_the_unknown_counted_as_one(kind, hidden, misfit, right):
+    one = row(kind, hidden, "", misfit=misfit) | {"explanations": [GAUGE, ECHO | {"stage": "ground"}, ECHO, NOTHING]}
+    assert claims(one) == [(0.4, right[0]), (0.7, right[1]), (0.1, right[2])]
 
 
-def row(kind: str, hidden: str, verdict: str, *named: str, stage: str = "interrogator") -> dict:
-    return {"kind": kind, "hidden": {hidden: 1.0} if hidden else {}, "verdict": verdict, "named": named, "stage": stage}
+def test_what_is_hidden_and_does_not_show_may_be_named_and_may_be_nothing():
+    one = row("one", "gauge_length", "", misfit=5.0) | {"explanations": [GAUGE, ECHO, NOTHING]}
+    assert claims(one) == [(0.2, False), (0.1, True)]
 
 
 def test_what_is_named_is_judged():
-    assert judged(row("one", "gauge_length", "missing-effect", "pulse_width", "gauge_length"))["right"] == 1.0
-    assert judged(row("one", "viscoelastic_lag", "missing-effect", "maxwell_flow")) == {"right": 1.0, "wrong": 0.0}
-    assert judged(row("one", "gauge_length", "missing-effect", "pulse_width")) == {"right": 0.0, "wrong": 1.0}
-    assert judged(row("one", "gauge_length", "adequate", "gauge_length")) == {"right": 0.0, "wrong": 0.0}
-    assert judged(row("null", "", "missing-effect", "pulse_width"))["wrong"] == 1.0
-    assert judged(row("null", "", "adequate", "pulse_width"))["right"] == 1.0
-    found = judged(row("unknown", "unknown_echo", "unknown-effect", "generic_echo"))
-    assert (found["right"], found["placed"]) == (1.0, 1.0)
+    right = {"wrong": 0.0, "named": 1.0}
+    assert told(row("one", "gauge_length", "missing-effect", "pulse_width", "gauge_length")) == right
+    assert told(row("one", "viscoelastic_lag", "missing-effect", "maxwell_flow")) == right
+    assert told(row("one", "gauge_length", "missing-effect", "pulse_width")) == {"wrong": 1.0, "named": 0.0}
+    assert told(row("one", "gauge_length", "adequate")) == {"wrong": 0.0, "named": 0.0}
+    assert told(row("one", "gauge_length", "adequate", misfit=50.0)) == {"wrong": 0.0}
+    assert told(row("one", "gauge_length", "adequate", misfit=5.0)) == {"wrong": 0.0, "open": 1.0}
+    assert told(row("null", "", "missing-effect", "pulse_width", misfit=0.0)) == {"claimed": 1.0}
+    assert told(row("unknown", "unknown_echo", "unknown-effect")) == {"blamed": 0.0, "placed": 1.0}
+    assert told(row("unknown", "unknown_echo", "unknown-effect", stage="load")) == {"blamed": 0.0, "placed": 0.0}
+    assert told(row("unknown", "unknown_echo", "missing-effect", "lowpass")) == {"blamed": 1.0}
+
+
+def test_of_two_the_second_must_be_named_once_the_first_is_in_the_model():
+    two = row("two", "gauge_length clock_drift", "missing-effect", "gauge_length")
+    assert told(two)["both"] == 0.0
+    assert told(two | {"then": ["clock_drift"]})["both"] == 1.0
+    assert told(two | {"then": ["lowpass"]})["both"] == 0.0
 
 
 def test_bins_tell_how_often_what_was_said_was_so():
-    sure = {"kind": "one", "hidden": {"gauge_length": 0.1}, "explanations": [GAUGE | {"probability": 0.9}]}
+    sure = row("one", "gauge_length", "") | {"explanations": [GAUGE | {"probability": 0.9}]}
     wrong = sure | {"hidden": {"lowpass": 0.1}}
     table, error = binned([sure, sure, sure, wrong])
     assert table["count"].tolist() == [4]
@@ -64,6 +97,7 @@ def test_a_report_has_a_line_for_each_kind_and_a_diagram(capsys, tmp_path):
     report(rows, tmp_path / "diagram.png")
     said = capsys.readouterr().out
     assert said.startswith("2 surveys; expected calibration error 0.")
-    assert "stage right where the unknown is called so: 1.00" in said
-    assert [line.split()[0] for line in said.splitlines()[-3:-1]] == ["one", "unknown"]
+    shares = {line.split()[0]: line.split()[1:] for line in said.splitlines()}
+    assert shares["placed"] == ["1.0", "1"] and shares["named"] == ["1.0", "1"] and shares["claimed"] == ["NaN", "0"]
+    assert [line.split()[0] for line in said.splitlines()[-2:]] == ["one", "unknown"]
     assert (tmp_path / "diagram.png").stat().st_size > 1000

@@ -61,7 +61,7 @@ def shear_lag(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     "cable",
     [
         Parameter("share", "1", 1.0, lower=0, upper=1.5),
-        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 3.0).tolist())),
+        Parameter("place", "m", 1.0, grid=tuple(np.arange(-45.0, 45.1, 6.0).tolist())),
         Parameter("length", "m", 2.0, lower=4, upper=60, grid=(8.0, 13.0, 20.0, 35.0)),
     ],
     physics="The fiber slips in its conduit and senses only the mean strain between the points that hold it.",

@@ -1,6 +1,6 @@
 """A converged fit of a survey with the scores of every effect that it may lack."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -66,11 +66,12 @@ class Bench:
         effects: Sequence[Effect],
         advance: Advance,
         variance: float | None = None,
+        near: Mapping[str, Mapping[str, float]] | None = None,
     ) -> "Bench":
-        """Score `effects`, those in the model left out; `variance` as of a `Scorer`."""
+        """Score `effects`, those in the model left out; `variance` as of a `Scorer`, `near` as of `score_all`."""
         scorer = Scorer(fit, state, variance=variance)
         asked = scorable(fit.problem, effects)
-        table = score_all(scorer, asked, advance)
+        table = score_all(scorer, asked, advance, near)
         scored = {score.effect.name for score in table}
         idle = [one for one in asked if one.name not in scored]
         return cls(audit, scorer, table, idle)

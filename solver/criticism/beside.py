@@ -35,17 +35,24 @@ class Beside:
 
     @classmethod
     def of(cls, bench: Bench, refit: Refit, asked: Asked) -> "Beside":
-        """Score what by its signal still shows once the effect is in the model, and the discrepancy models."""
+        """Score what by its signal still shows once the effect is in the model, and the discrepancy models.
+
+        Known effects are scored near the shapes that they had alone.
+        """
         fit, state = refit.fit, refit.solution.state
         effects = suspects(beyond(bench.scorer, refit.score, shown(bench.table)), asked.effects)
-        again = Bench.of(fit, state, bench.audit, effects, asked.advance, bench.scorer.variance)
+        near = {s.effect.name: s.shape for s in bench.table if s.shape and not s.effect.generic}
+        variance = bench.scorer.variance + off(refit)
+        again = Bench.of(fit, state, bench.audit, effects, asked.advance, variance, near)
         return cls(refit, again, again.table)
 
     def widened(self, asked: Asked) -> "Beside":
-        """The same with known effects that did not seem to show, which the effect may have masked, and full fits."""
-        scorer, seen = self.bench.scorer, {s.effect.name for s in self.table}
+        """The same with known effects of all shapes, those too that the effect may have masked, and full fits."""
+        scorer = self.bench.scorer
+        seen = {s.effect.name for s in self.table if s.effect.generic or not s.shape}
         unseen = [one for one in scorable(scorer.fit.problem, asked.effects) if one.name not in seen]
-        table = sorted([*self.table, *score_all(scorer, unseen, asked.advance)], key=lambda s: -s.evidence)
+        scored = [s for s in self.table if s.effect.name in seen] + score_all(scorer, unseen, asked.advance)
+        table = sorted(scored, key=lambda s: -s.evidence)
         known = [s for s in table if not s.effect.generic]
         seconds = race(scorer, racers(known, POLICY.besides + POLICY.unknown_racers), asked.advance)
         return replace(self, table=table, seconds=tuple(seconds.values()))
@@ -54,24 +61,31 @@ class Beside:
     def second(self) -> float:
         """Ln of the Bayes factor of a second effect against an inexact law of the first."""
         fitted = {one.effect.name: one.told for one in self.seconds}
-        best = max((fitted.get(s.effect.name, s.evidence) for s in self.table), default=0.0)
-        return max(best - self.tolerated, 0.0)
+        return max((fitted.get(s.effect.name, s.evidence) for s in self.table), default=0.0)
 
     @staticmethod
     def hope(one: Refit, fall: float, variance: float) -> float:
         """Most that a tolerance may add to the evidence of a refit, where `fall` is the most that any explains."""
-        share = POLICY.tolerance**2 * one.fall / variance
+        share = off(one) / variance
         return max(fall - one.fall, 0.0) / variance * share / (1 + share) / 2
 
     @property
     def tolerated(self) -> float:
-        """Ln of the Bayes factor for a law that is off by what its tolerance allows, in the way of a model akin to it.
+        """Ln of the Bayes factor for a law that is off by what its tolerance allows, in the way of a discrepancy model.
 
         Each of those models, and a law that is exact, are as probable before.
         """
-        energy, variance = POLICY.tolerance**2 * self.refit.fall, self.bench.scorer.variance
-        akins = [s for s in self.table if s.effect.generic and akin(self.refit.effect, s.effect)]
-        return mixture([0.0, *(s.tolerated(variance, energy) for s in akins)])
+        more = off(self.refit)
+        variance = self.bench.scorer.variance - more
+        return mixture([0.0, *(s.tolerated(variance, more) for s in self.table if s.effect.generic)])
+
+
+def off(refit: Refit) -> float:
+    """Squared sigmas by which a refit's law may be off in any one direction, and so as what the noise counts there.
+
+    The fit leaves of that about as much as of the effect itself.
+    """
+    return POLICY.tolerance**2 * max(refit.fall, 0.0)
 
 
 def akin(effect: Effect, discrepancy: Effect) -> bool:

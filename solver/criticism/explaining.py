@@ -99,15 +99,16 @@ class Explainer:
         """A known effect whose law may be off, with a second one, or as a stand-in for a part of something unknown."""
         one = beside.refit
         name, stage = one.effect.name, one.effect.stage
-        found = self.alone(one.effect, one.told + beside.tolerated, one)
+        least = one.told + beside.tolerated
+        found = self.alone(one.effect, least, one)
         simpler = next(((name, alone.evidence) for alone in found), ("", 0.0))
         fitted = {second.effect.name: second.told for second in beside.seconds if not second.pushed}
         for score in beside.table:
             other = score.effect.name
             if score.effect.generic:
-                both = one.told + score.evidence
+                both = least + score.evidence
                 found.append(self.unknown(score.effect, (other, name), both, 1 / self.known, simpler))
             elif not one.pushed:
-                both = one.told + fitted.get(other, score.evidence)
+                both = least + fitted.get(other, score.evidence)
                 found.append(Explanation("two", (name, other), stage, self.prior["two"], both, simpler))
         return found

@@ -65,15 +65,14 @@ class Spectrum:
         seen = self.information > 1e-9 * max(self.information.max(initial=0.0), 1e-300)
         return self.along[seen] / self.information[seen]
 
-    def tolerated(self, variance: float, energy: float) -> float:
-        """Ln of the Bayes factor for a discrepancy of so much energy, squared sigmas, spread over all directions alike.
+    def tolerated(self, variance: float, off: float) -> float:
+        """Ln of the Bayes factor for a discrepancy of variance `off`, squared sigmas, in each direction.
 
         >>> left = Spectrum(np.array([1.0, 1.0]), np.array([30.0, 2.0]))
-        >>> round(left.tolerated(1.0, 60.0), 3), left.tolerated(1.0, 0.0)
+        >>> round(left.tolerated(1.0, 30.0), 3), left.tolerated(1.0, 0.0)
         (12.05, 0.0)
         """
-        falls = self.falls() / variance
-        share = energy / variance / max(len(falls), 1)
+        falls, share = self.falls() / variance, off / variance
         return float((falls * share / (1 + share)).sum() / 2 - len(falls) * np.log1p(share) / 2)
 
 

@@ -16,7 +16,7 @@ class Policy:
         `benchmarks/blind.py` draws, about; e-fold odds move an evidence of hundreds by 1
     inexact : share of the signal by which the base model may be off in any one direction: chi2 is divided by one plus
         its square times the signal's chi2. Measured
-    tolerance : share of an effect's own signal by which its law may be off. CRITICISM.md; measured
+    tolerance : the same of what the fit leaves of an effect, by which its law may be off. CRITICISM.md; measured
     held : probability that the smallest set of explanations holds
     found : ln of the Bayes factor from which on an effect is fitted in full
     lone : ln of the Bayes factor up to which one pass does not speak for all, as the heaviest vehicle alone may clip
@@ -41,7 +41,7 @@ class Policy:
     fault: float = 0.05
     unknown: float = 0.15
     inexact: float = 0.003
-    tolerance: float = 0.1
+    tolerance: float = 0.05
     held: float = 0.95
     found: float = 6.0
     lone: float = 36.0

@@ -111,7 +111,7 @@ def started_elsewhere(scorer: Scorer, effect: Effect) -> tuple[Scorer, Score] | 
     counts, numbers = tuple(len(one) for one in start.numbers), np.concatenate(start.numbers)
     # A score in form only: nothing is predicted.
     at = Scorer(fit, begun, alone=True, variance=scorer.variance)
-    signal, sigma = torch.zeros(fit.measured.numel(), dtype=torch.float64), np.ones(len(numbers))
+    signal, sigma = torch.zeros_like(at.residual), np.ones(len(numbers))
     told = counts, numbers, sigma, 1.0, signal, at.spectrum(effect, dict(start.shape)), at.variance
     return at, Score(effect, dict(start.shape), False, 0.0, len(numbers), 1, *told)
 

@@ -67,9 +67,9 @@ class Score:
         """Ln of the Bayes factor against the model without the effect, less the ln of shapes tried."""
         return self.spectrum.evidence(self.variance) - float(np.log(self.trials))
 
-    def tolerated(self, variance: float, energy: float) -> float:
-        """Ln of the Bayes factor for a discrepancy of so much energy in its directions, less the ln of shapes tried."""
-        return self.spectrum.tolerated(variance, energy) - float(np.log(self.trials))
+    def tolerated(self, variance: float, off: float) -> float:
+        """Ln of the Bayes factor for a discrepancy of variance `off` in its directions, less the ln of shapes tried."""
+        return self.spectrum.tolerated(variance, off) - float(np.log(self.trials))
 
     @property
     def beyond_noise(self) -> bool:

@@ -1,6 +1,6 @@
 """Score tests of effects at the end of a fit: each by itself, and in the shape that explains most."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from itertools import product
 from typing import Any, NamedTuple
@@ -26,8 +26,8 @@ FEEBLE = 0.1
 BATCH = 36
 #: Stages whose effects are in proportion to their numbers, once tracks may shift.
 NEAR_STAGES = ("trajectory", "load")
-#: Shapes of a grid above which the best few are refined, how many, and how often the steps are halved.
-FINE, STARTS, HALVINGS = 8, 2, 3
+#: Shapes of a grid above which the best few are refined, how many, and in how many rounds: full fits refine the rest.
+FINE, STARTS, HALVINGS = 8, 2, 1
 
 
 class Made(NamedTuple):
@@ -55,14 +55,16 @@ class Scorer(Directions):
         each = torch.eye(sum(made.counts), dtype=torch.float64)
         return outcome(self.project([made.columns])[0], None, sizes_of(effect, made, each)).spectrum
 
-    def scores(self, effect: Effect) -> Iterator[Score]:
-        """The best shape of an effect, with separate and with shared numbers of passes."""
+    def scores(self, effect: Effect, near: Mapping[str, float] | None = None) -> Iterator[Score]:
+        """The best shape of an effect, of all or near one, with separate and with shared numbers of passes."""
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
         shapes, trials = effect.tried(lambda: self.heard(extension))
+        fine = len(shapes) > FINE and effect.seek is None
+        shapes = shapes if near is None else [dict(near)]
         tried = list(self.of_shapes(effect, shapes, extension, trials))
         for shared in {score.shared for score in tried}:
             ranked = sorted((s for s in tried if s.shared == shared), key=lambda s: -s.fall)
-            if len(shapes) > FINE and effect.seek is None:
+            if fine:
                 ranked = [self.refined(s, extension, trials) if s.beyond_noise else s for s in apart(ranked)]
             yield max(ranked, key=lambda s: s.fall)
 
@@ -161,12 +163,23 @@ def apart(ranked: Sequence[Score]) -> list[Score]:
 
 
 def score_all(
-    scorer: Scorer, effects: Sequence[Effect], advance: Callable[[int], None] = lambda n: None
+    scorer: Scorer,
+    effects: Sequence[Effect],
+    advance: Callable[[int], None] = lambda n: None,
+    near: Mapping[str, Mapping[str, float]] | None = None,
 ) -> list[Score]:
-    """Best score of every effect, highest evidence first; effects that do nothing in this survey are left out."""
+    """Best score of every effect, highest evidence first; effects that do nothing in this survey are left out.
+
+    Parameters
+    ----------
+    scorer : at a fit
+    effects : to be scored
+    advance : called with 1 after each
+    near : shapes that the best ones are sought near, by effect; of others all shapes are tried
+    """
 
     def best(effect: Effect) -> dict[str, Any] | None:
-        ranked = sorted(scorer.scores(effect), key=lambda s: s.evidence)
+        ranked = sorted(scorer.scores(effect, (near or {}).get(effect.name)), key=lambda s: s.evidence)
         return figures(ranked[-1]) if ranked else None
 
     found = side_by_side(best, effects, advance)

@@ -10,7 +10,7 @@ import torch
 from solver.catalogue.catalogue import built_in
 from solver.criticism import beside, diagnosis
 from solver.criticism.bench import Asked
-from solver.criticism.beside import Beside, akin, beyond, shown, suspects
+from solver.criticism.beside import Beside, beyond, off, shown, suspects
 from solver.criticism.marginal import Spectrum, mixture
 from solver.criticism.policy import POLICY
 
@@ -29,42 +29,40 @@ def fitted(name: str, told: float, fall: float = 0.0, *, pushed: bool = False) -
 
 
 def left_by(one: Any, *table: Any, seconds: tuple[Any, ...] = ()) -> Beside:
-    bench: Any = SimpleNamespace(scorer=SimpleNamespace(variance=1.0))
+    bench: Any = SimpleNamespace(scorer=SimpleNamespace(variance=1.0 + off(one)))
     return Beside(one, bench, table, seconds)
 
 
-def test_only_models_akin_to_a_law_tell_what_it_is_off_by():
-    one = fitted("lowpass", 5000.0)
-    kin, other = scored("generic_neighbors", 90.0, 100.0), scored("generic_road", 90.0, 100.0)
-    assert akin(one.effect, kin.effect) and not akin(one.effect, other.effect)
-    energy = POLICY.tolerance**2 * one.fall
-    expected = mixture([0.0, kin.tolerated(1.0, energy)])
-    assert left_by(one, kin, other).tolerated == pytest.approx(expected) and expected > 30
-    assert left_by(one, other).tolerated == 0.0
-
-
-def test_a_stronger_effect_may_leave_more():
+def test_what_a_law_may_be_off_by_grows_with_its_signal():
+    assert off(fitted("lowpass", 100.0, 20_000.0)) == pytest.approx(POLICY.tolerance**2 * 20_000)
     left = scored("generic_neighbors", 90.0, 200.0)
-    strong, weak = (left_by(fitted("lowpass", told), left).tolerated for told in (10_000.0, 100.0))
-    assert strong > 90 > 60 > weak
+    strong, weak = (left_by(fitted("lowpass", 500.0, fall), left).tolerated for fall in (40_000.0, 100.0))
+    assert strong > 80 > 20 > weak > 0
+
+
+def test_a_law_is_off_in_the_way_of_one_discrepancy_model_or_not_at_all():
+    one = fitted("lowpass", 5000.0, 10_000.0)
+    models = [scored("generic_neighbors", 90.0, 100.0), scored("generic_road", 90.0, 40.0)]
+    expected = mixture([0.0, *(model.tolerated(1.0, off(one)) for model in models)])
+    assert left_by(one, *models).tolerated == pytest.approx(expected) and expected > 30
+    assert left_by(one, scored("clock_drift", 90.0, 100.0)).tolerated == 0.0
 
 
 def test_the_hope_of_a_refit_bounds_what_its_tolerance_adds():
-    one = fitted("lowpass", 500.0)
+    one = fitted("lowpass", 500.0, 3000.0)
     for left in (10.0, 100.0, 1000.0):
         for variance in (1.0, 4.0):
             spectrum = Spectrum(np.ones(1), np.array([left]))
-            added = spectrum.tolerated(variance, POLICY.tolerance**2 * one.fall)
+            added = spectrum.tolerated(variance, off(one))
             assert added <= Beside.hope(one, one.fall + left, variance)
 
 
-def test_a_second_effect_is_beyond_what_the_law_may_be_off_by():
+def test_a_second_effect_is_the_best_known_or_unknown_one_that_shows_beside_the_first():
     kin, second = scored("generic_neighbors", 40.0, 100.0), scored("clock_drift", 60.0)
-    left = left_by(fitted("lowpass", 5000.0), kin, second)
-    assert left.second == pytest.approx(60.0 - left.tolerated)
+    assert left_by(fitted("lowpass", 5000.0), kin, second).second == 60.0
     raced = left_by(fitted("lowpass", 5000.0), kin, second, seconds=(fitted("clock_drift", 90.0),))
-    assert raced.second == pytest.approx(90.0 - left.tolerated)
-    assert left_by(fitted("lowpass", 5000.0), kin).second == 0.0
+    assert raced.second == 90.0
+    assert left_by(fitted("lowpass", 5000.0), scored("generic_road", -3.0)).second == -3.0
 
 
 def test_suspects_are_those_of_a_table_and_all_discrepancy_models():

@@ -264,8 +264,8 @@ def test_every_explanation_has_its_evidence(monkeypatch):
         ("nothing", ()): 0.0,
         ("effect", ("gauge_length",)): 505.0,
         ("effect", ("lowpass",)): 3.0,
-        ("two", ("gauge_length", "lowpass")): 530.0,
-        ("unknown", ("generic_twin", "gauge_length")): 507.0,
+        ("two", ("gauge_length", "lowpass")): 535.0,
+        ("unknown", ("generic_twin", "gauge_length")): 512.0,
         ("unknown", ("generic_twin",)): 450.0,
     }
     simpler = {one.effects: one.simpler for one in found}

@@ -36,24 +36,24 @@ def test_the_evidence_of_one_number_is_that_of_integrating_over_its_prior():
     assert found == pytest.approx(np.log(whole), abs=1e-6)
 
 
-def test_a_tolerated_discrepancy_is_spread_over_the_directions_that_leave_a_trace():
-    columns, residual, energy = RNG.normal(size=(30, 2)), 3 * RNG.normal(size=30), 50.0
+def test_a_tolerated_discrepancy_is_as_large_in_each_direction_that_leaves_a_trace():
+    columns, residual, off = RNG.normal(size=(30, 2)), 3 * RNG.normal(size=30), 25.0
     with_none = np.column_stack([columns, np.zeros(30)])
     one = torch.ones(3, dtype=torch.float64)
     left = Spectrum.of(torch.from_numpy(with_none.T @ with_none), torch.from_numpy(with_none.T @ residual), one)
     basis = np.linalg.qr(columns)[0]
     noise = np.eye(30) * 1.5
-    expected = ratio(residual, noise + energy / 2 * basis @ basis.T, noise)
-    assert left.tolerated(1.5, energy) == pytest.approx(expected, rel=1e-8)
+    expected = ratio(residual, noise + off * basis @ basis.T, noise)
+    assert left.tolerated(1.5, off) == pytest.approx(expected, rel=1e-8)
     assert left.tolerated(1.5, 0.0) == 0.0
 
 
-def test_what_a_law_may_be_off_by_costs_little_and_what_is_more_costs_nearly_all_of_it():
-    """Of an effect of chi2 10,000 and a law off by 10 %, six numbers: 100 left are its own error, 2000 are not."""
-    own, more = (Spectrum(np.ones(6), np.full(6, left / 6)) for left in (100.0, 2000.0))
-    energy = 0.1**2 * 10_000
-    assert 100 / 2 - own.tolerated(1.0, energy) < 12
-    assert 2000 / 2 - more.tolerated(1.0, energy) > 60
+def test_what_a_law_may_be_off_by_shows_as_nothing_and_what_is_more_shows():
+    """Of an effect of chi2 10,000 and a law off by 3 %: 9 sigmas squared in each direction are its own error."""
+    off = 0.03**2 * 10_000
+    own, more = (Spectrum(np.full(6, 1e3), np.full(6, 1e3 * left / 6)) for left in (54.0, 2000.0))
+    assert own.evidence(1.0 + off) < 0 < own.evidence(1.0)
+    assert more.evidence(1.0 + off) > 60
 
 
 def test_a_mixture_is_a_mean_and_never_better_than_its_best():
