@@ -34,7 +34,8 @@ KINDS = {"null": 0.3, "one": 0.4, "two": 0.05, "unknown": 0.2, "geometry": 0.05}
 SCALES = (1.0, 0.4)
 #: Hidden effects that a smaller number does not make smaller.
 AS_DRAWN = ("wheel_layout", "long_vehicle", "lowpass", "saturation", "fk_filter", "median_filter")
-#: Chi2 that a hidden effect adds to the misfit of a fit without it, from which on it shows: 5 sigma.
+#: Chi2 that a hidden effect adds to the misfit of a fit without it, in variances that the noise counts as, from which on
+#: it shows: 5 sigma, as a diagnosis has it.
 SHOWS = 25.0
 EDGES = (0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 
@@ -97,6 +98,15 @@ def paid(run: "Run") -> float:
     return float(fit.prior.total(fit.state_of(torch.from_numpy(run.result.vector))))
 
 
+def variance(run: "Run") -> float:
+    """What the noise counts as, as no base model is exact."""
+    from solver.criticism.directions import Directions
+    from solver.fit.map_fit import MapFit
+
+    fit = MapFit(run.problem)
+    return Directions(fit, fit.state_of(torch.from_numpy(run.result.vector))).variance
+
+
 def tried(seed: int) -> dict[str, Any]:
     """Locate and diagnose one survey: explanations, verdict, and what both corridors hold of the true route.
 
@@ -114,7 +124,7 @@ def tried(seed: int) -> dict[str, Any]:
     if scenario.effects:
         _, without, _ = surveyed(replace(scenario, effects={}))
         more = located.result.chi2_per_dof - without.result.chi2_per_dof
-        misfit = more * located.problem.strain_rate.numel() + paid(located) - paid(without)
+        misfit = (more * located.problem.strain_rate.numel() + paid(located) - paid(without)) / variance(located)
     begun, result = time.process_time(), located.result
     state = MapFit(located.problem).state_of(torch.from_numpy(result.vector))
     effects = list(built_in().values())
