@@ -34,8 +34,8 @@ KINDS = {"null": 0.3, "one": 0.4, "two": 0.05, "unknown": 0.2, "geometry": 0.05}
 SCALES = (1.0, 0.4)
 #: Hidden effects that a smaller number does not make smaller.
 AS_DRAWN = ("wheel_layout", "long_vehicle", "lowpass", "saturation", "fk_filter", "median_filter")
-#: Chi2 that a hidden effect adds to the misfit of a fit without it, in variances that the noise counts as, from which on
-#: it shows: 5 sigma, as a diagnosis has it.
+#: Chi2 that a hidden effect adds to the misfit of a fit without it, in variances that the noise counts as, from which
+#: on it shows: 5 sigma, as a diagnosis has it.
 SHOWS = 25.0
 EDGES = (0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)
 
