@@ -46,8 +46,13 @@ def draw(seed: int) -> tuple[str, Scenario]:
     kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
     pool: Sequence[str] = {"null": (), "unknown": UNKNOWN, "geometry": GEOMETRY}.get(kind, FAIR)
     names = [str(name) for name in rng.choice(pool, size=1 + (kind == "two"), replace=False)] if pool else []
+    return kind, drawn_survey(seed, kind, names, rng)
+
+
+def drawn_survey(seed: int, kind: str, names: Sequence[str], rng: np.random.Generator) -> Scenario:
+    """A scenario of a kind, with effects of some names hidden."""
     scale = float(rng.choice(SCALES))
-    scenario = Scenario(
+    return Scenario(
         name=f"{kind}-{seed}",
         seed=seed,
         passes=int(rng.integers(4, 13)),
@@ -56,7 +61,6 @@ def draw(seed: int) -> tuple[str, Scenario]:
         view=(0.0, float(rng.uniform(40, 60))),
         effects={name: (1.0 if name in AS_DRAWN else scale) * amount(name, rng) for name in names},
     )
-    return kind, scenario
 
 
 def claims(row: Mapping[str, Any]) -> list[tuple[float, bool]]:

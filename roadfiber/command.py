@@ -110,12 +110,19 @@ def locate(
         bool,
         typer.Option("--unlisted", help="Fit vehicles, too, that the fiber hears and the trajectories lack."),
     ] = False,
+    corridor: Annotated[
+        str,
+        typer.Option(help="full: with what the model may lack; fit: as if it lacked nothing, which is faster."),
+    ] = "full",
     as_json: Annotated[bool, typer.Option("--json", help="Print fit.json instead of words.")] = False,
 ) -> None:
     """Locate the fiber of a survey: DAS files and trajectories, or a video, to a route on a map.
 
     Writes route.csv, route.geojson, fit.json and report.html. Where there are no trajectories the video is tracked
     first, and the run folder gets trajectories.csv too.
+
+    The 95 % corridor holds what the model may lack: at the end every effect of the catalogue is tested on what the fit
+    leaves, and the corridor widened by how far the route would follow it. `--corridor fit` leaves that out.
 
     Where site.toml has `[route]`, the operator's map of a fiber that one car with GPS drove along, the clock, loops of
     slack and the place of every channel along that map are found; `--method` and the like do not apply.
@@ -138,6 +145,7 @@ def locate(
             filters=filters or (),
             all_passes=all_passes,
             unlisted=unlisted,
+            corridor=corridor,
         )
     except InputError as error:
         raise InputError(f"{error}{pictured(error, out)}") from error
@@ -162,7 +170,9 @@ def pictured(error: InputError, out: Path) -> str:
 
 def summary(run: "Run | DriveRun", out: Path) -> str:
     """Say in a few lines what was found and how far it may be relied on: what the report and fit.json say, too."""
-    if not hasattr(run, "result"):
+    from solver.run.run import Run
+
+    if not isinstance(run, Run):
         return "\n".join([run.headline, run.trust, *run.warnings, f"report: {out / 'report.html'}"])
     known = run.route[run.route["constrained"]]
     first, last = known["channel"].iloc[[0, -1]]
@@ -172,6 +182,7 @@ def summary(run: "Run | DriveRun", out: Path) -> str:
             run.trust.replace("RUN", str(out)),
             f"fiber located over {len(known)} channels, {first} to {last}",
             f"1 sigma: {known['sigma_y'].max():.2f} m across at most, {known['sigma_z'].max():.2f} m in depth",
+            *([run.corridor.replace("RUN", str(out))] if run.corridor else []),
             *run.warnings,
             f"report: {out / 'report.html'}",
         ]

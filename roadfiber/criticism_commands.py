@@ -105,6 +105,10 @@ def add(
     plugin: Plugins = None,
     changed: Changed = False,
     force: Annotated[bool, typer.Option("--force", help="Keep it even if held-out passes fit no better.")] = False,
+    corridor: Annotated[
+        str,
+        typer.Option(help="full: with what the model may still lack; fit: as if it lacked nothing, which is faster."),
+    ] = "full",
     as_json: AsJson = False,
 ) -> None:
     """Add effects to the model of a run, fit everything again, and extend the error ladder.
@@ -120,7 +124,7 @@ def add(
     opened = open_street(run, plugins=plugin or (), changed=changed)
     check_out(out, opened)
     said = list[str]()
-    after = rf.add(opened, *effects, force=force, tell=said.append)
+    after = rf.add(opened, *effects, force=force, tell=said.append, corridor=corridor)
     after.save(out)
     if as_json:
         print(json.dumps(rf.ladder(open_street(out)).facts, allow_nan=False, indent=1))
@@ -132,6 +136,7 @@ def add(
         *said,
         f"chi2 per degree of freedom {before.chi2_per_dof:.3f} -> {last.chi2_per_dof:.3f}",
         f"the route moved by up to {last.route_change:.2f} m",
+        *([after.corridor.replace("RUN", str(out))] if after.corridor else []),
         f"page: {out / 'ladder.html'}",
     ]
     print("\n".join(lines))

@@ -12,7 +12,7 @@ from solver.criticism.diagnosis_files import diagnosis_facts, write_diagnosis
 from solver.criticism.finding import Diagnosis as Finding
 from solver.criticism.pages import diagnosis_page, widest_title
 from solver.criticism.plain_verdict import details, headline, size_words
-from solver.criticism.probability_figure import probability_figure, probability_line, title_of_explanation
+from solver.criticism.probability_figure import probability_figure, probability_line, title_of_explanation, titles_of
 from solver.criticism.route_change import from_run
 from solver.effect import Effect
 from solver.run.fitted import fitted
@@ -75,7 +75,8 @@ class Diagnosis:
         """
         import pandas as pd
 
-        titles = [title_of_explanation(one, self.finding.candidates) for one in self.finding.explanations]
+        known = titles_of(self.finding.candidates)
+        titles = [title_of_explanation(one, known) for one in self.finding.explanations]
         rows = [asdict(one) for one in self.finding.explanations]
         columns = ["explanation", "kind", "effects", "stage", "probability"]
         return pd.DataFrame(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from roadfiber.diagnosing import diagnose
+from roadfiber.widening import FULL, check_corridor, with_corridor
 from solver.criticism.diagnosis import converged
 from solver.criticism.diagnosis_files import check_out, story_facts, write_diagnosis, write_story
 from solver.criticism.growth import Grown, check_names, fitted_with, grow, with_growth
@@ -31,7 +32,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def add(run: Run, *effects: str | Effect, force: bool = False, tell: Callable[[str], None] | None = None) -> Run:
+def add(
+    run: Run,
+    *effects: str | Effect,
+    force: bool = False,
+    tell: Callable[[str], None] | None = None,
+    corridor: str = FULL,
+) -> Run:
     """Add effects to the model of a run, one after another, and fit everything again.
 
     Parameters
@@ -40,6 +47,7 @@ def add(run: Run, *effects: str | Effect, force: bool = False, tell: Callable[[s
     effects : names out of the catalogue, or effects of your own
     force : keep an effect even if passes held out fit no better with it
     tell : called with a line on each effect, such as `print`
+    corridor : as of `locate`
 
     Returns
     -------
@@ -53,10 +61,11 @@ def add(run: Run, *effects: str | Effect, force: bool = False, tell: Callable[[s
 
     Examples
     --------
-    >>> better = rf.add(run, "camber", force=True)
+    >>> better = rf.add(run, "camber", force=True, corridor="fit")
     >>> better.effects, len(better.rungs)
     (['camber'], 2)
     """
+    check_corridor(corridor)
     begun = time.perf_counter()
     mine = [one for one in effects if isinstance(one, Effect)]
     names = [one.name if isinstance(one, Effect) else one for one in effects]
@@ -79,7 +88,7 @@ def add(run: Run, *effects: str | Effect, force: bool = False, tell: Callable[[s
             held.append(name)
     if step is None:
         raise InputError("no effect to add; name one of `roadfiber effects`")
-    return with_growth(run, step, held, time.perf_counter() - begun)
+    return with_corridor(with_growth(run, step, held, time.perf_counter() - begun), corridor)
 
 
 @dataclass(frozen=True, repr=False)
@@ -144,7 +153,7 @@ def ladder(*runs: Run) -> Ladder:
 
     Examples
     --------
-    >>> rf.ladder(run, rf.add(run, "camber", force=True)).table["effects"].tolist()
+    >>> rf.ladder(run, rf.add(run, "camber", force=True, corridor="fit")).table["effects"].tolist()
     [(), ('camber',)]
     """
     if not runs:
@@ -239,7 +248,7 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
         misfit = f"{after.rungs[-2].chi2_per_dof:.3f} -> {rung.chi2_per_dof:.3f}"
         say(f"added {found.effect}: chi2 per degree of freedom {misfit}")
         run = after
-    return Story(run, tuple(chapters))
+    return Story(with_corridor(run, FULL) if run.rungs else run, tuple(chapters))
 
 
 def clock_offset(run: Run) -> tuple[float, float]:

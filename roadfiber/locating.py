@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+from roadfiber.widening import FULL, check_corridor, with_corridor
 from solver.effect import Effect
 from solver.run.folder import read_run
 from solver.run.locate import EFFECTS
@@ -69,6 +70,7 @@ def locate(
     filters: Sequence[str] = (),
     all_passes: bool = False,
     unlisted: bool = False,
+    corridor: str = FULL,
 ) -> Run: ...
 
 
@@ -82,6 +84,7 @@ def locate(
     filters: Sequence[str] = (),
     all_passes: bool = False,
     unlisted: bool = False,
+    corridor: str = FULL,
 ) -> "Run | DriveRun": ...
 
 
@@ -94,6 +97,7 @@ def locate(
     filters: Sequence[str] = (),
     all_passes: bool = False,
     unlisted: bool = False,
+    corridor: str = FULL,
 ) -> "Run | DriveRun":
     """Locate the fiber of a survey.
 
@@ -115,6 +119,8 @@ def locate(
         and the rest test the route
     unlisted : fit vehicles, too, that the fiber hears while it records one of the trajectories, and that these lack;
         their tracks are free
+    corridor : "full" holds what the model may lack, too: every effect of the catalogue is tested on what the fit
+        leaves; "fit" takes the model for granted, which is faster, and too narrow wherever something is missing
 
     Returns
     -------
@@ -128,10 +134,11 @@ def locate(
 
     Examples
     --------
-    >>> run = rf.locate(survey, effects=[])
+    >>> run = rf.locate(survey, effects=[], corridor="fit")
     >>> bool(run.route["constrained"].sum() > 30), run.trust[:15]
     (True, 'No check failed')
     """
+    check_corridor(corridor)
     whole = read(survey) if isinstance(survey, Path | str) else survey
     if not isinstance(whole, Survey):
         from solver.drive.locate_drive import locate_drive
@@ -142,16 +149,25 @@ def locate(
     asked: dict[str, Any] = {"method": method, "likelihood": likelihood, "effects": effects, "filters": filters}
     asked |= {"all_passes": all_passes, "unlisted": unlisted}
     if whole.tracks is not None:
-        run = locate_fiber(whole, **asked)
+        run = with_corridor(locate_fiber(whole, **asked), corridor)
         return replace(run, scene=scene_of(whole))
     tracked = followed(whole.camera)
-    return located(whole, tracked.table, tracked.dropped, tracked.placed, **asked)
+    return located(whole, tracked.table, tracked.dropped, tracked.placed, corridor=corridor, **asked)
 
 
-def located(survey: Survey, table: "pd.DataFrame", dropped: "pd.DataFrame | None", placed: str, **settings: Any) -> Run:
+def located(
+    survey: Survey,
+    table: "pd.DataFrame",
+    dropped: "pd.DataFrame | None",
+    placed: str,
+    *,
+    corridor: str = FULL,
+    **settings: Any,
+) -> Run:
     """Locate the fiber of a survey whose video was tracked: fixes on the road, those dropped, a line on both."""
     ready = survey.with_tracks(table, cautions=[placed])
-    return replace(locate_fiber(ready, **settings), tracked=table, dropped=dropped, scene=scene_of(survey))
+    run = with_corridor(locate_fiber(ready, **settings), corridor)
+    return replace(run, tracked=table, dropped=dropped, scene=scene_of(survey))
 
 
 def scene_of(survey: Survey) -> "Scene | None":

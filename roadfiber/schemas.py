@@ -66,7 +66,7 @@ def schema(file: str) -> dict[str, Any]:
     Examples
     --------
     >>> rf.schema("route.csv")["properties"]["sigma_y"]["description"]
-    'standard deviations, m; empty where the method gives none'
+    'standard deviations, m, with what the model may lack; empty where the method gives none'
     """
     if file not in FILES:
         raise InputError(f"no schema of {file!r}; there are {', '.join(FILES)}")

@@ -114,7 +114,9 @@ class RouteRow(Row):
     channel : as the DAS file counts
     distance : along the fiber, m
     x, y, z : in the local frame, m; z is the depth below the road
-    sigma_x, sigma_y, sigma_z : standard deviations, m; empty where the method gives none
+    sigma_x, sigma_y, sigma_z : standard deviations, m, with what the model may lack; empty where the method gives none
+    sigma_x_fit, sigma_y_fit, sigma_z_fit : of the fit alone, m, which takes its model for granted; no such columns for
+        a drive
     latitude, longitude : WGS 84, degrees
     constrained : whether data and anchors decide the place, and not the prior alone
     """
@@ -127,6 +129,9 @@ class RouteRow(Row):
     sigma_x: Positive | None = None
     sigma_y: Positive | None = None
     sigma_z: Positive | None = None
+    sigma_x_fit: Positive | None = None
+    sigma_y_fit: Positive | None = None
+    sigma_z_fit: Positive | None = None
     latitude: Latitude
     longitude: Longitude
     constrained: bool

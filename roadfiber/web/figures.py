@@ -155,9 +155,9 @@ class DepthProfile:
 
     def show(self, run: Run) -> None:
         """Draw a run."""
-        result = run.result
-        z, half = (np.where(result.constrained, one, np.nan) for one in (result.route[:, 2], Z95 * result.sigma[:, 2]))
-        self.source.data = table(channel=result.channel, z=z, low=z - half, high=z + half)
+        place = run.place
+        z, half = (np.where(place.constrained, one, np.nan) for one in (place.route[:, 2], Z95 * place.sigma[:, 2]))
+        self.source.data = table(channel=place.channel, z=z, low=z - half, high=z + half)
 
     def beside(self, channel: NDArray[np.int64], z: Array) -> None:
         """Draw another depth dashed."""

@@ -6,7 +6,7 @@ Schmidt's consider covariance (Schmidt 1966, Adv. Control Syst. 3, 293), with th
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from solver.criticism.explanations import Posterior, priors
 from solver.criticism.policy import POLICY
-from solver.criticism.route_change import moves
+from solver.criticism.route_change import moves, route_of
 from solver.criticism.score import Score
+from solver.run.geojson import normals
 
 if TYPE_CHECKING:
     from solver.criticism.bench import Bench
@@ -35,19 +36,30 @@ class Corridor:
     ----------
     channel : [channel]
     covariance : [channel, 3, 3], m^2, to be added to the fit's
-    widest : name of the effect that adds most; "" where nothing does
+    across : [channel, 2, 3], unit vectors across the route: sideways and down
+    widest : name of the effect that adds most across the route; "" where nothing does
     share : of what is added, by that effect
     """
 
     channel: NDArray[np.int64]
     covariance: Array
+    across: Array
     widest: str
     share: float
 
     @classmethod
-    def of(cls, bench: "Bench", tried: Mapping[str, "Refit"], posterior: Posterior) -> "Corridor":
-        """What the explanations of a fit add, as fitted in full, else as the score test predicts."""
+    def of(
+        cls, bench: "Bench", tried: Mapping[str, "Refit"], posterior: Posterior, away: Array | None = None
+    ) -> "Corridor":
+        """What the explanations of a fit add, as fitted in full, else as the score test predicts.
+
+        Parameters
+        ----------
+        away : how far the fit's route is from that which the corridor is of, [channel, 3], m; nowhere where None
+        """
         scorer = bench.scorer
+        route = route_of(scorer.fit, scorer.state)
+        away = np.zeros_like(route) if away is None else away
         known = sum(not score.effect.generic for score in bench.table)
         prior = priors(POLICY, known, 1, 1)["effect"]
         shown = {one.effects[0]: one.probability for one in posterior.weighed if one.effects}
@@ -59,29 +71,54 @@ class Corridor:
             move = moves(bench, name, tried)
             if move is None or not np.isfinite(move).all():
                 continue
-            weight = probability if probability > LEAST else prior * hidden_size(score)
-            parts[name] = weight * move[:, :, None] * move[:, None, :]
-        channel = scorer.fit.problem.channel
-        none = np.zeros((len(channel), 3, 3))
-        total = sum(parts.values(), none)
-        sizes = {name: float(np.trace(part, axis1=1, axis2=2).mean()) for name, part in parts.items()}
+            if probability > LEAST:
+                parts[name] = probability * square(away + move)
+            else:
+                parts[name] = prior * hidden_size(score) * square(move)
+        still = 1 - sum(probability for name, probability in shown.items() if name in parts)
+        total = sum(parts.values(), max(still, 0.0) * square(away))
+        channel, across = scorer.fit.problem.channel, sideways(route)
+        sizes = {name: width(part, across) for name, part in parts.items()}
         widest = max(sizes, key=lambda name: sizes[name], default="")
         whole = sum(sizes.values())
-        return cls(channel, total, widest if whole > 0 else "", sizes[widest] / whole if whole > 0 else 0.0)
+        return cls(channel, total, across, widest if whole > 0 else "", sizes[widest] / whole if whole > 0 else 0.0)
 
-    def with_move(self, name: str, move: Array) -> "Corridor":
-        """The same about a route that moves [channel, 3], m, once a fault of that name is mended."""
-        more = move[:, :, None] * move[:, None, :]
-        mine, others = (float(np.trace(one, axis1=1, axis2=2).mean()) for one in (more, self.covariance))
+    def with_move(self, name: str, move: Array, probability: float = 1.0) -> "Corridor":
+        """The same about a route that moves [channel, 3], m, once a fault of that name, as probable, is mended."""
+        return self.with_part(name, probability * square(move))
+
+    def with_part(self, name: str, more: Array) -> "Corridor":
+        """The same with a further covariance [channel, 3, 3], m^2, for what that name may be off by."""
+        mine, others = (width(one, self.across) for one in (more, self.covariance))
         if mine > others * self.share:
-            return Corridor(self.channel, self.covariance + more, name, mine / (mine + others))
+            return replace(self, covariance=self.covariance + more, widest=name, share=mine / (mine + others))
         share = others * self.share / (mine + others) if others > 0 else 0.0
-        return Corridor(self.channel, self.covariance + more, self.widest, share)
+        return replace(self, covariance=self.covariance + more, share=share)
 
     def at(self, channel: NDArray[np.int64]) -> Array:
         """What is added [channel, 3, 3] at channels; where one was not fitted, as at the nearest that was."""
         near = np.abs(self.channel[None] - np.asarray(channel)[:, None]).argmin(1)
         return np.asarray(self.covariance[near])
+
+
+def square(move: Array) -> Array:
+    """What a move [point, 3], m, adds to a covariance [point, 3, 3] where it is certain."""
+    return np.asarray(move[:, :, None] * move[:, None, :])
+
+
+def sideways(route: Array) -> Array:
+    """Unit vectors [point, 2, 3] across a route [point, 3]: sideways and down.
+
+    >>> sideways(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0]]))[0].tolist()
+    [[-0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    flat = np.column_stack([normals(route), np.zeros(len(route))])
+    return np.stack([flat, np.broadcast_to([0.0, 0.0, 1.0], flat.shape)], 1)
+
+
+def width(covariance: Array, across: Array) -> float:
+    """Mean variance of covariances [point, 3, 3] across a route: along it no corridor shows."""
+    return float(np.einsum("pwa,pab,pwb->p", across, covariance, across).mean())
 
 
 def hidden_size(score: Score) -> float:

@@ -14,11 +14,11 @@ from solver.criticism.candidate import Candidate
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
-from solver.run.geojson import half_width
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import pass_label, scale_figure, wave_figure, whole_range
 from solver.run.report.route_figure import abscissa, along_x, depth_profile, draw_line, draw_profile, sideways_profile
 from solver.run.run import Run
+from solver.run.run_corridor import median_half
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract.drawing import canvas, coarse, color_map, color_scale, place
 from vision.contract.figures import INK, MUTED, data_uri, png_bytes, styled, svg
@@ -90,6 +90,7 @@ def before_after(run: Run, diagnosis: "Diagnosis") -> BeforeAfter | None:
     result = assemble(problem, MapFit(problem), state, method="spline", iterations=0, seconds=0.0, converged=True)
     if not same_grid(run.result, result):
         return None
+    run = replace(run, added=None)  # both sides take their models for granted
     after = replace(run, result=result, problem=problem, folder=None)
     fell = misfit_of(run.result, run.passes).by_pass - misfit_of(result, run.passes).by_pass
     return BeforeAfter(run, after, run.passes[int(np.nanargmax(fell))])
@@ -156,8 +157,8 @@ def route_section(pair: BeforeAfter, moved: float | None) -> str:
     """The route with both corridors."""
     way = "" if moved is None else f" With it the route moves by up to {moved:.2f} m."
     return (
-        f"<section><h2>The route, before and after</h2><p>The band is the 95 % corridor, squares are anchors; both "
-        f"sides have the same scales. The dotted line at right is the route before.{way}</p>"
+        f"<section><h2>The route, before and after</h2><p>The band is each fit's own 95 % corridor, squares are "
+        f"anchors; both sides have the same scales. The dotted line at right is the route before.{way}</p>"
         f'<div class="wide-table">{svg(corridor_figure(pair))}</div></section>'
     )
 
@@ -167,23 +168,16 @@ def considered(run: Run, diagnosis: "Diagnosis") -> Run | None:
     corridor, result = diagnosis.corridor, run.result
     if corridor is None or not np.isfinite(result.covariance).any():
         return None
-    wide = replace(result, covariance=result.covariance + corridor.at(result.channel))
-    return replace(run, result=wide, folder=None)
-
-
-def widest_half(run: Run) -> float:
-    """Half the width of the 95 % corridor, m: the median over channels that data decide."""
-    half = half_width(run.result.route, run.result.covariance)[run.result.constrained]
-    return float(np.median(half)) if len(half) else float("nan")
+    return replace(run, added=corridor.at(result.channel), folder=None)
 
 
 def corridor_words(run: Run, diagnosis: "Diagnosis", title: str) -> str:
     """Both widths in a sentence; "" where they are not known."""
     wide = considered(run, diagnosis)
-    if wide is None or diagnosis.corridor is None or not np.isfinite(widest_half(run)):
+    if wide is None or diagnosis.corridor is None or not np.isfinite(median_half(run.result)):
         return ""
-    words = f"95 % corridor: {widest_half(run):.2f} m to either side (median) if the model lacks nothing, "
-    words += f"{widest_half(wide):.2f} m with what it may lack"
+    words = f"95 % corridor: {median_half(run.result):.2f} m to either side (median) if the model lacks nothing, "
+    words += f"{median_half(wide.place):.2f} m with what it may lack"
     return f"{words}; {title} widens it most" if title and diagnosis.corridor.share > 0 else words
 
 
@@ -192,7 +186,8 @@ def sureness_section(run: Run, diagnosis: "Diagnosis", title: str) -> str:
     wide = considered(run, diagnosis)
     if wide is None or not (words := corridor_words(run, diagnosis, title)):
         return ""
-    figure = svg(corridor_figure(BeforeAfter(run, wide, run.passes[0]), ("nothing missing", "with what may be")))
+    pair = BeforeAfter(replace(run, added=None), wide, run.passes[0])
+    figure = svg(corridor_figure(pair, ("nothing missing", "with what may be")))
     return (
         f"<section><h2>How sure the route is</h2><p>{escape(words)}. At left the corridor takes the model for granted; "
         "at right every explanation moves the route by its own way, as probable as it is.</p>"

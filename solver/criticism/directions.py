@@ -132,11 +132,16 @@ class Directions:
         numbers[: len(self.state.numbers)] = self.state.numbers
         return numbers
 
-    def columns(self, effect: Effect, shape: dict[str, float], extension: Extension) -> tuple[Windowed, list[int]]:
-        """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, and how many each has."""
+    def columns(
+        self, effect: Effect, shape: dict[str, float], extension: Extension, seen: Seen | None = None
+    ) -> tuple[Windowed, list[int]]:
+        """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, how many each has.
+
+        `seen` is the model, where it is not as `self.seen` has it.
+        """
         if effect == SLOW_ERROR and self._slow is not None:
             return self._slow
-        seen, numbers = self.seen(extension), self.numbers(extension, shape)
+        seen, numbers = seen or self.seen(extension), self.numbers(extension, shape)
         slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
         maps = [derivative(seen, slot, numbers) for slot in slots]
         white = Windowed.through(torch.cat(maps), self._white, self.fit.whiten.memory)
@@ -195,12 +200,23 @@ class Directions:
             for score, cross, gram, half in zip(scores, crossed, grams, halves, strict=True)
         ]
 
+    def whitened(self, maps: Tensor) -> Windowed:
+        """Whitened changes [sample * channel + anchor, number] of the record by maps [number, sample, channel], 1/s."""
+        white = Windowed.through(maps, self._white, self.fit.whiten.memory)
+        return white.above(self._below(torch.zeros(len(self._anchors.residual), len(maps), dtype=torch.float64)))
+
     def following(self, score: Score) -> Tensor:
         """How all that was fitted [free] moves with a score's estimate."""
         if self.alone:
             return torch.zeros(self.fitted, dtype=torch.float64)
-        crossed = self.jacobian.along(score.signal)
-        return -torch.cholesky_solve(crossed[:, None], self.factor)[: self.fitted, 0]
+        return self._led(self.jacobian.along(score.signal)[:, None])[:, 0]
+
+    def led(self, directions: Windowed, ways: Tensor) -> Tensor:
+        """How all that was fitted [free, way] moves with directions [.., number] in proportions [number, way]."""
+        return self._led(self.jacobian.transposed_times(directions) @ ways)
+
+    def _led(self, crossed: Tensor) -> Tensor:
+        return -torch.cholesky_solve(crossed, self.factor)[: self.fitted]
 
 
 def factor_of(matrix: Tensor) -> Tensor:

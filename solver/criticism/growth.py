@@ -156,8 +156,8 @@ def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) 
     known = {one.track_id for one in run.passes}
     passes = run.passes + [one for one in problem.passes if one.track_id not in known]
     time = times_of(result.samples, run.result.samples, run.time, problem.sampling_rate)
-    grown_run = replace(run, result=result, problem=problem, time=time, facts=strict(facts), passes=passes, folder=None)
-    grown_run = told(grown_run)
+    grown_run = replace(run, result=result, problem=problem, time=time, facts=strict(facts), passes=passes)
+    grown_run = told(replace(grown_run, added=None, folder=None))
     return replace(with_plugins(grown_run), rungs=climbed(run, grown_run))
 
 

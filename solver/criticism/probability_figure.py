@@ -1,6 +1,6 @@
 """How probable each explanation of a diagnosis is, in words and as bars."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from matplotlib.figure import Figure
@@ -37,30 +37,37 @@ def probability_figure(explanations: Sequence[Weighed], listed: Sequence[Candida
         color = REST_COLOR if one.kind in ("unknown", "nothing") else FIRST_COLOR if at == 0 else OTHER_COLOR
         axes.barh(at, 100 * one.probability, color=color, height=0.62)
         axes.text(100 * one.probability, at, f" {probability_words(one.probability)}", va="center", color=INK)
-    axes.set_yticks(range(len(shown)), [title_of_explanation(one, listed) for one in shown], parse_math=False)
+    titles = titles_of(listed)
+    axes.set_yticks(range(len(shown)), [title_of_explanation(one, titles) for one in shown], parse_math=False)
     axes.set(xlim=(0, 115), ylim=(len(shown) - 0.5, -0.5), xticks=(0, 25, 50, 75, 100))
     axes.set_xlabel("probability, %")
     return figure
 
 
-def title_of_explanation(one: Weighed, listed: Sequence[Candidate]) -> str:
-    """An explanation in plain words.
+def titles_of(listed: Sequence[Candidate]) -> dict[str, str]:
+    """Titles of candidates by effect."""
+    return {c.effect: c.title for c in listed}
 
-    >>> title_of_explanation(Weighed("unknown", ("generic_echo",), "interrogator", 0.1), [])
+
+def title_of_explanation(one: Weighed, titles: Mapping[str, str]) -> str:
+    """An explanation in plain words, with the titles of effects.
+
+    >>> title_of_explanation(Weighed("unknown", ("generic_echo",), "interrogator", 0.1), {})
     'Something unknown (interrogator)'
     """
     if one.kind == "nothing":
         return "Nothing that would show"
     if one.kind == "unknown":
         return f"Something unknown ({one.stage})"
-    known = {c.effect: c.title for c in listed}
-    return known.get(one.effects[0], one.effects[0]) + (", and more" if one.kind == "two" else "")
+    return titles.get(one.effects[0], one.effects[0]) + (", and more" if one.kind == "two" else "")
 
 
 def probability_line(explanations: Sequence[Weighed], listed: Sequence[Candidate]) -> str:
     """The probabilities in a line; what holds less than one in a thousand is left out, but never nothing."""
     shown = [one for one in explanations_shown(explanations) if one.probability >= 1e-3 or one.kind == "nothing"]
-    return ", ".join(f"{title_of_explanation(one, listed)} {probability_words(one.probability)}" for one in shown)
+    return ", ".join(
+        f"{title_of_explanation(one, titles_of(listed))} {probability_words(one.probability)}" for one in shown
+    )
 
 
 def explanations_shown(explanations: Sequence[Weighed]) -> list[Weighed]:

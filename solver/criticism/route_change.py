@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from solver.criticism.candidate import Candidate
 from solver.fit.map_fit import MapFit
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from solver.criticism.bench import Bench
     from solver.criticism.finding import Diagnosis
     from solver.criticism.refit import Refit
+    from solver.criticism.scorer import Scorer
 
 
 def route_of(fit: MapFit, state: State, channel: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
@@ -24,6 +26,14 @@ def route_of(fit: MapFit, state: State, channel: NDArray[np.int64] | None = None
     place, _, _ = fit.prior.led(state, distance)
     at = place.clamp(fit.basis.start, fit.basis.stop).numpy()
     return np.asarray(fit.basis.along(state.coefficients.numpy(), at))
+
+
+def moved_by(scorer: "Scorer", change: Tensor) -> NDArray[np.float64]:
+    """How the route moves [channel, 3], m, with a change of all that was fitted [free]."""
+    step = scorer.fit.mean.new_zeros(len(scorer.fit.mean))
+    step[scorer.fit.free] = change
+    after = scorer.state.moved(scorer.state.vector() + step)
+    return route_of(scorer.fit, after) - route_of(scorer.fit, scorer.state)
 
 
 def moves(bench: "Bench", name: str, tried: Mapping[str, "Refit"]) -> NDArray[np.float64] | None:
@@ -35,9 +45,7 @@ def moves(bench: "Bench", name: str, tried: Mapping[str, "Refit"]) -> NDArray[np
     score = next((one for one in bench.table if one.effect.name == name), None)
     if score is None:
         return None
-    step = scorer.fit.mean.new_zeros(len(scorer.fit.mean))
-    step[scorer.fit.free] = scorer.following(score)
-    return route_of(scorer.fit, scorer.state.moved(scorer.state.vector() + step)) - before
+    return moved_by(scorer, scorer.following(score))
 
 
 def moved(bench: "Bench", name: str, tried: Mapping[str, "Refit"]) -> float | None:

@@ -16,6 +16,7 @@ from solver.criticism.score import Outcome, Score, mixes, one_sided, outcome
 from solver.criticism.side_by_side import side_by_side
 from solver.criticism.windowed import Windowed
 from solver.effect import Effect
+from solver.signal_path.derivatives import Seen
 from solver.signal_path.extension import Extension
 
 #: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
@@ -69,12 +70,20 @@ class Scorer(Directions):
             yield max(ranked, key=lambda s: s.fall)
 
     def of_shapes(
-        self, effect: Effect, shapes: Sequence[dict[str, float]], extension: Extension, trials: int
+        self,
+        effect: Effect,
+        shapes: Sequence[dict[str, float]],
+        extension: Extension,
+        trials: int,
+        seen: Seen | None = None,
     ) -> Iterator[Score]:
-        """Scores of each shape, with separate and with shared numbers of passes; none where it does nothing."""
+        """Scores of each shape, with separate and with shared numbers of passes; none where it does nothing.
+
+        `seen` is as of `columns`.
+        """
         made: list[Made] = []
         for last, shape in zip([False] * (len(shapes) - 1) + [True], shapes, strict=True):
-            columns, counts = self.columns(effect, shape, extension)
+            columns, counts = self.columns(effect, shape, extension, seen)
             if columns.norm * max(p.plausible for p in effect.amplitudes) > FEEBLE:
                 made.append(Made(shape, columns, counts))
             if last or sum(one.columns.extent for one in made) >= BATCH:

@@ -21,18 +21,33 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Placed:
-    """A fiber's route alone; fields as of `FitResult`."""
+    """A fiber's route alone.
+
+    Parameters
+    ----------
+    channel, distance, route, constrained : as of `FitResult`
+    covariance : [channel, 3, 3], m^2, of the 95 % corridor
+    fit_covariance : of the fit alone, which takes its model for granted; None where no other is known
+    """
 
     channel: NDArray[np.int64]
     distance: NDArray[np.float64]
     route: NDArray[np.float64]
     covariance: NDArray[np.float64]
     constrained: NDArray[np.bool_]
+    fit_covariance: NDArray[np.float64] | None = None
 
     @property
     def sigma(self) -> NDArray[np.float64]:
         """Standard deviation [channel, 3] of x, y, z, m."""
         return np.asarray(np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)))
+
+    @property
+    def sigma_fit(self) -> NDArray[np.float64] | None:
+        """The same of the fit alone."""
+        if self.fit_covariance is None:
+            return None
+        return np.asarray(np.sqrt(np.diagonal(self.fit_covariance, axis1=1, axis2=2)))
 
 
 @dataclass(frozen=True)

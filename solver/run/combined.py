@@ -19,6 +19,7 @@ from solver.fit.result import Placed
 from solver.run.geojson import Z95, half_width, normals, route_features
 from solver.run.route_table import route_csv, route_table
 from solver.run.run import Run
+from solver.run.run_corridor import lacking
 from solver.run.strict_json import strict
 from vision.contract import InputError, LocalFrame, require_writable, writing_into
 
@@ -267,11 +268,11 @@ def combine(*runs: Run) -> Combined:
     z = np.array([(one.across_z, one.depth_z) for one in agreement])
     widened = max(1.0, float(np.sqrt((z**2).mean())))
     sure = lateral_share(route, covariance, shape) > 0.5
-    ratio = chain.layout["poisson_ratio"].start
+    ratio, own = chain.layout["poisson_ratio"].start, widened**2 * covariance
     return Combined(
         runs=runs,
         frame=runs[0].frame,
-        place=Placed(channel, whole.distance_of(channel), route, widened**2 * covariance, sure),
+        place=Placed(channel, whole.distance_of(channel), route, own + lacking(runs, channel), sure, own),
         poisson_ratio=(float(end.state.poisson_ratio), widened * float(posterior.sigmas()[ratio])),
         chi2_per_dof=posterior.chi2_per_dof,
         converged=end.converged,

@@ -13,6 +13,7 @@ from solver.fit.result import FitResult
 from solver.run.floor import noise_floor
 from solver.run.gates import trust_of
 from solver.run.problem_arrays import problem_facts
+from solver.run.run_corridor import corridor_facts
 from solver.run.stored import FORMAT
 from solver.run.strict_json import strict
 from solver.survey.anchors import Anchor
@@ -62,6 +63,7 @@ def fitted_facts(
         "ambiguous_side": result.ambiguous_side,
         "disputed_anchors": disputed,
         "trust": asdict(trust_of(result, problem, floor, held_out, disputed)),
+        "corridor": corridor_facts(result),
         "problem": problem_facts(problem),
     }
 

@@ -39,6 +39,7 @@ def write_arrays(path: Path, run: Run) -> None:
     arrays: dict[str, Any] = {name: getattr(result, name) for name in ARRAYS}
     maps = {name: getattr(result, name).astype(np.float32) for name in MAPS}
     arrays |= maps | pass_arrays(run.passes) | problem_arrays(run.problem)
+    arrays["added"] = np.zeros_like(result.covariance) if run.added is None else run.added
     np.savez_compressed(path, time=run.time, **arrays)
 
 
@@ -83,7 +84,7 @@ def write_run(folder: Path, run: Run) -> None:
     with writing(folder) as temporary:
         temporary.mkdir()
         (temporary / "route.csv").write_text(route_csv(run.route), encoding="utf-8")
-        features = geojson.route_features(run.result, run.frame, run.anchors, run.name)
+        features = geojson.route_features(run.place, run.frame, run.anchors, run.name)
         (temporary / "route.geojson").write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
         (temporary / "fit.json").write_text(json.dumps(facts, allow_nan=False, indent=1), encoding="utf-8")
         write_arrays(temporary / "data.npz", run)
@@ -182,4 +183,5 @@ def assembled(facts: dict[str, Any], arrays: Arrays, known: Catalogue) -> Run:
         anchors=anchors,
         facts=facts,
         known=known,
+        added=arrays["added"] if facts["corridor"]["full"] else None,
     )

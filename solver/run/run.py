@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from solver.catalogue.plugins import Catalogue, catalogue
 from solver.fit.problem import Problem
-from solver.fit.result import FitResult
+from solver.fit.result import FitResult, Placed
+from solver.run.run_corridor import corridor_sentence, placed
 from solver.run.rung import Rung
 from solver.run.scene import Scene
 from solver.survey.anchors import Anchor
@@ -47,6 +48,8 @@ class Run:
     tracked, dropped : trajectory table, and fixes that it leaves out, where a video was tracked for this run
     folder : that it was opened from; None where it was not
     scene : what a camera saw of the street; None where there was none
+    added : [channel, 3, 3], m^2, by which its corridor is wider than the fit's own for what its model may lack; None
+        where the corridor takes the model for granted, `facts["corridor"]` says why
     """
 
     result: FitResult
@@ -63,6 +66,7 @@ class Run:
     dropped: "pd.DataFrame | None" = None
     folder: Path | None = None
     scene: Scene | None = None
+    added: NDArray[np.float64] | None = None
 
     @property
     def name(self) -> str:
@@ -90,11 +94,24 @@ class Run:
         return list(self.facts["warnings"])
 
     @property
+    def corridor(self) -> str:
+        """How wide the 95 % corridor is, what widens it and what would narrow it; "" where no sigma is known."""
+        return corridor_sentence(self.facts["corridor"])
+
+    @property
+    def place(self) -> Placed:
+        """The route with the covariance of its 95 % corridor, which every file and picture shows."""
+        return placed(self.result, self.added)
+
+    @property
     def route(self) -> "pd.DataFrame":
-        """The route [channel]: channel, distance, x, y, z, their sigmas (m), latitude, longitude, constrained."""
+        """The route [channel]: channel, distance, x, y, z, their sigmas (m), latitude, longitude, constrained.
+
+        `sigma_x` and so on hold what the model may lack; `sigma_x_fit` and so on are the fit's alone.
+        """
         from solver.run.route_table import route_table
 
-        return route_table(self.result, self.frame)
+        return route_table(self.place, self.frame)
 
     def plot(self, width: int = WIDTH) -> "Figure":
         """Draw the route from above, its sideways place and its depth, with the 95 % corridor; width in CSS pixels."""
@@ -126,7 +143,7 @@ class Run:
         from vision.contract import require_writable, writing
 
         require_writable(Path(path))
-        features = route_features(self.result, self.frame, self.anchors, self.name)
+        features = route_features(self.place, self.frame, self.anchors, self.name)
         with writing(Path(path)) as temporary:
             temporary.write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
 
@@ -147,8 +164,8 @@ class Run:
         from solver.run.gis.export import export
         from solver.run.gis.layers import Subject
 
-        place = self.result, self.frame, self.anchors, self.name
-        export(Subject(*place, str(self.facts["trust"]["grade"]), self.trust), path, crs, ground_height)
+        subject = self.place, self.frame, self.anchors, self.name
+        export(Subject(*subject, str(self.facts["trust"]["grade"]), self.trust), path, crs, ground_height)
 
     def to_patch(self, patch: Any) -> Any:
         """A DASCore patch of the record with the route as coordinates along its distance.

@@ -42,6 +42,7 @@ WITHIN: dict[str, tuple[float, float]] = {
 #: Those that have numbers or NaN, which says that a number is not known.
 PARTLY: dict[str, tuple[float, float]] = {
     "covariance": (-1e16, 1e16),
+    "added": (-1e16, 1e16),
     "data_share": (-1e6, 1e6),
     "model": (-1e30, 1e30),
     "record": (-1e30, 1e30),
@@ -78,8 +79,9 @@ def check_arrays(arrays: Arrays) -> None:
     require(channel[-1] - channel[0] == len(channel) - 1, "channel leaves some out")
     require(np.isin(arrays["fitted_channel"], channel).all(), "fitted_channel has one that is not in channel")
     require(samples[-1] < moments, "samples has one beyond the record")
-    variance = np.diagonal(arrays["covariance"], axis1=1, axis2=2)
-    require((np.isnan(variance) | (variance >= 0)).all(), "covariance has a negative variance")
+    for name in ("covariance", "added"):
+        variance = np.diagonal(arrays[name], axis1=1, axis2=2)
+        require((np.isnan(variance) | (variance >= 0)).all(), f"{name} has a negative variance")
     own, across = arrays["law_own"], arrays["law_across"]
     require(
         own[0] > 0 and (np.abs(own) <= 1.001 * own[0]).all() and across[0] > 0, "law_own is not a covariance of noise"

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
 from solver.run.stored_choice import ChoiceFile
+from solver.run.stored_corridor import CorridorFile
 from solver.run.stored_types import (
     Count,
     Digest,
@@ -25,7 +26,7 @@ from solver.run.stored_types import (
 )
 from solver.run.trust import Verdict
 
-Format = Literal["roadfiber run 3"]
+Format = Literal["roadfiber run 4"]
 (FORMAT,) = get_args(Format)
 #: What says of a file that it is of a run, of whatever version of roadfiber.
 ANY_FORMAT = r"^roadfiber run (\d{1,9})$"
@@ -211,6 +212,7 @@ class FitFile(Stored):
     ambiguous_side : whether the mirror route on the other side of the traffic is not ruled out
     disputed_anchors : that contradict the others, a sentence each
     trust : every check of the fit, and the sentence that follows from them
+    corridor : how wide it is, with what the model may lack and without
     headline : where the fiber is, in a sentence
     notes : of `locate`, a line each
     warnings : what else must be known before the route is relied on, a line each
@@ -245,6 +247,7 @@ class FitFile(Stored):
     ambiguous_side: bool
     disputed_anchors: tuple[Text, ...]
     trust: TrustFile
+    corridor: CorridorFile
     headline: Text
     notes: tuple[Text, ...]
     warnings: tuple[Text, ...]

@@ -40,7 +40,7 @@ def survey(folder: Path) -> rf.Survey:
 
 @pytest.fixture(scope="module")
 def run(survey: rf.Survey) -> rf.Run:
-    return rf.locate(survey, effects=[])
+    return rf.locate(survey, effects=[], corridor="fit")
 
 
 def test_the_lines_of_the_readme_run_as_written(tmp_path: Path, monkeypatch) -> None:
@@ -72,7 +72,7 @@ def test_every_result_has_a_table_a_picture_and_a_page(survey: rf.Survey, run: r
     assert (again.headline, again.trust, again.effects) == (run.headline, run.trust, [])
     comparison = rf.compare(again)
     assert {"words", "chi2", "z"} <= set(comparison.regions)
-    better = rf.add(again, "gauge_length")
+    better = rf.add(again, "gauge_length", corridor="fit")
     assert better.effects == ["gauge_length"] and len(better.rungs) == 2
     ladder = rf.ladder(run, better)
     assert ladder.table["effects"].tolist() == [(), ("gauge_length",)]
@@ -87,6 +87,25 @@ def test_every_result_has_a_table_a_picture_and_a_page(survey: rf.Survey, run: r
     assert "<svg" in survey._repr_html_()
 
 
+def test_the_corridor_of_a_run_holds_what_its_model_lacks(tmp_path: Path) -> None:
+    """An AC coupling that the model lacks bends the route: the fit's own corridor is too narrow, the run's is not."""
+    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 11}
+    rf.simulate(tmp_path / "survey", "street", effects={"highpass": 0.07}, **small)
+    with pytest.raises(rf.InputError, match="corridor wide: not known; give full or fit"):
+        rf.locate(tmp_path / "survey", corridor="wide")
+    run = rf.locate(tmp_path / "survey")
+    truth = json.loads((tmp_path / "survey" / "truth.json").read_text(encoding="utf-8"))
+    route, known = np.array(truth["route_xyz"]), run.route[run.route["constrained"]]
+    off = np.abs(known["y"] - route[known["channel"], 1])
+    assert (off <= 1.96 * known["sigma_y_fit"]).mean() < 0.85 and (off <= 1.96 * known["sigma_y"]).mean() > 0.95
+    corridor = run.facts["corridor"]
+    assert corridor["full"] and corridor["half_width"] > 1.1 * corridor["half_width_fit"]
+    assert corridor["explanations"][0]["effects"] == ["highpass"] and "AC coupling widens it most" in run.corridor
+    run.save(tmp_path / "run")
+    again = rf.open(tmp_path / "run")
+    assert again.corridor == run.corridor and "AC coupling widens it most" in again._repr_html_()
+
+
 def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path, monkeypatch) -> None:
     """What finds the effect is tested elsewhere."""
     from roadfiber import diagnosing
@@ -99,9 +118,9 @@ def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path
     made: dict = dict.fromkeys(inspect.signature(Candidate).parameters, 0.1) | values
     made |= {"confounded_with": (), "generic": False, "refitted": True, "numbers": 1, "shape": {}, "told": None}
     weighed = (Weighed("effect", ("gauge_length",), "interrogator", 0.97), Weighed("nothing", (), "", 0.03))
-    added = Corridor(
-        run.result.channel[2:], np.tile(np.diag([0.0, 0.25, 0.0]), (len(run.result.channel) - 2, 1, 1)), "", 0
-    )
+    channel = run.result.channel[2:]
+    wider = np.tile(np.diag([0.0, 0.25, 0.0]), (len(channel), 1, 1))
+    added = Corridor(channel, wider, np.zeros((len(channel), 2, 3)), "", 0)
     finding = Finding(
         verdict="missing-effect",
         words="it is",
@@ -121,7 +140,7 @@ def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path
     assert any(line.startswith("95 % corridor: ") and "with what it may lack" in line for line in lines)
     table = found.probabilities
     assert table["probability"].tolist() == [0.97, 0.03] and table["kind"].tolist() == ["effect", "nothing"]
-    np.testing.assert_allclose(found.route["sigma_y"] ** 2 - run.route["sigma_y"] ** 2, 0.25)
+    np.testing.assert_allclose(found.route["sigma_y"] ** 2 - run.route["sigma_y_fit"] ** 2, 0.25)
     assert found.route["y"].tolist() == run.route["y"].tolist()
 
 
@@ -149,7 +168,7 @@ def test_a_survey_in_memory_is_the_one_in_its_files(survey: rf.Survey, run: rf.R
         frame=(*survey.frame.origin, survey.frame.x_azimuth),
     )
     np.testing.assert_allclose(array.record.strain_rate, survey.record.strain_rate)
-    located = rf.locate(array, effects=[])
+    located = rf.locate(array, effects=[], corridor="fit")
     np.testing.assert_allclose(located.route[["x", "y", "z"]], run.route[["x", "y", "z"]], atol=1e-6)
     assert [one["role"] for one in located.facts["inputs"]] == ["das", "trajectories", "anchors"]
     located.save(folder / "memory")
@@ -254,7 +273,7 @@ def test_a_video_is_tracked_first_and_its_tracks_are_kept(
     seen = rf.Tracked(table, far, Speed(9, 9, 1.0, 1.0, 1.0), SimpleNamespace(width=9, height=9))
     monkeypatch.setattr(locating, "followed", lambda whole: seen)
     filmed = rf.Survey.of(**vars(survey) | {"tracks": None})
-    located = rf.locate(filmed, effects=[])
+    located = rf.locate(filmed, effects=[], corridor="fit")
     told = f"{len(table)} of {len(table) + 1} detected fixes placed on the road; 1 above the horizon"
     assert told in located.warnings and told in located.facts["notes"]
     np.testing.assert_allclose(located.route["y"], run.route["y"], atol=1e-6)

@@ -30,7 +30,7 @@ BEST_ALONE = "QL-B2"
 TRUSTED = ("good", "fair")
 
 CLAIM = (
-    "Classes follow from the 95 % half-widths that the fit states and hold if its model does. PAS 128: QL-B2 at best, "
+    "Classes follow from the half-widths of the 95 % corridor, and hold if that does. PAS 128: QL-B2 at best, "
     "since one detection technique was used; it is no survey to PAS 128 by itself, which asks for electromagnetic "
     "location and radar too, and nothing here is QL-A, which needs exposure. ASCE 38-22: evidence of the kind of QLB "
     "(surface geophysics); the level itself is a professional's to assign, and QLA needs exposure at the point."

@@ -17,6 +17,7 @@ from solver.run.report.pass_panes import waves
 from solver.run.report.route_figure import along_x, route_figure
 from solver.run.report.street_view import street_section
 from solver.run.run import Run
+from solver.run.run_corridor import probable
 from vision.contract.figures import svg
 
 WIDE, NARROW = 1060, 350  # px
@@ -40,13 +41,13 @@ def panels_of(figure: Figure, run: Run) -> list[dict[str, Any]]:
 
 def route_json(run: Run) -> str:
     """What the pointer reads out: the route with 95 % half-widths."""
-    result = run.result
-    x, y, z = result.route.T
+    place = run.place
+    x, y, z = place.route.T
     latitude, longitude = run.frame.to_geographic(x, y)
-    columns = {"x": x, "y": y, "z": z, "distance": result.distance, "vertical": Z95 * result.sigma[:, 2]}
-    columns |= {"lateral": half_width(result.route, result.covariance), "offset": np.zeros_like(x)}
+    columns = {"x": x, "y": y, "z": z, "distance": place.distance, "vertical": Z95 * place.sigma[:, 2]}
+    columns |= {"lateral": half_width(place.route, place.covariance), "offset": np.zeros_like(x)}
     degrees = {"latitude": np.round(latitude, 7), "longitude": np.round(longitude, 7)}
-    whole = {"channel": result.channel, "constrained": result.constrained}
+    whole = {"channel": place.channel, "constrained": place.constrained}
     return json_text({name: np.round(column, 3) for name, column in columns.items()} | degrees | whole)
 
 
@@ -55,6 +56,8 @@ def legend(run: Run) -> str:
     wind = [words.wind(run.frame.x_azimuth + turn) for turn in (0, 180)]
     counts = [sum(p.speed > 0 for p in run.passes), sum(p.speed <= 0 for p in run.passes)]
     items = ['<i style="border-color: var(--route)"></i>fiber', '<i class="band"></i>95 % corridor']
+    if run.added is not None:
+        items.append('<i class="band inner"></i>if the model lacks nothing')
     result = run.result
     if not result.constrained.all() or (result.data_share[:, 2] < 0.5).any():
         items.append('<i style="border-color: var(--route); border-top-style: dashed"></i>assumed, not measured')
@@ -72,7 +75,7 @@ def sides(run: Run) -> str:
     """How to read the map."""
     return (
         f"The survey line is x, along the road toward {words.wind(run.frame.x_azimuth)}; right and left are as seen "
-        "looking that way. If the model holds, the true route lies inside the corridor at 95 of 100 places."
+        f"looking that way. {words.held(run)}"
     )
 
 
@@ -83,6 +86,19 @@ def caution_section(run: Run) -> str:
         return ""
     items = "".join(f"<li>{escape(line[:1].upper() + line[1:])}</li>" for line in lines)
     return f"<section><h2>What to know before relying on it</h2><ul>{items}</ul></section>"
+
+
+def sureness_section(run: Run) -> str:
+    """How wide the corridor is with what the model may lack, and how probable each explanation is that widens it."""
+    if not run.corridor:
+        return ""
+    rows = "".join(
+        f'<tr><td class="names">{escape(one["title"])}</td><td>{100 * one["probability"]:.0f} %</td></tr>'
+        for one in probable(run.facts["corridor"])
+    )
+    table = f"<table><tr><th>what the model may lack</th><th>probability</th></tr>{rows}</table>" if rows else ""
+    told = with_commands(words.sure(run))
+    return f"<section><h2>How sure the route is</h2><p>{with_commands(run.corridor)}</p><p>{told}</p>{table}</section>"
 
 
 def render(run: Run) -> str:
@@ -115,6 +131,7 @@ def render(run: Run) -> str:
         checks=check_section(run),
         key_figures=key_figures,
         cautions=caution_section(run),
+        sureness=sureness_section(run),
         sides=escape(sides(run)),
         street=street_section(run),
         legend=legend(run),

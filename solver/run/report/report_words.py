@@ -96,8 +96,8 @@ def noise_words(run: Run) -> str:
 def key_figures(run: Run) -> list[tuple[str, str, str]]:
     """Figures at the top: label, value, what it means."""
     result = run.result
-    half = half_width(result.route, result.covariance)
-    depth = Z95 * result.sigma[:, 2]
+    half = half_width(result.route, run.place.covariance)
+    depth = Z95 * run.place.sigma[:, 2]
     length = float(result.distance[-1] - result.distance[0])
     share = float(result.constrained.mean())
     whole = "" if share == 1 else f"of {length:.0f} m, "
@@ -119,6 +119,27 @@ def stretches(run: Run, flags: NDArray[np.bool_]) -> str:
     parts = [(result.channel[a], result.channel[b]) for a, b in runs(flags) if flags[a]]
     named = ", ".join(f"{a}" if a == b else f"{a} to {b}" for a, b in parts[:4])
     return f"at channels {named}" + (" and elsewhere" if len(parts) > 4 else "")
+
+
+def held(run: Run) -> str:
+    """What the corridor holds."""
+    if run.added is None:
+        return "If the model holds, the true route lies inside the corridor at 95 of 100 places."
+    return (
+        "The true route should lie inside the corridor at 95 of 100 places, also where the model lacks an effect of "
+        "the catalogue; inside the darker band within it if the model lacks nothing."
+    )
+
+
+def sure(run: Run) -> str:
+    """What the corridor is made of, and what follows, with commands between backticks."""
+    if run.added is None:
+        return "A corridor that takes the model for granted is too narrow wherever something is missing in it."
+    return (
+        "Every effect of the catalogue was tested on what the fit leaves. Each may move the route in its own way: as "
+        "far as it shows, as probable as it is, and as far as one that is too small to show could. That is a quick "
+        "look, enough for a corridor: `roadfiber diagnose RUN` fits the best in full, and may name another."
+    )
 
 
 def prior_lines(run: Run) -> list[str]:

@@ -18,6 +18,7 @@ LATERAL_SPAN = 1.2  # m, least height of the sideways panel
 PANEL = 130  # px, height of the two lower panels
 LABEL = 20  # px, room for an anchor's name
 POINTS = 200  # most points drawn of one track
+WIDE_ALPHA, FIT_ALPHA = 0.25, 0.3  # of the corridor, and of the fit's own within it
 
 Limits = tuple[float, float]
 
@@ -123,10 +124,10 @@ def draw_plan(axes: Axes, run: Run, window: Limits) -> None:
     axes.axhline(0.0, color=MUTED, lw=0.6, ls=(0, (6, 4)), zorder=0)
     for one in run.passes:
         draw_track(axes, one, window)
-    half = half_width(result.route, result.covariance)
+    half = half_width(result.route, run.place.covariance)
     if np.isfinite(half).all():
         ring = corridor_ring(result.route[:, :2], half)
-        axes.fill(ring[:, 0], ring[:, 1], color=ROUTE, alpha=0.25, lw=0, zorder=2)
+        axes.fill(ring[:, 0], ring[:, 1], color=ROUTE, alpha=WIDE_ALPHA, lw=0, zorder=2)
     draw_line(axes, result.route[:, 0], result.route[:, 1], result.constrained)
     draw_anchors(axes, np.array([a.x for a in run.anchors]), np.array([a.y for a in run.anchors]))
     traffic = np.median(np.concatenate([one.position[:, 1] for one in run.passes]))
@@ -146,6 +147,7 @@ class Profile:
     ----------
     name : title of the panel
     value, half : [channel], the coordinate and its 95 % half-width
+    fit_half : [channel], the same if the model lacks nothing
     sure : [channel], whether data and anchors decide it
     known, known_half : [anchor], the coordinate of the anchors and its 95 % half-width
     """
@@ -153,6 +155,7 @@ class Profile:
     name: str
     value: NDArray[np.float64]
     half: NDArray[np.float64]
+    fit_half: NDArray[np.float64]
     sure: NDArray[np.bool_]
     known: NDArray[np.float64]
     known_half: NDArray[np.float64]
@@ -166,31 +169,32 @@ class Profile:
 def sideways_profile(run: Run) -> Profile:
     """Lateral position; relative to the route itself where that does not follow the road."""
     result = run.result
-    half = np.nan_to_num(half_width(result.route, result.covariance))
+    half, own = (np.nan_to_num(half_width(result.route, one)) for one in (run.place.covariance, result.covariance))
     sigma = np.array([a.sigma_xy for a in run.anchors])
     places = np.array([(a.x, a.y) for a in run.anchors]).reshape(-1, 2)
     if along_x(result.route):
-        return Profile("Sideways", result.route[:, 1], half, result.constrained, places[:, 1], Z95 * sigma)
+        return Profile("Sideways", result.route[:, 1], half, own, result.constrained, places[:, 1], Z95 * sigma)
     at = [int(np.argmin(np.abs(result.channel - a.channel))) for a in run.anchors]
     miss = ((places - result.route[at, :2]) * normals(result.route)[at]).sum(1)
     zero = np.zeros_like(half)
-    return Profile("Off the route", zero, half, result.constrained, miss, Z95 * sigma)
+    return Profile("Off the route", zero, half, own, result.constrained, miss, Z95 * sigma)
 
 
 def depth_profile(run: Run) -> Profile:
     """Depth below the road."""
     result = run.result
-    half, sure = np.nan_to_num(Z95 * result.sigma[:, 2]), ~(result.data_share[:, 2] < 0.5)
+    half, own = (np.nan_to_num(Z95 * one.sigma[:, 2]) for one in (run.place, result))
+    sure = ~(result.data_share[:, 2] < 0.5)
     known, sigma = (np.array([getattr(a, name) for a in run.anchors]) for name in ("z", "sigma_z"))
-    return Profile("Depth", result.route[:, 2], half, sure, known, Z95 * sigma)
+    return Profile("Depth", result.route[:, 2], half, own, sure, known, Z95 * sigma)
 
 
 def draw_profile(axes: Axes, run: Run, profile: Profile) -> None:
-    """A profile with its 95 % corridor and the anchors."""
+    """A profile with its 95 % corridor, within it that which takes the model for granted, and the anchors."""
     x = abscissa(run)
-    axes.fill_between(
-        x, profile.value - profile.half, profile.value + profile.half, color=ROUTE, alpha=0.25, lw=0, zorder=2
-    )
+    bands = [(profile.half, WIDE_ALPHA), *([] if run.added is None else [(profile.fit_half, FIT_ALPHA)])]
+    for half, alpha in bands:
+        axes.fill_between(x, profile.value - half, profile.value + half, color=ROUTE, alpha=alpha, lw=0, zorder=2)
     draw_line(axes, x, profile.value, profile.sure)
     at = np.interp([a.channel for a in run.anchors], run.result.channel, x)
     draw_anchors(axes, at, profile.known, profile.known_half)
@@ -208,7 +212,7 @@ def stretch_of(axes: Axes) -> str:
 def ground_limits(run: Run, width: float) -> tuple[Limits, Limits]:
     """Ranges x and y, m, that show the route, its anchors and the traffic beside it in a panel `width` px wide."""
     route = run.result.route
-    half = np.nan_to_num(half_width(route, run.result.covariance))
+    half = np.nan_to_num(half_width(route, run.place.covariance))
     x = padded(route[:, 0], MARGIN)
     tracks = [p.position[(p.position[:, 0] > x[0]) & (p.position[:, 0] < x[1]), 1] for p in run.passes]
     across = np.concatenate([route[:, 1] - half, route[:, 1] + half, *tracks, [a.y for a in run.anchors]])
@@ -217,7 +221,7 @@ def ground_limits(run: Run, width: float) -> tuple[Limits, Limits]:
 
 @styled
 def route_figure(run: Run, width: int) -> Figure:
-    """From above, true to scale; sideways position and depth, stretched, with the 95 % corridor.
+    """From above, true to scale; sideways position and depth, stretched, with the 95 % corridor and the fit's own.
 
     Parameters
     ----------

@@ -56,11 +56,11 @@ def tracks_of(scene: Scene, run: Run) -> Sequence[str]:
 
 def street_svg(run: Run, scene: Scene) -> str:
     """The picture with corridor, route, anchors and tracks, all on the surface of the road above the fiber."""
-    result, (width, height) = run.result, scene.size
+    place, (width, height) = run.place, scene.size
     unit = width / 640
-    half = half_width(result.route, result.covariance)
-    places = in_picture(scene, result.route[:, :2])
-    band = f'<path d="{band_of(scene, result.route, half)}" fill="#d55e00" fill-opacity=".45"/>'
+    half = half_width(place.route, place.covariance)
+    places = in_picture(scene, place.route[:, :2])
+    band = f'<path d="{band_of(scene, place.route, half)}" fill="#d55e00" fill-opacity=".45"/>'
     tracks = "".join(
         f'<path d="{one}" fill="none" stroke="#ffffff" stroke-opacity=".55" stroke-width="{0.8 * unit:.2f}"/>'
         for one in tracks_of(scene, run)

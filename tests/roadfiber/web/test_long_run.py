@@ -26,7 +26,7 @@ def long_run(run):
         covariance=np.broadcast_to(0.01 * np.eye(3), (CHANNELS, 3, 3)), constrained=np.ones(CHANNELS, bool),
         data_share=np.ones((CHANNELS, 3)), measured=measured, model=zeros, weight=zeros + 1,
     )  # fmt: skip
-    return replace(run, result=drawn_out, problem=SimpleNamespace(distance=drawn_out.distance))
+    return replace(run, result=drawn_out, added=None, problem=SimpleNamespace(distance=drawn_out.distance))
 
 
 @pytest.fixture

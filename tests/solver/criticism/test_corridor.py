@@ -8,12 +8,14 @@ import pytest
 
 from solver.catalogue.catalogue import built_in
 from solver.criticism import corridor
-from solver.criticism.corridor import Corridor, hidden_size
+from solver.criticism.corridor import Corridor, hidden_size, sideways
 from solver.criticism.explanations import Posterior, Weighed, priors
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
 
 KNOWN = built_in()
+#: Along x.
+ROUTE = np.array([[0.0, 4.0, 1.0], [1.0, 4.0, 1.0], [2.0, 4.0, 1.0]])
 
 
 def scored(name: str, size: float, information: float = 24.0, variance: float = 1.0) -> Any:
@@ -31,16 +33,21 @@ def scored(name: str, size: float, information: float = 24.0, variance: float = 
 
 
 def added(
-    monkeypatch: pytest.MonkeyPatch, moves: dict[str, np.ndarray], sizes: dict[str, float], *weighed: Weighed
+    monkeypatch: pytest.MonkeyPatch,
+    moves: dict[str, np.ndarray],
+    sizes: dict[str, float],
+    *weighed: Weighed,
+    away: np.ndarray | None = None,
 ) -> Any:
     """What is added where each effect, which came out as so large, moves the route so."""
     monkeypatch.setattr(corridor, "moves", lambda bench, name, tried: moves[name])
+    monkeypatch.setattr(corridor, "route_of", lambda fit, state: ROUTE)
     problem = SimpleNamespace(channel=np.array([4, 5, 6]))
     bench: Any = SimpleNamespace(
         table=[scored(name, size) for name, size in sizes.items()],
-        scorer=SimpleNamespace(fit=SimpleNamespace(problem=problem)),
+        scorer=SimpleNamespace(fit=SimpleNamespace(problem=problem), state=None),
     )
-    return Corridor.of(bench, {}, Posterior(weighed))
+    return Corridor.of(bench, {}, Posterior(weighed), away)
 
 
 def test_an_explanation_adds_its_move_as_probable_as_it_is(monkeypatch):
@@ -50,6 +57,21 @@ def test_an_explanation_adds_its_move_as_probable_as_it_is(monkeypatch):
     np.testing.assert_allclose(found.covariance[1], 0.8 * np.outer(move[1], move[1]))
     assert (found.widest, found.share) == ("lowpass", 1.0)
     assert found.at(np.array([0, 5, 9]))[:, 1, 1].tolist() == pytest.approx([0.8, 3.2, 0.0])
+
+
+def test_a_fit_that_ends_elsewhere_than_the_corridors_route_counts_as_that_far_away(monkeypatch):
+    """Whether nothing is missing or an effect is."""
+    move, away = np.tile([0.0, 1.0, 0.0], (3, 1)), np.tile([0.0, 0.5, 0.0], (3, 1))
+    weighed = Weighed("effect", ("lowpass",), "interrogator", 0.6), Weighed("nothing", (), "", 0.4)
+    found = added(monkeypatch, {"lowpass": move}, {"lowpass": 1.0}, *weighed, away=away)
+    np.testing.assert_allclose(found.covariance[:, 1, 1], 0.6 * 1.5**2 + 0.4 * 0.5**2)
+
+
+def test_what_moves_the_route_along_itself_is_not_what_widens_its_corridor(monkeypatch):
+    moves = {"lowpass": np.tile([0.0, 0.1, 0.0], (3, 1)), "gauge_length": np.tile([9.0, 0.0, 0.0], (3, 1))}
+    weighed = [Weighed("effect", (name,), "interrogator", 0.5) for name in moves]
+    found = added(monkeypatch, moves, dict.fromkeys(moves, 1.0), *weighed)
+    assert (found.widest, found.share) == ("lowpass", 1.0)
 
 
 def test_the_corridor_of_a_certain_explanation_holds_the_route_that_it_leads_to(monkeypatch):
@@ -80,9 +102,12 @@ def test_what_came_out_as_nothing_is_left_out_not_infinite():
 
 
 def test_a_fault_that_is_mended_moves_the_route_too():
-    small = Corridor(np.arange(2), np.tile(0.01 * np.eye(3), (2, 1, 1)), "lowpass", 1.0)
+    across = sideways(ROUTE[:2])
+    small = Corridor(np.arange(2), np.tile(np.diag([9.0, 0.01, 0.0]), (2, 1, 1)), across, "lowpass", 1.0)
     found = small.with_move("cycle_skips", np.tile([0.0, 0.5, 0.0], (2, 1)))
-    assert found.covariance[0].diagonal().tolist() == pytest.approx([0.01, 0.26, 0.01])
-    assert found.widest == "cycle_skips" and found.share == pytest.approx(0.25 / 0.28)
-    still = small.with_move("cycle_skips", np.tile([0.0, 0.1, 0.0], (2, 1)))
-    assert still.widest == "lowpass" and still.share == pytest.approx(0.75)
+    assert found.covariance[0].diagonal().tolist() == pytest.approx([9.0, 0.26, 0.0])
+    assert found.widest == "cycle_skips" and found.share == pytest.approx(0.25 / 0.26)
+    still = small.with_move("cycle_skips", np.tile([0.0, 0.05, 0.0], (2, 1)))
+    assert still.widest == "lowpass" and still.share == pytest.approx(0.8)
+    doubted = small.with_move("cycle_skips", np.tile([0.0, 0.5, 0.0], (2, 1)), 0.2)
+    assert doubted.covariance[0, 1, 1] == pytest.approx(0.01 + 0.2 * 0.25)

@@ -13,6 +13,7 @@ from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.stretches import part
 from solver.run.run import Run
+from solver.run.run_corridor import lacking
 from solver.signal_path.traffic import Traffic
 from vision.contract import InputError, LocalFrame
 
@@ -55,6 +56,16 @@ def test_runs_that_agree_are_said_to(days) -> None:
     assert combined.headline.startswith("2 runs with 4 passes make one route") and "all agree" in combined.headline
     assert combined.table["passes"].tolist() == [2, 2] and (combined.table["across_z"].abs() < 3).all()
     assert 1 <= combined.widened < 2
+
+
+def test_what_the_models_of_all_runs_may_lack_does_not_average_out(days) -> None:
+    _, runs, combined = days
+    channel = combined.place.channel
+    assert not lacking(runs, channel).any() and (combined.place.sigma == combined.place.sigma_fit).all()
+    more = np.tile(np.diag([0.0, 0.25, 0.0]), (len(runs[0].result.channel), 1, 1))
+    np.testing.assert_allclose(lacking([replace(run, added=more) for run in runs], channel)[:, 1, 1], 0.25)
+    one = lacking([replace(runs[0], added=more), runs[1]], channel)[:, 1, 1]
+    assert ((one > 0) & (one < 0.25)).all()
 
 
 def test_a_camera_that_is_off_is_named_and_widens_the_sigmas(days) -> None:

@@ -1,5 +1,6 @@
 """A run folder is data: whatever lies in it, no command runs it, and users' effects come from where the user says."""
 
+import importlib
 import json
 import pickle
 import py_compile
@@ -67,6 +68,7 @@ def grip(mine):
 @pytest.fixture
 def held(survey, grip, tmp_path, monkeypatch) -> Path:
     """Run folder of a model with a user's effect; drawing is left to other tests."""
+    importlib.import_module("roadfiber.comparing")  # It would keep what stands in for the writer.
     monkeypatch.setattr(run_folder.report, "render", lambda run: "<!doctype html>")
     monkeypatch.setattr(comparison, "write_comparison", lambda folder, found, run: folder.mkdir())
     run_of(survey.result, **survey.arguments).save(tmp_path / "run")

@@ -109,6 +109,7 @@ def acceptable(place: tuple, now, wrong) -> bool:
         return wrong is None or wrong is True
     if wrong is None:
         unknown = ("value", "sigma", "chi2", "chi2_per_dof", "cost", "noise_floor", "held_out_chi2_per_dof", "coil")
+        unknown += ("half_width", "half_width_fit")
         return place[-1] in (*unknown, "found", "expected", "scatter", "taken_up")
     if wrong is True:
         return isinstance(now, bool)
@@ -164,8 +165,8 @@ def test_json_that_is_none_is_refused(run, content):
 def test_a_run_of_another_version_says_what_to_do(run):
     facts = json.loads((run / "fit.json").read_text())
     for written, wanted in (
-        ("roadfiber run 2", "run `roadfiber locate` on its survey again"),
-        ("roadfiber run 4", "update roadfiber to open it"),
+        ("roadfiber run 3", "run `roadfiber locate` on its survey again"),
+        ("roadfiber run 5", "update roadfiber to open it"),
     ):
         (run / "fit.json").write_text(json.dumps(facts | {"format": written}))
         assert f'roadfiber (format "{written}"); {wanted}' in refused(run)

@@ -1,0 +1,36 @@
+"""A run's corridor with what its model may lack: what `locate` and `add` end with."""
+
+import time
+from dataclasses import replace
+
+from solver.run.run import Run
+from vision.contract import progress
+from vision.contract.errors import InputError
+
+#: Kinds of corridors: with what the model may lack, or the fit's own, which takes its model for granted.
+FULL, FIT = "full", "fit"
+
+
+def check_corridor(kind: str) -> None:
+    """Refuse another kind than "full" and "fit".
+
+    Raises
+    ------
+    InputError
+        For any other.
+    """
+    if kind not in (FULL, FIT):
+        raise InputError(f"corridor {kind}: not known; give {FULL} or {FIT}")
+
+
+def with_corridor(run: Run, kind: str) -> Run:
+    """The run with a corridor of a kind, and the seconds that it took among its timings."""
+    if kind == FIT:
+        return run
+    from solver.criticism.quick_corridor import widened, widening_steps
+
+    begun = time.perf_counter()
+    with progress("weighing what the model may lack", widening_steps(run)) as advance:
+        run = widened(run, advance)
+    timings = run.facts["timings"] | {"corridor": time.perf_counter() - begun}
+    return replace(run, facts=run.facts | {"timings": timings})

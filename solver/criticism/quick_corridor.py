@@ -1,0 +1,185 @@
+"""The corridor of a run with what its model may lack, by the fast score of the catalogue: what `locate` ends with."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.catalogue.catalogue import FAULTS
+from solver.criticism.audit import NoiseAudit, audit
+from solver.criticism.bench import Bench, scorable
+from solver.criticism.candidate import fault_candidate
+from solver.criticism.corridor import Corridor
+from solver.criticism.explaining import Explainer
+from solver.criticism.explanations import Posterior
+from solver.criticism.law_tolerance import law_errors
+from solver.criticism.plain_verdict import lower
+from solver.criticism.policy import POLICY
+from solver.criticism.probability_figure import title_of_explanation
+from solver.criticism.quick_scores import quick_scores
+from solver.criticism.race import UNSOLVED, started
+from solver.criticism.refit import Refit, counted, loss, with_effect
+from solver.criticism.repairs import mended
+from solver.criticism.route_change import moved_by, moves, route_of
+from solver.criticism.score import Score
+from solver.criticism.scorer import Scorer
+from solver.criticism.verdict_words import ADVICE, MORE
+from solver.effect import Effect
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit
+from solver.fit.state import Weights
+from solver.fit.stretches import is_long
+from solver.fit.track_trust import strict_tracks, track_spread
+from solver.run.fitted import fitted
+from solver.run.run import Run
+from solver.run.run_corridor import corridor_facts
+from solver.run.strict_json import strict
+
+Array = NDArray[np.float64]
+Advance = Callable[[int], None]
+
+#: Explanations that are fitted at most, and Gauss-Newton steps of each: the linear prediction of one that is large is
+#: too short, and what is left after these is a part of a sigma.
+FITTED, STEPS = 2, 6
+#: What narrows a corridor that an effect widens which shows.
+MENDED = "adding it to the model, if `roadfiber diagnose RUN` names it too,"
+
+
+def widening_steps(run: Run) -> int:
+    """How often `widened` advances."""
+    return len(scorable(run.problem, list(run.known.values()))) + FITTED
+
+
+def widened(run: Run, advance: Advance = lambda n: None) -> Run:
+    """The run with the corridor of all that its model may lack; with its fit's own, and why, where that is not known.
+
+    Parameters
+    ----------
+    run : located, or with effects added
+    advance : called with 1 after each effect scored and each explanation fitted
+    """
+    if run.result.method != "spline":
+        return plain(run, f"what it may lack is not looked for with --method {run.result.method}")
+    if is_long(run.problem):
+        return plain(run, "what it may lack is not looked for over a long fiber")
+    if not run.result.converged:
+        return plain(run, "the fit has not converged, so what it may lack cannot be told")
+    at = np.isin(run.result.channel, run.problem.channel)
+    scorer, check = strict_scorer(run)
+    if not check.passed:
+        return plain(run, f"the noise is not understood, so what it may lack cannot be told: {check.faults[0]}")
+    effects = list(run.known.values())
+    return told(run, *weighed(scorer, check, effects, run.result.sigma[at], advance), effects)
+
+
+def strict_scorer(run: Run) -> tuple[Scorer, NoiseAudit]:
+    """Scores at the end of a run's fit, with tracks that cannot take up what shifts them all; the audit of its noise.
+
+    The fit is not repeated with such tracks: the score test takes the step to its end as linear.
+    """
+    fit, state = fitted(run)
+    at = fit.linearized(state)
+    check = audit(fit.problem, fit.residual(state).numpy(), (at.model / fit.problem.noise).numpy())
+    spread = track_spread(fit.problem.passes, state.vehicles.along.numpy())
+    problem = replace(strict_tracks(fit.problem, spread), signal_noise=check.signal_noise)
+    return Scorer(MapFit(problem), state), check
+
+
+def told(run: Run, corridor: Corridor, posterior: Posterior, effects: Sequence[Effect]) -> Run:
+    """The run with a corridor, and what is told of it."""
+    titles = {name: one.title for name, one in FAULTS.items()} | {one.name: one.title for one in effects}
+    families = {one.name: one.families for one in effects}
+    widest, added = corridor.widest, corridor.at(run.result.channel)
+    advice = [ADVICE[kind] for kind in families.get(widest, ()) if kind in ADVICE] or [MORE]
+    shows = any(widest in one.effects and one.probability >= 0.5 for one in posterior.weighed if one.kind != "unknown")
+    narrower = MENDED if shows else f"a survey with {'; '.join(advice)}"
+    inside = {one.name for one in run.problem.effects}
+    title = lower(titles[widest]) if widest else ""
+    title = f"the law of {title}, which may be inexact," if widest in inside else title
+    listed = [
+        {"title": title_of_explanation(one, titles)} | asdict(one) for one in posterior.weighed if one.probability > 0
+    ]
+    facts = corridor_facts(
+        run.result,
+        added,
+        widest=widest,
+        title=title,
+        share=corridor.share,
+        narrower=narrower if widest else "",
+        explanations=listed,
+    )
+    return replace(run, added=added, facts=run.facts | {"corridor": strict(facts)})
+
+
+def plain(run: Run, why: str) -> Run:
+    """The run with its fit's own corridor, and why."""
+    return replace(run, added=None, facts=run.facts | {"corridor": strict(corridor_facts(run.result, why=why))})
+
+
+def weighed(
+    scorer: Scorer, check: NoiseAudit, effects: Sequence[Effect], sigma: Array, advance: Advance
+) -> tuple[Corridor, Posterior]:
+    """The corridor of the posterior over explanations of what a fit leaves, and that posterior.
+
+    Parameters
+    ----------
+    scorer : as of `strict_scorer`
+    check : of the noise
+    effects : the catalogue
+    sigma : of the run's route, [fitted channel, 3], m
+    advance : as of `widened`
+    """
+    fit, route = scorer.fit, route_of(scorer.fit, scorer.state)
+    bench = Bench(check, scorer, quick_scores(scorer, scorable(fit.problem, effects), advance), [])
+    far, tried = far_moving(bench, sigma), dict[str, Refit]()
+    if far:
+        # Falls of the misfit compare where both fits have ended.
+        base = solve(fit, scorer.state, iterations=STEPS).state
+        bench = Bench(check, Scorer(fit, base, variance=scorer.variance), bench.table, [])
+        away = route_of(fit, base) - route
+    else:
+        away = moved_by(scorer, scorer.step[: scorer.fitted])
+    for score in far:
+        refit = stepped(bench.scorer, score)
+        tried |= {} if refit is None else {score.effect.name: refit}
+        advance(1)
+    posterior = Posterior.of(Explainer(bench, tried, effects).all({}))
+    corridor = Corridor.of(bench, tried, posterior, away)
+    for one in posterior.weighed:
+        if one.kind == "fault" and one.probability > 1 - POLICY.held:
+            fault = next(fault for fault in bench.faults if fault.name == one.effects[0])
+            new, end = mended(fit, bench.scorer.state, fault)
+            move = route_of(new, end.state, corridor.channel) - route
+            corridor = corridor.with_move(fault.name, move, one.probability)
+    for name, part in law_errors(bench.scorer).items():
+        corridor = corridor.with_part(name, part)
+    return corridor, posterior
+
+
+def far_moving(bench: Bench, sigma: Array) -> list[Score]:
+    """Scores of what shows most, as long as the route moves by more than its sigma [channel, 3] with it somewhere.
+
+    None where a fault of the survey shows so much more that full fits of effects would not come near it.
+    """
+    fault = max((fault_candidate(one, bench.scorer.variance).evidence for one in bench.faults), default=0.0)
+    least = max(POLICY.found, fault / POLICY.hope, POLICY.stay * bench.table[0].evidence)
+    found = []
+    for score in bench.table:
+        move = moves(bench, score.effect.name, {}) if score.evidence > least else None
+        if move is not None and np.isfinite(move).all() and (np.abs(move) > sigma).any():
+            found.append(score)
+    return found[:FITTED]
+
+
+def stepped(scorer: Scorer, score: Score) -> Refit | None:
+    """A fit with an effect in the model after a few steps from its score's estimate; None where they lead nowhere."""
+    counts = counted(scorer.fit, scorer.at)
+    weights = Weights((counts > 0).double(), counts**2)
+    fit = MapFit(with_effect(scorer.fit.problem, score.effect))
+    try:
+        end = solve(fit, started(fit, scorer, score, weights), iterations=STEPS)
+    except UNSOLVED:
+        return None
+    fall = loss(scorer.fit, scorer.state, counts) - loss(fit, end.state, counts)
+    return Refit(score, fit, end, fall)
