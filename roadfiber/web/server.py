@@ -10,7 +10,7 @@ from vision.contract import InputError
 #: Bytes of the token in an address.
 TOKEN = 24
 #: s that open pages have to show why serving ends.
-LAST_WORDS = 0.5
+LAST_WORDS = 2.0
 
 
 def serve(
