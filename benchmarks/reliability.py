@@ -120,7 +120,7 @@ def tried(seed: int) -> dict[str, Any]:
     from solver.criticism.diagnosis import diagnose
     from solver.criticism.refit import as_located
     from solver.fit.map_fit import MapFit
-    from solver.run.geojson import half_width
+    from solver.run.geojson import half_width, normals
 
     kind, scenario = draw(seed)
     survey, located, _ = surveyed(scenario)
@@ -155,7 +155,7 @@ def tried(seed: int) -> dict[str, Any]:
     }
     channel = result.channel[result.constrained]
     covariance, route = result.covariance[result.constrained], result.route[result.constrained]
-    off = np.linalg.norm((route - survey.route[channel])[:, :2], axis=1)
+    off = np.abs(((route - survey.route[channel])[:, :2] * normals(route)).sum(1))
     wide = covariance if found.corridor is None else covariance + found.corridor.at(channel)
     for name, one in (("plain", covariance), ("considered", wide)):
         half = half_width(route, one)
