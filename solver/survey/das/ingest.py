@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 #: Size of a part, bytes, and its fewest rows.
 BYTES, FEWEST = 32_000_000, 200
+#: Folders in which `writing` makes the files of a store, and which a killed run leaves behind.
+SCRATCH = (*(f".{name}." for name in (FILE, CHANNELS, FILES)), ".part-")
 #: Rows of stored numbers kept to estimate rounding: in all, and at least in each part.
 LOOKED_AT, AT_LEAST = 4000, 32
 
@@ -147,17 +149,20 @@ def bare(said: StoreFile) -> StoreFile:
 
 def prepare(folder: Path, said: StoreFile) -> None:
     """Prepare the folder: remove unfinished parts of a killed run, and parts of another record."""
-    if folder.exists() and (not folder.is_dir() or (any(folder.iterdir()) and not (folder / FILE).is_file())):
+    found = list(folder.iterdir()) if folder.is_dir() else []
+    left = [path for path in found if path.is_dir() and path.name.startswith(SCRATCH)]
+    strange = len(found) > len(left) and not (folder / FILE).is_file()
+    if strange or (folder.exists() and not folder.is_dir()):
         raise InputError(f"{folder}: holds something that is not a store; name another folder with --out")
     same = False
     if (folder / FILE).is_file():
         with suppress(InputError):
             same = bare(read_store_file(folder)) == bare(said)
     kept = {part_name(part) for part in said.parts} if same else set()
-    for path in folder.iterdir() if folder.is_dir() else ():
-        if path.is_dir() and path.name.startswith(".part-"):
-            shutil.rmtree(path, ignore_errors=True)
-        elif path.name.startswith("part-") and path.name not in kept:
+    for path in left:
+        shutil.rmtree(path, ignore_errors=True)
+    for path in found:
+        if path.name.startswith("part-") and path.name not in kept:
             path.unlink()
     if not same:
         with writing(folder / FILE) as path:

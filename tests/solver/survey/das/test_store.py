@@ -147,6 +147,60 @@ def test_a_killed_run_is_gone_on_with(files, tmp_path, monkeypatch):
     assert not list(folder.glob(".part*"))
 
 
+AT_ANY_INSTANT = """
+import os, shutil, signal, sys
+import numpy as np
+from pathlib import Path
+from solver.survey.das import ingest as ingesting
+from solver.survey.das.description import describe
+ingesting.BYTES, ingesting.FEWEST = 0, 800
+CHANGES = {"open", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "shutil.rmtree"}
+files, folder = sorted(Path(sys.argv[1]).glob("*.h5")), Path(sys.argv[2])
+known = describe(files)
+
+def content():
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.name.endswith(".csv")} | {
+        path.name: path.stat().st_size for path in folder.glob("part-*.h5")
+    }
+
+def killed_at(number):
+    seen = 0
+    def hook(event, arguments):
+        nonlocal seen
+        if event in CHANGES and str(folder) in str(arguments[0]):
+            seen += 1
+            if seen == number:
+                os.kill(os.getpid(), signal.SIGKILL)
+    sys.addaudithook(hook)
+
+whole = ingesting.ingest(known, files, {}, folder).record().strain_rate
+wanted = content()
+kills = 0
+while True:
+    shutil.rmtree(folder)
+    child = os.fork()
+    if not child:
+        killed_at(kills + 1)
+        ingesting.ingest(known, files, {}, folder)
+        os._exit(0)
+    if os.waitpid(child, 0)[1] == 0:
+        break
+    kills += 1
+    found = ingesting.ingest(known, files, {}, folder).record().strain_rate
+    assert np.array_equal(found, whole, equal_nan=True) and content() == wanted, kills
+    assert not [path for path in folder.iterdir() if path.name.startswith(".")], kills
+print(kills)
+"""
+
+
+def test_a_run_that_is_killed_before_any_change_on_the_disk_is_gone_on_with(files, tmp_path):
+    words = [sys.executable, "-c", AT_ANY_INSTANT, str(files[0].parent), str(tmp_path / "store")]
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert not ended.returncode, ended.stderr
+    # Five files, each in a folder of its own that is made, renamed from, and removed.
+    assert int(ended.stdout) >= 15
+
+
 def test_a_full_disk_ends_it_in_a_line_and_it_goes_on_later(files, tmp_path):
     folder = tmp_path / "store"
     known = describe(files)
