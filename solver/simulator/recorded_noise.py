@@ -30,6 +30,7 @@ class Color(NamedTuple):
     channel_spread: float = 0.2
 
 
+DRIFT = 30.0  # s, correlation time of a level that drifts
 WHITE = Color(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -79,8 +80,36 @@ def _colored(rng: np.random.Generator, rows: int, columns: int, pink_share: floa
     return np.fft.irfft(white * np.sqrt(power)[:, None], size, axis=0)[:rows]
 
 
+def unsteady(scenario: Scenario, recorded: Array) -> Array:
+    """Noise [time, channel] whose level drifts and whose single samples have heavy tails, as the scenario says.
+
+    >>> import numpy as np
+    >>> steady = np.random.default_rng(0).normal(size=(4000, 40))
+    >>> heavy = unsteady(Scenario(noise_freedom=3.0), steady)
+    >>> bool(np.abs(heavy).max() > 2 * np.abs(steady).max()), bool(np.median(np.abs(heavy)) < 0.55)
+    (True, True)
+    """
+    if freedom := scenario.noise_freedom:
+        rng = effect_rng(scenario.seed, "noise_freedom")
+        recorded = recorded * np.sqrt((freedom - 2) / rng.chisquare(freedom, recorded.shape))
+    if scenario.noise_drift:
+        rng = effect_rng(scenario.seed, "noise_drift")
+        slowness = np.exp(-1 / (DRIFT * scenario.sampling_rate))
+        pushes = np.sqrt(1 - slowness**2) * rng.normal(size=len(recorded))
+        pushes[0] = rng.normal()
+        drift = scenario.noise_drift * _filtered(pushes, slowness)
+        recorded = recorded * np.exp(drift - scenario.noise_drift**2)[:, None]
+    return recorded
+
+
+def _filtered(pushes: Array, slowness: float) -> Array:
+    from scipy.signal import lfilter
+
+    return np.asarray(lfilter([1.0], [1.0, -slowness], pushes))
+
+
 def damage(scenario: Scenario, recorded: Array, noise_sd: float) -> Array:
-    """Put faded channels, spikes and gaps into a record [time, channel], 1/s; NaN where nothing was recorded."""
+    """Put faded channels, spikes, gaps and rounding into a record [time, channel], 1/s; NaN in gaps."""
     out = recorded.copy()
     rows, channels = out.shape
     bad = effect_rng(scenario.seed, "bad_channels")
@@ -94,4 +123,5 @@ def damage(scenario: Scenario, recorded: Array, noise_sd: float) -> Array:
         lost = int(rng.uniform(1, 4) * scenario.sampling_rate)
         start = int(rng.integers(1, max(2, rows - lost - 1)))
         out[start : start + lost] = np.nan
-    return out
+    step = scenario.rounding * noise_sd
+    return step * np.rint(out / step) if step else out

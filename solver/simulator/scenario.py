@@ -26,7 +26,11 @@ class Scenario:
         a number or a range
     noise : "white"; "colored", a fixed mixture of 1/f and common noise; "street", such a mixture drawn by the seed
         (common to all channels 0 to 20 % of the variance, 1/f 5 to 35 %, channels unequal by 10 to 30 %)
+    noise_drift : sd of the log of the noise's level, which drifts over about a minute, in all channels alike
+    noise_freedom : degrees of freedom of Student's t, of which single samples of the noise are drawn; 0: Gaussian
     signal_noise : sd of noise that grows with the signal, relative to it
+    side_street : vehicles a minute on a street that crosses the road in view, which no camera sees
+    rounding : step to which the record is rounded, in sds of the noise; 0: none
     bad_channels : that record nothing but loud noise
     spikes : share of samples with a jump of 8 to 40 sds of the noise
     gaps : stretches of 1 to 4 s that are missing
@@ -63,7 +67,11 @@ class Scenario:
     passes: int | tuple[int, int] = 8
     snr_db: float | tuple[float, float] = 20.0
     noise: str = "colored"
+    noise_drift: float = 0.0
+    noise_freedom: float = 0.0
     signal_noise: float = 0.0
+    side_street: float = 0.0
+    rounding: float = 0.0
     bad_channels: int = 0
     spikes: float = 0.0
     gaps: int = 0

@@ -28,7 +28,7 @@ def check(scenario: "Scenario") -> None:
         _number(name, getattr(scenario, name))
     for name in ("frame_rate", "fix_sigma", "anchor_sigma", "x_azimuth", "track_wander", "track_wander_time"):
         _number(name, getattr(scenario, name))
-    for name in ("signal_noise", "spikes"):
+    for name in ("noise_drift", "noise_freedom", "signal_noise", "side_street", "rounding", "spikes"):
         _number(name, getattr(scenario, name))
     for name in ("passes", "snr_db"):
         value = getattr(scenario, name)
@@ -64,6 +64,8 @@ def _rules(s: "Scenario") -> list[tuple[bool, str]]:
         (-1 < s.poisson_ratio <= 0.5, "poisson_ratio: between -1 and 0.5"),
         (s.noise in NOISES, f"noise: one of {', '.join(NOISES)}, not {s.noise!r}"),
         (s.track_noise in TRACK_NOISES, f"track_noise: one of {', '.join(TRACK_NOISES)}, not {s.track_noise!r}"),
+        (s.noise_freedom == 0 or s.noise_freedom > 2, "noise_freedom: above 2, or 0 for Gaussian noise"),
+        *((getattr(s, name) >= 0, f"{name}: 0 or above") for name in ("noise_drift", "side_street", "rounding")),
         (s.signal_noise >= 0 and 0 <= s.spikes <= 1, "signal_noise, spikes: 0 or above; spikes at most 1"),
         (0 <= s.bad_channels < s.channels, "bad_channels: 0 or more, fewer than the channels"),
         (0 <= s.gaps <= 20, "gaps: 0 to 20"),

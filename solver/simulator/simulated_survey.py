@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from solver.simulator.fiber_motion import arc_of
 from solver.simulator.observe import active_channels, dig, in_view, sample_times, watch
 from solver.simulator.postprocessing import processed
-from solver.simulator.recorded_noise import color, damage, noise
+from solver.simulator.recorded_noise import color, damage, noise, unsteady
 from solver.simulator.scenario import Scenario
+from solver.simulator.side_street import side_signal
 from solver.simulator.strain import listen
 from solver.simulator.street import drive, lay, unseen
 from solver.simulator.vehicle import Vehicle
@@ -87,7 +88,9 @@ def simulate(scenario: Scenario) -> Survey:
     signal = listen(scenario, route, distance, vehicles, time, distance[active[0] : active[1] + 1])
     power = np.mean(signal[in_view(scenario, vehicles[:seen], time), active[0] : active[1] + 1] ** 2)
     noise_sd = float(np.sqrt(power / 10 ** (np.asarray(scenario.snr_db) / 10)))
-    recorded = signal + noise_sd * noise(dust, signal.shape, color(scenario))
+    recorded = signal + noise_sd * unsteady(scenario, noise(dust, signal.shape, color(scenario)))
+    if scenario.side_street:
+        recorded += side_signal(scenario, route, distance, time)
     recorded += scenario.signal_noise * signal * dust.normal(size=signal.shape)
     recorded = damage(scenario, processed(scenario, recorded, noise_sd), noise_sd)
     return Survey(

@@ -8,7 +8,7 @@ from solver.simulator.buried_route import Route, spline_route
 from solver.simulator.elastic import extension, gauge_nodes, gauge_weights
 from solver.simulator.instrument import filtered
 from solver.simulator.observe import in_view
-from solver.simulator.recorded_noise import Color, noise
+from solver.simulator.recorded_noise import Color, noise, unsteady
 from solver.simulator.recording import low_pass_decimate
 from solver.simulator.strain import Fiber
 from solver.simulator.vehicle import Vehicle
@@ -203,6 +203,33 @@ def test_noise_is_colored_common_and_uneven_as_asked():
     assert slow > 0.03  # 1/f noise remembers over seconds
 
 
+def test_a_level_that_drifts_does_so_in_all_channels_alike_and_slowly():
+    level = unsteady(Scenario(noise_drift=0.4), np.ones((40_000, 2)))
+    assert (level[:, 0] == level[:, 1]).all()
+    assert np.log(level[:, 0]).std() == pytest.approx(0.4, abs=0.06)
+    assert (level**2).mean() == pytest.approx(1.0, abs=0.15)
+    assert np.abs(np.diff(np.log(level[:, 0]))).max() < 0.25
+
+
+def test_side_traffic_crosses_the_fiber_in_one_place_and_changes_nothing_else():
+    plain = simulate(Scenario(seed=2, passes=2, noise="white"))
+    crossed = simulate(Scenario(seed=2, passes=2, noise="white", side_street=4.0))
+    added = crossed.strain_rate - plain.strain_rate
+    assert plain.trajectories.equals(crossed.trajectories)
+    loudest = np.abs(added).max(0)
+    # Far from where the fiber lies in the crossing only noise would show.
+    here = int(loudest.argmax())
+    far = np.linalg.norm(plain.route[:, :2] - plain.route[here, :2], axis=1) > 40
+    assert loudest[far].max() < 0.05 * loudest[here]
+    assert 25 - 12 < plain.route[here, 0] < 75 + 12
+
+
+def test_a_record_is_rounded_to_steps_of_the_noise():
+    survey = simulate(Scenario(seed=2, passes=1, rounding=2.0))
+    steps = survey.strain_rate / (2 * survey.noise_sd)
+    np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
+
+
 def test_filters_pass_and_stop_what_they_should():
     time = np.arange(4000) / 100
     rate = np.stack([np.sin(2 * np.pi * f * time) for f in (0.5, 4.0)], axis=1)
@@ -237,6 +264,8 @@ def test_a_spline_route_goes_through_its_points_by_arc_length():
         ("passes = [8, 9.5]", "passes: must be a whole number"),
         ("noise = 'brown'", "noise: one of white, colored, street"),
         ("track_noise = 'gps'", "track_noise: one of white, camera"),
+        ("noise_freedom = 1.5", "noise_freedom: above 2"),
+        ("side_street = -1", "side_street: 0 or above"),
         ("bad_channels = 500", "fewer than the channels"),
         ("pases = 3", "no setting `pases`"),
         ("snr_db = 'high'", "snr_db: must be a number"),
