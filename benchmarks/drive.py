@@ -77,7 +77,9 @@ def along_error(place: Array, truth: Array) -> Array:
     tangent = np.gradient(truth, axis=0)
     size = np.linalg.norm(tangent, axis=1)
     good = np.flatnonzero(size > 1e-6)
-    tangent = tangent[good[np.abs(good[:, None] - np.arange(len(truth))).argmin(0)]]
+    after = np.clip(np.searchsorted(good, np.arange(len(truth))), 1, len(good) - 1)
+    nearer = np.arange(len(truth)) - good[after - 1] <= good[after] - np.arange(len(truth))
+    tangent = tangent[np.where(nearer, good[after - 1], good[after])]
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     return np.asarray(((place - truth) * tangent).sum(1))
 

@@ -64,15 +64,31 @@ def blocks(ground: Ground, car: Motion, others: Sequence[Motion], time: Array) -
     """
     step = float(time[1] - time[0])
     edges = time[0] + step * (np.arange(len(time) + 1) - 0.5)
-    placed = [(one, axles_at(one, edges)) for one in (car, *others)]
+    beside = axles_at(car, edges)
+    placed = [passing(one, edges) for one in others]
     for first in range(0, len(ground.distance), SOME):
         channels = slice(first, min(first + SOME, len(ground.distance)))
         part = Gauges(ground.scenario, ground.cable, ground.distance[channels])
-        mine = np.diff(part.strain(*placed[0], edges), axis=0) / step
+        mine = np.diff(part.strain(car, beside), axis=0) / step
         theirs = np.zeros_like(mine)
-        for motion, axles in placed[1:]:
-            part.add(theirs, motion, axles, edges, step)
+        for one in placed:
+            part.add(theirs, one, step)
         yield Block(channels, mine, theirs)
+
+
+@dataclass(frozen=True)
+class Passing:
+    """Another vehicle: its motion, the first edge of samples when it is there, its axles from then on [time, 2, 2]."""
+
+    motion: Motion
+    first: int
+    axles: Array
+
+
+def passing(motion: Motion, edges: Array) -> Passing:
+    """A vehicle at the edges of samples, s, at which it is there."""
+    first, last = np.searchsorted(edges, motion.time[0]), np.searchsorted(edges, motion.time[-1], side="right")
+    return Passing(motion, int(first), axles_at(motion, edges[first:last]))
 
 
 def axles_at(motion: Motion, time: Array) -> Array:
@@ -108,24 +124,22 @@ class Gauges:
         rows = np.flatnonzero(inside)
         return slice(int(rows[0]), int(rows[-1]) + 1)
 
-    def strain(self, motion: Motion, axles: Array, edges: Array) -> Array:
-        """Strain [time, channel] under one vehicle."""
-        found = np.zeros((len(edges), len(self.low)))
+    def strain(self, motion: Motion, axles: Array) -> Array:
+        """Strain [time, channel] under one vehicle that is at `axles` [time, 2, 2]."""
+        found = np.zeros((len(axles), len(self.low)))
         rows = self.near(axles)
         if rows.stop > rows.start:
             found[rows] = self.averaged(self.at_nodes(motion, axles[rows]))
         return found
 
-    def add(self, rate: Array, motion: Motion, axles: Array, edges: Array, step: float) -> None:
+    def add(self, rate: Array, one: Passing, step: float) -> None:
         """Add the strain rate under one vehicle, that is there only part of the time."""
-        rows = self.near(axles)
-        there = (edges >= motion.time[0]) & (edges <= motion.time[-1])
-        inside = np.flatnonzero(there[rows])
-        if len(inside) < 2:
+        rows = self.near(one.axles)
+        if rows.stop - rows.start < 2:
             return
-        part = slice(rows.start + int(inside[0]), rows.start + int(inside[-1]) + 1)
-        strain = self.averaged(self.at_nodes(motion, axles[part]))
-        rate[part.start : part.stop - 1] += np.diff(strain, axis=0) / step
+        strain = self.averaged(self.at_nodes(one.motion, one.axles[rows]))
+        first = one.first + rows.start
+        rate[first : first + len(strain) - 1] += np.diff(strain, axis=0) / step
 
     def at_nodes(self, motion: Motion, axles: Array) -> Array:
         """Strain [time, node]."""
