@@ -5,25 +5,23 @@ monotone path through that comparison is found by dynamic programming: its score
 """
 
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from solver.drive.monotone_path import NEVER, Passages, dynamic_program, passages, traced
 from solver.drive.car import Car
-from solver.drive.path import BESIDE, STEP, Path
+from solver.drive.path import STEP, Path
 from solver.drive.quiet import Quiet
 from solver.ground.boussinesq import displacement_rate
-from solver.ground.compiled import compiled
 
 Array = NDArray[np.float64]
 
 #: s, about the length of a bin of time, and the offsets that are tried.
 BIN, WINDOW = 0.5, 120.0
-#: m of cable that are looked at as one at least, and how many such pieces there are at most.
-PIECE, PIECES = 10.0, 1500
+#: m of cable that are looked at as one at least, and how many such pieces there are at most; pieces that tell polarity.
+PIECE, PIECES, ASKED = 10.0, 5000, 400
 #: Matched filter: speeds, m/s, distance and depth of the fiber, reach along it, m.
 SPEEDS, ASIDE, DEPTH, REACH = (3.5, 7.0, 12.0, 20.0), 4.5, 0.9, 22.0
 #: Output, noise sigmas, that is typical of noise in a bin.
@@ -31,10 +29,9 @@ TYPICAL = 1.3
 #: What noise scores, and the bounds of a score: a companion is as loud as the car, and louder on a stretch, but not all
 #: the way; what is heard a little everywhere must outweigh it.
 COST, LEAST, MOST = 4.0, -1.0, 2.0
-#: Score of a loop's begin, of each piece in it, and of a piece left out.
-LOOP, INSIDE, SKIP = -12.0, -0.3, -10.0
-#: m/s; slower, the car strains nothing.
-SLOW = 1.0
+#: Pieces of map that clock offsets are told by, in so many stretches of a longer drive; how many offsets are then tried
+#: on all of it; and s apart from which they are others.
+TOLD, STRETCHES, TRIED, APART = 400, 2, 6, 3.0
 
 
 @dataclass(frozen=True)
@@ -59,15 +56,6 @@ class Coarse:
     rival: float
     reversed: bool
     polarity: int
-
-
-@dataclass(frozen=True)
-class Passages:
-    """When the car was in each piece of the path: `bins` of time and their `share` of a visit, CSR by piece."""
-
-    begin: NDArray[np.int64]
-    bins: NDArray[np.int64]
-    share: Array
 
 
 def piece_of(quiet: Quiet) -> int:
@@ -109,25 +97,33 @@ def matched(quiet: Quiet, rows: slice, kernels: list[Array]) -> tuple[NDArray[np
     return high, -low
 
 
-def match_scores(quiet: Quiet, count: int) -> tuple[Array, int]:
-    """Score [piece, bin] of a car going by, bounded so that traffic counts no more than the car; and the polarity."""
+def tops(quiet: Quiet, rows: slice, kernels: list[Array]) -> list[Array]:
+    """Highest output of the matched filters, noise sigmas, of either sign [channel, bin]; channels that live."""
     per = bin_of(quiet.rate)
-    pieces, bins = len(quiet.channel) // count, quiet.values.shape[1] // per
-    both, kernels = np.zeros((2, pieces, bins)), shapes(quiet)
+    bins = quiet.values.shape[1] // per
+    live = ~quiet.dead[rows]
+    found = []
+    for out in matched(quiet, rows, kernels):
+        top = out[live, : bins * per].reshape(live.sum(), bins, per).max(2)
+        found.append(top / max(1.0, float(np.median(top)) / TYPICAL))
+    return found
+
+
+def match_scores(quiet: Quiet, count: int) -> tuple[NDArray[np.float32], int]:
+    """Score [piece, bin] of a car going by, bounded so that traffic counts no more than the car; and the polarity."""
+    pieces, kernels = len(quiet.channel) // count, shapes(quiet)
+    parts = [slice(piece * count, (piece + 1) * count) for piece in range(pieces)]
+    alive = [piece for piece in range(pieces) if not quiet.dead[parts[piece]].all()]
     weight = np.zeros(2)
-    for piece in range(pieces):
-        part = slice(piece * count, (piece + 1) * count)
-        live = ~quiet.dead[part]
-        if not live.any():
-            continue
-        for sign, out in enumerate(matched(quiet, part, kernels)):
-            top = out[live, : bins * per].reshape(live.sum(), bins, per).max(2)
-            top /= max(1.0, float(np.median(top)) / TYPICAL)
-            # The loudest moment of a channel has the right sign, be it of the car or of another vehicle.
-            weight[sign] += float(np.log(np.maximum(top.max(1), 1.0)).sum())
-            both[sign, piece] = np.clip(0.5 * (top**2).mean(0) - COST, LEAST, MOST)
-    polarity = 1 if weight[0] >= weight[1] else -1
-    return both[0 if polarity > 0 else 1], polarity
+    for piece in alive[:: -(-len(alive) // ASKED)]:
+        # The loudest moment of a channel has the right sign, be it of the car or of another vehicle.
+        weight += [np.log(np.maximum(top.max(1), 1.0)).sum() for top in tops(quiet, parts[piece], kernels)]
+    sign = int(weight[1] > weight[0])
+    scores = np.zeros((pieces, quiet.values.shape[1] // bin_of(quiet.rate)), np.float32)
+    for piece in alive:
+        top = tops(quiet, parts[piece], kernels)[sign]
+        scores[piece] = np.clip(0.5 * (top**2).mean(0) - COST, LEAST, MOST)
+    return scores, 1 - 2 * sign
 
 
 def bin_of(rate: float) -> int:
@@ -135,91 +131,46 @@ def bin_of(rate: float) -> int:
     return max(1, round(BIN * rate))
 
 
-def passages(path: Path, car: Car, first: float, last: float, width: float, step: float) -> Passages:
-    """When the car, by the GPS, was in each piece of the path of `width` m, in bins of `step` s since `first`."""
-    time = np.arange(first, last, step)
-    driven = car.at(time)
-    cell, far = path.nearest(driven.position)
-    there = driven.known & (far < BESIDE) & (driven.speed > SLOW)
-    piece = np.floor(cell * STEP / width).astype(np.int64)
-    rows = np.flatnonzero(there)
-    if not len(rows):
-        count = int(len(path.points) * STEP / width) + 1
-        return Passages(np.zeros(count + 1, np.int64), np.zeros(0, np.int64), np.zeros(0))
-    # A visit is a run of bins in one piece; each counts once, however long it lasts.
-    fresh = np.concatenate([[True], (np.diff(rows) > 20) | (np.diff(piece[rows]) != 0)])
-    visit = np.cumsum(fresh) - 1
-    share = 1.0 / np.bincount(visit)[visit]
-    order = np.argsort(piece[rows], kind="stable")
-    count = int(len(path.points) * STEP / width) + 1
-    begin = np.searchsorted(piece[rows][order], np.arange(count + 1))
-    return Passages(begin, rows[order], share[order])
+@dataclass(frozen=True)
+class Way:
+    """The path in one of its directions, when the car was where on it, and the score of each clock offset [shift].
+
+    Scores are of the whole drive; `NEVER` where an offset was not tried.
+    """
+
+    path: Path
+    visits: Passages
+    scores: Array
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """Arguments of the dynamic program."""
+        return self.visits.begin, self.visits.bins, self.visits.share
 
 
-@cache
-def dynamic_program() -> Any:
-    """`best(scores, begin, bins, share, shift, trace)`: score of the best monotone path, and where it runs."""
+def tried(scores: NDArray[np.float32], ways: list[Passages], shifts: NDArray[np.int64], apart: int) -> Array:
+    """Which offsets are worth a look at the whole drive [way, shift]: all of a short one.
 
-    def best(scores: Any, begin: Any, bins: Any, share: Any, shift: int, trace: Any) -> tuple[float, int, int]:
-        pieces, length = scores.shape
-        places = len(begin) - 1
-        straight = np.zeros(places)
-        loop = np.full(places, -1e9)
-        following, looping = np.empty(places), np.empty(places)
-        keep = trace.shape[0] > 0
-        for piece in range(pieces):
-            for place in range(places):
-                heard = 0.0
-                for index in range(begin[place], begin[place + 1]):
-                    at = bins[index] + shift
-                    if 0 <= at < length:
-                        heard += share[index] * scores[piece, at]
-                if piece == 0:
-                    following[place], looping[place] = heard, LOOP
-                    continue
-                if place >= 1:
-                    value, how = straight[place - 1], 0
-                    if loop[place - 1] > value:
-                        value, how = loop[place - 1], 1
-                    if place >= 2 and straight[place - 2] + SKIP > value:
-                        value, how = straight[place - 2] + SKIP, 2
-                else:
-                    value, how = -1e9, 0
-                following[place] = value + heard
-                stay, begun = loop[place] + INSIDE, straight[place] + LOOP
-                looping[place] = max(stay, begun)
-                if keep:
-                    trace[piece, place, 0] = how
-                    trace[piece, place, 1] = 1 if stay >= begun else 0
-            straight, following = following, straight
-            loop, looping = looping, loop
-        end = 0
-        for place in range(places):
-            if straight[place] > straight[end]:
-                end = place
-        last = 0
-        for place in range(places):
-            if loop[place] > loop[last]:
-                last = place
-        if loop[last] > straight[end]:
-            return loop[last], last, 1
-        return straight[end], end, 0
-
-    return compiled(best)
-
-
-def traced(trace: NDArray[np.int8], end: int, mode: int) -> NDArray[np.int64]:
-    """Place of each piece [piece] along the best path."""
-    found = np.zeros(len(trace), np.int64)
-    place = end
-    for piece in range(len(trace) - 1, -1, -1):
-        found[piece] = place
-        if mode == 1:
-            mode = int(trace[piece, place, 1])
-            continue
-        how = int(trace[piece, place, 0])
-        place = max(0, place - (2 if how == 2 else 1))
-        mode = 1 if how == 1 else 0
+    Else those that explain stretches of it best, be they where they may along the cable: at a cost that grows with its
+    length, not with its square.
+    """
+    found = np.ones((len(ways), len(shifts)), bool)
+    if max(int((np.diff(one.begin) > 0).sum()) for one in ways) <= TOLD:
+        return found
+    best, nothing = dynamic_program(), np.zeros((0, 1, 2), np.int8)
+    told = np.zeros(found.shape)
+    for number, one in enumerate(ways):
+        passed = np.flatnonzero(np.diff(one.begin) > 0)
+        for middle in (np.arange(STRETCHES) + 0.5) / STRETCHES * len(passed):
+            first = max(0, round(middle) - TOLD // STRETCHES // 2)
+            last = min(len(passed), first + TOLD // STRETCHES)
+            begin = one.begin[passed[first] : passed[last - 1] + 2]
+            told[number] += [best(scores, begin, one.bins, one.share, int(at), 0.0, nothing)[0] for at in shifts]
+    found[:] = False
+    for _ in range(TRIED):
+        number, index = np.unravel_index(int(told.argmax()), told.shape)
+        found[number, max(0, index - 1) : index + 2] = True
+        told[number, max(0, index - apart) : index + apart + 1] = NEVER
     return found
 
 
@@ -237,35 +188,42 @@ def first_look(quiet: Quiet, path: Path, car: Car, factor: float) -> Coarse:
     scores, polarity = match_scores(quiet, count)
     width = count * quiet.channel_spacing / factor
     step = bin_of(quiet.rate) / quiet.rate
-    shifts = np.arange(-round(WINDOW / step), round(WINDOW / step) + 1)
     first, last = car.time[0], car.time[-1]
     offset = round(first / step)
+    shifts = np.arange(-round(WINDOW / step), round(WINDOW / step) + 1)
+    apart = int(np.ceil(APART / step))
     best, nothing = dynamic_program(), np.zeros((0, 1, 2), np.int8)
-    found = []
-    for turned in (False, True):
-        way = path.turned() if turned else path
-        visits = passages(way, car, offset * step, last, width, step)
-        arrays = (visits.begin, visits.bins, visits.share)
-        each = np.array([best(scores, *arrays, int(shift) + offset, nothing)[0] for shift in shifts])
-        found.append((each, way, arrays, int((np.diff(visits.begin) > 0).sum())))
-    turned = bool(found[1][0].max() > found[0][0].max())
-    each, way, arrays, passed = found[turned]
-    index = int(each.argmax())
-    trace = np.zeros((len(scores), len(arrays[0]) - 1, 2), np.int8)
-    _, end, mode = best(scores, *arrays, int(shifts[index]) + offset, trace)
-    place = traced(trace, end, mode)
-    middle = (np.arange(len(place)) + 0.5) * count - 0.5
-    cell = np.interp(np.arange(len(quiet.channel)), middle, (place + 0.5) * width / STEP)
-    beyond = np.arange(len(quiet.channel)) - np.clip(np.arange(len(quiet.channel)), middle[0], middle[-1])
-    cell = cell + beyond * quiet.channel_spacing / factor / STEP
-    away = np.abs(shifts - shifts[index]) * step >= 3
-    rival = max(float(each[away].max()), float(found[not turned][0].max()))
+    both = [path, path.turned()]
+    visits = [passages(one, car, offset * step, last, width, step) for one in both]
+    worth = tried(scores, visits, shifts + offset, apart)
+    ways = []
+    for one, when, some in zip(both, visits, worth, strict=True):
+        each = np.full(len(shifts), NEVER)
+        arrays = (when.begin, when.bins, when.share)
+        each[some] = [best(scores, *arrays, int(at) + offset, NEVER, nothing)[0] for at in shifts[some]]
+        ways.append(Way(one, when, each))
+    turned = bool(ways[1].scores.max() > ways[0].scores.max())
+    way, other = ways[turned], ways[not turned]
+    index = int(way.scores.argmax())
+    trace = np.zeros((len(scores), len(way.visits.begin) - 1, 2), np.int8)
+    _, end, mode = best(scores, *way.arrays, int(shifts[index]) + offset, NEVER, trace)
+    passed = max(1, int((np.diff(way.visits.begin) > 0).sum()))
+    away = np.abs(np.arange(len(shifts)) - index) >= apart
     return Coarse(
         clock_offset=float(shifts[index] * step),
-        path=way,
-        cell=cell,
-        score=float(each[index]) / max(1, passed),
-        rival=rival / max(1, passed),
+        path=way.path,
+        cell=cells_of(quiet, traced(trace, end, mode), count, width, factor),
+        score=float(way.scores[index]) / passed,
+        rival=max(float(way.scores[away].max()), float(other.scores.max())) / passed,
         reversed=turned,
         polarity=polarity,
     )
+
+
+def cells_of(quiet: Quiet, place: NDArray[np.int64], count: int, width: float, factor: float) -> Array:
+    """About the cell of each channel [channel], from the place of each piece [piece] of `count` channels."""
+    number = np.arange(len(quiet.channel))
+    middle = (np.arange(len(place)) + 0.5) * count - 0.5
+    cell = np.interp(number, middle, (place + 0.5) * width / STEP)
+    beyond = number - np.clip(number, middle[0], middle[-1])
+    return np.asarray(cell + beyond * quiet.channel_spacing / factor / STEP)
