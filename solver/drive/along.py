@@ -1,17 +1,19 @@
 """Positions along the path, with the clock and the errors of the GPS: a Kalman smoother over the channels.
 
 State at a channel: its cell, the relative stretch of the cable there, the clock offset that is left, and on each leg
-the error of the car's position along the path (Rauch, Tung and Striebel 1965). A pick on a leg is the channel's cell,
-plus speed times the clock, plus the car's error, plus its own.
+two errors of the car's position along the path: a slow one of the GPS, and a fast one, of what smoothing leaves of the
+GPS's noise and of other vehicles near the car, that pull the peaks of all channels that they pass. A pick on a leg is
+the channel's cell, plus speed times the clock, plus both, plus its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.drive.path import STEP, Path
+from solver.drive.smoother import smoother
 
 if TYPE_CHECKING:
     from solver.drive.picks import Picks
@@ -23,9 +25,13 @@ Array = NDArray[np.float64]
 WANDER, JITTER = 0.004, 0.01
 #: m, about the length of a bend, all through which the map is off by the same.
 BEND = 30.0
-#: s, correlation time of the errors of a smoothed GPS track at least; share of a fix's sigma that is so slow that no
+#: s, correlation time of the slow errors of a GPS track at least; share of a fix's sigma that is so slow that no
 #: smoothing takes it out, as receivers' errors from the ionosphere and from walls are.
 MEMORY, SLOW = 30.0, 0.7
+#: s, correlation time of the fast errors, and their standard deviation, m, beside what smoothing leaves of a fix's.
+FAST, PULL = 5.0, 0.5
+#: Degrees of freedom of the fast errors: a vehicle close to the car may pull by meters.
+FREEDOM = 3.0
 #: s, of the clock offset that is left after the first look.
 CLOCK = 2.0
 #: Sigmas beyond which a pick weighs less, and rounds of weighing.
@@ -116,14 +122,15 @@ def smoothed_along(
     """
     weight = np.where(picks.audible, 1.0, 0.0)
     model = Model.of(picks, legs, steps, factor_sigma, gps, spacing)
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS + 1):
         mean, covariance = model.smooth(weight)
-        fitted = mean[:, 0] + picks.speed * mean[:, 2] + model.scale * mean[:, 3:].T
+        error, fitted = model.fitted(mean)
+        if number == ROUNDS:
+            break
         off = np.abs(picks.cell - fitted) / picks.sigma
         # Student's t with 4 degrees of freedom, but for what lies within `ROBUST` sigmas.
         weight = np.where(picks.audible, np.where(off < ROBUST, 1.0, (ROBUST / np.maximum(off, ROBUST)) ** 2), 0.0)
-    mean, covariance = model.smooth(weight)
-    fitted = mean[:, 0] + picks.speed * mean[:, 2] + model.scale * mean[:, 3:].T
+        model = model.loosened(mean)
     return Along(
         cell=mean[:, 0],
         sigma=np.sqrt(np.maximum(covariance[:, 0, 0], 0)),
@@ -132,18 +139,28 @@ def smoothed_along(
         clock_sigma=float(np.sqrt(covariance[0, 2, 2])),
         weight=weight,
         residual=picks.cell - fitted,
-        error=model.scale * mean[:, 3:].T,
+        error=error,
     )
 
 
 @dataclass(frozen=True)
 class Model:
-    """The state space model; `scale` [leg, channel] is the sigma of the car's error, cells."""
+    """The state space model.
+
+    Parameters
+    ----------
+    slow, fast : standard deviations of the car's errors, cells [leg, channel]
+    keeps : share that each error keeps from the channel before [slow and fast legs, channel]
+    loose : how much wider the fast errors are than `fast` [leg, channel]
+    wander : variance of the stretch from channel to channel
+    """
 
     picks: "Picks"
     steps: Steps
-    scale: Array
+    slow: Array
+    fast: Array
     keeps: Array
+    loose: Array
     factor_sigma: float
     wander: float
 
@@ -152,55 +169,50 @@ class Model:
         cls, picks: "Picks", legs: "Legs", steps: Steps, factor_sigma: float, gps: tuple[float, float], spacing: float
     ) -> "Model":
         """The model of some picks."""
-        memory, fix = max(MEMORY, gps[0]), gps[1]
-        sigma = np.hypot(np.hypot(*legs.driven.sigma.T) / np.sqrt(2), SLOW * fix) / STEP
-        scale = np.where(picks.row >= 0, sigma[picks.row], 0.0)  # anchors have no car
+        there = picks.row >= 0  # anchors have no car
+        sigma = np.hypot(np.hypot(*legs.driven.sigma.T) / np.sqrt(2), PULL) / STEP
         gone = np.abs(np.diff(picks.row, axis=1, prepend=picks.row[:, :1])) / legs.rate
-        return cls(picks, steps, scale, np.exp(-gone / memory), factor_sigma, WANDER * np.sqrt(spacing / 100))
+        return cls(
+            picks,
+            steps,
+            slow=np.where(there, SLOW * gps[1] / STEP, 0.0),
+            fast=np.where(there, sigma[picks.row], 0.0),
+            keeps=np.concatenate([np.exp(-gone / max(MEMORY, gps[0])), np.exp(-gone / FAST)]),
+            loose=np.ones(picks.row.shape),
+            factor_sigma=factor_sigma,
+            wander=WANDER**2 * spacing / 100,
+        )
+
+    @property
+    def scale(self) -> Array:
+        """Standard deviations of all errors, cells [slow and fast legs, channel]."""
+        return np.concatenate([self.slow, self.loose * self.fast])
+
+    def fitted(self, mean: Array) -> tuple[Array, Array]:
+        """Error of the car along the path, and the picks as fitted, cells [leg, channel], of means [channel, state]."""
+        error = np.asarray((self.scale * mean[:, 3:].T).reshape(2, *self.slow.shape).sum(0))
+        return error, mean[:, 0] + self.picks.speed * mean[:, 2] + error
+
+    def loosened(self, mean: Array) -> "Model":
+        """The same with fast errors as wide as Student's t has them, given means [channel, state]."""
+        off = self.loose * mean[:, 3 + len(self.slow) :].T
+        return replace(self, loose=np.sqrt(np.maximum(1.0, (FREEDOM + off**2) / (FREEDOM + 1))))
 
     def smooth(self, weight: Array) -> tuple[Array, Array]:
         """Mean [channel, state] and covariance [channel, state, state]."""
-        legs, channels = self.picks.cell.shape
-        size = 3 + legs
+        legs = len(weight)
+        size = 3 + 2 * legs
         first = next((int(one) for one in np.flatnonzero((weight > 0).any(0))), 0)
         begun = np.nanmin(np.where(weight[:, first] > 0, self.picks.cell[:, first], np.nan)) if weight.any() else 0.0
-        mean, covariance = np.zeros(size), np.zeros((size, size))
+        mean, covariance = np.zeros(size), np.eye(size)
         mean[0] = begun - self.steps.advance[1 : first + 1].sum()
-        covariance[np.arange(size), np.arange(size)] = [WIDE**2, self.factor_sigma**2, CLOCK**2, *np.ones(legs)]
-        ahead, spread, means, covariances, moves = [], [], [], [], []
-        for channel in range(channels):
-            move = np.eye(size)
-            if channel:
-                move[0, 1] = self.steps.stretched[channel]
-                move[range(3, size), range(3, size)] = self.keeps[:, channel]
-                mean = move @ mean
-                mean[0] += self.steps.advance[channel]
-                covariance = move @ covariance @ move.T
-                covariance[0, 0] += self.steps.variance[channel]
-                covariance[1, 1] += self.wander**2
-                covariance[range(3, size), range(3, size)] += 1 - self.keeps[:, channel] ** 2
-            moves.append(move)
-            ahead.append(mean)
-            spread.append(covariance)
-            for leg in np.flatnonzero(weight[:, channel] > 0):
-                mean, covariance = self.taken(mean, covariance, int(leg), channel, float(weight[leg, channel]))
-            means.append(mean)
-            covariances.append(covariance)
-        for channel in range(channels - 2, -1, -1):
-            gain = np.linalg.solve(spread[channel + 1], moves[channel + 1] @ covariances[channel]).T
-            means[channel] = means[channel] + gain @ (means[channel + 1] - ahead[channel + 1])
-            covariances[channel] = (
-                covariances[channel] + gain @ (covariances[channel + 1] - spread[channel + 1]) @ gain.T
-            )
-        return np.stack(means), np.stack(covariances)
-
-    def taken(self, mean: Array, covariance: Array, leg: int, channel: int, weight: float) -> tuple[Array, Array]:
-        """The state after a pick."""
-        row = np.zeros(len(mean))
-        row[0], row[2], row[3 + leg] = 1.0, self.picks.speed[leg, channel], self.scale[leg, channel]
-        gain = covariance @ row
-        variance = float(row @ gain + self.picks.sigma[leg, channel] ** 2 / weight)
-        gain /= variance
-        mean = mean + gain * (self.picks.cell[leg, channel] - row @ mean)
-        covariance = covariance - np.outer(gain, gain) * variance
-        return mean, (covariance + covariance.T) / 2
+        covariance[range(3), range(3)] = [WIDE**2, self.factor_sigma**2, CLOCK**2]
+        channel, leg = np.nonzero(weight.T > 0)
+        taken = [np.ascontiguousarray(one[leg, channel]) for one in (self.picks.cell, self.picks.sigma, weight)]
+        speed = self.picks.speed[leg, channel]
+        found: tuple[Array, Array] = smoother()(
+            *(self.steps.advance, self.steps.stretched, self.steps.variance, self.wander),
+            *(self.keeps, np.ascontiguousarray(self.scale), np.tile(np.arange(legs), 2)),
+            *(channel, leg, taken[0], taken[1] ** 2 / taken[2], speed, mean, covariance),
+        )
+        return found

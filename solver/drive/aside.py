@@ -31,11 +31,15 @@ WANDER = 1.0
 
 @dataclass(frozen=True)
 class Aside:
-    """Lateral place of each channel, m to the right of the path [channel], its sigma, and the data's share in that."""
+    """Lateral place of each channel, m to the right of the path [channel], its sigma, and the data's share in that.
+
+    `far` is how far the car that it heard passed beside it, m [channel]; 0 where it heard none.
+    """
 
     lateral: Array
     sigma: Array
     share: Array
+    far: Array
 
 
 def beside(
@@ -62,19 +66,21 @@ def beside(
         for leg in range(legs.count):
             ratio[number, leg] = heard(quiet, one, low, 1, polarity, nothing, leg).ratio[:, 0]
     ratio *= audible
-    score = np.zeros((channels, len(PLACES)))
+    score, right = np.zeros((channels, len(PLACES))), np.zeros((legs.count, channels))
     for leg in range(legs.count):
         row, _ = passing(legs, leg, cell)
         off = legs.driven.position[row] - path.at(cell)
-        right = (off * path.across[np.clip(low, 0, len(path.points) - 1)]).sum(1)
-        away = np.abs(PLACES - right[:, None])
+        right[leg] = (off * path.across[np.clip(low, 0, len(path.points) - 1)]).sum(1)
+        away = np.abs(PLACES - right[leg][:, None])
         for channel in np.flatnonzero(audible[leg]):
             score[channel] += np.interp(away[channel], DISTANCES, ratio[:, leg, channel])
-    return weighed(score, cell, sigma)
+    lateral, spread = weighed(score, cell, sigma)
+    far = (np.abs(lateral - right) * audible).sum(0) / np.maximum(audible.sum(0), 1)
+    return Aside(lateral, spread, np.clip(1 - spread**2 / sigma**2, 0, 1), far)
 
 
-def weighed(score: Array, cell: Array, sigma: float) -> Aside:
-    """The posterior of the lateral place, stretch by stretch, from scores [channel, place] and the map's sigma."""
+def weighed(score: Array, cell: Array, sigma: float) -> tuple[Array, Array]:
+    """Posterior of the lateral place and its sigma [channel], of scores [channel, place] and the map's sigma."""
     piece = np.floor(cell * STEP / STRETCH).astype(np.int64)
     piece -= piece.min()
     sums = np.zeros((piece.max() + 1, len(PLACES)))
@@ -88,5 +94,4 @@ def weighed(score: Array, cell: Array, sigma: float) -> Aside:
     variance = weight @ PLACES**2 - mean**2 + WANDER**2
     center = (np.arange(len(mean)) + 0.5) * STRETCH / STEP + np.floor(cell.min() * STEP / STRETCH) * STRETCH / STEP
     lateral = np.interp(cell, center, mean)
-    spread = np.sqrt(np.interp(cell, center, variance))
-    return Aside(lateral, spread, np.clip(1 - spread**2 / sigma**2, 0, 1))
+    return lateral, np.sqrt(np.interp(cell, center, variance))

@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 #: Cells to either side of where a channel is expected: in the first round, when a first look may have followed another
 #: vehicle for some loops' lengths, and later.
 FIRST, LATER = 700, 40
-#: Rounds at most; s by which the clock moves in the last.
-ROUNDS, STILL = 5, 0.01
+#: Rounds at most; s, or of its standard deviation, by which the clock moves in the last.
+ROUNDS, STILL, SHARE = 8, 0.01, 0.25
 #: Cells to either side in which the car's loudness is looked for.
 LOOKED = 25
 #: Channels over which an amplitude is typical.
@@ -112,13 +112,13 @@ def fit_drive(drive: Drive) -> Fit:
         coarse = first_look(quiet, path_of(drive.vertices), car, drive.length_factor[0])
         advance(1)
         offset, expected, side = coarse.clock_offset, coarse.cell, FIRST
-        moved, rounds, polarity = np.inf, 0, coarse.polarity
-        while rounds < ROUNDS and abs(moved) > STILL:
+        rounds, polarity, still = 0, coarse.polarity, False
+        while rounds < ROUNDS and not still:
             one = one_round(drive, quiet, coarse.path, car, offset, expected, polarity, side)
             check_found(drive, quiet, coarse, one)
             expected, side = one.along.cell, LATER
-            moved = one.along.clock
-            offset += moved
+            offset += one.along.clock
+            still = abs(one.along.clock) <= max(STILL, SHARE * one.along.clock_sigma)
             rounds += 1
             advance(1)
     legs = one.legs
@@ -126,6 +126,10 @@ def fit_drive(drive: Drive) -> Fit:
         quiet, coarse.path, car, legs, one.along.cell, one.picks.audible[: legs.count], polarity, drive.sigma
     )
     several = np.where(one.channels.spread * STEP > SEVERAL, one.channels.spread, 0.0)
+    # Where the map bends the cable's heading is not sure, nor what lies square to the car.
+    number = np.clip(np.round(one.along.cell).astype(np.int64), 0, len(coarse.path.points) - 1)
+    heading = coarse.path.spread_of_heading(drive.sigma)[number]
+    askew = heading * np.hypot(aside.far, aside.sigma) / STEP
     return Fit(
         quiet=quiet,
         path=coarse.path,
@@ -140,11 +144,11 @@ def fit_drive(drive: Drive) -> Fit:
         clock_offset=offset,
         clock_sigma=one.along.clock_sigma,
         cell=one.along.cell,
-        sigma=np.sqrt(one.along.sigma**2 + several**2 + (FINEST / STEP) ** 2),
+        sigma=np.sqrt(one.along.sigma**2 + several**2 + askew**2 + (FINEST / STEP) ** 2),
         aside=aside,
         beside=beside_car(coarse.path, legs, one.along.cell),
         rounds=rounds,
-        converged=bool(abs(moved) <= STILL),
+        converged=still,
     )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from solver.drive.monotone_path import NEVER, Passages, dynamic_program, passages, traced
 from solver.drive.car import Car
+from solver.drive.monotone_path import NEVER, Passages, dynamic_program, passages, traced
 from solver.drive.path import STEP, Path
 from solver.drive.quiet import Quiet
 from solver.ground.boussinesq import displacement_rate
