@@ -1,0 +1,97 @@
+"""The smoother along the channels, against the same model solved at once, and on picks of other vehicles."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from solver.drive.along import Model, Steps, smoothed_along
+from solver.drive.path import path_of
+from solver.drive.picks import Picks
+from solver.drive.smoother import smoother
+
+CHANNELS, SPACING = 60, 8.0
+
+
+def test_smoother_is_the_conditional_gaussian() -> None:
+    rng = np.random.default_rng(2)
+    channels, size = 4, 5
+    advance, stretched, variance, wander = np.full(channels, 8.0), np.full(channels, 7.0), np.full(channels, 0.3), 0.02
+    keeps, scale = rng.uniform(0.3, 0.9, (2, channels)), rng.uniform(0.5, 2.0, (2, channels))
+    first = np.diag([9.0, 0.1, 0.5, 1.0, 1.0])
+    start = np.array([3.0, 0.0, 0.2, 0.0, 0.0])
+    # All states at once: their prior mean and covariance, then conditioned on the picks.
+    means, blocks = [start], {(0, 0): first}
+    for channel in range(1, channels):
+        move = np.diag([1.0, 1.0, 1.0, *keeps[:, channel]])
+        move[0, 1] = stretched[channel]
+        means.append(move @ means[-1] + np.array([advance[channel], 0, 0, 0, 0]))
+        for other in range(channel):
+            blocks[channel, other] = move @ blocks[channel - 1, other]
+            blocks[other, channel] = blocks[channel, other].T
+        added = np.diag([variance[channel], wander, 0.0, *(1 - keeps[:, channel] ** 2)])
+        blocks[channel, channel] = move @ blocks[channel - 1, channel - 1] @ move.T + added
+    prior = np.block([[blocks[one, other] for other in range(channels)] for one in range(channels)])
+    picked, value, noise, speed = (
+        np.array([0, 2, 3]),
+        np.array([2.0, 20.0, 30.0]),
+        np.array([0.4, 0.2, 0.7]),
+        np.array([9.0, -8.0, 5.0]),
+    )
+    rows = np.zeros((3, channels * size))
+    for pick, channel in enumerate(picked):
+        rows[pick, channel * size : (channel + 1) * size] = [1.0, 0.0, speed[pick], *scale[:, channel]]
+    gain = prior @ rows.T @ np.linalg.inv(rows @ prior @ rows.T + np.diag(noise))
+    mean = np.concatenate(means) + gain @ (value - rows @ np.concatenate(means))
+    covariance = prior - gain @ rows @ prior
+    leg, of_leg = np.zeros(2, np.int64), np.zeros(3, np.int64)
+    found = smoother()(
+        *(advance, stretched, variance, wander, keeps, scale, leg, picked, of_leg, value, noise, speed),
+        *(start.copy(), first.copy()),
+    )
+    np.testing.assert_allclose(found[0], mean.reshape(channels, size), atol=1e-9)
+    diagonal = np.stack([covariance[at : at + size, at : at + size] for at in range(0, channels * size, size)])
+    np.testing.assert_allclose(found[1], diagonal, atol=1e-9)
+
+
+def forth_and_back(pulled: float) -> Picks:
+    """Picks of a car that goes forth at 10 m/s and back at 12; on the way back a vehicle pulls some by meters."""
+    cell = SPACING * np.arange(CHANNELS)
+    rows = np.stack([60.0 * cell / 10, 4000 - 60.0 * cell / 12]).astype(np.int64) // 10
+    picks = np.stack([cell, cell])
+    picks[1, 20:32] += pulled
+    speed = np.repeat([[10.0], [-12.0]], CHANNELS, axis=1)
+    return Picks(picks, np.full(picks.shape, 0.6), speed, rows, np.ones(picks.shape), np.full(picks.shape, 9.0))
+
+
+def test_vehicle_that_pulls_many_picks_moves_the_clock_little() -> None:
+    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), rate=6.0)
+    step = np.full(CHANNELS, SPACING)
+    steps = Steps(step, step, np.full(CHANNELS, 0.006))
+    clean, pulled = (
+        smoothed_along(forth_and_back(off), legs, steps, 0.02, (1.0, 1.5), SPACING)  # type: ignore[arg-type]
+        for off in (0.0, 8.0)
+    )
+    assert abs(clean.clock) < 1e-6
+    assert abs(pulled.clock) < 1.5 * pulled.clock_sigma
+    assert pulled.error[1, 20:32].min() > 3.0
+    assert np.abs(pulled.error[0]).max() < 2.0
+
+
+def test_far_off_fast_errors_are_let_loose() -> None:
+    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), rate=6.0)
+    step = np.full(CHANNELS, SPACING)
+    model = Model.of(forth_and_back(0.0), legs, Steps(step, step, step), 0.02, (1.0, 1.5), SPACING)  # type: ignore[arg-type]
+    mean = np.zeros((CHANNELS, 7))
+    mean[30, 5] = 5.0  # the fast error of the first leg, sigmas
+    loose = model.loosened(mean).loose
+    assert loose[0, 30] == np.sqrt((3 + 25) / 4)
+    assert np.delete(loose[0], 30).max() == loose[1].max() == 1.0
+
+
+def test_heading_is_unsure_at_a_corner() -> None:
+    straight = path_of(np.array([[0.0, 0.0], [300.0, 0.0]]))
+    corner = path_of(np.array([[0.0, 0.0], [150.0, 0.0], [150.0, 150.0]]))
+    assert straight.spread_of_heading(8.0).max() < 1e-6
+    found = corner.spread_of_heading(8.0)
+    assert found[corner.first + 150] > 0.45
+    assert found[corner.first + 100] < 1e-3
