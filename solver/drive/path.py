@@ -52,8 +52,6 @@ class Path:
         from scipy.ndimage import gaussian_filter1d
 
         heading = np.unwrap(np.arctan2(self.along[:, 1], self.along[:, 0]))
-        # Less its mean over a window, so that squares do not cancel.
-        heading -= gaussian_filter1d(heading, 10 * sigma / STEP, mode="nearest")
         mean, square = (gaussian_filter1d(one, sigma / STEP, mode="nearest") for one in (heading, heading**2))
         return np.asarray(np.sqrt(np.maximum(square - mean**2, 0.0)))
 
