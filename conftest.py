@@ -13,7 +13,8 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("example")
     small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 3}
     survey = rf.read(rf.simulate(folder / "survey", "street-paper", **small).site)
-    return {"rf": rf, "folder": folder, "survey": survey, "run": rf.locate(survey, effects=[]), "table": survey.tracks}
+    run = rf.locate(survey, effects=[], corridor="fit")
+    return {"rf": rf, "folder": folder, "survey": survey, "run": run, "table": survey.tracks}
 
 
 @pytest.fixture(autouse=True)

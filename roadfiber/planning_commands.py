@@ -36,6 +36,9 @@ def plan(
             { y = -3.5, toward = "-x", vehicles = { car = 3, bus = 1 } },
         ]
 
+    With [frame], lanes = "lanes.gpkg" (or GeoJSON, KML) takes them from a map: lines drawn the way that vehicles go,
+    with how many of each class as attributes car, van, truck, bus; anchors = "manholes.gpkg" takes its points.
+
     Further keys: speeds = [30, 60] (km/h), fix_sigma, frame_rate, anchor_sigma, sampling_rate, shear_modulus; the
     expected depth is that of [ground]. Other sections of a site.toml may be there.
 

@@ -1,6 +1,6 @@
 """`[plan]` of site.toml: a survey that nobody has driven yet."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -17,6 +17,12 @@ LONGEST = 200.0
 MOST_VEHICLES = 60
 
 VehicleClass = Literal["car", "van", "truck", "bus"]
+
+
+def or_a_file(schema: dict[str, Any]) -> None:
+    """Let a value of site.toml be the name of a file of a map in its place, see `solver.survey.plan_maps`."""
+    kept = {name: schema.pop(name) for name in ("type", "items", "minItems") if name in schema}
+    schema["anyOf"] = [kept, {"type": "string"}]
 
 
 class Table(BaseModel):
@@ -43,7 +49,7 @@ class PlanSection(Table):
 
     length: Annotated[float, Field(ge=20, le=LONGEST)]
     offset: Finite
-    lanes: Annotated[list[LaneSection], Field(min_length=1)]
+    lanes: Annotated[list[LaneSection], Field(min_length=1, json_schema_extra=or_a_file)]
     snr_db: Finite | None = None
     noise: Positive | None = None
     speeds: tuple[Positive, Positive] = (30.0, 60.0)
@@ -51,7 +57,7 @@ class PlanSection(Table):
     fix_sigma: Positive = 0.06
     frame_rate: Annotated[float, Field(ge=1, le=120)] = 12.5
     shear_modulus: Positive = 6e7
-    anchors: list[Finite] = []
+    anchors: Annotated[list[Finite], Field(json_schema_extra=or_a_file)] = []
     anchor_sigma: Positive = 0.05
 
     @field_validator("speeds")

@@ -13,6 +13,7 @@ from pydantic import (
     model_validator,
 )
 
+from solver.survey.plan_maps import with_maps
 from solver.survey.plan_section import PlanSection
 from solver.survey.site_sections import (
     AnchorsSection,
@@ -131,6 +132,7 @@ def read_site(path: Path, *, moving: bool = True) -> Site:
     path = Path(path)
     content = read_toml(path, "the path of a survey's site.toml")
     folder = path.resolve().parent
+    content = with_maps(content, folder)
     try:
         site = Site.model_validate(content, context={"folder": folder, "moving": moving})
     except ValidationError as error:

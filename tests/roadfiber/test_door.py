@@ -229,7 +229,7 @@ def test_an_effect_of_one_s_own_is_an_object(run: rf.Run, folder: Path) -> None:
     def grip(cable, p, survey):
         return replace(cable, gain=cable.gain * (1 + p["share"]))
 
-    grown = rf.add(run, grip, force=True)
+    grown = rf.add(run, grip, force=True, corridor="fit")
     assert grown.effects == ["grip"]
     grown.save(folder / "own")
     assert rf.open(folder / "own").effects == ["grip"]

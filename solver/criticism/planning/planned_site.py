@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from solver.survey.plan_maps import with_maps
 from solver.survey.plan_section import PlanSection, Positive, Table
 from solver.survey.site import first_problem
 from solver.survey.site_sections import FrameSection, GroundSection
@@ -44,10 +45,12 @@ class PlannedSite(Table):
 def read_planned(source: Path | str | Mapping[str, Any]) -> PlannedSite:
     """Read a planned survey: its site.toml, the folder of one, or the same content as a mapping.
 
+    Lanes and anchors may be files of a map, see `with_maps`; a mapping's are relative to the working directory.
+
     Raises
     ------
     InputError
-        If the file is missing or not TOML, a key is unknown or missing, or a value is out of range.
+        If a file is missing or cannot be used, a key is unknown or missing, or a value is out of range.
 
     >>> lane = {"y": 0.0, "toward": "+x", "vehicles": {"car": 4}}
     >>> plan = {"length": 60.0, "offset": 4.0, "snr_db": 15.0, "lanes": [lane]}
@@ -55,12 +58,13 @@ def read_planned(source: Path | str | Mapping[str, Any]) -> PlannedSite:
     4
     """
     if isinstance(source, Mapping):
-        content, where, name = dict(source), "plan", "plan"
+        content, where, name, folder = dict(source), "plan", "plan", Path()
     else:
         path = Path(source)
         path = path / "site.toml" if path.is_dir() else path
         content = read_toml(path, "the path of a site.toml with a table [plan]")
-        where, name = str(path), path.resolve().parent.name
+        where, name, folder = str(path), path.resolve().parent.name, path.parent
+    content = with_maps(content, folder)
     try:
         site = PlannedSite.model_validate(content, context={"folder": Path()})
     except ValidationError as error:

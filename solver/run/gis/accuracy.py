@@ -9,6 +9,9 @@ alone is told as QL-B2 at best, and as no survey to PAS 128 by itself. QL-A is e
 ASCE/UESI/CI 38-22 grades evidence, not numbers: level D records, C records joined to what is seen on the surface, B
 surface geophysical methods, A exposure at a point; a professional assigns it. A route that the data decide is evidence
 of the kind of level B; where they do not decide there is none.
+
+Neither text was at hand. The numbers are those that survey firms publish of PAS 128 (selectsurveys.com/service/pas128:
+500 mm; 250 mm and 40 %; more than one technique, 150 mm and 15 %), the words those that engineers quote of ASCE 38-22.
 """
 
 from dataclasses import dataclass
@@ -33,7 +36,8 @@ CLAIM = (
     "Classes follow from the half-widths of the 95 % corridor, and hold if that does. PAS 128: QL-B2 at best, "
     "since one detection technique was used; it is no survey to PAS 128 by itself, which asks for electromagnetic "
     "location and radar too, and nothing here is QL-A, which needs exposure. ASCE 38-22: evidence of the kind of QLB "
-    "(surface geophysics); the level itself is a professional's to assign, and QLA needs exposure at the point."
+    "(surface geophysics); the level itself is a professional's to assign, and QLA needs exposure at the point. "
+    "Numbers and words are those that surveyors publish of the standards, whose text was not at hand: check them."
 )
 
 

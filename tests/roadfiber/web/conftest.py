@@ -31,7 +31,7 @@ def hidden(tmp_path_factory: pytest.TempPathFactory) -> Path:
     first = rows[0].split(",")[1]
     renamed = [",".join([a, MARKUP if b == first else b, *more]) for a, b, *more in (row.split(",") for row in rows)]
     tracks.write_text("\n".join([header, *renamed]) + "\n")
-    rf.locate(site).save(folder / "run")
+    rf.locate(site, corridor="fit").save(folder / "run")
     return folder / "run"
 
 

@@ -37,12 +37,12 @@ def run(*words: object) -> str:
 
 
 def located(folder: Path, effects: dict[str, float]) -> Path:
-    """Run folder of a simulated survey with these hidden effects."""
+    """Run folder of a simulated survey with these hidden effects; its corridor, the fit's own, is not looked at."""
     scenario = folder / "street.toml"
     lines = "\n".join(f"{name} = {amount}" for name, amount in effects.items())
     scenario.write_text(STREET.format(effects=lines), encoding="utf-8")
     run("simulate", scenario, "--seed", 11, "--out", folder / "survey")
-    run("locate", folder / "survey", "--out", folder / "run")
+    run("locate", folder / "survey", "--corridor", "fit", "--out", folder / "run")
     return folder / "run"
 
 
@@ -92,7 +92,7 @@ def test_the_clocks_offset_is_estimated_and_kept_where_it_is_added(tmp_path: Pat
     assert found["clock_offset"] == pytest.approx(0.2, abs=4 * found["sigma"])
     assert 0 < found["sigma"] < 0.03
     # Every track is off by as much: passes held out, which may shift a little by themselves, fit better all the same.
-    run("add", folder, "clock_offset", "--out", tmp_path / "second")
+    run("add", folder, "clock_offset", "--corridor", "fit", "--out", tmp_path / "second")
     before, after = rungs(tmp_path / "second")
     assert after["held_out_chi2_per_dof"] < before["held_out_chi2_per_dof"]
 
@@ -100,7 +100,7 @@ def test_the_clocks_offset_is_estimated_and_kept_where_it_is_added(tmp_path: Pat
 def test_a_length_that_slips_is_fitted_to_the_noise(tmp_path: Path) -> None:
     """Between its ends it tells no place: the route stays where the rest of the fiber and its smoothness have it."""
     folder = located(tmp_path, {"conduit_slip": 16.0})
-    run("add", folder, "conduit_slip", "--out", tmp_path / "second")
+    run("add", folder, "conduit_slip", "--corridor", "fit", "--out", tmp_path / "second")
     before, after = rungs(tmp_path / "second")
     assert before["chi2_per_dof"] > 1.5 and after["chi2_per_dof"] < 1.03 * after["noise_floor"]
     route = np.array(json.loads((tmp_path / "survey" / "truth.json").read_text(encoding="utf-8"))["route_xyz"])
@@ -141,7 +141,7 @@ def test_add_extends_the_ladder_refuses_what_does_not_help_and_takes_a_user_effe
 ) -> None:
     plugin = tmp_path / "mine.py"
     plugin.write_text(PLUGIN, encoding="utf-8")
-    run("add", stretched, "wide_gauge", "--plugin", plugin, "--out", tmp_path / "second")
+    run("add", stretched, "wide_gauge", "--corridor", "fit", "--plugin", plugin, "--out", tmp_path / "second")
     ladder = rungs(tmp_path / "second")
     assert [rung["effects"][-1] for rung in ladder] == ["curved_gauge", "wide_gauge"]
     assert ladder[1]["held_out_chi2_per_dof"] < ladder[0]["held_out_chi2_per_dof"]

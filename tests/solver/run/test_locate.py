@@ -15,6 +15,8 @@ import roadfiber.command
 from solver.simulator import Scenario, Survey, simulate, write_survey
 
 Command = Callable[..., tuple[int, str, str]]
+#: Where the route is what matters: what the model may lack is weighed in tests of its own.
+LOCATE = ("-q", "locate", "--corridor", "fit")
 
 
 @pytest.fixture
@@ -48,7 +50,7 @@ def test_a_survey_that_does_not_fit_into_memory_is_refused_before_the_fit(
     for user in ("solver.survey.memory", "solver.fit.room"):
         monkeypatch.setattr(f"{user}.available", lambda: 1.5e8)
     monkeypatch.setattr("solver.run.locate.fit_route", lambda *given: pytest.fail("was fitted"))
-    status, _, error = command("-q", "locate", folder, "--out", tmp_path / "run")
+    status, _, error = command(*LOCATE, folder, "--out", tmp_path / "run")
     assert status == 2 and error.count("\n") == 1
     assert " of memory, and 0.15 GB are free, enough for " in error and "channels at most, channels = [first" in error
     assert list(tmp_path.iterdir()) == []
@@ -85,7 +87,7 @@ def test_channels_that_record_nothing_are_named_and_left_out(street: Survey, com
     record = street.strain_rate.copy()
     record[:, muted] *= 0.05
     write_survey(replace(street, strain_rate=record), tmp_path / "s")
-    status, said, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    status, said, error = command(*LOCATE, tmp_path / "s", "--out", tmp_path / "run")
     assert status == 0, error
     assert f"channels {muted[0]}-{muted[1]}, {muted[2]}, {muted[3]} are nearly silent" in said + error
     assert largest_error(tmp_path / "run", street) < 0.25
@@ -95,7 +97,7 @@ def test_wheels_of_an_unknown_class_are_fitted_and_it_is_said(street: Survey, co
     """As point loads they cost decimeters, without a word."""
     tracks = street.trajectories.assign(**{"class": "Tuk-tuk"})
     write_survey(replace(street, trajectories=tracks), tmp_path / "s")
-    status, _, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    status, _, error = command(*LOCATE, tmp_path / "s", "--out", tmp_path / "run")
     assert status == 0, error
     facts = json.loads((tmp_path / "run" / "fit.json").read_text())
     assert any(line.startswith("class tuk tuk (4 passes) is not known; its wheels") for line in facts["warnings"])
@@ -108,7 +110,7 @@ def test_a_rounded_record_is_located_and_its_step_said(street: Survey, command: 
     """In steps of twice the noise quiet is zero: noise was told by its median, so that channels counted as dead."""
     step = 2.0 * street.noise_sd
     write_survey(replace(street, strain_rate=step * np.rint(street.strain_rate / step)), tmp_path / "s")
-    status, _, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    status, _, error = command(*LOCATE, tmp_path / "s", "--out", tmp_path / "run")
     assert status == 0, error
     facts = json.loads((tmp_path / "run" / "fit.json").read_text())
     said = [line for line in facts["warnings"] if line.startswith(f"the record is rounded to steps of {step:.2g} 1/s")]
@@ -125,7 +127,7 @@ def test_ground_of_another_poisson_ratio_than_the_prior_says(
     street = Scenario(passes=4, snr_db=20.0, noise="street", view=(0.0, 45.0), effects={"poisson_ratio": more})
     survey = simulate(replace(street, seed=seed))
     write_survey(survey, tmp_path / "s")
-    status, _, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    status, _, error = command(*LOCATE, tmp_path / "s", "--out", tmp_path / "run")
     assert status == 0, error
     assert largest_error(tmp_path / "run", survey) < 0.15
     facts = json.loads((tmp_path / "run" / "fit.json").read_text())
@@ -134,7 +136,7 @@ def test_ground_of_another_poisson_ratio_than_the_prior_says(
 
 def test_point_loads_push_the_tracks_away(folder: Path, street: Survey, command: Command, tmp_path: Path) -> None:
     """What a model lacks goes into the tracks' errors, which no camera would make; the anchors hold the route."""
-    status, said, error = command("-q", "locate", folder, "--out", tmp_path / "run", "--effects", "none", "--json")
+    status, said, error = command(*LOCATE, folder, "--out", tmp_path / "run", "--effects", "none", "--json")
     assert status == 0, error
     assert json.loads(said)["effects"] == []
     facts = json.loads((tmp_path / "run" / "fit.json").read_text())
@@ -150,7 +152,7 @@ def test_without_anchors_two_lanes_tell_the_side(
     site = tmp_path / "s" / "site.toml"
     text = site.read_text()
     site.write_text(text.replace(text[text.index("[anchors]") : text.index("[", text.index("[anchors]") + 1)], ""))
-    status, _, error = command("-q", "locate", site, "--out", tmp_path / "run")
+    status, _, error = command(*LOCATE, site, "--out", tmp_path / "run")
     assert status == 0, error
     table = pd.read_csv(tmp_path / "run" / "route.csv").set_index("channel")
     first, last = street.active
@@ -164,7 +166,7 @@ def test_few_passes_without_anchors_end_on_the_right_side(seed: int, command: Co
     survey = simulate(Scenario(seed=seed, passes=3, view=(0.0, 50.0)))
     site = write_survey(survey, tmp_path / "s")
     site.write_text(site.read_text().replace('[anchors]\nfile = "anchors.csv"\n', ""))
-    status, _, error = command("-q", "locate", site, "--out", tmp_path / "run")
+    status, _, error = command(*LOCATE, site, "--out", tmp_path / "run")
     assert status == 0, error
     facts = json.loads((tmp_path / "run" / "fit.json").read_text())
     assert facts["ambiguous_side"] is False
@@ -280,7 +282,7 @@ def test_bad_input_is_one_line_and_nothing_written(
 ) -> None:
     shutil.copytree(folder, tmp_path / "s")
     damage(tmp_path / "s")
-    status, said, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    status, said, error = command(*LOCATE, tmp_path / "s", "--out", tmp_path / "run")
     assert status == 2
     assert said == ""
     assert error.count("\n") == 1 and error.startswith("roadfiber: ") and BROKEN[damage] in error
@@ -306,7 +308,7 @@ def test_a_wrong_anchor_and_dead_channels_are_named(
     table = pd.read_csv(anchors)
     table.loc[0, "y"] += 1.5
     table.to_csv(anchors, index=False)
-    status, _, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    status, _, error = command(*LOCATE, tmp_path / "s", "--out", tmp_path / "run")
     assert status == 0, error
     said = json.loads((tmp_path / "run" / "fit.json").read_text())["warnings"]
     assert any(f"channels {middle}-{middle + 3} record nothing" in line for line in said)
@@ -322,7 +324,7 @@ def only_one_vehicle(folder: Path) -> None:
 def test_one_pass_is_said_to_be_few(folder: Path, command: Command, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "s")
     only_one_vehicle(tmp_path / "s")
-    status, _, error = command("-q", "locate", tmp_path / "s", "--out", tmp_path / "run")
+    status, _, error = command(*LOCATE, tmp_path / "s", "--out", tmp_path / "run")
     assert status == 0, error
     said = json.loads((tmp_path / "run" / "fit.json").read_text())["warnings"]
     assert any(line.startswith("one pass only: ") and "survey at least four" in line for line in said)
@@ -330,7 +332,7 @@ def test_one_pass_is_said_to_be_few(folder: Path, command: Command, tmp_path: Pa
 
 @pytest.mark.parametrize("option", [("--method", "magic"), ("--effects", "magic")])
 def test_unknown_options_are_named(option: tuple[str, str], folder: Path, command: Command, tmp_path: Path) -> None:
-    status, _, error = command("-q", "locate", folder, "--out", tmp_path / "run", *option)
+    status, _, error = command(*LOCATE, folder, "--out", tmp_path / "run", *option)
     assert status == 2 and "magic" in error and error.count("\n") == 1
 
 
@@ -338,7 +340,7 @@ def test_unknown_options_are_named(option: tuple[str, str], folder: Path, comman
 def test_practice_surveys_within_a_quarter_meter(
     name: str, shared_data: Path, command: Command, tmp_path: Path
 ) -> None:
-    status, _, error = command("-q", "locate", shared_data / "practice" / name, "--out", tmp_path / "run")
+    status, _, error = command(*LOCATE, shared_data / "practice" / name, "--out", tmp_path / "run")
     assert status == 0, error
     answer = json.loads((shared_data / "practice" / "answers.json").read_text())[name]
     table = pd.read_csv(tmp_path / "run" / "route.csv").set_index("channel")
@@ -350,15 +352,13 @@ def test_practice_surveys_within_a_quarter_meter(
 def test_in_much_noise_filters_help_the_matched_filter(command: Command, tmp_path: Path) -> None:
     survey = simulate(Scenario(seed=4, noise="street", track_noise="camera", snr_db=-8.0))
     folder = write_survey(survey, tmp_path / "s").parent
-    status, _, error = command("-q", "locate", folder, "--out", tmp_path / "plain")
+    status, _, error = command(*LOCATE, folder, "--out", tmp_path / "plain")
     assert status == 2 and "--filter fk" in error
-    status, _, error = command(
-        "-q", "locate", folder, "--filter", "fk", "--filter", "median", "--out", tmp_path / "run"
-    )
+    status, _, error = command(*LOCATE, folder, "--filter", "fk", "--filter", "median", "--out", tmp_path / "run")
     assert status == 0, error
     table = pd.read_csv(tmp_path / "run" / "route.csv")
     off = table[["x", "y", "z"]] - survey.route[table["channel"]]
     first, last = survey.active
     assert np.linalg.norm(off[table["channel"].between(first, last)], axis=1).max() < 0.5
-    status, _, error = command("-q", "locate", folder, "--filter", "kf", "--out", tmp_path / "none")
+    status, _, error = command(*LOCATE, folder, "--filter", "kf", "--out", tmp_path / "none")
     assert status == 2 and "choose of fk, median" in error
