@@ -25,6 +25,7 @@ from roadfiber import (
     survey_commands,
     web_commands,
 )
+from solver.survey.memory import reuse_freed_memory
 from vision.contract.errors import InputError, machine_words
 
 if TYPE_CHECKING:
@@ -281,6 +282,7 @@ def run_command(*words: object) -> None:
 
 def main() -> None:
     """Run the command; what the user can mend, and what the machine refuses, is one line and exit status 2."""
+    reuse_freed_memory()
     try:
         try:
             app()

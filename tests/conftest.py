@@ -5,6 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from solver.survey.memory import reuse_freed_memory
+
+# As the command does.
+reuse_freed_memory()
+
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):

@@ -67,7 +67,7 @@ class Directions:
         self.step = torch.cholesky_solve(right[:, None], self.factor)[:, 0]
 
     def _inexact(self) -> float:
-        signal = self._white(self.at.model[..., None])
+        signal = self._white(self.at.model)
         return 1 + POLICY.inexact**2 * float(signal.square().sum())
 
     def slow_errors(self) -> tuple[Windowed, list[int]]:
@@ -148,9 +148,9 @@ class Directions:
         return white.above(self._anchor_columns(effect, numbers, extension)), [len(m) for m in maps]
 
     def _white(self, maps: Tensor) -> Tensor:
-        """Whitened, weighted maps [sample, channel, column]."""
+        """Whitened, weighted maps [column, sample, channel]."""
         weights = self.at.weights
-        return self.fit.whiten(maps * weights.good[..., None]) * weights.soft.sqrt()[..., None]
+        return self.fit.whiten(maps * weights.good) * weights.soft.sqrt()
 
     def change(self, extension: Extension, base: Tensor, numbers: Tensor) -> Windowed:
         """Change of the whitened record and of the anchors' rows from the numbers `base` to others."""

@@ -48,41 +48,23 @@ class Windowed:
     @classmethod
     def of(cls, matrix: Tensor, grain: int) -> "Windowed":
         """A matrix [row, column] whose rows belong together by `grain`: the channels of a sample."""
-        rows, width = matrix.shape
-        windows = acting(matrix.reshape(-1, grain, width).ne(0).any(1).T)
-        parts = []
-        for columns in alike(windows):
-            first, last = spanned(windows[columns]) * grain
-            parts.append(Part(columns, int(first), int(last), matrix[first:last, columns].T.contiguous()))
-        return cls(tuple(parts), rows, width)
+        columns = matrix.T
+        windows = acting(columns.reshape(len(columns), -1, grain).ne(0).any(-1))
+        return cls(parts_of(columns, windows, grain), *matrix.shape)
 
     @classmethod
     def through(cls, maps: Tensor, linear: Callable[[Tensor], Tensor], memory: int) -> "Windowed":
-        """What a linear map of [sample, channel, column] makes of maps [column, sample, channel], as columns.
-
-        Maps that act at different times go through it as one.
+        """What a linear map of maps makes of maps [column, sample, channel], as columns.
 
         Parameters
         ----------
         memory : samples for which `linear` remembers
         """
-        samples, channels = maps.shape[1:]
+        count, samples, channels = maps.shape
         windows = acting(maps.ne(0).any(-1))
-        lanes = lanes_of(windows, memory)
-        packed = maps.new_zeros(samples, channels, len(lanes))
-        for number, lane in enumerate(lanes):
-            for column in lane:
-                first, last = windows[column].tolist()
-                packed[first:last, :, number] = maps[column, first:last]
-        made = linear(packed)
-        parts = []
-        for number, lane in enumerate(lanes):
-            for column in lane:
-                first, last = windows[column].tolist()
-                last = min(last + memory, samples)
-                values = made[first:last, :, number].reshape(1, -1)
-                parts.append(Part(torch.tensor([column]), first * channels, last * channels, values))
-        return cls(joined(parts), samples * channels, len(maps))
+        acts = windows[:, 1] > windows[:, 0]
+        windows[:, 1] = torch.where(acts, (windows[:, 1] + memory).clamp(max=samples), windows[:, 1])
+        return cls(parts_of(linear(maps).flatten(1), windows, channels), samples * channels, count)
 
     @classmethod
     def beside(cls, matrices: "Sequence[Windowed]") -> "Windowed":
@@ -137,6 +119,15 @@ class Windowed:
         return product
 
 
+def parts_of(columns: Tensor, windows: Tensor, grain: int) -> tuple[Part, ...]:
+    """Columns [column, row] between their windows [column, 2] of `grain` rows each."""
+    parts = []
+    for some in alike(windows):
+        first, last = (spanned(windows[some]) * grain).tolist()
+        parts.append(Part(some, first, last, columns[some, first:last]))
+    return tuple(parts)
+
+
 def acting(acts: Tensor) -> Tensor:
     """First row at which each column acts and that after the last [column, 2], of acts [column, row].
 
@@ -176,28 +167,6 @@ def alike(windows: Tensor) -> list[Tensor]:
             groups.append([one])
             spans.append((first, last, last - first))
     return [torch.tensor(group) for group in groups]
-
-
-def lanes_of(windows: Tensor, apart: int) -> list[list[int]]:
-    """Numbers of windows [window, 2] that follow one another at least so far apart, in as few lanes as it takes.
-
-    >>> lanes_of(torch.tensor([[0, 10], [12, 20], [5, 9], [30, 40]]), 3)
-    [[0, 3], [2, 1]]
-    """
-    lanes: list[list[int]] = []
-    ends: list[int] = []
-    for one in torch.argsort(windows[:, 0], stable=True).tolist():
-        first, last = windows[one].tolist()
-        if first == last:
-            continue
-        free = (number for number, end in enumerate(ends) if end + apart <= first)
-        number = next(free, len(lanes))
-        if number == len(lanes):
-            lanes.append([])
-            ends.append(0)
-        lanes[number].append(one)
-        ends[number] = last
-    return lanes
 
 
 def joined(parts: Sequence[Part]) -> tuple[Part, ...]:

@@ -24,7 +24,7 @@ KEPT = 3e8
 
 
 def carried(links: Sequence["Link"], columns: Iterable[tuple[Tensor, Tensor]]) -> Iterator[tuple[Tensor, Tensor]]:
-    """Whiten maps link by link: numbers [column] of the columns, and the maps [sample, channel, column] of each.
+    """Whiten maps link by link: numbers [column] of the columns, and the maps [column, sample, channel] of each.
 
     A link's whitened samples hold what the links before changed in the samples that it looks back at: the columns of
     those are added to its own.
@@ -32,23 +32,23 @@ def carried(links: Sequence["Link"], columns: Iterable[tuple[Tensor, Tensor]]) -
     known, tail = torch.zeros(0, dtype=torch.int64), torch.zeros(0, 0, 0, dtype=torch.float64)
     for link, (mine, values) in zip(links, columns, strict=True):
         if back := len(link.back):
-            past = tail[-back:]
+            past = tail[:, -back:]
             both = torch.isin(known, mine)
-            more = ~both & (past != 0).any(0).any(0)
-            whole = values.new_zeros(back + len(values), values.shape[1], len(mine) + int(more.sum()))
-            whole[back:, :, : len(mine)] = values
+            more = ~both & (past != 0).any(-1).any(-1)
+            whole = values.new_zeros(len(mine) + int(more.sum()), back + values.shape[1], values.shape[2])
+            whole[: len(mine), back:] = values
             place = {int(number): column for column, number in enumerate(mine.tolist())}
-            whole[:back, :, [place[number] for number in known[both].tolist()]] = past[..., both]
-            whole[:back, :, len(mine) :] = past[..., more]
+            whole[[place[number] for number in known[both].tolist()], :back] = past[both]
+            whole[len(mine) :, :back] = past[more]
             values, mine = whole, torch.cat([mine, known[more]])
         yield mine, link.whiten(values)
-        known, tail = mine, values[-link.whiten.memory :] if link.whiten.memory else values[:0]
+        known, tail = mine, values[:, -link.whiten.memory :] if link.whiten.memory else values[:, :0]
 
 
 def whitened(links: Sequence["Link"], maps: Iterable[Tensor]) -> list[Tensor]:
     """Whiten maps [sample, channel], one of each link."""
     one = torch.zeros(1, dtype=torch.int64)
-    return [white[..., 0] for _, white in carried(links, ((one, values[..., None]) for values in maps))]
+    return [white[0] for _, white in carried(links, ((one, values[None]) for values in maps))]
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def best_amplitudes(
 
     Parameters
     ----------
-    alone : of each link, maps [sample, channel, pass] of its vehicles of unit amplitude
+    alone : of each link, maps [pass, sample, channel] of its vehicles of unit amplitude
     weights : of each link's samples
 
     Returns
@@ -110,19 +110,19 @@ def best_amplitudes(
     """
     counts = [len(link.fit.passes) for link in links]
     numbers = torch.arange(sum(counts)).split(counts)
-    maps = (one * w.good[..., None] for one, w in zip(alone, weights, strict=True))
+    maps = (one * w.good for one, w in zip(alone, weights, strict=True))
     data = whitened(links, (link.fit.data * w.good for link, w in zip(links, weights, strict=True)))
     matrix, right = torch.zeros(sum(counts), sum(counts)).double(), torch.zeros(sum(counts)).double()
     kept = []
     for (mine, columns), seen, w in zip(carried(links, zip(numbers, maps, strict=True)), data, weights, strict=True):
         scale = w.soft.sqrt()
-        columns, seen = columns * scale[..., None], seen * scale
-        flat = columns.flatten(0, 1)
-        matrix[mine[:, None], mine] += flat.T @ flat
-        right[mine] += flat.T @ seen.flatten()
+        columns, seen = columns * scale, seen * scale
+        flat = columns.flatten(1)
+        matrix[mine[:, None], mine] += flat @ flat.T
+        right[mine] += flat @ seen.flatten()
         kept.append((mine, columns, seen))
     found = solved_amplitudes(matrix, right)
-    left = [seen - columns @ found[mine] for mine, columns, seen in kept]
+    left = [seen - torch.tensordot(found[mine], columns, 1) for mine, columns, seen in kept]
     return list(found.split(counts)), left
 
 
@@ -153,7 +153,7 @@ def weighed(links: Sequence["Link"], glances_: Sequence[Glance]) -> tuple[list[W
 
 
 def jacobians(glances_: Sequence[Glance], weights: Sequence[Weights], free: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
-    """Whitened, weighted derivatives link by link: numbers [column] of the chain's free parameters, and the columns.
+    """Whitened, weighted derivatives [column, observation] by the chain's free parameters [column], link by link.
 
     Parameters
     ----------
@@ -164,12 +164,13 @@ def jacobians(glances_: Sequence[Glance], weights: Sequence[Weights], free: Tens
         for one, w in zip(glances_, weights, strict=True):
             fit, full = one.link.fit, one.full
             where = torch.nonzero(free[one.link.where]).flatten()
-            columns = fit.jacobian(one.state, full.local, full.values).index_select(2, where)
-            yield one.link.where[where], columns.mul_(w.good[..., None])
+            columns = fit.jacobian(one.state, full.local, full.values)
+            columns = columns if len(where) == len(columns) else columns[where]
+            yield one.link.where[where], columns.mul_(w.good)
 
     links = [one.link for one in glances_]
     for (where, columns), w in zip(carried(links, raw()), weights, strict=True):
-        yield where, columns.mul_(w.soft.sqrt()[..., None]).flatten(0, 1)
+        yield where, columns.mul_(w.soft.sqrt()).flatten(1)
 
 
 class Sums:
@@ -192,11 +193,11 @@ class Sums:
         self._place[shared.numpy()] = own_count + np.arange(count)
 
     def add(self, where: Tensor, jacobian: Tensor, residual: Tensor) -> None:
-        """Add derivatives [observation, column] by some parameters `where` [column], and the residual there."""
+        """Add derivatives [column, observation] by some parameters `where` [column], and the residual there."""
         place = self._place[where.numpy()]
         mine, ours = np.flatnonzero(place < len(self.own)), np.flatnonzero(place >= len(self.own))
         own, shared = place[mine], place[ours] - len(self.own)
-        matrix, right = (jacobian.T @ jacobian).numpy(), (jacobian.T @ residual).numpy()
+        matrix, right = (jacobian @ jacobian.T).numpy(), (jacobian @ residual).numpy()
         self.matrix[np.ix_(own, own)] += matrix[np.ix_(mine, mine)]
         self.cross[np.ix_(own, shared)] += matrix[np.ix_(mine, ours)]
         self.block[np.ix_(shared, shared)] += matrix[np.ix_(ours, ours)]

@@ -5,6 +5,7 @@ Poisson ratio and what the effects in the model bring (Tarantola 2005, Inverse P
 noise, Huber weights bound the pull of bad samples.
 """
 
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from functools import partial
 
@@ -133,19 +134,18 @@ class MapFit(ParameterSpace):
         return new, Evaluation(evaluation.values, local, model)
 
     def alone(self, rows: Tensor, values: Values) -> Tensor:
-        """Maps [sample, channel, pass] of each vehicle, by what each of unit amplitude does alone, [row, channel]."""
+        """Maps [pass, sample, channel] of each vehicle, by what each of unit amplitude does alone, [row, channel]."""
         traffic = self.path.traffic
         alone = torch.zeros(traffic.passes, len(traffic.samples), rows.shape[1], dtype=torch.float64)
         alone[traffic.pass_index, traffic.sample_index] = rows
-        return self.path.described(values).linear.observed(alone, traffic.samples).permute(1, 2, 0)
+        return self.path.described(values).linear.observed(alone, traffic.samples)
 
     def amplitudes(self, rows: Tensor, values: Values, weights: Weights) -> Tensor:
         """Amplitudes [pass] that fit best, by what each vehicle of unit amplitude does alone, [row, channel]."""
         scale = weights.soft.sqrt()
-        columns = self.whiten(self.alone(rows, values) * weights.good[..., None])
-        columns = (columns * scale[..., None]).flatten(0, 1)
+        columns = (self.whiten(self.alone(rows, values) * weights.good) * scale).flatten(1)
         data = (self.whiten(self.data * weights.good) * scale).flatten()
-        return solved_amplitudes(columns.T @ columns, columns.T @ data)
+        return solved_amplitudes(columns @ columns.T, columns @ data)
 
     def unexplained(self, model: Tensor) -> Tensor:
         """Measured - model [sample, channel], 1/s; 0 where not measured."""
@@ -164,42 +164,37 @@ class MapFit(ParameterSpace):
         return self.whiten(self.unexplained(model) * weights.good) * weights.soft.sqrt()
 
     def route_columns(self, state: State, local: Sensitivities, values: Values) -> Tensor:
-        """Derivative of each row by the route's coefficients, [row, channel, coefficient, 3]."""
+        """Derivative of each row by the route's coefficients, [coefficient, 3, row, channel]."""
         stages = self.path.described(values)
         places, others = route_jacobian(self._ends_of(self.path, stages), state.coefficients, stages, self.path.curved)
         rows, channels = local.alone.shape
         scale = local.amplitude[:, None, None, None]
         moved = (local.by_point * scale).permute(1, 3, 0, 2).reshape(channels, 3 * rows, -1)
-        columns = torch.bmm(moved, places).reshape(channels, 3, rows, -1).permute(0, 2, 3, 1)
+        columns = torch.bmm(moved, places).reshape(channels, 3, rows, -1).permute(3, 1, 2, 0)
         gauges = (local.by_weight * scale).flatten(2)
         if local.gauges.change is not None:
             gauges = torch.cat([gauges, local.by_ratio * scale[..., 0]], 2)
-        columns += torch.bmm(gauges.transpose(0, 1).contiguous(), others).unflatten(2, (-1, 3))
-        return columns.transpose(0, 1)
+        return columns + torch.bmm(gauges.transpose(0, 1), others).unflatten(2, (-1, 3)).permute(2, 3, 1, 0)
 
     def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
-        """Derivative of the model by every parameter, [sample, channel, parameter], 1/s per unit."""
-        traffic = self.path.traffic
-        rows, channels = local.alone.shape
-        out = torch.zeros(len(traffic.samples), channels, self.layout["numbers"].start, dtype=torch.float64)
-        by_route = self.route_columns(state, local, values).reshape(rows, channels, -1)
-        out[..., self.layout["route"]].index_add_(0, traffic.sample_index, by_route)
+        """Derivative of the model by every parameter, [parameter, sample, channel], 1/s per unit."""
+        traffic, layout = self.path.traffic, self.layout
+        out = torch.zeros(layout["numbers"].start, len(traffic.samples), local.alone.shape[1], dtype=torch.float64)
+        out[layout["route"]].index_add_(1, traffic.sample_index, self.route_columns(state, local, values).flatten(0, 1))
         for name in PER_PASS:
-            out[traffic.sample_index, :, self.layout[name].start + traffic.pass_index] += local.vehicle(name)
-        out[..., self.layout["poisson_ratio"].start] = traffic.superpose(local.poisson_ratio)
+            out[layout[name].start + traffic.pass_index, traffic.sample_index] += local.vehicle(name)
+        out[layout["poisson_ratio"].start] = traffic.superpose(local.poisson_ratio)
         if not self.extension.effects:
             return out
         alone = traffic.superpose(local.rate)
-        columns = observed_tangents(self.path, alone, out.permute(2, 0, 1), values).permute(1, 2, 0)
-        return torch.cat([columns, self.effect_columns(state, local, values)], -1)
+        return torch.cat([observed_tangents(self.path, alone, out, values), *self.effect_columns(state, local, values)])
 
-    def effect_columns(self, state: State, local: Sensitivities, values: Values) -> Tensor:
-        """Derivative of the model by the effects' numbers, [sample, channel, number]."""
+    def effect_columns(self, state: State, local: Sensitivities, values: Values) -> Iterator[Tensor]:
+        """Derivative of the model by the numbers of each effect's parameters, [number, sample, channel]."""
         gauges = partial(self.gauges_at, self.path, state.coefficients)
         rows = state.vehicles.rows(self.path.traffic)
         here = Local(self.path, gauges, rows, state.poisson_ratio, values, local)
-        columns = [derivative(Seen(self.path, gauges, here), slot, state.numbers) for slot in self.extension.slots]
-        return torch.cat(columns, 0).permute(1, 2, 0)
+        return (derivative(Seen(self.path, gauges, here), slot, state.numbers) for slot in self.extension.slots)
 
     def track_variance(self, local: Sensitivities) -> Tensor:
         """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel].
@@ -244,10 +239,10 @@ class MapFit(ParameterSpace):
         evaluation = evaluation or self.evaluate(state)
         weights, residual = self.weighted(evaluation)
         scale = weights.soft.sqrt()
-        jacobian = self.jacobian(state, evaluation.local, evaluation.values) * weights.good[..., None]
-        jacobian = self.whiten(jacobian) * scale[..., None]
+        columns = self.jacobian(state, evaluation.local, evaluation.values).mul_(weights.good)
+        columns = self.whiten(columns).mul_(scale)
         return Linearized(
-            jacobian.flatten(0, 1), (residual * scale).flatten(), weights, evaluation.model, evaluation.local
+            columns.flatten(1).T, (residual * scale).flatten(), weights, evaluation.model, evaluation.local
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.fit.problem import MARGIN, Problem
-from solver.noise.whitening import blocks_of
+from solver.noise.prediction import blocks_of
 from solver.signal_path.traffic import Traffic
 from solver.survey.limits import VEHICLE_REACH
 from solver.trajectory.vehicle_pass import Pass

@@ -7,12 +7,13 @@ may also be correlated between neighboring channels, as overlapping gauges make 
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
+
+from solver.noise.prediction import PredictionFilter, blocks_of
 
 Array = NDArray[np.float64]
 
@@ -23,34 +24,6 @@ SPATIAL_FLOOR = 0.04
 #: Range of correlated neighbors: at least so many channels, and so many gauge lengths. The noise of overlapping gauges
 #: correlates over one gauge length; lags twice as large are needed, as the farther half is tapered.
 NEIGHBORS, GAUGES = 24, 2.4
-CHUNK = 64
-
-
-def levinson(covariance: Array) -> list[Array]:
-    """Predictors of every order up to the longest (Levinson 1947; Durbin 1960).
-
-    Parameters
-    ----------
-    covariance : [lag], autocovariance from lag 0 on
-
-    Returns
-    -------
-    whitening coefficients of order 0, 1, ... [order + 1]: the sum of the newest and past samples weighted by them has
-    unit variance
-
-    >>> [row.round(3).tolist() for row in levinson(np.array([1.0, 0.5, 0.25]))]
-    [[1.0], [1.155, -0.577], [1.155, -0.577, 0.0]]
-    """
-    error = covariance[0]
-    predictor = np.array([1.0])
-    rows = [predictor / np.sqrt(error)]
-    for lag in range(1, len(covariance)):
-        reflection = -float(predictor @ covariance[lag:0:-1]) / error
-        padded = np.append(predictor, 0.0)
-        predictor = padded + reflection * padded[::-1]
-        error *= 1 - reflection**2
-        rows.append(predictor / np.sqrt(error))
-    return rows
 
 
 def positive(covariance: Array) -> Array:
@@ -176,50 +149,6 @@ def across(value: Array, count: Array, common: float, reach: int) -> Array:
     return positive(result) if len(result) > 1 and np.abs(result[1:]).max() > SPATIAL_FLOOR else np.ones(1)
 
 
-def blocks_of(samples: NDArray[np.int64]) -> list[slice]:
-    """Runs of consecutive rows.
-
-    >>> blocks_of(np.array([3, 4, 5, 9, 10]))
-    [slice(0, 3, None), slice(3, 5, None)]
-    """
-    cuts = [0, *(np.flatnonzero(np.diff(samples) != 1) + 1).tolist(), len(samples)]
-    return [slice(a, b) for a, b in pairwise(cuts)]
-
-
-@dataclass(frozen=True)
-class Filter:
-    """Filter along time with predictors of growing order, each block from its own start.
-
-    Parameters
-    ----------
-    pieces : (first, last, begin, matrix): output samples [first, last) are matrix @ input samples [begin, last)
-    """
-
-    pieces: list[tuple[int, int, int, Tensor]]
-
-    @classmethod
-    def of(cls, rows: list[Array], blocks: list[slice], lead: int = 0) -> "Filter":
-        """Filter with whitening coefficients of order 0, 1, ... as `levinson` gives them; from sample `lead` on."""
-        order, pieces = len(rows) - 1, []
-        for block in blocks:
-            for first in range(max(block.start, lead), block.stop, CHUNK):
-                last = min(first + CHUNK, block.stop)
-                begin = max(block.start, first - order)
-                matrix = np.zeros((last - first, last - begin))
-                for row in range(last - first):
-                    past = first + row - begin
-                    weights = rows[min(order, first + row - block.start)]
-                    matrix[row, past - len(weights) + 1 : past + 1] = weights[::-1]
-                pieces.append((first, last, begin, torch.from_numpy(matrix)))
-        return cls(pieces)
-
-    def __call__(self, values: Tensor) -> Tensor:
-        """Filter values [sample, ...]."""
-        flat = values.reshape(len(values), -1)
-        whole = torch.cat([matrix @ flat[begin:last] for _, last, begin, matrix in self.pieces])
-        return whole.reshape(len(whole), *values.shape[1:])
-
-
 @dataclass(frozen=True)
 class Whitener:
     """Linear map of [sample, channel, ...] to unit, uncorrelated noise.
@@ -245,7 +174,7 @@ class Whitener:
         return len(self.law.own) - 1
 
     @cached_property
-    def _parts(self) -> tuple[Tensor, Tensor, Filter, Filter]:
+    def _parts(self) -> tuple[Tensor, Tensor, PredictionFilter, PredictionFilter]:
         """Mixing of channels, direction of the common mode after it, filters of the own part and along that direction.
 
         The common mode's direction holds both parts; all other directions hold own noise only.
@@ -253,9 +182,9 @@ class Whitener:
         spatial = torch.from_numpy(self._spatial())
         ones = spatial @ torch.ones(len(self.level), dtype=torch.float64)
         size, blocks = float(ones.norm()), blocks_of(self.samples)
-        both = levinson(self.law.own + size**2 * self.law.common)
-        own = Filter.of(levinson(self.law.own), blocks, self.lead)
-        return spatial, ones / size, own, Filter.of(both, blocks, self.lead)
+        own = PredictionFilter.of(self.law.own, blocks, self.lead)
+        both = PredictionFilter.of(self.law.own + size**2 * self.law.common, blocks, self.lead)
+        return spatial, ones / size, own, both
 
     def _spatial(self) -> Array:
         """Inverse square root [channel, channel] of the correlation between channels."""
@@ -268,16 +197,16 @@ class Whitener:
         return np.asarray(vectors / np.sqrt(np.maximum(values, 0.02)) @ vectors.T)
 
     def __call__(self, values: Tensor) -> Tensor:
-        """Whiten [sample, channel] or [sample, channel, column], in the record's unit; 0 where not measured.
+        """Whiten maps [..., sample, channel], in the record's unit; 0 where not measured.
 
         The first `lead` samples feed the filter and are left out of the result.
         """
         spatial, direction, own, both = self._parts
-        scaled = values / self.level.reshape(-1, *[1] * (values.ndim - 2))
-        if len(self.law.across) > 1:
-            scaled = torch.einsum("cd,td...->tc...", spatial, scaled)
+        scaled = values / self.level if len(self.law.across) == 1 else values @ (spatial / self.level).T
         white = own(scaled)
         if not self.law.common[0] > 0:
             return white
-        shared = torch.einsum("c,tc...->t...", direction, scaled)
-        return white + torch.einsum("c,t...->tc...", direction, both(shared) - own(shared))
+        shared = (scaled @ direction)[..., None]
+        change = both(shared) - own(shared)
+        # In place where no gradient is asked for: a new copy of all maps takes as long as the filter.
+        return torch.addcmul(white, change, direction) if white.requires_grad else white.addcmul_(change, direction)

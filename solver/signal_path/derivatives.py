@@ -15,7 +15,7 @@ from torch.func import jvp
 
 from solver.ground.ground import Ground
 from solver.load.load import Load
-from solver.signal_path.autodiff import pushed, pushed_all, pushed_ways
+from solver.signal_path.autodiff import pushed_all, pushed_ways
 from solver.signal_path.extension import Slot, Values
 from solver.signal_path.gauges import Gauges
 from solver.signal_path.observation import Description
@@ -192,7 +192,8 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
         parts.append(observed_tangents(path, seen.local.alone, columns, values))
     if acts_on_map(seen, slot, values):
         alone = seen.local.alone
-        parts.append(torch.stack([pushed(lambda v: path.observed(alone, change(v)), here, way) for way in ways]))
+        found = pushed_ways(lambda v: (path.observed(alone, change(v)),), here, ways)
+        parts.append(torch.stack([moved for (moved,) in found]))
     return sum(parts[1:], parts[0])
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from solver.criticism.comparison.comparison import Comparison
 from solver.criticism.comparison.regions import Region
-from solver.noise.whitening import blocks_of
+from solver.noise.prediction import blocks_of
 from solver.run.report.misfit import misfit_of, rows_of
 from solver.run.report.misfit_figure import nearest_channel, pass_label, pictures_of
 from solver.run.run import Run

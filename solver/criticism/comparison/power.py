@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.criticism.comparison.cells import Approach, Cells, lanes
-from solver.noise.whitening import blocks_of
+from solver.noise.prediction import blocks_of
 from solver.run.report.misfit_figure import pass_label
 from solver.run.run import Run
 

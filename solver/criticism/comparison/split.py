@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from solver.criticism.comparison.cells import Cells, lanes, strength
-from solver.noise.whitening import LONGEST, blocks_of
+from solver.noise.prediction import blocks_of
+from solver.noise.whitening import LONGEST
 from solver.run.run import Run
 
 Array = NDArray[np.float64]

@@ -178,7 +178,7 @@ def test_numbers_are_those_of_the_fit_and_then_the_candidates() -> None:
 
 
 def test_the_noise_counts_for_more_as_the_law_may_be_off(at: Directions) -> None:
-    white = at.fit.whiten(at.at.model[..., None] * at.at.weights.good[..., None])[..., 0]
+    white = at.fit.whiten(at.at.model * at.at.weights.good)
     energy = float((white.square() * at.at.weights.soft).sum())
     assert at.variance == pytest.approx(1 + POLICY.inexact**2 * energy)
     assert Directions(at.fit, at.state, alone=True, variance=3.5).variance == 3.5

@@ -1,13 +1,11 @@
 """Matrices without the zeros of columns that act for a short while."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
-from solver.criticism.windowed import Part, Windowed, alike, joined, lanes_of
+from solver.criticism.windowed import Part, Windowed, alike, joined
 
 SAMPLES, CHANNELS = 60, 5
 
@@ -22,10 +20,10 @@ def maps(*windows: tuple[int, int]) -> Tensor:
 
 
 def remembering(columns: Tensor) -> Tensor:
-    """A filter of maps [sample, channel, column] that looks two samples back and mixes channels."""
+    """A filter of maps [column, sample, channel] that looks two samples back and mixes channels."""
     past = torch.zeros_like(columns)
-    past[2:] = columns[:-2]
-    return columns - 0.5 * past.cumsum(1)
+    past[:, 2:] = columns[:, :-2]
+    return columns - 0.5 * past.cumsum(2)
 
 
 def dense(windowed: Windowed) -> Tensor:
@@ -35,16 +33,8 @@ def dense(windowed: Windowed) -> Tensor:
 def test_maps_that_act_at_different_times_are_filtered_as_each_by_itself():
     # The second begins while the filter remembers the first, the third acts all the while, the fourth never.
     every = maps((0, 10), (11, 30), (0, SAMPLES), (0, 0), (40, SAMPLES), (41, 59))
-    widths = []
-
-    def linear(packed: Tensor) -> Tensor:
-        widths.append(packed.shape[2])
-        return remembering(packed)
-
-    found = Windowed.through(every, linear, 2)
-    expected = remembering(every.permute(1, 2, 0)).flatten(0, 1)
-    torch.testing.assert_close(dense(found), expected)
-    assert widths == [3]
+    found = Windowed.through(every, remembering, 2)
+    torch.testing.assert_close(dense(found), remembering(every).flatten(1).T)
     assert found.extent < 3.1
 
 
@@ -115,16 +105,3 @@ def test_joined_parts_hold_what_each_held() -> None:
     assert (together.first, together.last) == (0, 12)
     rows = dict(zip(together.columns.tolist(), together.values.tolist(), strict=True))
     assert rows[4] == [0.0, 0.0, *[1.0] * 10] and rows[1] == [*[2.0] * 11, 0.0]
-
-
-def test_lanes_hold_every_window_once_and_keep_apart() -> None:
-    torch.manual_seed(5)
-    first = torch.randint(0, 90, (40,))
-    windows = torch.stack([first, first + torch.randint(0, 12, (40,))], 1)
-    lanes = lanes_of(windows, 3)
-    kept = [one for lane in lanes for one in lane]
-    assert sorted(kept) == (windows[:, 1] > windows[:, 0]).nonzero()[:, 0].tolist()
-    for lane in lanes:
-        assert all(windows[a, 1] + 3 <= windows[b, 0] for a, b in pairwise(lane))
-    busiest = max(int(((windows[:, 0] <= t) & (t < windows[:, 1])).sum()) for t in range(110))
-    assert len(lanes) >= busiest

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 import torch
-from scipy.linalg import solve_toeplitz, toeplitz
+from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from solver.noise.whitening import NoiseLaw, Whitener, blocks_of, levinson, noise_law, positive
+from solver.noise.prediction import blocks_of
+from solver.noise.whitening import NoiseLaw, Whitener, noise_law, positive
 
 SAMPLES, CHANNELS = 6000, 24
 
@@ -50,25 +51,6 @@ def test_noise_of_overlapping_gauges_becomes_white(gauge, channels):
     white = whiten(noise[600:], law)
     assert float((white**2).mean()) == pytest.approx(1, abs=0.08)
     assert max(abs(correlation(white[:, lag:], white[:, :-lag])) for lag in range(1, 2 * gauge + 5)) < 0.1
-
-
-def test_levinson_predicts_as_the_toeplitz_equations_do():
-    lag = np.arange(12)
-    covariance = 2.0 * 0.7**lag * np.cos(0.9 * lag) + 0.5 * (lag == 0)
-    rows = levinson(covariance)
-    for order in (1, 4, 11):
-        weights = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
-        error = covariance[0] - weights @ covariance[1 : order + 1]
-        np.testing.assert_allclose(rows[order], np.append(1.0, -weights) / np.sqrt(error), atol=1e-12)
-
-
-def test_predictors_of_all_orders_are_the_inverse_cholesky_factor():
-    covariance = 0.6 ** np.arange(9) + 0.2 * (np.arange(9) == 0)
-    rows = levinson(covariance)
-    matrix = np.zeros((9, 9))
-    for row, weights in enumerate(rows):
-        matrix[row, : row + 1] = weights[::-1]
-    np.testing.assert_allclose(matrix @ toeplitz(covariance) @ matrix.T, np.eye(9), atol=1e-12)
 
 
 def test_the_nearest_autocovariance_is_one():
@@ -130,11 +112,11 @@ def test_chi_square_is_that_of_the_full_covariance():
     assert (white**2).sum() == pytest.approx(r.ravel() @ np.linalg.solve(covariance, r.ravel()), rel=1e-9)
 
 
-def test_columns_are_whitened_like_maps():
+def test_maps_are_whitened_each_by_itself():
     law = law_of(street_noise(seed=6))
-    values = torch.from_numpy(np.random.default_rng(7).normal(size=(50, CHANNELS, 3)))
+    values = torch.from_numpy(np.random.default_rng(7).normal(size=(3, 50, CHANNELS)))
     whitener = Whitener(torch.ones(CHANNELS, dtype=torch.float64), np.arange(50), np.arange(CHANNELS), law)
-    torch.testing.assert_close(whitener(values)[..., 1], whitener(values[..., 1]))
+    torch.testing.assert_close(whitener(values)[1], whitener(values[1]))
 
 
 def test_white_noise_stays_as_it_is():
