@@ -1,6 +1,7 @@
 """The calibration page: drag marks on a frame, type their places, see the errors at once. Bokeh, served locally."""
 
 import html
+import secrets
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ from vision.contract import InputError
 Image = NDArray[np.uint8]
 LAYERS = ("ground grid", "residuals x20", "error map")
 WAIT = 80  # ms over which changes are gathered before a fit
+TOKEN = 24  # bytes of the part of the address that is drawn at random
 
 
 class Page:
@@ -204,7 +206,11 @@ class Page:
 
 
 def serve(session: Session, image: Image, out: Path, port: int, browser: bool) -> None:
-    """Serve the page on this machine until it is interrupted; scripts and styles come from here, not from the web."""
+    """Serve the page on this machine until it is interrupted; scripts and styles come from here, not from the web.
+
+    It has an address that nobody can guess, and Bokeh takes a websocket from `localhost` and its port alone: neither a
+    page of another origin nor another user of this machine can drive it.
+    """
     from bokeh.application import Application
     from bokeh.application.handlers.function import FunctionHandler
     from bokeh.server.server import Server
@@ -212,14 +218,18 @@ def serve(session: Session, image: Image, out: Path, port: int, browser: bool) -
     def open_page(document: Document) -> None:
         Page(document, session, image, out)
 
+    page = f"/{secrets.token_urlsafe(TOKEN)}"
     try:
-        server = Server({"/": Application(FunctionHandler(open_page))}, port=port, address="127.0.0.1")
+        # Without an index, which would tell the address.
+        server = Server(
+            {page: Application(FunctionHandler(open_page))}, port=port, address="127.0.0.1", use_index=False
+        )
     except OSError as error:
         raise InputError(f"--port {port}: {error.strerror}; give another, or 0 for any") from error
     server.start()
-    print(f"calibration page: http://localhost:{server.port}/  (Ctrl-C ends it)", flush=True)
+    print(f"calibration page: http://localhost:{server.port}{page}  (Ctrl-C ends it)", flush=True)
     if browser:
-        server.io_loop.add_callback(server.show, "/")
+        server.io_loop.add_callback(server.show, page)
     try:
         server.io_loop.start()
     except KeyboardInterrupt:

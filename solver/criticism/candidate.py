@@ -129,6 +129,20 @@ def first_kind(score: Score) -> tuple[Parameter, NDArray[np.bool_]]:
     return first, heard & [(p.unit, p.plausible) == (first.unit, first.plausible) for p in owners]
 
 
+def shows_from(parameter: Parameter, sigma: float, variance: float) -> float:
+    """Smallest size that shows, at five sigmas of a noise of some variance; infinite where no size would.
+
+    No size would where the fit absorbs an effect entirely, nor where only one beyond the effect's bounds did.
+
+    >>> gain = Parameter("log_gain", "1", 0.3, lower=-3, upper=3)
+    >>> shows_from(gain, 0.02, 4.0), shows_from(gain, 0.7, 1.0)
+    (0.2, inf)
+    """
+    size = 5 * sigma * variance**0.5
+    farthest = max(parameter.upper - parameter.null, parameter.null - parameter.lower)
+    return size if sigma < 1e3 * parameter.plausible and size <= farthest else float("inf")
+
+
 def score_candidate(score: Score, tried: Refit | None) -> Candidate:
     """The finding on an effect by its score and, where there was one, its full fit."""
     parameter, alike = first_kind(score)
@@ -139,8 +153,7 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
     predicted = float(np.median(score.sigma[alike]))
     sigma = predicted if tried is None else float(np.median(tried.sigma[alike]))
     strength = score.evidence if tried is None else tried.evidence
-    # Where the fit absorbs an effect entirely, no size of it would show.
-    detectable = 5 * predicted * score.variance**0.5 if predicted < 1e3 * parameter.plausible else float("inf")
+    detectable = shows_from(parameter, predicted, score.variance)
     if strength > POLICY.found and abs(estimate) < POLICY.negligible * parameter.plausible:
         verdict = "negligible"
     elif strength > POLICY.found:

@@ -14,6 +14,7 @@ import pytest
 from street_marks import CAMERA, SIZE, marks
 
 from calib.control_points import write_control_points
+from tests.web_requests import is_shut
 from vision.camera import Calibration
 
 CHROMIUM = next(
@@ -35,6 +36,7 @@ COLUMN = "name => Array.from(Bokeh.documents[0].get_model_by_name('marks').get(n
 @dataclass
 class Street:
     page: Any
+    address: str
     out: Any
     asked: list
 
@@ -90,10 +92,14 @@ def street(chromium, tmp_path):
             page.on("request", lambda request: asked.append(request.url))
             page.goto(address)
             page.wait_for_function(READY, timeout=PATIENCE)
-            yield Street(page, out, asked)
+            yield Street(page, address, out, asked)
             page.close()
         finally:
             server.terminate()
+
+
+def test_nobody_else_drives_the_page(street):
+    assert is_shut(street.address)
 
 
 def test_drag_undo_type_add_save_and_delete(street):
