@@ -86,7 +86,10 @@ class Batch:
         return "\n".join([f"<Batch {self.out}: {self.headline}", *self.lines()]) + ">"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self.headline}</p>{self.table.to_html(index=False)}"
+        import pandas as pd
+
+        with pd.option_context("display.max_colwidth", None):  # The error of a site is told to its end.
+            return f"<p>{self.headline}</p>{self.table.to_html(index=False)}"
 
 
 def batch(

@@ -20,6 +20,7 @@ import roadfiber as rf
 from roadfiber import batch_cluster, batch_steps, batching
 from roadfiber.batch_steps import DONE, FAILED, KEPT, LEFT, NOTHING, Job, Outcome, take
 from roadfiber.command import app
+from tests.offline_pages import EVIL, is_offline, tells
 
 ROOT = Path(__file__).parents[2]
 
@@ -169,6 +170,12 @@ def test_a_task_that_was_given_up_is_told(tmp_path):
     assert [one.status for one in done.outcomes] == [FAILED, LEFT]
     assert done.failed == ["a"] and done.headline == "1 sites: 1 failed"
     assert "its worker was lost at every try" in repr(done) and "worker was lost" in done._repr_html_()
+
+
+def test_in_a_notebook_names_and_words_are_text_and_whole(tmp_path):
+    long = f"{EVIL} and more words than a table of pandas shows by itself, to their end"
+    told = batching.Batch((Outcome(EVIL, "locate", FAILED, long),), tmp_path)._repr_html_()
+    assert tells(told) and is_offline(told) and "to their end" in told
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from roadfiber.study_surveys import (
 )
 from roadfiber.study_tables import claims_of, draw, table_of
 from solver.simulator import Survey
+from tests.offline_pages import is_offline
 from vision.contract import InputError
 
 
@@ -153,6 +154,7 @@ def test_a_study_is_saved_as_page_tables_and_figures(tmp_path: Path, quickly: li
     assert {path.name for path in tmp_path.iterdir()} == files
     page = done.page()
     assert "the paper needs 2 per 100 m" in page and "field data were not at hand" in page and "<script" not in page
+    assert is_offline(page)
     assert list(done.claims["method"]) == ["spline", "spline"]
     assert done.facts["tables"]["noise"][0]["surveys"] == 2
     count = len(quickly)

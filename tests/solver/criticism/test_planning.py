@@ -27,6 +27,7 @@ from solver.run.run import Run
 from solver.simulator import Scenario, Survey, simulate, write_survey
 from solver.survey.plan_section import PlanSection
 from solver.survey.survey import Survey as Read
+from tests.offline_pages import EVIL, is_offline, tells
 from vision.contract import InputError
 
 LANES = [
@@ -168,14 +169,14 @@ def test_additions_end_where_what_is_wanted_is_reached(small: Planned) -> None:
 @pytest.fixture(scope="module")
 def plan() -> Plan:
     asked = [built_in()[name] for name in ("gauge_length", "sloping_fiber", "road_bump")]
-    return plan_survey(changed(anchors=[]), wanted=0.03, effects=asked)
+    return plan_survey(changed(anchors=[]) | {"name": EVIL}, wanted=0.03, effects=asked)
 
 
 def test_a_plan_is_read_as_table_page_and_json(plan: Plan, tmp_path: Path) -> None:
     assert len(plan.table) == 31 and plan.table["sigma_y"].max() >= plan.expected.across - 1e-6
     assert "Expected from 3 vehicles and no anchor" in plan.headline
     page = plan.page()
-    assert "<script" not in page and "http" not in page.replace("http://www.w3.org", "")
+    assert "<script" not in page and tells(page) and is_offline(page)
     assert "Gauge length" in page and "wanted accuracy" in page
     assert plan.page() in plan._repr_html_().replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", '"').replace(
         "&#x27;", "'"

@@ -14,6 +14,7 @@ from jsonschema import Draft202012Validator
 import roadfiber as rf
 from roadfiber.command import app
 from solver.drive.drive_folder import EXPECTED
+from tests.offline_pages import EVIL, is_offline, tells
 
 
 def along_error(run: rf.DriveRun, truth: dict[str, Any]) -> np.ndarray:
@@ -78,6 +79,15 @@ def test_folder_is_read_back(run: rf.DriveRun, tmp_path: Path) -> None:
     again.save(tmp_path / "run")  # over itself
     csv = pd.read_csv(tmp_path / "run" / "route.csv")
     assert csv["loop"].dtype == bool
+
+
+def test_on_its_pages_names_are_text(run: rf.DriveRun, tmp_path: Path) -> None:
+    trust = run.facts["trust"] | {"sentence": EVIL}
+    named = replace(run, facts=run.facts | {"name": EVIL, "headline": EVIL, "warnings": [EVIL], "trust": trust})
+    named.save(tmp_path / "run")
+    for name in ("report.html", "index.html"):
+        text = (tmp_path / "run" / name).read_text()
+        assert tells(text) and is_offline(text), name
 
 
 def test_damaged_folder_is_one_line(run: rf.DriveRun, tmp_path: Path) -> None:

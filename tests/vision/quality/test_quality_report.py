@@ -10,6 +10,7 @@ import pytest
 from made_tables import stamped, tracks, write
 
 import roadfiber.command
+from tests.offline_pages import EVIL, is_offline, tells
 from tests.vision.videos import write_video
 from vision.exchange import write_mot
 from vision.quality import read_settings
@@ -82,6 +83,16 @@ def test_the_report_is_whole_and_offline(files, command, tmp_path):
     assert fine["scores"]["mota"] == 1.0 and fine["frames_per_second"] == {"all": 61.0}
     assert len(fine["jitter"]["after"]) == len(fine["route"]) == 10 and fine["jitter"]["parked_vehicles"] == 1
     assert [entry["role"] for entry in facts["inputs"]] == ["tracks", "tracks", "truth", "video"]
+
+
+def test_on_the_report_names_are_text(files, command, tmp_path):
+    """Classes and tracks of a table, and its file's name, which has no slash."""
+    table = pd.read_csv(files / "fine.csv")
+    table["track_id"] = [f"{EVIL}{one}" for one in table["track_id"]]
+    write(table.assign(**{"class": EVIL, "detected_class": EVIL}), tmp_path / f"{EVIL}.csv")
+    code, _, _ = command(tmp_path / f"{EVIL}.csv", "--video", files / "street.mp4")
+    text = (tmp_path / "quality" / "report.html").read_text()
+    assert code == 0 and tells(text) and is_offline(text)
 
 
 def test_the_one_to_use_is_first_and_figures_stay_in_their_panels(files, command, tmp_path):

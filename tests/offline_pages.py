@@ -1,0 +1,22 @@
+"""What holds of every page: one small file that fetches nothing, on which what others wrote is text."""
+
+import re
+
+EVIL = "<img src=x onerror=alert(1)>"
+LARGEST = 8_000_000
+#: Whatever a browser would fetch by itself.
+LOADED = re.compile(
+    r"""<(?:script|link|img|iframe|source|image|use|video|audio|object|embed)\b[^>]*\b(?:src|href|data)\s*=\s*["']?"""
+    r"""(?:https?:)?//|url\(\s*["']?(?:https?:)?//|@import""",
+    re.IGNORECASE,
+)
+
+
+def is_offline(text: str) -> bool:
+    """Whether a page fetches nothing and is small."""
+    return LOADED.search(text) is None and len(text.encode()) < LARGEST
+
+
+def tells(text: str) -> bool:
+    """Whether `EVIL` stands on a page, and only as text."""
+    return EVIL not in text and "<img src=x" not in text and ("&lt;img" in text or "\\u003cimg" in text)
