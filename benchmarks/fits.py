@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from solver.fit import FitResult
+from solver.fit.result import FitResult
 from solver.run.locate import locate
 from solver.run.methods import METHODS
 from solver.simulator import Survey, simulate, write_survey

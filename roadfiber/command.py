@@ -30,7 +30,7 @@ from vision.contract.errors import InputError, machine_words
 
 if TYPE_CHECKING:
     from solver.drive.drive_run import DriveRun
-    from solver.run import Run
+    from solver.run.run import Run
     from solver.simulator import Scenario
 
 #: Exit status of a command that Ctrl-C ended, as shells expect it.
@@ -131,7 +131,7 @@ def locate(
     Examples: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`, `roadfiber locate drive`
     """
     import roadfiber as rf
-    from solver.run import check_target
+    from solver.run.folder import check_target
     from solver.run.locate import EFFECTS
 
     check_target(out)

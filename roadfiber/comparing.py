@@ -5,11 +5,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from solver.criticism.comparison import Comparison as Finding
-from solver.criticism.comparison import compare as compare_run
-from solver.criticism.comparison import render, write_comparison
-from solver.criticism.comparison.comparison_files import facts_of
-from solver.criticism.comparison.comparison_page import WIDE
+from solver.criticism.comparison.compare import compare as compare_run
+from solver.criticism.comparison.comparison import Comparison as Finding
+from solver.criticism.comparison.comparison_files import facts_of, write_comparison
+from solver.criticism.comparison.comparison_page import WIDE, render
 from solver.criticism.comparison.comparison_words import headline, region_words, verdict
 from solver.criticism.comparison.figures import figures_of
 from solver.criticism.comparison.map_figure import map_figure

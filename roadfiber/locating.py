@@ -221,7 +221,8 @@ def open(
     >>> rf.open(folder / "run").name
     'street-paper'
     """
-    from solver.drive.drive_folder import is_drive, read_drive_run
+    from solver.drive.drive_folder import read_drive_run
+    from solver.drive.drive_format import is_drive
 
     if is_drive(Path(folder)):
         return read_drive_run(Path(folder))
@@ -238,10 +239,9 @@ def open_street(
     InputError
         As of `open`, and where it is of a drive.
     """
-    from solver.drive.drive_folder import is_drive
+    from solver.drive.drive_format import require_street
     from vision.street_picture import StreetPicture
 
-    if is_drive(Path(folder)):
-        raise InputError(f"{folder}: the run of a drive, which has one car and no effects; give the run of a street")
+    require_street(Path(folder))
     run = read_run(Path(folder), plugins=[Path(path) for path in plugins], effects=effects, changed=changed)
     return replace(run, scene=StreetPicture.read(Path(folder) / PICTURE, Path(folder) / CALIBRATION))

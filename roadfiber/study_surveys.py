@@ -20,10 +20,11 @@ import torch
 
 from solver.cable.curves import hausdorff
 from solver.catalogue.catalogue import built_in
-from solver.fit import Prior, Problem
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.pose import pose
+from solver.fit.prior import Prior
+from solver.fit.problem import Problem
 from solver.published.geometric_route import geometric_route
 from solver.run.locate import locate
 from solver.run.run import Run

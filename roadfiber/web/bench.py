@@ -7,16 +7,18 @@ import re
 import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from roadfiber.locating import open_street
 from roadfiber.web.job import Job
+from roadfiber.web.run_folders import kept_candidates, reserved
 from roadfiber.web.worker import Worker
-from solver.criticism.comparison import Comparison
-from solver.run.fitted import too_long
-from solver.run.run import Run
+from solver.run.read_seen import read_seen
+from solver.run.seen import Seen
 from vision.contract import InputError, writing
 from vision.contract.errors import machine_words
+
+if TYPE_CHECKING:
+    from solver.criticism.comparison.comparison import Comparison
 
 #: Messages that are kept.
 KEPT = 6
@@ -29,11 +31,11 @@ class Bench:
 
     Parameters
     ----------
-    run : as `roadfiber.open` reads it; of a folder
+    run : as `roadfiber.open` or `read_seen` reads it; of a folder
     plugins : files with effects of the user's own
     """
 
-    def __init__(self, run: Run, plugins: Iterable[Path] = ()):
+    def __init__(self, run: Seen, plugins: Iterable[Path] = ()):
         if run.folder is None:
             raise InputError('the run is in memory only; save it first: run.save("run"); run = rf.open("run")')
         self.first = run.folder
@@ -49,17 +51,19 @@ class Bench:
         self._written: dict[Path, str] = {}
         self._lock = threading.RLock()
         self._watchers: list[Callable[[], None]] = []
+        self.titles: dict[str, str] = {}
+        self.looker.ask("titles", self.plugins, then=self.titled)
         self.look()
 
     # ---- what a page asks --------------------------------------------------------------------------------------------
 
     @property
-    def run(self) -> Run:
+    def run(self) -> Seen:
         """The rung that is looked at."""
         return self.runs[self.at]
 
     @property
-    def before(self) -> Run | None:
+    def before(self) -> Seen | None:
         """The rung below, where it is on the bench."""
         return self.runs[self.at - 1] if self.at else None
 
@@ -69,15 +73,33 @@ class Bench:
         assert self.run.folder is not None
         return self.run.folder
 
+    def title(self, effect: str) -> str:
+        """Title of an effect; its name until the worker that looks has told."""
+        return self.titles.get(effect, effect.replace("_", " "))
+
+    def titled(self, titles: dict[str, str]) -> None:
+        """Take in the titles of all effects."""
+        self.titles = titles
+        self.changed()
+
     @property
     def refused(self) -> str:
         """Why nothing can be put into its model, and what to do; empty where effects can."""
-        return too_long(self.run)
+        return self.run.too_long
 
     @property
     def busy(self) -> bool:
         """Whether a fit or diagnosis is under way."""
         return self.job is not None and not self.job.ended
+
+    @property
+    def can(self) -> dict[str, bool]:
+        """What may be asked of it now."""
+        free = not self.busy
+        asked = free and not self.refused
+        up, down = self.at + 1 < len(self.runs), self.at > 0
+        moves = {"undo": free and down, "redo": free and up}
+        return {"add": free, "cancel": not free, "diagnose": asked, "check": asked} | moves
 
     def watch(self, called: Callable[[], None]) -> Callable[[], None]:
         """Have a function called, in any thread, whenever something changes; what is returned ends that."""
@@ -109,7 +131,7 @@ class Bench:
         self.candidates, self.source = kept_candidates(self.folder), "its diagnosis"
         self.changed()
 
-        def compared(found: Comparison) -> None:
+        def compared(found: "Comparison") -> None:
             if run is self.run:
                 self.comparison = found
                 self.changed()
@@ -146,7 +168,7 @@ class Bench:
             if self.busy:
                 self.changed(f"{self.job.title if self.job else 'something'} is under way; wait for it, or cancel it")
                 return None
-            job = self.job = Job(title)
+            job = self.job = Job(title, self.title)
 
         def told(step: tuple[Any, ...]) -> None:
             job.take(step)
@@ -176,7 +198,7 @@ class Bench:
         below = self.at
 
         def grown(folder: Path) -> None:
-            better = open_street(folder)
+            better = read_seen(folder)
             rung = better.rungs[-1]
             with self._lock:
                 self.runs, self.at = [*self.runs[: below + 1], better], below + 1
@@ -266,29 +288,3 @@ class Bench:
         """End all work."""
         self.looker.stop()
         self.adder.stop()
-
-
-def reserved(folder: Path) -> Path:
-    """An empty folder beside another, of its name and the first number that is free: two benches never share one.
-
-    >>> import tempfile
-    >>> first = Path(tempfile.mkdtemp()) / "run"
-    >>> reserved(first).name, reserved(first).name
-    ('run-2', 'run-3')
-    """
-    number = 2
-    while True:
-        path = folder.with_name(f"{folder.name}-{number}")
-        try:
-            path.mkdir()
-            return path
-        except FileExistsError:
-            number += 1
-
-
-def kept_candidates(folder: Path) -> list[dict[str, Any]]:
-    """Candidates of a run's diagnosis, best first; none where there is none, or it cannot be read."""
-    from solver.run.report.joined import facts_in, rows_in
-
-    rows = rows_in(facts_in(folder, "diagnosis.json"), "candidates")
-    return [row for row in rows if isinstance(row.get("effect"), str) and isinstance(row.get("told"), dict)]

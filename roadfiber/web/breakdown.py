@@ -1,14 +1,16 @@
 """Where the residual is: as the vehicles carry it along, and by channel, pass, speed, class, lane and distance."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh.models import ColumnDataSource, FactorRange, HoverTool, Range1d, Span
 from bokeh.plotting import figure
 
 from roadfiber.web.figures import INK, MUTED, WIDE, plain, table
-from solver.criticism.comparison import Comparison
-from vision.contract.drawing import ROUTE
+from vision.contract.palette import ROUTE
+
+if TYPE_CHECKING:
+    from solver.criticism.comparison.comparison import Comparison
 
 #: What the bars may be of: in words, and the name of that part of `solver.criticism.comparison.power.Power`.
 PROPERTIES = {
@@ -42,7 +44,7 @@ class VehicleFrame:
         self.plot.legend.background_fill_alpha, self.plot.legend.padding = 0.6, 3
         self.plot.visible = False
 
-    def show(self, comparison: Comparison) -> None:
+    def show(self, comparison: "Comparison") -> None:
         """Draw the stack of all channels."""
         stack = comparison.stack
         band = 2 * stack.sigma[0]
@@ -68,7 +70,7 @@ class ByChannel:
         self.plot.add_layout(self.floor)
         self.plot.visible = False
 
-    def show(self, comparison: Comparison) -> None:
+    def show(self, comparison: "Comparison") -> None:
         """Draw all channels."""
         powers = comparison.power.channel
         self.source.data = table(channel=[int(one) for one in powers.labels], chi2=powers.chi2)
@@ -92,7 +94,7 @@ class ByProperty:
         self.plot.add_layout(self.floor)
         self.plot.visible = False
 
-    def show(self, comparison: Comparison, by: str) -> None:
+    def show(self, comparison: "Comparison", by: str) -> None:
         """Draw the values of one of `PROPERTIES`."""
         powers: Any = getattr(comparison.power, PROPERTIES[by])
         order = np.argsort(np.nan_to_num(powers.chi2))[-MOST:]

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from roadfiber.web.tiles import Beneath
 from solver.run.geojson import Z95, corridor_ring, half_width, runs
-from solver.run.run import Run
 from solver.run.rung import Rung
-from vision.contract.drawing import BACKWARD, FORWARD, ROUTE
+from solver.run.seen import Seen
+from vision.contract.palette import BACKWARD, FORWARD, ROUTE
 
 Array = NDArray[np.float64]
 Columns = dict[str, list[Any]]
@@ -96,7 +96,7 @@ class RouteMap:
             ScaleBar(range=self.plot.x_range, unit="m", location="bottom_left", background_fill_alpha=0.7)
         )
 
-    def show(self, run: Run) -> None:
+    def show(self, run: Seen) -> None:
         """Draw a run, once for all that does not change with its rungs."""
         result = run.result
         known = [slice(a, b + 1) for a, b in runs(result.constrained) if result.constrained[a] and b > a]
@@ -153,7 +153,7 @@ class DepthProfile:
         self.plot.line("channel", "z", source=self.other, color=INK, line_width=2, line_dash=[5, 4])
         self.plot.line("channel", "z", source=self.source, color=ROUTE, line_width=2.5)
 
-    def show(self, run: Run) -> None:
+    def show(self, run: Seen) -> None:
         """Draw a run."""
         place = run.place
         z, half = (np.where(place.constrained, one, np.nan) for one in (place.route[:, 2], Z95 * place.sigma[:, 2]))

@@ -11,7 +11,7 @@ import numpy as np
 from vision.contract import InputError, read_trajectories
 
 if TYPE_CHECKING:
-    from solver.run.run import Run
+    from solver.run.seen import Seen
     from vision.frames import Video
     from vision.overlay import Drawn
 
@@ -57,7 +57,7 @@ class Film:
         return place if abs(self.video.time[place] - at) <= max(2 * self.video.frame_interval, 0.1) else None
 
 
-def film_of(run: "Run") -> Film | str:
+def film_of(run: "Seen") -> Film | str:
     """The film of a run, or why there is none.
 
     The video is that of the survey by its checksum; its start is that of the survey's site.toml, as the tracks, which
@@ -85,7 +85,7 @@ def film_of(run: "Run") -> Film | str:
         return str(error)
 
 
-def joined(run: "Run", video: "Video", table: Any) -> Film | str:
+def joined(run: "Seen", video: "Video", table: Any) -> Film | str:
     """Video and tracks on the clock of the record."""
     from vision.drawn_video import vehicles_by_frame
     from vision.interpolate import BOX

@@ -1,10 +1,9 @@
 """Work that the workbench does in the background."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
-
-from solver.catalogue.catalogue import title_of
 
 
 @dataclass
@@ -14,6 +13,7 @@ class Job:
     Parameters
     ----------
     title : what is done
+    named : gives the title of an effect by its name
     begun : when, s of a clock that only runs forward
     words : what it said last
     fits : of each fit so far: in words, and chi2 per sample by step
@@ -22,6 +22,7 @@ class Job:
     """
 
     title: str
+    named: Callable[[str], str] = str
     begun: float = field(default_factory=time.monotonic)
     words: str = ""
     fits: list[tuple[str, list[tuple[int, float]]]] = field(default_factory=list)
@@ -32,7 +33,7 @@ class Job:
     def take(self, step: tuple[Any, ...]) -> None:
         """Take in what the worker told.
 
-        >>> job = Job("adding")
+        >>> job = Job("adding", {"gauge_length": "Gauge length"}.__getitem__)
         >>> for step in (1, 2, 1):
         ...     job.take(("step", ("gauge_length", 8, step, 1.2)))
         >>> job.fits
@@ -40,7 +41,7 @@ class Job:
         """
         if step[0] == "step":
             effects, passes, number, misfit = step[1]
-            titles = ", ".join(map(title_of, filter(None, effects.split(", "))))
+            titles = ", ".join(map(self.named, filter(None, effects.split(", "))))
             name = f"{titles or 'the base model'}, {passes} passes"
             if not self.fits or self.fits[-1][0] != name or self.fits[-1][1][-1][0] >= number:
                 self.fits.append((name, []))

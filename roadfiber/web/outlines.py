@@ -4,16 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roadfiber.web.strain_maps import PassMaps
-from solver.criticism.comparison.map_figure import touches
+from solver.criticism.comparison.pass_windows import touches
 from solver.criticism.comparison.regions import Region
-from solver.run.run import Run
+from solver.run.seen import Seen
 
 Array = NDArray[np.float64]
 #: Least height of an outline, s: what is shorter could not be seen.
 LEAST = 0.4
 
 
-def outline(region: Region, run: Run, maps: PassMaps) -> tuple[Array, Array] | None:
+def outline(region: Region, run: Seen, maps: PassMaps) -> tuple[Array, Array] | None:
     """Channels and seconds of the corners of a region in a pass, closed; None where it is elsewhere.
 
     A region at some distance from the vehicle is a band along its path.
@@ -30,7 +30,7 @@ def outline(region: Region, run: Run, maps: PassMaps) -> tuple[Array, Array] | N
     return np.array([left, right, right, left, left]), np.array([first, first, last, last, first])
 
 
-def along_path(region: Region, run: Run, maps: PassMaps) -> tuple[Array, Array]:
+def along_path(region: Region, run: Seen, maps: PassMaps) -> tuple[Array, Array]:
     """The band of a region along the vehicle's path."""
     path = maps.path[np.isfinite(maps.path).all(1)]
     if not len(path) or region.ahead is None:
@@ -42,7 +42,7 @@ def along_path(region: Region, run: Run, maps: PassMaps) -> tuple[Array, Array]:
     return np.clip(x, maps.channel[0] - 0.5, maps.channel[-1] + 0.5), y
 
 
-def pass_of(region: Region, run: Run, misfits: Array) -> int | None:
+def pass_of(region: Region, run: Seen, misfits: Array) -> int | None:
     """The pass that shows a region best: of those that it touches, the one that fits worst."""
     touched = [number for number in range(len(run.passes)) if touches(region, run, number) is not None]
     return max(touched, key=lambda number: np.nan_to_num(misfits[number])) if touched else None

@@ -14,7 +14,7 @@ from roadfiber.web.site_checks import SIGNS, Checked
 from roadfiber.web.site_draft import FIELDS, Draft, found_in
 from roadfiber.web.worker import Worker
 from vision.contract import InputError, require_writable, writing
-from vision.contract.drawing import FORWARD, ROUTE
+from vision.contract.palette import FORWARD, ROUTE
 
 SITE = "site.toml"
 #: Fields: what they are called, and an example.

@@ -18,8 +18,8 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from roadfiber.web.figures import INK, MUTED, WIDE, plain, table
-from roadfiber.web.strain_maps import PassMaps, limit_of, palette, picture, steps
-from vision.contract.drawing import ROUTE
+from roadfiber.web.strain_maps import PassMaps, palette, picture, steps
+from vision.contract.palette import ROUTE, limit_of
 
 Array = NDArray[np.float64]
 

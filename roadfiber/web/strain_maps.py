@@ -4,12 +4,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from bokeh.palettes import RdBu
 from numpy.typing import NDArray
 
-from solver.criticism.comparison.map_figure import path_of, shown
-from solver.run.report.misfit import rows_of
-from solver.run.report.misfit_figure import whole_range
-from solver.run.run import Run
+from solver.criticism.comparison.pass_windows import path_of, shown
+from solver.run.report.misfit import rows_of, whole_range
+from solver.run.seen import Seen
+from vision.contract.palette import LINEAR
 
 Array = NDArray[np.float64]
 
@@ -82,7 +83,7 @@ class PassMaps:
         return int(self.channel[at]), self.measured[:, at], self.model[:, at]
 
 
-def maps_of(run: Run, number: int, model: Array | None = None) -> PassMaps:
+def maps_of(run: Seen, number: int, model: Array | None = None) -> PassMaps:
     """What is shown of a pass.
 
     Parameters
@@ -140,26 +141,19 @@ def picture(
     }
 
 
-def limit_of(measured: Array) -> float:
-    """Where the scale of colors ends, in noise sigmas."""
-    from vision.contract.drawing import color_scale
-
-    return float(color_scale(measured).vmax or 10.0)
-
-
 @lru_cache(maxsize=8)
 def palette(limit: float) -> tuple[str, ...]:
     """Colors [color] from -limit to limit, evenly in sigmas: the scale of all pages, linear to 3 sigmas.
 
-    >>> len(palette(40.0)), palette(40.0)[500]
-    (1001, '#f7f6f6')
+    Without matplotlib, which takes longer to load than the page to draw.
+
+    >>> len(palette(40.0)), palette(40.0)[500], palette(40.0)[-1]
+    (1001, '#f7f7f7', '#67001f')
     """
-    from matplotlib.colors import AsinhNorm, to_hex
-
-    from vision.contract.drawing import LINEAR, color_map
-
-    scale = AsinhNorm(linear_width=LINEAR, vmin=-limit, vmax=limit)
-    return tuple(to_hex(one) for one in color_map()(np.asarray(scale(np.linspace(-limit, limit, COLORS)))))
+    stops = np.array([[int(one[at : at + 2], 16) for at in (1, 3, 5)] for one in RdBu[11]])
+    share = np.arcsinh(np.linspace(-limit, limit, COLORS) / LINEAR) / np.arcsinh(limit / LINEAR)
+    parts = [np.interp(share, np.linspace(-1, 1, len(stops)), part) for part in stops.T]
+    return tuple("#{:02x}{:02x}{:02x}".format(*one) for one in np.rint(parts).astype(int).T.tolist())
 
 
 def steps(values: Array, seconds: Array, most: int = 1500) -> tuple[Array, Array]:

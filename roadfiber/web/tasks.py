@@ -12,10 +12,10 @@ from roadfiber.web.preview import Dial, Preview, Previews
 from roadfiber.web.site_checks import Checked, check
 from roadfiber.web.site_draft import Draft
 from solver.catalogue.catalogue import find
-from solver.catalogue.plugins import Plugin, read_plugin
+from solver.catalogue.plugins import Plugin, catalogue, read_plugin
 from solver.criticism.bench import scorable
 from solver.criticism.candidate import score_candidate
-from solver.criticism.comparison import Comparison
+from solver.criticism.comparison.comparison import Comparison
 from solver.criticism.plain_verdict import spoken
 from solver.criticism.repairs import SEARCHES
 from solver.criticism.scorer import Scorer, score_all
@@ -55,6 +55,11 @@ def previews_as(folder: Path, plugins: tuple[Plugin, ...]) -> Previews:
     run = opened_as(folder, plugins)
     fit, state = fitted(run)
     return Previews(fit, state, run.result.chi2_per_dof)
+
+
+def titles(tell: Tell, plugins: tuple[Path, ...]) -> dict[str, str]:
+    """Titles of all effects, by name."""
+    return {name: one.title for name, one in catalogue(plugins).items()}
 
 
 def compare(tell: Tell, folder: Path, plugins: tuple[Path, ...]) -> Comparison:

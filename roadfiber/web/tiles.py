@@ -15,7 +15,7 @@ from vision.contract.errors import InputError
 from vision.contract.frame import LocalFrame
 
 if TYPE_CHECKING:
-    from solver.run.run import Run
+    from solver.run.seen import Seen
 
 Array = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ def beneath(
     return Beneath(image.view(np.uint32).reshape(rows, ACROSS), low, high, host)
 
 
-def around(run: "Run", address: str) -> Beneath:
+def around(run: "Seen", address: str) -> Beneath:
     """The ground around the route and the vehicles near it; InputError where there are no tiles."""
     route = run.result.route[run.result.constrained] if run.result.constrained.any() else run.result.route
     low, high = route[:, :2].min(axis=0) - MARGIN, route[:, :2].max(axis=0) + MARGIN

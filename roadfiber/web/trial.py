@@ -1,12 +1,14 @@
 """An effect whose size is moved by hand: what is asked of the worker, and what comes of it."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from roadfiber.web import words
 from roadfiber.web.bench import Bench
 from roadfiber.web.controls import Controls
-from roadfiber.web.preview import Dial, Preview
+
+if TYPE_CHECKING:
+    from roadfiber.web.preview import Dial, Preview
 
 #: Effect, its size, and whether all else follows.
 Wanted = tuple[str, float, bool]
@@ -46,7 +48,7 @@ class Trial:
         self.started = started
         self.controls.set(size, label="Size: being prepared ...", disabled=True)
 
-        def ready(dial: Dial) -> None:
+        def ready(dial: "Dial") -> None:
             if self.started is started:
                 self.dial = dial
                 self.later(self.slider)
@@ -80,7 +82,7 @@ class Trial:
         """Ask for a preview."""
         self.asking = True
 
-        def shown(found: Preview | None) -> None:
+        def shown(found: "Preview | None") -> None:
             self.later(lambda: self.take(asked, found))
 
         def failed(said: str) -> None:
@@ -90,7 +92,7 @@ class Trial:
         bench = self.bench
         bench.looker.ask(task, bench.folder, bench.plugins, *given, then=shown, failed=failed)
 
-    def take(self, asked: Wanted, found: Preview | None) -> None:
+    def take(self, asked: Wanted, found: "Preview | None") -> None:
         """Show a preview, and ask for what comes next: what is wanted by now, or at rest a step nearer."""
         self.asking = False
         if self.wanted is None or self.dial is None:

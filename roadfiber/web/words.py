@@ -2,15 +2,16 @@
 
 from collections.abc import Mapping
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from roadfiber.web.bench import Bench
 from roadfiber.web.job import Job
-from roadfiber.web.preview import Preview
-from solver.catalogue.catalogue import title_of
-from solver.criticism.comparison.comparison_words import region_words
-from solver.run.report.ladder_page import news
 from solver.run.report.parts import with_commands
+from solver.run.rung import rung_names
+
+if TYPE_CHECKING:
+    from roadfiber.web.preview import Preview
+    from solver.criticism.comparison.regions import Region
 
 #: Style of the workbench's own parts; colors are those of all pages.
 STYLE = """
@@ -29,7 +30,7 @@ def head(bench: Bench) -> str:
     """The run, its rung, and whether its route may be relied on."""
     run = bench.run
     rung = f"rung {bench.at + 1} of {len(bench.runs)} on this bench" if len(bench.runs) > 1 else "as it was opened"
-    model = ", ".join(map(title_of, run.effects)) or "the base model"
+    model = ", ".join(map(bench.title, run.effects)) or "the base model"
     grade = escape(str(run.facts["trust"]["grade"]))
     trust = with_commands(run.trust.replace("RUN", bench.folder.name))
     return (
@@ -63,7 +64,15 @@ def region_lines(bench: Bench) -> list[str]:
     """Where the model fails, a line each, as a list shows them."""
     if bench.comparison is None:
         return []
-    return [f"{number}. {region_words(region, bench.run)}" for number, region in enumerate(bench.comparison.regions, 1)]
+    return [f"{number}. {region_told(region, bench)}" for number, region in enumerate(bench.comparison.regions, 1)]
+
+
+def region_told(region: "Region", bench: Bench) -> str:
+    """A region that fails, in a sentence."""
+    # There is a region once a worker has compared; to load what speaks of it takes longer than to draw the page.
+    from solver.criticism.comparison.comparison_words import region_words
+
+    return region_words(region, bench.run)
 
 
 def regions_news(bench: Bench) -> str:
@@ -105,7 +114,7 @@ def candidate_words(row: Mapping[str, Any] | None, bench: Bench) -> str:
     return "".join(f"<p>{line}</p>" for line in lines)
 
 
-def preview_words(shown: Preview | None, bench: Bench) -> str:
+def preview_words(shown: "Preview | None", bench: Bench) -> str:
     """What a size chosen by hand would do."""
     if shown is None:
         return ""
@@ -131,7 +140,7 @@ def ladder_words(bench: Bench) -> str:
     rows = "".join(
         f"<p>{at}. {escape(name)}: misfit {rung.chi2_per_dof:.3f}, held out {held_words(rung)}"
         f"<small>, moved {rung.route_change:.2f} m</small></p>"
-        for at, (rung, name) in enumerate(zip(rungs, news(rungs), strict=True), 1)
+        for at, (rung, name) in enumerate(zip(rungs, rung_names(rungs, bench.title), strict=True), 1)
     )
     doubts = "".join(f"<p><small>{with_commands(one)}</small></p>" for one in rungs[-1].words)
     last = rungs[-1].chi2_per_dof

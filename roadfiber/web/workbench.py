@@ -66,16 +66,18 @@ def serve_workbench(folder: Path, plugins: Sequence[Path], tiles: str, port: int
 
     def read() -> None:
         # These take longer to import than the first page to draw.
-        from roadfiber.locating import open_street
         from roadfiber.web.bench import Bench
         from roadfiber.web.film import film_of
         from roadfiber.web.layout import laid_out
         from roadfiber.web.tiles import around
         from roadfiber.web.workbench_page import Page
+        from solver.drive.drive_format import require_street
+        from solver.run.read_seen import read_seen
 
         ground, untiled = None, ""
         try:
-            run = open_street(folder, plugins=plugins)
+            require_street(folder)
+            run = read_seen(folder)
             film = film_of(run)
         except InputError as error:
             opening.failed(f"This run cannot be shown: {error}")

@@ -18,10 +18,8 @@ from roadfiber.web.outlines import outline, pass_of, window
 from roadfiber.web.strain_figures import StrainMaps, Traces
 from roadfiber.web.strain_maps import maps_of, worst_channel
 from roadfiber.web.trial import Trial
-from solver.criticism.comparison.comparison_words import region_words
-from solver.run.report.ladder_page import news
-from solver.run.report.misfit import misfit_of
-from solver.run.report.misfit_figure import pass_label
+from solver.run.report.misfit import misfit_of, pass_label
+from solver.run.rung import rung_names
 
 #: ms between looks at what has changed where nothing calls, as in a notebook.
 BEAT = 250
@@ -110,6 +108,8 @@ class Page:
         self.seen = bench.version
         if bench.run is not self.run:
             self.show_run()
+        if bench.titles is not self.titles:
+            self.show_names()
         if bench.comparison is not self.comparison:
             self.show_comparison()
         if bench.candidates is not self.listed:
@@ -123,17 +123,8 @@ class Page:
 
     def able(self) -> None:
         """Which buttons can be pressed."""
-        bench, free = self.bench, not self.bench.busy
-        self.controls.able(
-            {
-                "add": free and self.candidate is not None,
-                "cancel": not free,
-                "undo": free and bench.at > 0,
-                "redo": free and bench.at + 1 < len(bench.runs),
-                "diagnose": free and not bench.refused,
-                "check": free and not bench.refused,
-            }
-        )
+        can = self.bench.can
+        self.controls.able(can | {"add": can["add"] and self.candidate is not None})
 
     # ---- the run -----------------------------------------------------------------------------------------------------
 
@@ -143,18 +134,24 @@ class Page:
         self.run = run
         self.trial.begin(None)
         self.misfits = np.nan_to_num(misfit_of(run.result, run.passes).by_pass)
-        controls.heading.object = words.head(self.bench)
-        controls.steps.object = words.ladder_words(self.bench)
+        self.show_names()
         self.map.show(run)
         self.depth.show(run)
-        if run.rungs:
-            self.ladder.show(run.rungs, news(run.rungs))
-        self.ladder.plot.visible = bool(run.rungs)
         labels = [pass_label(one) for one in run.passes]
         options = {f"{one} · misfit {self.misfits[n]:.2f}": n for n, one in enumerate(labels)}
         chosen = int(np.argmax(self.misfits)) if first else min(controls.passes.value or 0, len(labels) - 1)
         controls.set(controls.passes, options=options, value=chosen)
         self.show_trial(keep=not first)
+
+    def show_names(self) -> None:
+        """Show what names effects: the heading, and the ladder."""
+        bench, rungs = self.bench, self.run.rungs
+        self.titles = bench.titles
+        self.controls.heading.object = words.head(bench)
+        self.controls.steps.object = words.ladder_words(bench)
+        if rungs:
+            self.ladder.show(rungs, rung_names(rungs, bench.title))
+        self.ladder.plot.visible = bool(rungs)
 
     def show_trial(self, keep: bool = True) -> None:
         """Draw the chosen pass with the preview there is, and where the route is with it; else the rung below."""
@@ -254,7 +251,7 @@ class Page:
         if self.comparison is None or not controls.regions.value:
             return
         region = self.comparison.regions[controls.regions.value[-1]]
-        controls.where.object = f"<p>{escape(region_words(region, self.run))}</p>"
+        controls.where.object = f"<p>{escape(words.region_told(region, self.bench))}</p>"
         number = pass_of(region, self.run, self.misfits)
         if number is None:
             return

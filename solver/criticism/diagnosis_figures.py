@@ -14,8 +14,8 @@ from solver.criticism.candidate import Candidate
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
-from solver.run.report.misfit import misfit_of, rows_of
-from solver.run.report.misfit_figure import pass_label, scale_figure, wave_figure, whole_range
+from solver.run.report.misfit import misfit_of, pass_label, rows_of, whole_range
+from solver.run.report.misfit_figure import scale_figure, wave_figure
 from solver.run.report.route_figure import abscissa, along_x, depth_profile, draw_line, draw_profile, sideways_profile
 from solver.run.run import Run
 from solver.run.run_corridor import median_half

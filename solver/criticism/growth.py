@@ -24,7 +24,7 @@ from solver.fit.track_trust import strict_tracks, track_spread
 from solver.run.code import with_plugins
 from solver.run.facts import fitted_facts
 from solver.run.ladder import climbed
-from solver.run.report import told
+from solver.run.report.report_words import told
 from solver.run.run import Run
 from solver.run.strict_json import strict
 from vision.contract import InputError

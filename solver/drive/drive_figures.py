@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from solver.run.geojson import Z95, runs
-from vision.contract.drawing import BACKWARD, FORWARD, ROUTE, canvas, place
+from vision.contract.drawing import canvas, place
 from vision.contract.figures import INK, MUTED, RULE, styled
+from vision.contract.palette import BACKWARD, FORWARD, ROUTE
 
 if TYPE_CHECKING:
     from solver.drive.drive_run import DriveRun

@@ -7,8 +7,9 @@ from typing import Any, Literal
 import numpy as np
 
 from solver.drive.drive_figures import MOST_LEGS
+from solver.drive.drive_format import is_drive
 from solver.drive.drive_page import drive_page
-from solver.drive.drive_run import FORMAT, DriveRun
+from solver.drive.drive_run import DriveRun
 from solver.run.arrays import Expected, read_arrays
 from solver.run.read_stored import read_model
 from solver.run.report.joined import join
@@ -140,16 +141,6 @@ class DriveFile(Stored):
     timings: dict[Text, Size]
     versions: dict[Text, Text]
     created: Moment
-
-
-def is_drive(folder: Path) -> bool:
-    """Whether a folder holds the run of a drive, by the first word of its fit.json."""
-    path = Path(folder) / "fit.json"
-    try:
-        with path.open(encoding="utf-8") as file:
-            return f'"{FORMAT.rpartition(" ")[0]} ' in file.read(200)
-    except (OSError, UnicodeDecodeError):
-        return False
 
 
 def write_drive_run(folder: Path, run: DriveRun) -> None:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-FORMAT = "roadfiber drive 1"
 #: CSS pixels of a figure in a notebook.
 WIDTH = 960
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from solver.drive import drive_words as words
 from solver.drive.channel_fit import Fit, fit_drive
 from solver.drive.drive import Drive
-from solver.drive.drive_run import FORMAT, DriveRun
+from solver.drive.drive_format import FORMAT
+from solver.drive.drive_run import DriveRun
 from solver.drive.loops import flags_of
 from solver.drive.path import STEP
 from solver.run.facts import versions

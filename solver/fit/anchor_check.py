@@ -7,9 +7,10 @@ import numpy as np
 import torch
 from scipy.stats import chi2
 
-from solver.fit import FitResult, Problem
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
+from solver.fit.problem import Problem
+from solver.fit.result import FitResult
 from solver.survey.anchors import Anchor
 
 #: Chance that good anchors are called contradictory.

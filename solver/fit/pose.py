@@ -6,11 +6,14 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from solver.fit import FitResult, Prior, Problem
 from solver.fit.map_fit import SPLINE_VARIANCE
+from solver.fit.prior import Prior
+from solver.fit.problem import Problem
+from solver.fit.result import FitResult
 from solver.fit.stretches import TAIL, around, is_long, nearby
+from solver.noise.law import NoiseLaw
 from solver.noise.quiet_windows import noise_level, quiet, rounded_level
-from solver.noise.whitening import NoiseLaw, noise_law
+from solver.noise.whitening import noise_law
 from solver.signal_path.traffic import Traffic
 from solver.start.rough_route import TYPICAL
 from solver.survey.anchors import Anchor

@@ -12,7 +12,8 @@ from torch import Tensor
 from solver.cable.fiber import Basis, Coil, GaugeEnds, SplineBasis
 from solver.effect import Effect, Surroundings
 from solver.fit.prior import Prior
-from solver.noise.whitening import NoiseLaw, Whitener
+from solver.noise.law import NoiseLaw
+from solver.noise.whitening import Whitener
 from solver.signal_path.extension import Extension, Scopes
 from solver.signal_path.signal_path import SignalPath
 from solver.signal_path.traffic import Traffic

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.noise.whitening import NoiseLaw
+from solver.noise.law import NoiseLaw
 
 
 @dataclass(frozen=True)

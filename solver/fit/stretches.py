@@ -7,16 +7,15 @@ from itertools import pairwise, zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.fit.longest import is_one_stretch
 from solver.fit.problem import MARGIN, Problem
-from solver.noise.prediction import blocks_of
+from solver.noise.sample_runs import blocks_of
 from solver.signal_path.traffic import Traffic
 from solver.survey.limits import VEHICLE_REACH
 from solver.trajectory.vehicle_pass import Pass
 
 #: How long before and after each pass the record is looked at, s: what filters leave behind shows there.
 TAIL = 4.0
-#: A fiber up to this length is one stretch, m: what a camera sees, where one shift and one weight do for a pass.
-ONE_STRETCH = 200.0
 #: Stretches of a longer fiber, m. A vehicle has numbers of its own in each: over some seconds of driving tracks err
 #: alike, farther on neither their errors nor the coupling of the ground are the same.
 STRETCH = 60.0
@@ -59,7 +58,7 @@ def part(problem: Problem, chosen: NDArray[np.int64]) -> Problem:
 
 def is_long(problem: Problem) -> bool:
     """Whether a survey is fitted stretch by stretch."""
-    return float(problem.distance[-1] - problem.distance[0]) > ONE_STRETCH
+    return not is_one_stretch(float(problem.distance[-1] - problem.distance[0]))
 
 
 def stretches(problem: Problem) -> list[slice]:
@@ -70,7 +69,7 @@ def stretches(problem: Problem) -> list[slice]:
     [(0, 60), (60, 120), (120, 180), (180, 240), (240, 300)]
     """
     length = float(problem.distance[-1] - problem.distance[0])
-    count = max(1, round(length / STRETCH)) if length > ONE_STRETCH else 1
+    count = max(1, round(length / STRETCH)) if not is_one_stretch(length) else 1
     cuts = np.searchsorted(problem.distance, problem.distance[0] + length * np.arange(1, count) / count)
     edges = [0, *cuts.tolist(), len(problem.distance)]
     return [slice(a, b) for a, b in pairwise(edges) if b > a]

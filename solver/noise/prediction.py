@@ -1,7 +1,6 @@
 """Prediction filters along time: what is new in each sample of stationary noise, in units of its standard deviation."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -41,16 +40,6 @@ def levinson(covariance: Array) -> list[Array]:
     return rows
 
 
-def blocks_of(samples: NDArray[np.int64]) -> list[slice]:
-    """Runs of consecutive rows.
-
-    >>> blocks_of(np.array([3, 4, 5, 9, 10]))
-    [slice(0, 3, None), slice(3, 5, None)]
-    """
-    cuts = [0, *(np.flatnonzero(np.diff(samples) != 1) + 1).tolist(), len(samples)]
-    return [slice(a, b) for a, b in pairwise(cuts)]
-
-
 @dataclass(frozen=True)
 class PredictionFilter:
     """Filter along time with predictors of growing order, each block from its own start.
@@ -79,7 +68,7 @@ class PredictionFilter:
     def __call__(self, values: Tensor) -> Tensor:
         """Filter values [..., sample, channel].
 
-        >>> blocks = blocks_of(np.array([0, 1, 5]))
+        >>> blocks = [slice(0, 2), slice(2, 3)]
         >>> PredictionFilter.of(np.array([1.0, 0.6]), blocks)(torch.ones(3, 1, dtype=torch.float64))[:, 0]
         tensor([1.0000, 0.5000, 1.0000], dtype=torch.float64)
         """

@@ -5,7 +5,7 @@ mode that all channels share (laser phase noise, trains, a vibrating instrument)
 may also be correlated between neighboring channels, as overlapping gauges make it.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.noise.prediction import PredictionFilter, blocks_of
+from solver.noise.law import NoiseLaw
+from solver.noise.prediction import PredictionFilter
+from solver.noise.sample_runs import blocks_of
 
 Array = NDArray[np.float64]
 
@@ -34,35 +36,6 @@ def positive(covariance: Array) -> Array:
     spectrum = np.fft.rfft(np.concatenate([covariance * taper, np.zeros(size), (covariance * taper)[:0:-1]])).real
     floor = np.maximum(spectrum, 0.02 * covariance[0])
     return np.asarray(np.fft.irfft(floor, size + 2 * len(covariance) - 1)[: len(covariance)])
-
-
-@dataclass(frozen=True)
-class NoiseLaw:
-    """Noise of a record.
-
-    Parameters
-    ----------
-    own : [lag], autocovariance in time of each channel's own noise, in units of its level squared
-    common : [lag], that of the common mode
-    across : [lag], correlation of the own noise between channels, 1 at lag 0
-    hidden : [lag], autocovariance in time, part of `own`, of the rounding errors that occur only near vehicles: noise
-        below a step is rounded to zero
-    """
-
-    own: Array
-    common: Array
-    across: Array
-    hidden: Array = field(default_factory=lambda: np.array([0.0]))
-
-    @classmethod
-    def white(cls) -> "NoiseLaw":
-        """White noise, independent in time and between channels."""
-        return cls(np.array([1.0]), np.array([0.0]), np.array([1.0]))
-
-    @property
-    def common_share(self) -> float:
-        """Share of the variance that all channels have in common."""
-        return float(self.common[0] / (self.own[0] + self.common[0]))
 
 
 def noise_law(

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,27 +10,23 @@ import numpy as np
 
 from solver.catalogue.plugins import Catalogue, catalogue
 from solver.effect import Effect
-from solver.fit.result import FitResult, Parameter
-from solver.run import geojson, report
-from solver.run.arrays import Arrays, read_arrays
+from solver.run import geojson
+from solver.run.arrays import Arrays
 from solver.run.code import check_plugins, finder
 from solver.run.ladder_file import read_ladder, write_ladder
-from solver.run.problem_arrays import pass_arrays, passes_from, problem_arrays, problem_from
+from solver.run.pass_arrays import pass_arrays
+from solver.run.problem_arrays import problem_arrays, problem_from
+from solver.run.read_seen import ARRAYS, MAPS, parts_of, read_facts, read_parts
 from solver.run.read_stored import read_model
+from solver.run.report import report_page
 from solver.run.report.joined import join
 from solver.run.route_table import route_csv
 from solver.run.run import Run
 from solver.run.scene import CALIBRATION, PICTURE
-from solver.run.soundness import check_agreement, check_arrays
-from solver.run.stored import AnyRun, FitFile
+from solver.run.soundness import check_agreement
+from solver.run.stored import AnyRun
 from solver.survey.anchors import Anchor
-from vision.contract import InputError, LocalFrame, require_writable, write_trajectories, writing
-
-# What of a FitResult are arrays, and so goes into data.npz; maps are stored in single precision, 1e-7 of their value.
-# What was measured is in the problem's record.
-ROUTE = ("channel", "distance", "route", "covariance", "constrained", "data_share")
-ARRAYS = (*ROUTE, "vector", "samples", "fitted_channel", "noise")
-MAPS = ("model", "weight")
+from vision.contract import InputError, require_writable, write_trajectories, writing
 
 
 def write_arrays(path: Path, run: Run) -> None:
@@ -88,7 +84,7 @@ def write_run(folder: Path, run: Run) -> None:
         (temporary / "route.geojson").write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
         (temporary / "fit.json").write_text(json.dumps(facts, allow_nan=False, indent=1), encoding="utf-8")
         write_arrays(temporary / "data.npz", run)
-        (temporary / "report.html").write_text(report.render(run), encoding="utf-8")
+        (temporary / "report.html").write_text(report_page.render(run), encoding="utf-8")
         if run.scene is not None:
             (temporary / PICTURE).write_bytes(run.scene.jpeg)
             (temporary / CALIBRATION).write_text(run.scene.text, encoding="utf-8")
@@ -99,26 +95,6 @@ def write_run(folder: Path, run: Run) -> None:
         if run.rungs:
             write_ladder(temporary, run.rungs, run.name, seen_from=folder)
         join(temporary, called=folder.resolve().name)
-
-
-def read_facts(folder: Path) -> dict[str, Any]:
-    """Read fit.json of a run folder.
-
-    Raises
-    ------
-    InputError
-        If there is none, or it is not of a run.
-    """
-    path = Path(folder) / "fit.json"
-    mend = "give a folder that `roadfiber locate` wrote"
-    if not path.is_file():
-        raise InputError(f"{folder}: no run folder (it has no fit.json); {mend}")
-    return read_model(path, FitFile, mend).model_dump(mode="json")
-
-
-def number(value: float | None) -> float:
-    """Return a number of fit.json, where null is what is not known."""
-    return float("nan") if value is None else float(value)
 
 
 def read_run(
@@ -148,40 +124,14 @@ def read_run(
     known = catalogue(plugins).extended(effects)
     if not changed:
         check_plugins(facts, known.plugin_of)
-    path = Path(folder) / "data.npz"
-    arrays = read_arrays(path)
-    try:
-        check_arrays(arrays)
+    with read_parts(folder) as arrays:
         run = assembled(facts, arrays, known)
-    except (ValueError, OverflowError) as error:
-        raise InputError(f"{path}: not the arrays of this run ({error}); run `roadfiber locate` again") from error
     return replace(run, rungs=tuple(read_ladder(folder)), folder=Path(folder).resolve())
 
 
 def assembled(facts: dict[str, Any], arrays: Arrays, known: Catalogue) -> Run:
     """The run that a run folder's facts and arrays are of; ValueError where they contradict each other."""
-    maps: dict[str, Any] = {name: arrays[name].astype(np.float64) for name in MAPS}
-    maps["measured"] = arrays["record"][arrays["samples"]].astype(np.float64)
-    maps |= {name: arrays[name] for name in ARRAYS}
-    parameters = {
-        name: Parameter(number(p["value"]), number(p["sigma"]), p["unit"], p["free"])
-        for name, p in facts["parameters"].items()
-    }
-    scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
-    scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof", "cost")}
     anchors = [Anchor(**anchor) for anchor in facts["anchors"]]
     problem = problem_from(arrays, facts["problem"], anchors, finder(facts["plugins"], known.values()))
     check_agreement(problem, arrays, anchors, facts["settings"]["sampling_rate"])
-    scalars["law"] = problem.law
-    return Run(
-        result=FitResult(**maps, **scalars, parameters=parameters),
-        problem=problem,
-        frame=LocalFrame(tuple(facts["frame"]["origin"]), facts["frame"]["x_azimuth"]),
-        start=np.datetime64(facts["start"].removesuffix("Z"), "ns"),
-        time=arrays["time"],
-        passes=passes_from(arrays),
-        anchors=anchors,
-        facts=facts,
-        known=known,
-        added=arrays["added"] if facts["corridor"]["full"] else None,
-    )
+    return Run(**parts_of(facts, arrays), problem=problem, known=known)

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solver.run.report.misfit import misfit_of, rows_of
-from solver.run.report.misfit_figure import whole_range
+from solver.run.report.misfit import misfit_of, rows_of, whole_range
 from solver.run.run import Run
 from solver.run.rung import Glimpse
 from vision.contract.drawing import coarse

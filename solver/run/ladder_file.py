@@ -10,8 +10,6 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import Field
 
 from solver.run.read_stored import read_model
-from solver.run.report.joined import join
-from solver.run.report.ladder_page import ladder_page
 from solver.run.rung import Glimpse, Rung
 from solver.run.stored_types import Maybe, Stored, Text
 from solver.run.strict_json import strict
@@ -99,6 +97,9 @@ def write_ladder(folder: Path, rungs: Sequence[Rung], name: str, seen_from: Path
     name : of the survey
     seen_from : the folder that they end in, where that is another
     """
+    from solver.run.report.joined import join
+    from solver.run.report.ladder_page import ladder_page
+
     facts = json.dumps(ladder_facts(rungs, seen_from or folder), allow_nan=False, indent=1)
     with writing_into(folder) as scratch:
         (scratch / LADDER).write_text(facts, encoding="utf-8")

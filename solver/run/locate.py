@@ -10,11 +10,12 @@ import torch
 from solver.catalogue.catalogue import built_in, find
 from solver.catalogue.plugins import catalogue
 from solver.effect import Effect
-from solver.fit import FitResult, Problem
 from solver.fit.chain import Chain
 from solver.fit.choice import MANY, Choice, choose
 from solver.fit.held_out import FOLDS, HeldOut, held_out
 from solver.fit.pose import shortened
+from solver.fit.problem import Problem
+from solver.fit.result import FitResult
 from solver.fit.room import require_room_to_fit
 from solver.fit.some_passes import only
 from solver.fit.stretches import is_long

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 
-from solver.fit import FitResult, Problem, fit_spline
+from solver.fit.problem import Problem
+from solver.fit.result import FitResult
+from solver.fit.spline import fit_spline
 from solver.published.network import ITERATIONS, fit_network
 from solver.published.whitened_network import ITERATIONS as WHITENED_ITERATIONS
 from solver.published.whitened_network import fit_whitened_network

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.effect import Effect
-from solver.fit import Prior, Problem
 from solver.fit.choice import Choice
 from solver.fit.pose import pose, with_slow_errors
+from solver.fit.prior import Prior
+from solver.fit.problem import Problem
 from solver.fit.some_passes import only
 from solver.load.wheel_layout import not_known
 from solver.start.first_routes import FirstRoutes, find_first_routes

@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from solver.fit import FitResult, Problem, fit_spline
 from solver.fit.anchor_check import contradiction
 from solver.fit.pose import bent_ends, shortened
+from solver.fit.problem import Problem
+from solver.fit.result import FitResult
 from solver.fit.sides import best_of, hopeless, reopened
+from solver.fit.spline import fit_spline
 from solver.fit.stretches import is_long
 from solver.run.methods import METHODS
 from solver.survey.das.record import DASRecord

@@ -6,18 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from solver.catalogue.plugins import Catalogue, catalogue
 from solver.fit.problem import Problem
-from solver.fit.result import FitResult, Placed
-from solver.run.run_corridor import corridor_sentence, placed
-from solver.run.rung import Rung
+from solver.fit.result import FitResult
 from solver.run.scene import Scene
+from solver.run.seen import Seen
 from solver.survey.anchors import Anchor
 from solver.trajectory.vehicle_pass import Pass
-from vision.contract import LocalFrame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,78 +25,33 @@ if TYPE_CHECKING:
 WIDTH = 960
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Run:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Run(Seen):
     """One located fiber: what `locate` returns, what is saved and opened, and what every other verb takes.
 
     Parameters
     ----------
     result : of the fit
-    problem : what was fitted
     frame : the local frame of all x, y
     start : of the record, UTC
     time : s since `start` [sample], of the fitted samples
     passes, anchors : as fitted
     facts : the content of fit.json
-    known : effects that its model may be given
     rungs : of its error ladder, itself last; none where no effect was added to it
-    tracked, dropped : trajectory table, and fixes that it leaves out, where a video was tracked for this run
     folder : that it was opened from; None where it was not
-    scene : what a camera saw of the street; None where there was none
     added : [channel, 3, 3], m^2, by which its corridor is wider than the fit's own for what its model may lack; None
         where the corridor takes the model for granted, `facts["corridor"]` says why
+    problem : what was fitted
+    known : effects that its model may be given
+    tracked, dropped : trajectory table, and fixes that it leaves out, where a video was tracked for this run
+    scene : what a camera saw of the street; None where there was none
     """
 
-    result: FitResult
     problem: Problem
-    frame: LocalFrame
-    start: np.datetime64
-    time: NDArray[np.float64]
-    passes: list[Pass]
-    anchors: list[Anchor]
-    facts: dict[str, Any]
     known: Catalogue = field(default_factory=catalogue)
-    rungs: tuple[Rung, ...] = ()
     tracked: "pd.DataFrame | None" = None
     dropped: "pd.DataFrame | None" = None
-    folder: Path | None = None
     scene: Scene | None = None
-    added: NDArray[np.float64] | None = None
-
-    @property
-    def name(self) -> str:
-        """Of the survey."""
-        return str(self.facts["name"])
-
-    @property
-    def effects(self) -> list[str]:
-        """Names of the effects in the model."""
-        return list(self.facts["effects"])
-
-    @property
-    def headline(self) -> str:
-        """Where the fiber is, in a sentence."""
-        return str(self.facts["headline"])
-
-    @property
-    def trust(self) -> str:
-        """Whether the route may be relied on, in a sentence that follows from all checks."""
-        return str(self.facts["trust"]["sentence"])
-
-    @property
-    def warnings(self) -> list[str]:
-        """What else must be known before the route is relied on; a line each."""
-        return list(self.facts["warnings"])
-
-    @property
-    def corridor(self) -> str:
-        """How wide the 95 % corridor is, what widens it and what would narrow it; "" where no sigma is known."""
-        return corridor_sentence(self.facts["corridor"])
-
-    @property
-    def place(self) -> Placed:
-        """The route with the covariance of its 95 % corridor, which every file and picture shows."""
-        return placed(self.result, self.added)
 
     @property
     def route(self) -> "pd.DataFrame":
@@ -181,7 +131,7 @@ class Run:
         return f"<Run {self.name}: {self.headline} {self.trust}>"
 
     def _repr_html_(self) -> str:
-        from solver.run.report import render
+        from solver.run.report.report_page import render
         from vision.contract.notebook import framed
 
         return framed(render(self))
@@ -219,7 +169,7 @@ def run_of(
     choice : what is told of the passes that were chosen, `solver.run.chosen.choice_facts`; None where all were fitted
     """
     from solver.run.facts import facts_of
-    from solver.run.report import told
+    from solver.run.report.report_words import told
 
     record = survey.record
     facts = facts_of(result, survey, anchors, problem, timings, held_out, effects, warnings, disputed)

@@ -1,6 +1,8 @@
 """One model on the error ladder."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 #: Rows of channel number, x, y, z (m).
@@ -49,3 +51,19 @@ class Rung:
     route: Route
     words: tuple[str, ...] = ()
     glimpse: Glimpse | None = None
+
+
+def rung_names(rungs: Sequence[Rung], title: Callable[[str], str]) -> list[str]:
+    """What each rung has that the one below has not.
+
+    Parameters
+    ----------
+    rungs : lowest first
+    title : of an effect, by its name
+    """
+    added = [[title(n) for n in after.effects if n not in before.effects] for before, after in pairwise(rungs)]
+    first = ", ".join(map(title, rungs[0].effects))
+    return [
+        f"Start: {first}" if first else "Start",
+        *(f"+ {', '.join(names)}" if names else "again" for names in added),
+    ]

@@ -2,12 +2,15 @@
 
 import unicodedata
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.fit.problem import Problem
 from solver.run.arrays import Arrays, UnfitError
 from solver.survey.anchors import Anchor
+
+if TYPE_CHECKING:
+    from solver.fit.problem import Problem
 
 #: Largest number of a place or speed, m and m/s, and of a channel or sample.
 FARTHEST, HIGHEST = 1e8, 10**9
@@ -108,7 +111,7 @@ def check_passes(arrays: Arrays, prefix: str, moments: int) -> None:
         require(plain, f"{prefix}_{name} has a character that is not text")
 
 
-def check_agreement(problem: Problem, arrays: Arrays, anchors: Sequence[Anchor], sampling_rate: float) -> None:
+def check_agreement(problem: "Problem", arrays: Arrays, anchors: Sequence[Anchor], sampling_rate: float) -> None:
     """Refuse numbers of fit.json that contradict the arrays: what is computed from them could be of any size.
 
     Parameters

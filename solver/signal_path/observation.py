@@ -13,7 +13,7 @@ from solver.cable.cable import Cable
 from solver.effect.transfers import FiberTransfer, TimeTransfer
 from solver.ground.ground import Ground
 from solver.interrogator.interrogator import Interrogator
-from solver.noise.prediction import blocks_of
+from solver.noise.sample_runs import blocks_of
 from solver.processing.processing import Processing
 
 #: How far the exponential window of the numerical Laplace transform falls over a block, as a power of e.

@@ -13,7 +13,7 @@ from scipy.interpolate import make_interp_spline
 from torch import Tensor
 
 from solver.load.wheel_layout import class_number, layout_of
-from solver.noise.prediction import blocks_of
+from solver.noise.sample_runs import blocks_of
 from solver.trajectory.vehicle_pass import Pass
 
 #: Quantities that change along a vehicle's path, and the polynomial degree by which each is interpolated.

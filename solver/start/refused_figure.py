@@ -3,8 +3,9 @@
 from matplotlib.figure import Figure
 
 from solver.start.alignment import Seen
-from vision.contract.drawing import BACKWARD, FORWARD, canvas, place
+from vision.contract.drawing import canvas, place
 from vision.contract.figures import styled
+from vision.contract.palette import BACKWARD, FORWARD
 
 #: CSS pixels.
 WIDTH, HEIGHT = 760, 420

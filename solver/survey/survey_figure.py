@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from solver.survey.das.record import ranges
-from vision.contract.drawing import BACKWARD, FORWARD, ROUTE, canvas, coarse, color_map, color_scale, place
+from vision.contract.drawing import canvas, coarse, color_map, color_scale, place
 from vision.contract.figures import INK, MUTED, styled, svg
+from vision.contract.palette import BACKWARD, FORWARD, ROUTE
 
 if TYPE_CHECKING:
     from solver.survey.das.record import DASRecord

@@ -6,8 +6,9 @@ import numpy as np
 
 from solver.survey.das.record import ranges
 from solver.survey.survey_figure import draw_record, in_sigmas
-from vision.contract.drawing import ROUTE, canvas, place
+from vision.contract.drawing import canvas, place
 from vision.contract.figures import INK, styled
+from vision.contract.palette import ROUTE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

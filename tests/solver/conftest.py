@@ -12,7 +12,7 @@ from solver import simulator
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
-from solver.noise.whitening import NoiseLaw
+from solver.noise.law import NoiseLaw
 from solver.signal_path.traffic import Traffic
 from solver.survey.anchors import Anchor
 from solver.survey.das import DASRecord

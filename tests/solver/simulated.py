@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solver.fit import Prior, Problem
 from solver.fit.pose import pose
+from solver.fit.prior import Prior
+from solver.fit.problem import Problem
 from solver.simulator import Survey
 from solver.survey.anchors import Anchor
 from solver.survey.das import DASRecord

@@ -8,13 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vision.contract.figures import DPI
-
-# Okabe and Ito's colors, told apart with every kind of color vision and by their lightness in gray.
-ROUTE = "#d55e00"
-FORWARD = "#0072b2"
-BACKWARD = "#56b4e9"
-
-LINEAR = 3.0  # noise sigmas up to which the color scale of the maps is linear
+from vision.contract.palette import LINEAR, limit_of
 
 
 def canvas(width: int, height: int) -> Figure:
@@ -39,8 +33,7 @@ def color_scale(whitened: NDArray[np.float64]) -> AsinhNorm:
     ----------
     whitened : measured / noise, any shape
     """
-    there = np.abs(whitened[np.isfinite(whitened)])
-    top = max(10.0, float(np.percentile(there, 99.9))) if there.size else 10.0
+    top = limit_of(whitened)
     return AsinhNorm(linear_width=LINEAR, vmin=-top, vmax=top)
 
 

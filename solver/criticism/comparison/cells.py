@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 
 from solver.criticism.comparison.changes import Change, linear, shifted, transposed
-from solver.noise.prediction import blocks_of
+from solver.noise.sample_runs import blocks_of
 from solver.noise.whitening import Whitener
 from solver.trajectory.vehicle_pass import Pass
 

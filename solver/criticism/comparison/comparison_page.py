@@ -11,13 +11,15 @@ from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from solver.catalogue.catalogue import title_of
 from solver.criticism.comparison import comparison_words as words
 from solver.criticism.comparison.comparison import Comparison
 from solver.criticism.comparison.figures import figures_of
-from solver.criticism.comparison.map_figure import CELLS, path_of, shown, touches
+from solver.criticism.comparison.map_figure import CELLS
+from solver.criticism.comparison.pass_windows import path_of, shown, touches
 from solver.criticism.comparison.regions import Region
-from solver.run.report.misfit import misfit_of, rows_of
-from solver.run.report.misfit_figure import Pictures, pass_label, pictures_of, scale_figure, worst
+from solver.run.report.misfit import misfit_of, pass_label, rows_of
+from solver.run.report.misfit_figure import Pictures, pictures_of, scale_figure, worst
 from solver.run.report.parts import json_text, resource, with_commands
 from solver.run.report.pass_panes import MOST_PASSES, THUMBNAIL
 from solver.run.run import Run
@@ -188,7 +190,7 @@ def render(comparison: Comparison, run: Run, wide: dict[str, Figure] | None = No
         style=resource("style.css"),
         name=escape(run.facts["name"]),
         when=f"recorded {str(run.start)[:16].replace('T', ' ')} UTC",
-        effects=escape(", ".join(run.facts["effects"]) or "base model"),
+        effects=escape(", ".join(map(title_of, run.effects)) or "no effect beyond the base"),
         headline=escape(words.headline(comparison, run)),
         grade=run.facts["trust"]["grade"],
         trust=with_commands(run.trust),

@@ -8,7 +8,7 @@ from solver.criticism.comparison.comparison import Comparison
 from solver.criticism.comparison.regions import Region
 from solver.criticism.comparison.split import SOURCES
 from solver.run.report.report_words import trusted
-from solver.run.run import Run
+from solver.run.seen import Seen
 
 #: Misfit above the noise, as a share of it, that is worth words.
 SLIGHT = 0.01
@@ -20,15 +20,15 @@ MEANING = {
     "kernel": "the same shape travels with every vehicle of a lane: ground, gauge, wheels, filters",
 }
 NAMES = {
-    "channel gain": "channels: gain",
-    "channel shift": "channels: place",
-    "pass gain": "passes: gain",
-    "pass shift": "passes: time",
-    "kernel": "kernel: shape",
+    "channel gain": "strength of channels",
+    "channel shift": "place of channels",
+    "pass gain": "weight of passes",
+    "pass shift": "timing of passes",
+    "kernel": "shape of the signal",
 }
 
 
-def clock(run: Run, seconds: float) -> str:
+def clock(run: Seen, seconds: float) -> str:
     """UTC time of day of a time in the record, s.
 
     >>> from types import SimpleNamespace
@@ -45,7 +45,7 @@ def channel_words(region: Region) -> str:
     return f"channel {first}" if first == last else f"channels {first}-{last}"
 
 
-def pass_words(region: Region, run: Run) -> str:
+def pass_words(region: Region, run: Seen) -> str:
     """Which passes.
 
     Directions and classes are named where they are what the passes have in common.
@@ -65,7 +65,7 @@ def pass_words(region: Region, run: Run) -> str:
     return f"passes {', '.join(region.passes[:-1])} and {region.passes[-1]}"
 
 
-def time_words(region: Region, run: Run) -> str:
+def time_words(region: Region, run: Seen) -> str:
     """When, or nothing where passes at several times are meant."""
     if region.time is None:
         return ""
@@ -123,7 +123,7 @@ def size_words(region: Region) -> str:
     return f"{amount:+.{digits}f} ± {sigma:.{digits}f} {unit.replace('noise sigma', 'σ')}"
 
 
-def region_words(region: Region, run: Run) -> str:
+def region_words(region: Region, run: Seen) -> str:
     """Place, passes, time and what is wrong: one line."""
     who = "no vehicle near" if region.kind == "unseen" else pass_words(region, run)
     where = "" if region.kind == "shape" else channel_words(region)
@@ -136,7 +136,7 @@ def excess(comparison: Comparison) -> float:
     return comparison.chi2_per_sample / max(comparison.noise_floor, 1e-300) - 1
 
 
-def headline(comparison: Comparison, run: Run) -> str:
+def headline(comparison: Comparison, run: Seen) -> str:
     """What the page says first; where a check of the run failed, it does not say that all is well."""
     count = len(comparison.regions)
     if not count and not trusted(run):
@@ -156,7 +156,7 @@ def largest_source(comparison: Comparison) -> str | None:
     return name if above > SLIGHT * split.noise and split.explained[name] > 0.2 * above else None
 
 
-def verdict(comparison: Comparison, run: Run) -> str:
+def verdict(comparison: Comparison, run: Seen) -> str:
     """The sentence under the headline."""
     above = excess(comparison)
     if above <= SLIGHT and not comparison.regions:

@@ -12,10 +12,12 @@ from solver.criticism.comparison.comparison_words import NAMES
 from solver.criticism.comparison.power import Powers, Spectrum
 from solver.criticism.comparison.split import SOURCES
 from solver.criticism.comparison.stack import Stack
-from solver.run.report.misfit_figure import bare, excess_map, pass_label, whole_range, worst
+from solver.run.report.misfit import pass_label, whole_range
+from solver.run.report.misfit_figure import bare, excess_map, worst
 from solver.run.run import Run
-from vision.contract.drawing import BACKWARD, FORWARD, ROUTE, canvas, color_map, place
+from vision.contract.drawing import canvas, color_map, place
 from vision.contract.figures import INK, MUTED, styled
+from vision.contract.palette import BACKWARD, FORWARD, ROUTE
 
 Array = NDArray[np.float64]
 MOST_ROWS = 24  # of bars in one panel

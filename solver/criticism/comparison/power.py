@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.criticism.comparison.cells import Approach, Cells, lanes
-from solver.noise.prediction import blocks_of
-from solver.run.report.misfit_figure import pass_label
+from solver.noise.sample_runs import blocks_of
+from solver.run.report.misfit import pass_label
 from solver.run.run import Run
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from solver.criticism.comparison.cells import Cells, lanes, strength
-from solver.noise.prediction import blocks_of
+from solver.noise.sample_runs import blocks_of
 from solver.noise.whitening import LONGEST
 from solver.run.run import Run
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from solver.criticism.comparison.cells import Cells
 from solver.criticism.comparison.windows import ladder, power_statistic, threshold
-from solver.noise.prediction import blocks_of
+from solver.noise.sample_runs import blocks_of
 from solver.run.run import Run
 
 Array = NDArray[np.float64]

@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from solver.run.geojson import Z95
-from vision.contract.drawing import BACKWARD, FORWARD, ROUTE, canvas, place
+from vision.contract.drawing import canvas, place
 from vision.contract.figures import INK, MUTED, PAPER, styled
+from vision.contract.palette import BACKWARD, FORWARD, ROUTE
 
 if TYPE_CHECKING:
     from solver.criticism.planning.plan import Plan

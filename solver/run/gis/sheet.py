@@ -11,8 +11,8 @@ from solver.run.geojson import Z95, corridor_ring, half_width
 from solver.run.gis.accuracy import CLAIM, share_lines
 from solver.run.gis.layers import Subject
 from solver.run.gis.target import Target
-from vision.contract.drawing import ROUTE
 from vision.contract.figures import INK, MUTED, PAPER, styled
+from vision.contract.palette import ROUTE
 
 #: A4, inches; and characters of a line of small print.
 A4, LINE = (8.27, 11.69), 118

@@ -7,8 +7,9 @@ from matplotlib.figure import Figure
 
 from solver.run.geojson import Z95, half_width
 from solver.run.report.route_figure import along_x
-from vision.contract.drawing import ROUTE, canvas, place
+from vision.contract.drawing import canvas, place
 from vision.contract.figures import MUTED, styled
+from vision.contract.palette import ROUTE
 
 if TYPE_CHECKING:
     from solver.run.combined import Combined

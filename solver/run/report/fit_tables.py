@@ -8,6 +8,7 @@ from pathlib import PurePath
 import numpy as np
 import torch
 
+from solver.catalogue.catalogue import title_of
 from solver.fit.result import Parameter
 from solver.run.report import report_words as words
 from solver.run.run import Run
@@ -75,7 +76,7 @@ def fit_facts(run: Run) -> list[tuple[str, str]]:
     noise = f"{settings['sampling_rate']:g} Hz, median noise {np.nanmedian(result.noise):.2g} 1/s"
     return [
         ("Method", f"{result.method}, {result.iterations} iterations, {ended}"),
-        ("Effects in the model", ", ".join(facts["effects"]) or "base model"),
+        ("Effects in the model", ", ".join(map(title_of, facts["effects"])) or "no effect beyond the base"),
         ("Fitted", f"channels {first} to {last}, {len(run.passes)} passes, {samples:,} samples"),
         ("On passes left out", "not tried" if held_out is None else f"chi²/dof {held_out:.3f}"),
         ("Interrogator", f"{instrument}, {noise}"),

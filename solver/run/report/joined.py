@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from solver.catalogue.catalogue import title_of
 from solver.run.report.parts import next_section, page, with_commands
 from vision.contract import writing_into
 
@@ -118,6 +117,8 @@ def next_lines(folder: Path, there: list[str], run: str) -> list[str]:
 
 def rung_links(folder: Path) -> str:
     """Links to the run folders of the rungs below, those that are there."""
+    from solver.catalogue.catalogue import title_of
+
     items = []
     for rung in rows_in(facts_in(folder, "ladder.json"), "rungs")[:-1]:
         at, effects = rung.get("run"), rung.get("effects")

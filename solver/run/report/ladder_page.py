@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from html import escape
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,10 @@ from numpy.typing import NDArray
 
 from solver.catalogue.catalogue import title_of
 from solver.run.report.parts import next_section, page, with_commands
-from solver.run.rung import Rung
-from vision.contract.drawing import ROUTE, canvas, color_map, color_scale, place
+from solver.run.rung import Rung, rung_names
+from vision.contract.drawing import canvas, color_map, color_scale, place
 from vision.contract.figures import INK, MUTED, PAPER, data_uri, png_bytes, styled, svg
+from vision.contract.palette import ROUTE
 
 #: px: width of figures, height of the panel of misfits.
 WIDTH, HEIGHT = 1060, 250
@@ -22,13 +22,8 @@ HELD = "#0072b2"
 
 
 def news(rungs: Sequence[Rung]) -> list[str]:
-    """What each rung has that the one below has not."""
-    added = [[title_of(n) for n in after.effects if n not in before.effects] for before, after in pairwise(rungs)]
-    first = ", ".join(map(title_of, rungs[0].effects))
-    return [
-        f"Start: {first}" if first else "Start",
-        *(f"+ {', '.join(names)}" if names else "again" for names in added),
-    ]
+    """What each rung has that the one below has not, by title."""
+    return rung_names(rungs, title_of)
 
 
 @styled

@@ -70,3 +70,24 @@ def misfit_of(result: FitResult, passes: Sequence[Pass]) -> Misfit:
         by_pass_and_bin=ratio(binned[0], binned[1]),
         discounted=float((weight[there] < 0.5).mean()) if there.any() else 0.0,
     )
+
+
+def whole_range(result: FitResult, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`values` [sample, fitted] on all channels from the first fitted one to the last; NaN between."""
+    column = result.fitted_channel - result.fitted_channel[0]
+    out = np.full((len(values), int(column[-1]) + 1), np.nan)
+    out[:, column] = values
+    return out
+
+
+def nearest_channel(result: FitResult, one: Pass) -> NDArray[np.float64]:
+    """Channel [row] of the route point nearest to the vehicle; NaN where it is beyond the fitted ones."""
+    distance = np.linalg.norm(one.position[:, None] - result.route[None, :, :2], axis=2)
+    channel = result.channel[distance.argmin(axis=1)].astype(float)
+    beyond = (channel <= result.fitted_channel[0]) | (channel >= result.fitted_channel[-1])
+    return np.where(beyond, np.nan, channel)
+
+
+def pass_label(one: Pass) -> str:
+    """Name of a pass: track, class, direction along x."""
+    return f"{one.track_id} · {one.vehicle_class} {'→' if one.speed > 0 else '←'}"

@@ -10,19 +10,12 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from solver.fit.result import FitResult
-from solver.run.report.misfit import Misfit, rows_of
-from solver.run.run import Run
+from solver.run.report.misfit import Misfit, nearest_channel, pass_label, rows_of, whole_range
+from solver.run.seen import Seen
 from solver.trajectory.vehicle_pass import Pass
-from vision.contract.drawing import ROUTE, canvas, coarse, color_map, place
+from vision.contract.drawing import canvas, coarse, color_map, place
 from vision.contract.figures import INK, styled
-
-
-def whole_range(result: FitResult, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`values` [sample, fitted] on all channels from the first fitted one to the last; NaN between."""
-    column = result.fitted_channel - result.fitted_channel[0]
-    out = np.full((len(values), int(column[-1]) + 1), np.nan)
-    out[:, column] = values
-    return out
+from vision.contract.palette import ROUTE
 
 
 @dataclass(frozen=True)
@@ -41,16 +34,8 @@ def pictures_of(result: FitResult, one: Pass, cells: int) -> Pictures:
     return Pictures(*(coarse(whole_range(result, part / result.noise), cells) for part in maps))
 
 
-def nearest_channel(result: FitResult, one: Pass) -> NDArray[np.float64]:
-    """Channel [row] of the route point nearest to the vehicle; NaN where it is beyond the fitted ones."""
-    distance = np.linalg.norm(one.position[:, None] - result.route[None, :, :2], axis=2)
-    channel = result.channel[distance.argmin(axis=1)].astype(float)
-    beyond = (channel <= result.fitted_channel[0]) | (channel >= result.fitted_channel[-1])
-    return np.where(beyond, np.nan, channel)
-
-
 @styled
-def wave_figure(run: Run, one: Pass, picture: NDArray[np.float64], scale: AsinhNorm, width: int) -> Figure:
+def wave_figure(run: Seen, one: Pass, picture: NDArray[np.float64], scale: AsinhNorm, width: int) -> Figure:
     """One map [time, channel] of one pass; the dotted line is the vehicle.
 
     Parameters
@@ -92,11 +77,6 @@ def scale_figure(scale: AsinhNorm, width: int) -> Figure:
     return figure
 
 
-def pass_label(one: Pass) -> str:
-    """Name of a pass: track, class, direction along x."""
-    return f"{one.track_id} · {one.vehicle_class} {'→' if one.speed > 0 else '←'}"
-
-
 def bare(axes: Axes) -> None:
     """No frame, no ticks."""
     axes.spines[:].set_visible(False)
@@ -121,7 +101,7 @@ def draw_marginals(top: Axes, right: Axes, result: FitResult, misfit: Misfit, fl
 
 
 @styled
-def failure_figure(run: Run, misfit: Misfit, width: int) -> Figure:
+def failure_figure(run: Seen, misfit: Misfit, width: int) -> Figure:
     """Where the model fails: chi2 of each pass in bins of channels; by channel above, by pass to the right.
 
     Parameters

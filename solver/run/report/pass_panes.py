@@ -5,8 +5,8 @@ from html import escape
 import numpy as np
 from matplotlib.colors import AsinhNorm
 
-from solver.run.report.misfit import Misfit
-from solver.run.report.misfit_figure import Pictures, pass_label, pictures_of, scale_figure, wave_figure, worst
+from solver.run.report.misfit import Misfit, pass_label
+from solver.run.report.misfit_figure import Pictures, pictures_of, scale_figure, wave_figure, worst
 from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract.drawing import coarse, color_map, color_scale

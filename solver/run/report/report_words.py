@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from solver.run.geojson import Z95, half_width, runs
 from solver.run.run import Run
+from solver.run.seen import Seen
 from solver.survey.limits import PUSHES
 
 WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"]
@@ -65,7 +66,7 @@ def span(low: float, high: float) -> str:
     return f"{first} to {lateral(far)}"
 
 
-def trusted(run: Run) -> bool:
+def trusted(run: Seen) -> bool:
     """Whether no check of the fit failed."""
     return run.facts["trust"]["grade"] in ("good", "fair")
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from solver.run.geojson import Z95, corridor_ring, half_width, normals, runs
 from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
-from vision.contract.drawing import BACKWARD, FORWARD, ROUTE, canvas, place
+from vision.contract.drawing import canvas, place
 from vision.contract.figures import INK, MUTED, PAPER, styled
+from vision.contract.palette import BACKWARD, FORWARD, ROUTE
 
 MARGIN = 5.0  # m of road shown beyond either end of the route
 LATERAL_SPAN = 1.2  # m, least height of the sideways panel

@@ -14,8 +14,11 @@ ROW = {"effect": "gauge_length", "told": {"title": "Gauge length"}, "evidence": 
 
 
 def test_a_run_without_a_diagnosis_is_compared_and_scored(bench):
-    compare, score = bench.looker.asked
+    titles, compare, score = bench.looker.asked
     assert (compare.task, score.task, compare.given) == ("compare", "score", (bench.folder, ()))
+    assert bench.title("gauge_length") == "gauge length", "until the worker has loaded the catalogue"
+    titles.then(tasks.titles(lambda step: None, *titles.given))
+    assert bench.title("gauge_length") == "Gauge length"
     score.told(("done", 3, 40))
     assert bench.source == "scoring, 3 of 40 ..."
     score.then([ROW])

@@ -4,7 +4,12 @@ import subprocess
 import sys
 from contextlib import contextmanager
 
+import numpy as np
+from matplotlib.colors import to_rgb
+
+from roadfiber.web.strain_maps import COLORS, palette
 from tests.roadfiber.web.test_workbench_page import opened
+from vision.contract.drawing import color_map, color_scale
 
 SERVED = """
 import sys, time
@@ -40,6 +45,38 @@ def served(path, how):
             yield process.stdout.readline().split()[1], process
         finally:
             process.terminate()
+
+
+DRAWN = """
+import sys
+from pathlib import Path
+from bokeh.document import Document
+from roadfiber.web import bench
+from roadfiber.web.film import film_of
+from roadfiber.web.layout import laid_out
+from roadfiber.web.workbench_page import Page
+from solver.run.read_seen import read_seen
+from tests.roadfiber.web.told import Told
+
+bench.Worker = Told
+run = read_seen(Path(sys.argv[1]))
+document = Document()
+document.add_root(laid_out(Page(bench.Bench(run), film_of(run))).get_root(document))
+document.to_json()
+print(len(document.roots), sorted({"torch", "scipy", "numba", "pandas", "matplotlib"} & set(sys.modules)))
+"""
+
+
+def test_a_run_is_drawn_before_what_takes_long_to_load(hidden):
+    done = subprocess.run([sys.executable, "-c", DRAWN, hidden], capture_output=True, text=True, check=True)
+    assert done.stdout == "1 []\n"
+
+
+def test_the_colors_are_those_of_all_pages():
+    limit, even = 40.0, np.linspace(-40, 40, COLORS)
+    scale = color_map()(color_scale(np.array([limit]))(even))[:, :3]
+    drawn = np.array([to_rgb(one) for one in palette(limit)])
+    assert np.abs(drawn - scale).max() < 4 / 255
 
 
 def test_the_page_waits_for_what_it_shows(chromium, tmp_path):

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 import roadfiber as rf
-from solver.criticism.comparison import compare
-from solver.criticism.comparison import render as comparison_page
+from solver.criticism.comparison.compare import compare
+from solver.criticism.comparison.comparison_page import render as comparison_page
 from solver.criticism.finding import Diagnosis
 from solver.criticism.pages import Chapter, diagnosis_page, story_page
-from solver.run.report import render as report_page
 from solver.run.report.joined import index_page
 from solver.run.report.ladder_page import ladder_page
+from solver.run.report.report_page import render as report_page
 from solver.run.run import Run
 from solver.run.rung import Glimpse, Rung
 from tests.offline_pages import EVIL, LOADED, is_offline, tells

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solver.fit.result import FitResult
-from solver.noise.whitening import NoiseLaw
-from solver.run import Run
+from solver.noise.law import NoiseLaw
+from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import LocalFrame
 
@@ -131,7 +131,7 @@ class Maker:
         }
         start = np.datetime64("2025-08-11T06:00:00", "ns")
         frame = LocalFrame((32.113, 34.804), 78.0)
-        return Run(result, None, frame, start, samples / RATE, passes, [], facts)
+        return Run(result, frame, start, samples / RATE, passes, [], facts, problem=None)
 
 
 def gain(channels: slice, factor: float) -> Callable:

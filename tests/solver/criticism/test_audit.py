@@ -10,7 +10,7 @@ import torch
 
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.audit import audit, correlation, signal_growth, stretches
-from solver.noise.whitening import NoiseLaw
+from solver.noise.law import NoiseLaw
 from solver.signal_path.traffic import Traffic
 
 RNG = np.random.default_rng(5)

@@ -13,10 +13,11 @@ from typer.testing import CliRunner
 
 from roadfiber.criticism_commands import app
 from solver.criticism import comparison
-from solver.criticism.comparison import compare, render, write_comparison
 from solver.criticism.comparison import split as split_module
 from solver.criticism.comparison.cells import cells_of, noise_of, on_fiber
-from solver.criticism.comparison.comparison_files import facts_of
+from solver.criticism.comparison.compare import compare
+from solver.criticism.comparison.comparison_files import facts_of, write_comparison
+from solver.criticism.comparison.comparison_page import render
 from solver.criticism.comparison.comparison_words import clock, region_words, size_words
 from solver.criticism.comparison.power import periodogram, power_of
 from solver.criticism.comparison.region_search import regions_of
@@ -24,7 +25,7 @@ from solver.criticism.comparison.split import SOURCES, fair_shares, normal_equat
 from solver.criticism.comparison.stack import stack_of
 from solver.criticism.comparison.windows import ladder, power_statistic, threshold, widest
 from solver.run import folder as run_folder
-from solver.run import run_of
+from solver.run.run import run_of
 
 
 @pytest.fixture(scope="module")
@@ -348,7 +349,7 @@ def test_page_of_a_run_with_gaps_faded_channels_and_one_pass():
 
 
 def test_command_writes_beside_the_run_and_prints_words_or_json(survey, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_folder.report, "render", lambda run: "")
+    monkeypatch.setattr(run_folder.report_page, "render", lambda run: "")
     monkeypatch.setattr(comparison.comparison_files, "figures_of", lambda *arguments: {})
     monkeypatch.setattr(comparison.comparison_files, "render", lambda *arguments: "")
     run_of(survey.result, **survey.arguments).save(tmp_path / "run")

@@ -21,10 +21,10 @@ from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
-from solver.run import Run
 from solver.run.ladder import climbed, first_rung
 from solver.run.ladder_file import read_ladder, write_ladder
 from solver.run.report.ladder_page import ladder_page
+from solver.run.run import Run
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def run(survey):
             "noise_floor": 1.0,
             "trust": {"gates": [gate]},
         }
-        return Run(result, problem, survey.site.frame, survey.record.start, np.zeros(1), [], [], facts)
+        return Run(result, survey.site.frame, survey.record.start, np.zeros(1), [], [], facts, problem=problem)
 
     return made
 

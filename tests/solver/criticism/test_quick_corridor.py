@@ -11,7 +11,7 @@ from solver.criticism import quick_corridor
 from solver.criticism.corridor import Corridor
 from solver.criticism.explanations import Posterior, Weighed
 from solver.criticism.quick_corridor import FITTED, far_moving, told, widened
-from solver.run import Run, run_of
+from solver.run.run import Run, run_of
 
 
 @pytest.fixture

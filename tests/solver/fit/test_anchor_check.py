@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from solver.fit import fit_spline
 from solver.fit.anchor_check import contradiction, misses
+from solver.fit.spline import fit_spline
 from solver.survey.anchors import Anchor
 
 

@@ -12,7 +12,8 @@ from solver.fit.map_fit import MapFit
 from solver.fit.pose import with_slow_errors
 from solver.fit.problem import Problem
 from solver.fit.stretches import looked_back_at, one_by_one
-from solver.noise.whitening import NoiseLaw, Whitener
+from solver.noise.law import NoiseLaw
+from solver.noise.whitening import Whitener
 from solver.signal_path.traffic import Traffic
 
 #: Noise that remembers more samples than lie between two vehicles, that all channels share, and that neighbors share.

@@ -7,8 +7,9 @@ import pytest
 from simulated import case_of
 
 from solver.catalogue.catalogue import built_in
-from solver.fit import FitResult, fit_spline
 from solver.fit.held_out import held_out
+from solver.fit.result import FitResult
+from solver.fit.spline import fit_spline
 from solver.published.network import fit_network
 from solver.simulator import Scenario, Survey, simulate
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.fit import Problem
 from solver.fit.map_fit import MapFit
 from solver.fit.pose import bent_ends, pose, with_slow_errors
+from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.signal_path.traffic import Traffic
 from solver.start.rough_route import silent

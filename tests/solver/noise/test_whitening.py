@@ -6,8 +6,9 @@ import torch
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from solver.noise.prediction import blocks_of
-from solver.noise.whitening import NoiseLaw, Whitener, noise_law, positive
+from solver.noise.law import NoiseLaw
+from solver.noise.sample_runs import blocks_of
+from solver.noise.whitening import Whitener, noise_law, positive
 
 SAMPLES, CHANNELS = 6000, 24
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulated import case_of
 
-from solver.fit import fit_spline
+from solver.fit.spline import fit_spline
 from solver.published.whitened_network import STEPS, fit_whitened_network
 from solver.run.methods import METHODS, method_of
 from solver.simulator import Scenario, simulate

@@ -12,7 +12,7 @@ from solver.fit.choice import Choice, Taken, choose
 from solver.run.chosen import choice_facts, choice_line
 from solver.run.folder import read_run
 from solver.run.locate import locate
-from solver.run.report import render
+from solver.run.report.report_page import render
 from solver.survey.survey import Survey
 
 

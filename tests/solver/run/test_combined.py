@@ -8,9 +8,9 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import roadfiber as rf
-from solver.fit import fit_spline
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
+from solver.fit.spline import fit_spline
 from solver.fit.stretches import part
 from solver.run.run import Run
 from solver.run.run_corridor import lacking
@@ -25,7 +25,7 @@ def made_run(result: FitResult, problem: Problem, day: int) -> Run:
     """A run of some day in August."""
     start, time = np.datetime64(f"2025-08-{day}T06:00:00", "ns"), np.arange(len(problem.record)) / problem.sampling_rate
     lists = list(problem.passes), list(problem.anchors)
-    return Run(result, problem, FRAME, start, time[result.samples], *lists, {"name": f"day {day}"})
+    return Run(result, FRAME, start, time[result.samples], *lists, {"name": f"day {day}"}, problem=problem)
 
 
 @pytest.fixture(scope="module")

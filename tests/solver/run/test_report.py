@@ -10,17 +10,17 @@ import pytest
 
 from solver.catalogue.catalogue import built_in
 from solver.fit.result import Parameter
-from solver.run import Run
 from solver.run.facts import facts_of
 from solver.run.report import misfit as misfit_module
 from solver.run.report import report_words as words
-from solver.run.report import told
 from solver.run.report.fit_tables import gauge_words, parameter_tables
 from solver.run.report.misfit import misfit_of
 from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure
 from solver.run.report.pass_panes import waves
 from solver.run.report.report_page import render
+from solver.run.report.report_words import told
 from solver.run.report.route_figure import along_x, route_figure, same_scale
+from solver.run.run import Run
 from vision.contract.drawing import coarse, color_scale
 from vision.contract.figures import svg
 
@@ -56,7 +56,7 @@ def made_run(survey, **changes) -> Run:
     s, result = survey, replace(survey.result, **changes)
     facts = facts_of(result, s.arguments["survey"], s.anchors, s.problem, {"fit": 1.5}, None, ["wheels"])
     time = survey.record.time[result.samples]
-    return told(Run(result, s.problem, s.site.frame, s.record.start, time, s.passes, s.anchors, facts))
+    return told(Run(result, s.site.frame, s.record.start, time, s.passes, s.anchors, facts, problem=s.problem))
 
 
 @pytest.fixture(scope="module")

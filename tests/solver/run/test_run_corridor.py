@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.run import Run, run_of
 from solver.run.folder import read_run
 from solver.run.geojson import Z95, half_width
-from solver.run.report import render
+from solver.run.report.report_page import render
+from solver.run.run import Run, run_of
 from solver.run.run_corridor import corridor_facts, corridor_sentence, median_half, placed
 
 

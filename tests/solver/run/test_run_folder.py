@@ -11,15 +11,15 @@ import pytest
 from solver.fit.held_out import HeldOut
 from solver.fit.result import FitResult
 from solver.run import folder as run_folder
-from solver.run import run_of
 from solver.run.folder import check_target, read_run
+from solver.run.run import run_of
 from vision.contract import InputError
 
 
 @pytest.fixture
 def quick(monkeypatch):
     """Leave the drawing to the tests of the report."""
-    monkeypatch.setattr(run_folder.report, "render", lambda run: "<!doctype html>")
+    monkeypatch.setattr(run_folder.report_page, "render", lambda run: "<!doctype html>")
 
 
 def no_constant(text: str) -> None:
@@ -144,7 +144,7 @@ def test_nothing_is_left_when_writing_fails(survey, tmp_path, quick, monkeypatch
     def broken(run):
         raise OSError("disk full")
 
-    monkeypatch.setattr(run_folder.report, "render", broken)
+    monkeypatch.setattr(run_folder.report_page, "render", broken)
     with pytest.raises(InputError, match="disk full"):
         run_of(survey.result, **survey.arguments).save(tmp_path / "out" / "run")
     assert list(tmp_path.iterdir()) == []

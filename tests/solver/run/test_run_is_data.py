@@ -1,6 +1,5 @@
 """A run folder is data: whatever lies in it, no command runs it, and users' effects come from where the user says."""
 
-import importlib
 import json
 import pickle
 import py_compile
@@ -13,11 +12,10 @@ from typer.testing import CliRunner
 
 from roadfiber.command import app
 from solver.catalogue.plugins import catalogue
-from solver.criticism import comparison
-from solver.run import Run, read_run, run_of
 from solver.run import folder as run_folder
 from solver.run.code import with_plugins
-from solver.run.folder import write_run
+from solver.run.folder import read_run, write_run
+from solver.run.run import Run, run_of
 from vision.contract import InputError
 
 GRIP = """
@@ -68,9 +66,7 @@ def grip(mine):
 @pytest.fixture
 def held(survey, grip, tmp_path, monkeypatch) -> Path:
     """Run folder of a model with a user's effect; drawing is left to other tests."""
-    importlib.import_module("roadfiber.comparing")  # It would keep what stands in for the writer.
-    monkeypatch.setattr(run_folder.report, "render", lambda run: "<!doctype html>")
-    monkeypatch.setattr(comparison, "write_comparison", lambda folder, found, run: folder.mkdir())
+    monkeypatch.setattr(run_folder.report_page, "render", lambda run: "<!doctype html>")
     run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     run = read_run(tmp_path / "run")
     problem = replace(run.problem, effects=(grip["grip"],))

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solver.run import run_of
 from solver.run.ladder import apart, climbed, first_rung, known_route, moved, rungs_of
+from solver.run.run import run_of
 
 
 def rows(*places: tuple[float, float, float, float]):

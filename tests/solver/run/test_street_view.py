@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solver.run.folder import read_run
-from solver.run.report import render
+from solver.run.report.report_page import render
 from solver.run.report.street_view import path_of, street_section
 from solver.run.run import run_of
 
