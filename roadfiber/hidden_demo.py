@@ -25,6 +25,13 @@ ANY = "any"
 LEAST = 0.6
 #: Run folders: as located, and with what was found.
 FIRST, SECOND = "run", "run-2"
+#: What each page shows.
+SHOWN_BY = {
+    "report.html": "route on the map and in the street",
+    "compare.html": "measurement, the model and what is left",
+    "diagnosis.html": "diagnosis",
+    "ladder.html": "error ladder",
+}
 
 
 def hidden(wanted: str, seed: int) -> dict[str, float]:
@@ -119,7 +126,7 @@ def told(out: Path, undone: str) -> dict[str, Any]:
 
 def section(number: int, heading: str, text: str, link: str = "", more: str = "") -> str:
     """A chapter of the story."""
-    there = f'<p><a href="{link}">Look at it</a></p>' if link else ""
+    there = f'<p><a href="{link}">Look at the {SHOWN_BY[link.rpartition("/")[2]]}</a></p>' if link else ""
     return f"<section><h2>{number}. {escape(heading)}</h2><p>{text}</p>{more}{there}</section>"
 
 
