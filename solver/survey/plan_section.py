@@ -22,7 +22,7 @@ VehicleClass = Literal["car", "van", "truck", "bus"]
 def or_a_file(schema: dict[str, Any]) -> None:
     """Let a value of site.toml be the name of a file of a map in its place, see `solver.survey.plan_maps`."""
     kept = {name: schema.pop(name) for name in ("type", "items", "minItems") if name in schema}
-    schema["anyOf"] = [kept, {"type": "string"}]
+    schema["anyOf"] = [kept, {"type": "string", "format": "path"}]
 
 
 class Table(BaseModel):
