@@ -5,6 +5,7 @@ monotone path through that comparison is found by dynamic programming: its score
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -143,12 +144,14 @@ class Way:
     scores: Array
 
     @property
-    def arrays(self) -> tuple[Array, ...]:
+    def arrays(self) -> tuple[NDArray[Any], ...]:
         """Arguments of the dynamic program."""
         return self.visits.begin, self.visits.bins, self.visits.share
 
 
-def tried(scores: NDArray[np.float32], ways: list[Passages], shifts: NDArray[np.int64], apart: int) -> Array:
+def tried(
+    scores: NDArray[np.float32], ways: list[Passages], shifts: NDArray[np.int64], apart: int
+) -> NDArray[np.bool_]:
     """Which offsets are worth a look at the whole drive [way, shift]: all of a short one.
 
     Else those that explain stretches of it best, be they where they may along the cable: at a cost that grows with its
@@ -168,9 +171,9 @@ def tried(scores: NDArray[np.float32], ways: list[Passages], shifts: NDArray[np.
             told[number] += [best(scores, begin, one.bins, one.share, int(at), 0.0, nothing)[0] for at in shifts]
     found[:] = False
     for _ in range(TRIED):
-        number, index = np.unravel_index(int(told.argmax()), told.shape)
-        found[number, max(0, index - 1) : index + 2] = True
-        told[number, max(0, index - apart) : index + apart + 1] = NEVER
+        way, index = divmod(int(told.argmax()), len(shifts))
+        found[way, max(0, index - 1) : index + 2] = True
+        told[way, max(0, index - apart) : index + apart + 1] = NEVER
     return found
 
 

@@ -172,8 +172,8 @@ def levels(rate: NDArray[Any]) -> tuple[Array, NDArray[np.bool_]]:
 def common_of(rate: NDArray[Any], level: Array, alive: NDArray[np.int64]) -> Array:
     """What all channels have in common [time], in sigmas: the median over channels."""
     common = np.zeros(len(rate))
-    for first in range(0, len(rate), 4096):
-        part = slice(first, first + 4096)
+    for first in range(0, len(rate), 1024):
+        part = slice(first, first + 1024)
         common[part] = np.median(np.nan_to_num(rate[part, alive] / level[alive]), axis=1)
     return common
 
