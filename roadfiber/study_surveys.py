@@ -163,8 +163,6 @@ def located(setting: Setting, survey: Survey) -> tuple[Read, Run]:
     """Locate the fiber as a user would, from the survey's files; also what was read."""
     with tempfile.TemporaryDirectory() as folder:
         whole = Read.read(write_survey(survey, Path(folder) / "survey"))
-        if not setting.anchors:
-            whole = Read.of(**vars(whole) | {"anchors": []})
         method, _, likelihood = ("spline" if setting.method == "geometric" else setting.method).partition("-")
         wheels = [name for name, one in built_in().items() if one.base_part == "wheels"]
         effects = [] if setting.loads == "point" else wheels

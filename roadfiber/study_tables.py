@@ -113,8 +113,20 @@ def claim_of(axis: Axis, method: str, rows: pd.DataFrame) -> Claim:
     beyond = value < axis.limit if axis.rises else value > axis.limit
     if not beyond.any() or beyond.all() or not np.isfinite(distance).any():
         return Claim(axis.label, axis.said, method, "too few values to tell", None)
-    words = f"{distance[~beyond].max():.2f} m at most where the paper locates, {distance[beyond].max():.2f} m beyond"
+    words = f"at most {farthest(distance[~beyond])} where the paper locates, {farthest(distance[beyond])} beyond"
     return Claim(axis.label, axis.said, method, words, bool(good[~beyond].all() and not good[beyond].any()))
+
+
+def farthest(distance: np.ndarray) -> str:
+    """The largest of some distances, m, in words; NaN where nothing was located.
+
+    >>> farthest(np.array([0.2, np.nan])), farthest(np.array([np.nan]))
+    ('0.20 m (some not located)', 'none located')
+    """
+    known = distance[np.isfinite(distance)]
+    if not len(known):
+        return "none located"
+    return f"{known.max():.2f} m{' (some not located)' if len(known) < len(distance) else ''}"
 
 
 def by_slope(axis: Axis, method: str, value: np.ndarray, distance: np.ndarray) -> Claim:

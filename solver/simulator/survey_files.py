@@ -35,13 +35,11 @@ quantity = "strain_rate"
 
 {observed}
 
-[anchors]
-file = "anchors.csv"
-
-[ground]
+{anchors}[ground]
 poisson_ratio = 0.25
 depth = [0.9, 0.3]   # mean, sd; m
 """
+ANCHORS = '[anchors]\nfile = "anchors.csv"\n\n'
 CAMERA = """\
 # what the camera sees; `roadfiber track` makes trajectories.csv of it (without [trajectories], `locate` does)
 [camera]
@@ -77,7 +75,8 @@ def write_survey(survey: Survey, folder: str | Path) -> Path:
     with writing(folder) as temporary:
         temporary.mkdir()
         write_recording(survey, temporary)
-        (temporary / "site.toml").write_text(site_text(survey.scenario, TRAJECTORIES), encoding="utf-8")
+        text = site_text(survey.scenario, TRAJECTORIES, anchored=not survey.anchors.empty)
+        (temporary / "site.toml").write_text(text, encoding="utf-8")
         _write_trajectories(survey, temporary / "trajectories.csv")
     return folder / "site.toml"
 
@@ -89,8 +88,10 @@ def write_recording(survey: Survey, folder: Path) -> None:
     (folder / TRUTH).write_text(json.dumps(truth(survey), indent=1) + "\n", encoding="utf-8")
 
 
-def site_text(scenario: Scenario, observed: str) -> str:
+def site_text(scenario: Scenario, observed: str, *, anchored: bool = True) -> str:
     """Compose `site.toml`; `observed` is `TRAJECTORIES` or `CAMERA`, how the vehicles were observed.
+
+    `anchored` says whether there are anchors.
 
     >>> print(site_text(Scenario(), TRAJECTORIES).splitlines()[4])
     origin = [32.113, 34.804]   # latitude, longitude of (0, 0)
@@ -103,6 +104,7 @@ def site_text(scenario: Scenario, observed: str) -> str:
         gauge_length=float(scenario.gauge_length),
         channel_spacing=float(scenario.channel_spacing),
         observed=observed.format(start=scenario.start),
+        anchors=ANCHORS if anchored else "",
     )
 
 

@@ -23,7 +23,8 @@ from roadfiber.study_surveys import (
     survey_of,
 )
 from roadfiber.study_tables import claims_of, draw, table_of
-from solver.simulator import Survey
+from solver.simulator import Survey, write_survey
+from solver.survey.survey import Survey as Read
 from tests.offline_pages import is_offline
 from vision.contract import InputError
 
@@ -78,6 +79,11 @@ def test_a_survey_is_located_near_the_truth_and_near_what_is_expected():
     assert row["hausdorff"] <= row["largest"] + 1e-9
     assert row["located_share"] > 0.95
     assert 0.3 < row["mean"] / row["expected_mean"] < 3.0
+
+
+def test_a_survey_without_anchors_is_read_as_one(tmp_path: Path):
+    site = write_survey(survey_of(Setting(passes=1, anchors=0)), tmp_path / "survey")
+    assert Read.read(site).anchors == []
 
 
 def test_what_cannot_be_located_says_so(monkeypatch: pytest.MonkeyPatch):
