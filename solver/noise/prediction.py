@@ -73,7 +73,7 @@ class PredictionFilter:
         tensor([1.0000, 0.5000, 1.0000], dtype=torch.float64)
         """
         maps = values.reshape(-1, *values.shape[-2:])
-        found: Tensor = _Filtered.apply(maps, self)  # type: ignore[no-untyped-call]
+        found: Tensor = _Filtered.apply(maps, self)
         return found.reshape(*values.shape[:-2], *found.shape[1:])
 
 

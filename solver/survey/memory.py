@@ -13,11 +13,11 @@ CGROUPS = (
 )
 MEMINFO = Path("/proc/meminfo")
 #: Parameters of glibc's mallopt (malloc.h), and bytes from which on an array's memory goes back when it is freed.
-TRIM_THRESHOLD, MMAP_THRESHOLD, LARGE = -1, -3, 1 << 28
+TRIM_THRESHOLD, MMAP_THRESHOLD, LARGE = -1, -3, 1 << 26
 
 
 def reuse_freed_memory() -> None:
-    """Let arrays of up to 256 MB use again what others have freed, where the C library is glibc.
+    """Let arrays of up to 64 MB use again what others have freed, where the C library is glibc.
 
     A fit makes and frees arrays of tens of MB by the thousand, and to get fresh pages from the system takes several
     times as long as what is done with them. It holds for the whole process, so it is for the command to call.
