@@ -81,5 +81,5 @@ def test_a_run_that_is_gone_is_said_and_the_rung_stays(run, monkeypatch):
     shutil.rmtree(run.parent)
     bench.add("gauge_length", "Gauge length")
     assert bench.messages[-1].startswith("Gauge length was not added: ") and not bench.busy
-    bench.looker.asked[0].failed(f"{run}: no run folder")
+    bench.looker.asked[-1].failed(f"{run}: no run folder")
     assert bench.messages[-1].endswith("no run folder") and bench.run.folder == run
