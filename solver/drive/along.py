@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.drive.path import STEP, Path
-from solver.drive.smoother import smoother
+from solver.drive.smoother import smooth
 
 if TYPE_CHECKING:
     from solver.drive.picks import Picks
@@ -210,9 +210,19 @@ class Model:
         channel, leg = np.nonzero(weight.T > 0)
         taken = [np.ascontiguousarray(one[leg, channel]) for one in (self.picks.cell, self.picks.sigma, weight)]
         speed = self.picks.speed[leg, channel]
-        found: tuple[Array, Array] = smoother()(
-            *(self.steps.advance, self.steps.stretched, self.steps.variance, self.wander),
-            *(self.keeps, np.ascontiguousarray(self.scale), np.tile(np.arange(legs), 2)),
-            *(channel, leg, taken[0], taken[1] ** 2 / taken[2], speed, mean, covariance),
+        return smooth(
+            self.steps.advance,
+            self.steps.stretched,
+            self.steps.variance,
+            self.wander,
+            self.keeps,
+            np.ascontiguousarray(self.scale),
+            np.tile(np.arange(legs), 2),
+            channel,
+            leg,
+            taken[0],
+            taken[1] ** 2 / taken[2],
+            speed,
+            mean,
+            covariance,
         )
-        return found

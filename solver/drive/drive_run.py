@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from solver.fit.result import Placed
 from solver.run.geojson import feature, positions, route_features
+from solver.run.located_fiber import LocatedFiber
 from solver.run.route_table import route_table
 from solver.survey.anchors import Anchor
 from vision.contract import LocalFrame, require_writable, writing
@@ -27,7 +28,7 @@ WIDTH = 960
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DriveRun:
+class DriveRun(LocatedFiber):
     """A located drive.
 
     Parameters
@@ -44,21 +45,6 @@ class DriveRun:
     arrays: Mapping[str, NDArray[Any]]
     anchors: list[Anchor]
     folder: Path | None = None
-
-    @property
-    def name(self) -> str:
-        """Of the survey."""
-        return str(self.facts["name"])
-
-    @property
-    def headline(self) -> str:
-        """Where the fiber is, in a sentence."""
-        return str(self.facts["headline"])
-
-    @property
-    def trust(self) -> str:
-        """Whether the route may be relied on, in a sentence that follows from all checks."""
-        return str(self.facts["trust"]["sentence"])
 
     @property
     def warnings(self) -> list[str]:

@@ -37,16 +37,14 @@ def passages(path: Path, car: Car, first: float, last: float, width: float, step
     cell, far = path.nearest(driven.position)
     there = driven.known & (far < BESIDE) & (driven.speed > SLOW)
     piece = np.floor(cell * STEP / width).astype(np.int64)
-    rows = np.flatnonzero(there)
+    rows, count = np.flatnonzero(there), int(len(path.points) * STEP / width) + 1
     if not len(rows):
-        count = int(len(path.points) * STEP / width) + 1
         return Passages(np.zeros(count + 1, np.int64), np.zeros(0, np.int64), np.zeros(0))
     # A visit is a run of bins in one piece; each counts once, however long it lasts.
     fresh = np.concatenate([[True], (np.diff(rows) > 20) | (np.diff(piece[rows]) != 0)])
     visit = np.cumsum(fresh) - 1
     share = 1.0 / np.bincount(visit)[visit]
     order = np.argsort(piece[rows], kind="stable")
-    count = int(len(path.points) * STEP / width) + 1
     begin = np.searchsorted(piece[rows][order], np.arange(count + 1))
     return Passages(begin, rows[order], share[order])
 

@@ -1,80 +1,16 @@
 """Recursions of the smoother along the channels, in machine code (Rauch, Tung and Striebel 1965, AIAA J. 3, 1445)."""
 
-from functools import cache
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from solver.ground.compiled import compiled
 
-
-@cache
-def smoother() -> Any:
-    """`smooth(...)`, as `solver.drive.along.Model` calls it, in machine code.
-
-    The state is a cell, the stretch, the clock, and the errors of unit variance. From channel to channel the cell goes
-    on by `advance` and `stretched` times the stretch, an error keeps the share `keeps` [error, channel]. A pick [pick]
-    of a channel, sorted by channel, is the cell, plus `speed` times the clock, plus `scale` [error, channel] times each
-    of the errors that `leg` [error] says are of its leg. Returned are means [channel, state] and covariances [channel,
-    state, state].
-    """
-
-    def smooth(
-        advance: Any,
-        stretched: Any,
-        variance: Any,
-        wander: float,
-        keeps: Any,
-        scale: Any,
-        leg: Any,
-        picked: Any,
-        pick_leg: Any,
-        value: Any,
-        noise: Any,
-        speed: Any,
-        mean: Any,
-        covariance: Any,
-    ) -> Any:
-        channels, size = len(advance), len(mean)
-        ahead, means = np.zeros((channels, size)), np.zeros((channels, size))
-        spread, covariances = np.zeros((channels, size, size)), np.zeros((channels, size, size))
-        row, gain = np.zeros(size), np.zeros(size)
-        pick = 0
-        for channel in range(channels):
-            if channel:
-                moved(mean, covariance, advance[channel], stretched[channel], keeps[:, channel])
-                covariance[0, 0] += variance[channel]
-                covariance[1, 1] += wander
-                for error in range(size - 3):
-                    covariance[3 + error, 3 + error] += 1 - keeps[error, channel] ** 2
-            ahead[channel], spread[channel] = mean, covariance
-            while pick < len(picked) and picked[pick] == channel:
-                row[0], row[2] = 1.0, speed[pick]
-                for error in range(size - 3):
-                    row[3 + error] = scale[error, channel] if leg[error] == pick_leg[pick] else 0.0
-                gain[:] = covariance @ row
-                total = row @ gain + noise[pick]
-                mean += gain * ((value[pick] - row @ mean) / total)
-                for one in range(size):
-                    for other in range(size):
-                        covariance[one, other] -= gain[one] * gain[other] / total
-                pick += 1
-            means[channel], covariances[channel] = mean, covariance
-        for channel in range(channels - 2, -1, -1):
-            after = channel + 1
-            move = np.eye(size)
-            move[0, 1] = stretched[after]
-            for error in range(size - 3):
-                move[3 + error, 3 + error] = keeps[error, after]
-            back = np.linalg.solve(spread[after], move @ covariances[channel])
-            means[channel] += back.T @ (means[after] - ahead[after])
-            covariances[channel] += back.T @ (covariances[after] - spread[after]) @ back
-        return means, covariances
-
-    return compiled(smooth)
+Array = NDArray[np.float64]
+Numbers = NDArray[np.int64]
 
 
-def _moved(mean: Any, covariance: Any, advance: float, stretched: float, keeps: Any) -> None:
+@compiled
+def moved(mean: Array, covariance: Array, advance: float, stretched: float, keeps: Array) -> None:
     """A state and its covariance at the next channel, but for what is added on the way, in place."""
     size = len(mean)
     mean[0] += advance + stretched * mean[1]
@@ -91,4 +27,63 @@ def _moved(mean: Any, covariance: Any, advance: float, stretched: float, keeps: 
             covariance[other, 3 + error] *= keeps[error]
 
 
-moved: Any = compiled(_moved)
+@compiled
+def smooth(
+    advance: Array,
+    stretched: Array,
+    variance: Array,
+    wander: float,
+    keeps: Array,
+    scale: Array,
+    leg: Numbers,
+    picked: Numbers,
+    pick_leg: Numbers,
+    value: Array,
+    noise: Array,
+    speed: Array,
+    mean: Array,
+    covariance: Array,
+) -> tuple[Array, Array]:
+    """Means [channel, state] and covariances [channel, state, state] of all channels.
+
+    The state is a cell, the stretch, the clock, and the errors of unit variance. From channel to channel the cell goes
+    on by `advance` and `stretched` times the stretch, an error keeps the share `keeps` [error, channel]. A pick [pick]
+    of a channel, sorted by channel, is the cell, plus `speed` times the clock, plus `scale` [error, channel] times each
+    of the errors that `leg` [error] says are of its leg. `mean` [state] and `covariance` [state, state] are those
+    before the first channel, and are overwritten.
+    """
+    channels, size = len(advance), len(mean)
+    ahead, means = np.zeros((channels, size)), np.zeros((channels, size))
+    spread, covariances = np.zeros((channels, size, size)), np.zeros((channels, size, size))
+    row, gain = np.zeros(size), np.zeros(size)
+    pick = 0
+    for channel in range(channels):
+        if channel:
+            moved(mean, covariance, advance[channel], stretched[channel], keeps[:, channel])
+            covariance[0, 0] += variance[channel]
+            covariance[1, 1] += wander
+            for error in range(size - 3):
+                covariance[3 + error, 3 + error] += 1 - keeps[error, channel] ** 2
+        ahead[channel], spread[channel] = mean, covariance
+        while pick < len(picked) and picked[pick] == channel:
+            row[0], row[2] = 1.0, speed[pick]
+            for error in range(size - 3):
+                row[3 + error] = scale[error, channel] if leg[error] == pick_leg[pick] else 0.0
+            gain[:] = covariance @ row
+            total = row @ gain + noise[pick]
+            mean += gain * ((value[pick] - row @ mean) / total)
+            for one in range(size):
+                for other in range(size):
+                    covariance[one, other] -= gain[one] * gain[other] / total
+            pick += 1
+        means[channel], covariances[channel] = mean, covariance
+    for channel in range(channels - 2, -1, -1):
+        after = channel + 1
+        move = np.eye(size)
+        move[0, 1] = stretched[after]
+        for error in range(size - 3):
+            move[3 + error, 3 + error] = keeps[error, after]
+        back = np.linalg.solve(spread[after], move @ covariances[channel])
+        means[channel] += back.T @ (means[after] - ahead[after])
+        covariances[channel] += back.T @ (covariances[after] - spread[after]) @ back
+    return means, covariances

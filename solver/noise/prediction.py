@@ -111,18 +111,12 @@ def filter_maps(maps: Array, weights: Array, order: NDArray[np.int64], lead: int
     acts = np.zeros(samples, np.bool_)
     for number in range(len(maps)):
         for s in range(samples):
-            acts[s] = False
-            for c in range(channels):
-                if maps[number, s, c] != 0:
-                    acts[s] = True
-                    break
+            acts[s] = maps[number, s].any()
         for s in range(lead, samples):
             by, lag = weights[order[s]], 0
             while lag <= order[s]:
                 # Four lags at once: what is added to is read and written a quarter as often.
-                if lag + 3 <= order[s] and (
-                    acts[s - lag] or acts[s - lag - 1] or acts[s - lag - 2] or acts[s - lag - 3]
-                ):
+                if lag + 3 <= order[s] and acts[s - lag - 3 : s - lag + 1].any():
                     for c in range(channels):
                         out[number, s - lead, c] += (
                             by[lag] * maps[number, s - lag, c]

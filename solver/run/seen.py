@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from solver.fit.longest import ONE_STRETCH, is_one_stretch
 from solver.fit.result import FitResult, Placed
+from solver.run.located_fiber import LocatedFiber
 from solver.run.run_corridor import corridor_sentence, placed
 from solver.run.rung import Rung
 from solver.survey.anchors import Anchor
@@ -20,7 +21,7 @@ from vision.contract import LocalFrame
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Seen:
+class Seen(LocatedFiber):
     """A located fiber as it is drawn; parameters as of `solver.run.run.Run`, which has its model too."""
 
     result: FitResult
@@ -35,24 +36,9 @@ class Seen:
     added: NDArray[np.float64] | None = None
 
     @property
-    def name(self) -> str:
-        """Of the survey."""
-        return str(self.facts["name"])
-
-    @property
     def effects(self) -> list[str]:
         """Names of the effects in the model."""
         return list(self.facts["effects"])
-
-    @property
-    def headline(self) -> str:
-        """Where the fiber is, in a sentence."""
-        return str(self.facts["headline"])
-
-    @property
-    def trust(self) -> str:
-        """Whether the route may be relied on, in a sentence that follows from all checks."""
-        return str(self.facts["trust"]["sentence"])
 
     @property
     def warnings(self) -> list[str]:

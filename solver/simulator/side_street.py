@@ -9,7 +9,7 @@ from solver.simulator.buried_route import Route
 from solver.simulator.effects import effect_rng
 from solver.simulator.scenario import Scenario
 from solver.simulator.strain import listen
-from solver.simulator.vehicle import Vehicle, draw_vehicle
+from solver.simulator.vehicle import Vehicle, draw_class, draw_vehicle
 
 Array = NDArray[np.float64]
 LANE = 1.75  # m from the middle of the side street
@@ -42,12 +42,10 @@ def side_signal(scenario: Scenario, route: Route, distance: Array, time: Array) 
 def _drawn(scenario: Scenario, rng: np.random.Generator, time: Array, number: int) -> Vehicle:
     """A vehicle of the side street, in the frame turned to it."""
     direction = int(rng.choice([1, -1]))
-    names = list(scenario.classes)
-    shares = np.array([scenario.classes[name] for name in names])
     return draw_vehicle(
         rng,
         f"side {number}",
-        names[rng.choice(len(names), p=shares / shares.sum())],
+        draw_class(rng, scenario.classes),
         direction=direction,
         lane=direction * LANE,
         time_at=float(rng.uniform(time[0], time[-1])),

@@ -9,7 +9,7 @@ from solver.simulator.buried_route import Route, spline_route, street_route
 from solver.simulator.effects import effect_rng
 from solver.simulator.fiber_motion import bend
 from solver.simulator.scenario import Scenario
-from solver.simulator.vehicle import FLEET, GRAVITY, Vehicle, draw_vehicle
+from solver.simulator.vehicle import FLEET, GRAVITY, Vehicle, draw_class, draw_vehicle
 
 Array = NDArray[np.float64]
 MARGIN = 12.0  # s of quiet before the first and after the last vehicle in view
@@ -41,8 +41,6 @@ def drive(scenario: Scenario, rng: np.random.Generator) -> tuple[Vehicle, ...]:
     """One vehicle per pass, as evenly over the two directions as can be."""
     middle = sum(scenario.view) / 2
     directions = rng.permutation(np.resize([1, -1], scenario.passes))
-    names = list(scenario.classes)
-    shares = np.array([scenario.classes[name] for name in names])
     vehicles, time_at = [], 0.0
     for number, direction in enumerate(directions.tolist(), 1):
         speed = rng.uniform(*scenario.speeds) / 3.6
@@ -52,7 +50,7 @@ def drive(scenario: Scenario, rng: np.random.Generator) -> tuple[Vehicle, ...]:
             draw_vehicle(
                 rng,
                 str(number),
-                names[rng.choice(len(names), p=shares / shares.sum())],
+                draw_class(rng, scenario.classes),
                 direction=direction,
                 lane=scenario.lanes[0 if direction > 0 else 1],
                 time_at=time_at,

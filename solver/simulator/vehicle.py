@@ -1,5 +1,6 @@
 """Vehicles that drive by: their weight, wheels and motion."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -156,6 +157,16 @@ class Vehicle:
         x = self.position(time)[:, 0]
         inside = time[(x >= first) & (x <= last)]
         return float(inside[0]), float(inside[-1])
+
+
+def draw_class(rng: np.random.Generator, classes: Mapping[str, float]) -> str:
+    """Draw a class of vehicles, by the share of each.
+
+    >>> draw_class(np.random.default_rng(1), {"car": 0.0, "bus": 2.0})
+    'bus'
+    """
+    names, shares = list(classes), np.array(list(classes.values()))
+    return names[rng.choice(len(names), p=shares / shares.sum())]
 
 
 def draw_vehicle(

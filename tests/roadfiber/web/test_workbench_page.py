@@ -14,7 +14,7 @@ import pytest
 from tests.web_requests import is_shut
 
 READY = "window.Bokeh && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle"
-PATIENCE = 400_000  # ms; tests share the machine, and an effect that is added has its corridor computed
+PATIENCE = 150_000  # ms; tests share the machine
 
 #: Finds an element within all shadow roots.
 FIND = """

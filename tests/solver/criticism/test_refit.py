@@ -71,8 +71,10 @@ def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Refit, "shape", property(lambda self: {}))
     said = score_candidate(found.score, found)
     assert (said.verdict, said.sigma) == ("present", 0.02)
-    # What would have shown is as the score test says: 5 sigmas of 1 are beyond the bounds, those of 0.02 are not.
+    # What would have shown is as the score test says: 5 sigmas of 1 are beyond the effect's bounds, those of 0.05 not.
     assert said.detectable_size == float("inf")
+    sharper = replace(found.score, sigma=np.array([0.05]))
+    assert score_candidate(sharper, found).detectable_size == pytest.approx(0.25)
     lone = Refit(found.score, found.fit, found.solution, found.fall, lone=True)
     vars(lone)["paid"] = 0.0
     assert score_candidate(found.score, lone).verdict == "inconclusive"

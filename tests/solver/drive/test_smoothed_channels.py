@@ -7,7 +7,7 @@ import numpy as np
 from solver.drive.along import Model, Steps, smoothed_along
 from solver.drive.path import path_of
 from solver.drive.picks import Picks
-from solver.drive.smoother import smoother
+from solver.drive.smoother import smooth
 
 CHANNELS, SPACING = 60, 8.0
 
@@ -44,7 +44,7 @@ def test_smoother_is_the_conditional_gaussian() -> None:
     mean = np.concatenate(means) + gain @ (value - rows @ np.concatenate(means))
     covariance = prior - gain @ rows @ prior
     leg, of_leg = np.zeros(2, np.int64), np.zeros(3, np.int64)
-    found = smoother()(
+    found = smooth(
         *(advance, stretched, variance, wander, keeps, scale, leg, picked, of_leg, value, noise, speed),
         *(start.copy(), first.copy()),
     )
