@@ -6,8 +6,9 @@ from functools import cached_property
 
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import Candidate
+from solver.criticism.fault import Fault
 from solver.criticism.policy import POLICY
-from solver.criticism.repairs import SEARCHES, Fault
+from solver.criticism.repairs import SEARCHES
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
 from solver.effect import Effect

@@ -9,10 +9,10 @@ from scipy.stats import chi2 as chi2_law
 
 from solver.catalogue.catalogue import FAULTS
 from solver.catalogue.plain_words import Told
+from solver.criticism.fault import Fault
 from solver.criticism.marginal import fault_evidence
 from solver.criticism.policy import POLICY
 from solver.criticism.refit import Refit
-from solver.criticism.repairs import Fault
 from solver.criticism.score import Score
 from solver.effect import Effect, Parameter
 

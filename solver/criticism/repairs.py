@@ -4,25 +4,24 @@ Each is searched for in the residual, and mended in the survey itself: a pass mo
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, percentile_filter
 from scipy.optimize import minimize
 
 from solver.cable.fiber import Fiber
+from solver.criticism.fault import Fault
+from solver.criticism.left_out import find_cycle_skips, find_faded_channels
 from solver.fit.carried import carried
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
-from solver.fit.robust import HUBER
 from solver.fit.state import State
 from solver.noise.whitening import Whitener
 from solver.signal_path.traffic import Traffic, Vehicles
-from solver.survey.dead_channels import is_nearly_silent
 from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
@@ -30,46 +29,12 @@ Array = NDArray[np.float64]
 #: Speeds that an unseen vehicle is searched at, m/s, and how far from the middle of the view it is followed, m.
 SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
 REACH = 90.0
-#: Sigmas by which a sample that jumped differs from its neighbors.
-JUMP = 8.0
-#: Over how many channels the neighbors of a dead one are, what share it has at most of the power of the quietest
-#: percentage of them, and how many dead ones are named.
-AROUND, QUIET, QUIETEST, NAMED = 15, 0.5, 20, 8
 #: m; uncertainty of the track of an unseen vehicle, which drives straight on, and by how much all of it may be off.
 GUESSED, OFFSET = 0.3, 1.5
 #: How far from the known vehicles' course an unseen one may drive, m.
 LANE = 1.0
 #: s; a vehicle of the trajectories that passes the middle within this time is not unseen.
 KNOWN = 1.5
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A fault found.
-
-    Parameters
-    ----------
-    name, stage : as in the catalogue
-    fall : of chi2 once it is mended
-    freedom, trials : numbers that mending adds, and places searched
-    estimate, sigma : its size
-    unit : of the size
-    detectable : smallest size this survey would have shown
-    words : where and what
-    mend : survey -> mended survey
-    """
-
-    name: str
-    stage: str
-    fall: float
-    freedom: int
-    trials: int
-    estimate: float
-    sigma: float
-    unit: str
-    detectable: float
-    words: str
-    mend: Callable[[Problem], Problem]
 
 
 def unexplained(fit: MapFit, state: State) -> Array:
@@ -212,69 +177,6 @@ def with_pass(problem: Problem, one: Pass) -> Problem:
     named = replace(one, track_id=f"unseen#{number + 1}")
     passes = [*problem.passes, named]
     return replace(problem, passes=passes, traffic=Traffic.of(passes, problem.traffic.samples))
-
-
-def find_cycle_skips(fit: MapFit, state: State) -> Fault | None:
-    """Samples far out of the noise whose neighbors are not: jumps of the unwrapped phase, spikes."""
-    measured = fit.measured.numpy()
-    bad = measured & (fit.weighted(fit.evaluate(state))[0].good.numpy() == 0)
-    near = np.zeros_like(bad)
-    for axis in (0, 1):
-        for step in (1, -1):
-            near |= np.roll(bad, step, axis)
-    residual = fit.residual(state).numpy()
-    around = np.stack([np.roll(residual, step, axis) for axis in (0, 1) for step in (1, -1)])
-    jumps = bad & ~near & (np.abs(residual - np.median(around, 0)) > JUMP)
-    bad = jumps
-    count, total = int(jumps.sum()), int(measured.sum())
-    if count < 4:
-        return None
-    # What the robust likelihood charges for so many samples.
-    fall = count * float(2 * HUBER * JUMP - HUBER**2)
-    at = fit.problem.traffic.samples
-
-    def mend(survey: Problem) -> Problem:
-        record = survey.record.copy()
-        block = record[at]
-        block[bad] = np.nan
-        record[at] = block
-        return replace(survey, record=record)
-
-    rate = count / total
-    words = f"{count} of {total} samples jump by many sigmas and back; they are left out of the fit"
-    return Fault("cycle_skips", "interrogator", fall, 1, 1, rate, rate / count**0.5, "1", 5 / total, words, mend)
-
-
-def find_faded_channels(fit: MapFit, state: State) -> Fault | None:
-    """Single channels that are nearly silent where their neighbors record vehicles."""
-    use = fit.measured.numpy()
-    model, data = np.where(use, fit.model(state).numpy(), 0.0), np.where(use, fit.data.numpy(), 0.0)
-    energy = (model**2).sum(0)
-    gain = (data * model).sum(0) / np.maximum(energy, 1e-300)
-    heard = energy / fit.problem.noise.numpy() ** 2
-    around = median_filter(gain, AROUND, mode="nearest")
-    # A wrong model may be out of step with single channels; those are as loud as any. How loud that is varies where
-    # vehicles are sampled rarely.
-    power = (data**2).sum(0) / np.maximum(use.sum(0), 1) - fit.problem.noise.numpy() ** 2
-    silent = power < QUIET * percentile_filter(power, QUIETEST, AROUND, mode="nearest")
-    with np.errstate(divide="ignore"):
-        dead = is_nearly_silent(gain, heard**-0.5, around) & silent
-    count = int(dead.sum())
-    if count == 0:
-        return None
-    fall = float((heard * (around - gain) ** 2)[dead].sum())
-    numbers = fit.problem.channel[dead]
-
-    def mend(survey: Problem) -> Problem:
-        record = survey.record.copy()
-        record[:, np.isin(survey.channel, numbers)] = np.nan
-        return replace(survey, record=record)
-
-    share, least = count / len(dead), 1 / len(dead)
-    named = ", ".join(map(str, numbers[:NAMED])) + (", ..." if count > NAMED else "")
-    words = f"channels that are nearly silent where their neighbors record vehicles ({named}) are left out of the fit"
-    sigma = share / count**0.5
-    return Fault("faded_channels", "interrogator", fall, count, len(dead), share, sigma, "1", least, words, mend)
 
 
 #: How to look for each fault, by its name in the catalogue.

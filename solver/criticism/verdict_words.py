@@ -5,8 +5,8 @@ from collections.abc import Iterable, Sequence
 from solver.catalogue.catalogue import family
 from solver.criticism.candidate import Candidate
 from solver.criticism.explanations import Weighed
+from solver.criticism.fault import Fault
 from solver.criticism.policy import POLICY
-from solver.criticism.repairs import Fault
 from solver.effect import Effect
 
 ADVICE = {

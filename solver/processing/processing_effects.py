@@ -35,7 +35,7 @@ def common_mode(processing: Processing, p: Values, survey: Surroundings) -> Proc
 
 def repeats(record: Recorded) -> str | None:
     """What a median filter leaves: samples that are exactly their neighbors'."""
-    repeated = repeated_share(record.values)
+    repeated = repeated_share(np.where(record.still, record.values, np.nan))
     if repeated <= REPEATED:
         return None
     return f"{100 * repeated:.0f} % of the samples are exactly the same as their neighbors"

@@ -10,9 +10,9 @@ from scipy.stats import chi2
 from solver.catalogue.catalogue import FAULTS, built_in
 from solver.criticism.bench import racers
 from solver.criticism.candidate import fault_candidate, first_kind, idle_candidate, score_candidate
+from solver.criticism.fault import Fault
 from solver.criticism.marginal import Spectrum, fault_evidence
 from solver.criticism.policy import POLICY
-from solver.criticism.repairs import Fault
 from solver.criticism.score import Score
 from solver.effect import Effect
 

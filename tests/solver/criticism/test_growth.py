@@ -9,8 +9,9 @@ import torch
 
 from solver.catalogue.catalogue import built_in
 from solver.criticism import growth
+from solver.criticism.fault import Fault
 from solver.criticism.growth import CHANCE, Grown, check_names, fitted_with, grow, times_of
-from solver.criticism.repairs import SEARCHES, TAKEN_OUT, Fault
+from solver.criticism.repairs import SEARCHES, TAKEN_OUT
 from vision.contract import InputError
 
 CAMBER = built_in()["camber"]

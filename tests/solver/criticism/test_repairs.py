@@ -9,7 +9,8 @@ import torch
 from solver.catalogue.catalogue import FAULTS
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.audit import NoiseAudit, audit, signal_growth
-from solver.criticism.repairs import SEARCHES, find_cycle_skips, find_faded_channels, find_unseen_vehicle, mended
+from solver.criticism.left_out import find_cycle_skips, find_faded_channels
+from solver.criticism.repairs import SEARCHES, find_unseen_vehicle, mended
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem

@@ -9,17 +9,15 @@ import pytest
 from noisy_trials import noisy
 
 from solver.catalogue.trial_survey import trial_survey
+from solver.criticism.left_out import JUMP, find_cycle_skips, find_faded_channels, level_around
 from solver.criticism.repairs import (
     GUESSED,
-    JUMP,
     LANE,
     OFFSET,
     REACH,
     SPEEDS,
     Peak,
     correlate,
-    find_cycle_skips,
-    find_faded_channels,
     lanes,
     passing_times,
     refined,
@@ -170,6 +168,27 @@ def test_samples_that_jump_and_come_back_are_taken_out(ended: tuple[MapFit, Stat
     mended = found.mend(fit.problem).record
     assert sorted(map(tuple, np.argwhere(np.isnan(mended)).tolist())) == sorted(places)
     assert not np.isnan(fit.problem.record).any(), "the survey stays as it was"
+
+
+def test_the_residual_around_a_sample_is_taken_without_it() -> None:
+    alone = np.zeros((9, 9))
+    alone[4, 4] = 40.0
+    assert level_around(alone)[4, 4] == 1.0 and level_around(alone)[4, 5] == pytest.approx(40 / 24**0.5)
+    assert level_around(np.full((9, 9), 3.0)) == pytest.approx(3.0)
+
+
+def test_the_sharp_peaks_of_an_unknown_vehicle_are_no_jumps(ended: tuple[MapFit, State]) -> None:
+    fit, state = ended
+    rows = fit.problem.traffic.samples
+    places = [(3, 2), (9, 11), (15, 20), (22, 5), (27, 15)]
+    peak = np.array([[0, 7, -4, 7, 0], [5, -2, 20, -2, 4], [0, -3, 0, -4, 0], [-4, 1, -14, 2, -4], [0, -6, 3, -6, 0]])
+
+    def pass_by(record: np.ndarray, level: float) -> None:
+        for row, channel in places:
+            # Rows 1 and 3 are those of the crossing; a jump would leave the others as they are.
+            record[rows[row - 1 : row + 4], channel - 2 : channel + 3] += peak * level
+
+    assert find_cycle_skips(with_record(fit, pass_by), state) is None
 
 
 def test_three_jumps_are_no_fault_nor_is_what_lasts(ended: tuple[MapFit, State]) -> None:

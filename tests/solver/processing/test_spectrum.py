@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from scipy.ndimage import median_filter
+from scipy.ndimage import gaussian_filter1d, median_filter
 
 from solver.catalogue.catalogue import built_in
 from solver.effect import Recorded
@@ -50,3 +50,19 @@ def test_nothing_shows_where_nothing_was_filtered_or_in_time_alone():
     assert shown(record, far) == []
     smooth = np.apply_along_axis(np.convolve, 0, record, np.hanning(9), "same")
     assert shown(smooth, far) == []
+
+
+@pytest.mark.parametrize("step", [0.02, 0.3, 1.0, 2.5])
+@pytest.mark.parametrize("memory", [0.0, 0.5, 2.0])
+def test_rounding_is_not_a_median_filter(step, memory):
+    """Equal neighbors are the rule where the step is as coarse as the noise, more so where noise has a memory."""
+    _, far = survey()
+    white = np.random.default_rng(2).normal(size=far.shape)
+    noise = gaussian_filter1d(white, memory, axis=0) if memory else white
+    noise /= noise.std()
+    assert shown(step * np.rint(noise / step), far) == []
+
+
+def test_a_median_shows_in_a_record_that_was_rounded_finely():
+    record, far = survey()
+    assert shown(0.05 * np.rint(median_filter(record, (3, 5)) / 0.05), far) == ["median_filter"]
