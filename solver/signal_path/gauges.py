@@ -1,5 +1,6 @@
 """Points at which each gauge samples the ground, and weights: strain rate is a weighted sum of velocities there."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -139,9 +140,34 @@ def route_jacobian(ends: GaugeEnds, coefficients: Tensor, stages: Description, c
 
 @lru_cache(maxsize=4)
 def _of_base(ends: GaugeEnds, coefficients: bytes, gauge_length: float, curved: bool) -> tuple[Tensor, Tensor]:
-    """`route_jacobian` of the base model, shared by all vehicles on one stretch."""
+    """`route_jacobian` of the base model, shared by all vehicles on one stretch.
+
+    The weights at a point depend on the fiber there alone, so that three gradients hold the derivatives of all.
+    """
     route = torch.frombuffer(bytearray(coefficients), dtype=torch.float64).reshape(-1, 3)
-    return _jacobian(ends, route, replace(BASE, interrogator=Interrogator(gauge_length)), curved)
+    bases = ends.present()
+    fiber = {name: (basis @ route).requires_grad_() for name, basis in bases.items()}
+    with torch.enable_grad():
+        weights = Gauges.of(Fiber(**fiber), replace(BASE, interrogator=Interrogator(gauge_length)), curved).weights
+    given = list(fiber.values())
+    gradients = (torch.autograd.grad(x.sum(), given, None, True, materialize_grads=True) for x in weights.unbind(-1))
+    each = [dict(zip(fiber, found, strict=True)) for found in gradients]
+    places = _at_points(bases, "")
+    others = torch.zeros(*weights.shape, *route.shape, dtype=weights.dtype)
+    for order in ("_slope", "_bend"):
+        if f"inner{order}" in bases or order == "_slope":
+            by_field = torch.stack([_at_points(one, order) for one in each], 2)
+            others += torch.einsum("cqkd,cqm->cqkmd", by_field, _at_points(bases, order))
+    return places, others.flatten(1, 2).flatten(2)
+
+
+def _at_points(fields: Mapping[str, Tensor], order: str) -> Tensor:
+    """Of a fiber's fields, or what belongs to them, those of one order of derivative, [channel, point, ...]."""
+    inner = fields.get(f"inner{order}")
+    if f"behind{order}" in fields:
+        return ordered(fields[f"behind{order}"], inner, fields[f"ahead{order}"])
+    assert inner is not None, "second derivatives are wanted within the gauge alone"
+    return pad(inner, (0, 0, 1, 1))
 
 
 def _jacobian(ends: GaugeEnds, coefficients: Tensor, stages: Description, curved: bool) -> tuple[Tensor, Tensor]:
