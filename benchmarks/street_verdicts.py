@@ -5,8 +5,8 @@
 
 Each seed draws a street of 4 to 8 passes with noise of one kind of `benchmarks/street_noise.py`, mostly seen by a
 camera, with gaps, spikes, dead channels and now and then a vehicle that nobody listed. A name is wrong unless it is
-that of what the kind does to the record; spikes and heavy tails are samples that jump. One file may be filled by
-several runs; seeds in it are left out.
+that of what the kind does to the record; spikes and heavy tails are samples that jump, and vehicles on a side street
+are ones that nobody listed. One file may be filled by several runs; seeds in it are left out.
 """
 
 import argparse
@@ -61,11 +61,12 @@ def tried(seed: int) -> dict[str, Any]:
     from solver.fit.map_fit import MapFit
 
     kind, scenario = draw(seed)
-    jumps = {"cycle_skips": 1.0} if scenario.spikes or scenario.noise_freedom else {}
+    also = {"cycle_skips": 1.0} if scenario.spikes or scenario.noise_freedom else {}
+    also |= {"unseen_vehicle": 1.0} if scenario.side_street else {}
     row: dict[str, Any] = {
         "seed": seed,
         "kind": kind,
-        "hidden": {**scenario.effects, **jumps},
+        "hidden": {**scenario.effects, **also},
         "filmed": scenario.track_wander,
     }
     begun = time.process_time()
