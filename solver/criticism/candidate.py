@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2 as chi2_law
+from scipy.special import chdtrc
 
 from solver.catalogue.catalogue import FAULTS
 from solver.catalogue.plain_words import Told
@@ -87,7 +87,7 @@ def fault_candidate(fault: Fault, variance: float) -> Candidate:
         delta_chi2=fault.fall,
         predicted=fault.fall,
         evidence=strength,
-        p_value=min(1.0, fault.trials * float(chi2_law.sf(fault.fall, fault.freedom))),
+        p_value=min(1.0, fault.trials * float(chdtrc(fault.freedom, max(fault.fall, 0.0)))),
         estimate=fault.estimate,
         sigma=fault.sigma,
         unit=fault.unit,
@@ -172,7 +172,7 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
         delta_chi2=score.fall if tried is None else tried.fall,
         predicted=score.fall,
         evidence=strength,
-        p_value=min(1.0, score.trials * float(chi2_law.sf(score.fall, score.freedom))),
+        p_value=min(1.0, score.trials * float(chdtrc(score.freedom, max(score.fall, 0.0)))),
         estimate=estimate,
         sigma=sigma,
         unit=parameter.unit,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
@@ -103,7 +103,7 @@ def contradiction(
     advance : called with 1 after each fit
     """
     square = misses(problem, result)
-    if not len(square) or square.sum() < chi2.isf(ALARM, 3 * len(square)):
+    if not len(square) or square.sum() < chdtri(3 * len(square), ALARM):
         return None
     fits = []
     for anchor, share in zip(problem.anchors, square / square.sum(), strict=True):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 
@@ -118,4 +118,4 @@ def threshold(windows: int, false_alarm: float) -> float:
     >>> round(threshold(10_000, 0.05), 2)
     4.42
     """
-    return float(norm.isf(false_alarm / windows))
+    return -float(ndtri(false_alarm / windows))
