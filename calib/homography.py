@@ -28,6 +28,18 @@ def apply(homography: Array, values: Array) -> Array:
     return np.asarray(mapped[:, :2] / mapped[:, 2:])
 
 
+def divided(values: Array) -> Array:
+    """Derivative [n, 2, 3] of (x, y) / z by (x, y, z), at values [n, 3].
+
+    >>> divided(np.array([[2.0, 4.0, 2.0]])).tolist()
+    [[[0.5, 0.0, -0.5], [0.0, 0.5, -1.0]]]
+    """
+    slope = np.zeros((len(values), 2, 3))
+    slope[:, 0, 0] = slope[:, 1, 1] = 1 / values[:, 2]
+    slope[:, :, 2] = -values[:, :2] / values[:, 2:] ** 2
+    return slope
+
+
 def _normalization(values: Array) -> Array:
     center = values.mean(axis=0)
     scale = np.sqrt(2) / np.linalg.norm(values - center, axis=1).mean()
@@ -59,3 +71,10 @@ class Scaling:
     def homography(self, h: Array) -> Array:
         """Parameters [8] -> homography [3, 3], ground -> pixels."""
         return np.asarray(self.to_pixels @ np.append(h, 1.0).reshape(3, 3) @ self.from_ground)
+
+    def slope(self, h: Array, ground: Array) -> Array:
+        """Derivative [n, 2, 8] of the pixels of points on the ground [n, 2] by the parameters."""
+        scaled = homogeneous(ground) @ self.from_ground.T
+        # Of homogeneous pixels [n, 3] by each entry of the scaled homography [3, 3], whose last one is 1.
+        by_entry = np.einsum("ki,nj->nkij", self.to_pixels, scaled).reshape(len(scaled), 3, 9)[:, :, :8]
+        return divided(homogeneous(ground) @ self.homography(h).T) @ by_entry

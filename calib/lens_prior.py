@@ -43,6 +43,10 @@ class LensPrior:
         """Lens at z [k]; trials are clipped to `WILD`, so that numbers stay finite."""
         return Lens.from_vector(self.mean + self.factor @ np.clip(z, -WILD, WILD))
 
+    def slope(self, z: Array) -> Array:
+        """Derivative [9, k] of the lens's `vector` by z [k]."""
+        return np.asarray(self.factor * (np.abs(z) < WILD))
+
 
 def weak_prior(image_size: tuple[int, int]) -> LensPrior:
     """Square pixels, principal point near the middle, a field of view of 20 to 105 degrees, some radial distortion.

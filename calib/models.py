@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.control_points import ControlPoints
-from calib.homography import Scaling, apply
+from calib.homography import Scaling, apply, divided
 from calib.layout import FEWEST, flaw_of, on_a_line
 from calib.lens_prior import LensPrior
 from vision.camera import Parameter
-from vision.lens import Lens
+from vision.lens import NAMES, Lens
 
 Array = NDArray[np.float64]
 
@@ -51,8 +51,16 @@ class GroundModel(ABC):
         """Return the view at theta."""
 
     @abstractmethod
+    def slope(self, theta: Array, ground: Array) -> Array:
+        """Derivative [n, 2, p] of the pixels of points on the ground [n, 2], as `View.project` has them, by theta."""
+
+    @abstractmethod
     def penalty(self, theta: Array) -> Array:
         """Deviations from the prior, in standard deviations."""
+
+    @abstractmethod
+    def penalty_slope(self, theta: Array) -> Array:
+        """Derivative [m, p] of the penalty by theta."""
 
     @abstractmethod
     def determined_by(self, points: ControlPoints) -> bool:
@@ -76,9 +84,22 @@ class HomographyModel(GroundModel):
         lens = None if self.prior is None else self.prior.lens(theta[8:])
         return View(self.scaling.homography(theta[:8]), lens)
 
+    def slope(self, theta: Array, ground: Array) -> Array:
+        """Chain rule through the ideal pixels."""
+        slope = self.scaling.slope(theta[:8], ground)
+        if self.prior is None:
+            return slope
+        lens, ideal = self.prior.lens(theta[8:]), apply(self.scaling.homography(theta[:8]), ground)
+        by_z = lens.by_vector(ideal) @ self.prior.slope(theta[8:])
+        return np.concatenate([lens.jacobian(ideal) @ slope, by_z], 2)
+
     def penalty(self, theta: Array) -> Array:
         """Z."""
         return theta[8:]
+
+    def penalty_slope(self, theta: Array) -> Array:
+        """One by each z."""
+        return np.eye(len(theta))[8:]
 
     def start(self, to_image: Array) -> Array:
         """Theta of a homography [3, 3], ground -> ideal pixels."""
@@ -120,11 +141,29 @@ class CameraModel(GroundModel):
         columns = np.column_stack([rotation[:, 0], rotation[:, 1], -rotation @ theta[-3:]])
         return View(lens.matrix @ columns, lens)
 
+    def slope(self, theta: Array, ground: Array) -> Array:
+        """Chain rule through directions in the camera and ideal pixels."""
+        rotation, lens = self.rotation(theta), self.prior.lens(theta[: self.prior.size])
+        place = (np.column_stack([ground, np.zeros(len(ground))]) - theta[-3:]) @ rotation.T
+        away = place[:, :2] / place[:, 2:] * lens.focal
+        by_ideal = lens.jacobian(away + lens.center)
+        ideal_by_lens = np.zeros((len(ground), 2, len(NAMES)))
+        ideal_by_lens[:, :, :2], ideal_by_lens[:, :, 2:4] = away[:, :, None] * np.eye(2), np.eye(2)
+        by_lens = lens.by_vector(away + lens.center) + by_ideal @ ideal_by_lens
+        by_place = by_ideal @ (np.array(lens.focal)[:, None] * divided(place))
+        turned = -by_place @ crossed(place) @ turning_by(theta[self.prior.size : self.prior.size + 3])
+        return np.concatenate([by_lens @ self.prior.slope(theta[: self.prior.size]), turned, -by_place @ rotation], 2)
+
     def penalty(self, theta: Array) -> Array:
         """z, and the height's deviation."""
         if self.height is None:
             return theta[: self.prior.size]
         return np.append(theta[: self.prior.size], (-theta[-1] - self.height[0]) / self.height[1])
+
+    def penalty_slope(self, theta: Array) -> Array:
+        """One by each z, and the height's by the last coordinate."""
+        rows = np.eye(len(theta))[: self.prior.size]
+        return rows if self.height is None else np.vstack([rows, -np.eye(len(theta))[-1] / self.height[1]])
 
     def start(self, lens: Lens, position: Array) -> Array:
         """Theta of a camera turned like `base`."""
@@ -162,12 +201,33 @@ def rotation_by(turn: Array) -> Array:
     >>> rotation_by(np.array([0, 0, np.pi / 2])).round(6).tolist()
     [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     """
-    x, y, z = turn
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angle = float(np.linalg.norm(turn))
+    cross, angle = crossed(turn), float(np.linalg.norm(turn))
     return np.asarray(
         np.eye(3) + np.sinc(angle / np.pi) * cross + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * cross @ cross
     )
+
+
+def turning_by(turn: Array) -> Array:
+    """Derivative [3, 3] of the rotation by a vector [3], rad: d R = [J d turn] x R (Barfoot 2017, equation 7.77).
+
+    >>> turning_by(np.zeros(3)).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    cross, angle = crossed(turn), float(np.linalg.norm(turn))
+    # (1 - sin(angle) / angle) / angle^2, which rounding would spoil at small angles.
+    last = (1 - np.sinc(angle / np.pi)) / angle**2 if angle > 1e-3 else 1 / 6
+    return np.asarray(np.eye(3) + np.sinc(angle / (2 * np.pi)) ** 2 / 2 * cross + last * cross @ cross)
+
+
+def crossed(vectors: Array) -> Array:
+    """Matrices [..., 3, 3] by which the cross product of vectors [..., 3] with others is taken.
+
+    >>> (crossed(np.array([1.0, 0, 0])) @ [0, 1, 0]).tolist()
+    [0.0, 0.0, 1.0]
+    """
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    none = np.zeros_like(x)
+    return np.moveaxis(np.array([[none, -z, y], [z, none, -x], [-y, x, none]]), (0, 1), (-2, -1))
 
 
 def with_sigmas(values: dict[str, tuple[float, str]], sigmas: Array) -> dict[str, Parameter]:

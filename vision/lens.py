@@ -12,7 +12,6 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 NAMES = ("ln_fx", "ln_fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")  # of `Lens.vector`
 ROUNDS = 40  # of Newton's method
 SETTLED = 1e-10  # in focal lengths
-STEP = 1e-6
 
 
 class Lens(BaseModel):
@@ -106,18 +105,24 @@ class Lens(BaseModel):
         Of D(ideal, l) = pixel: d ideal / d l = -(dD/d ideal)^-1 dD/dl (the implicit function theorem).
         """
         ideal = self.undistort(pixels)
-        by_parameter = np.stack(
-            [
-                (
-                    self.from_vector(self.vector + step).distort(ideal)
-                    - self.from_vector(self.vector - step).distort(ideal)
-                )
-                / (2 * STEP)
-                for step in STEP * np.eye(len(NAMES))
-            ],
-            axis=-1,
-        )
-        return -_solve(self.jacobian(ideal), by_parameter)
+        return -_solve(self.jacobian(ideal), self.by_vector(ideal))
+
+    def by_vector(self, ideal: ArrayLike) -> Array:
+        """Ideal pixels [n, 2] -> derivative [n, 2, 9] of their pixels by `vector`, the ideal pixels held."""
+        focal, place = np.array(self.focal), self._normalized(ideal)
+        x, y = place.T
+        square = x * x + y * y
+        by_place = focal[:, None] * self._slope(place)
+        out = np.zeros((len(place), 2, len(NAMES)))
+        # By focal lengths and center: where a direction is seen, less by how much an ideal pixel's direction changes.
+        seen, held = focal * self._seen(place), np.eye(2)
+        out[:, :, :2] = seen[:, :, None] * held - by_place * place[:, None, :]
+        out[:, :, 2:4] = held - by_place / focal
+        for column, power in ((4, 1), (5, 2), (8, 3)):
+            out[:, :, column] = focal * place * square[:, None] ** power
+        out[:, :, 6] = focal * np.stack([2 * x * y, square + 2 * y * y], 1)
+        out[:, :, 7] = focal * np.stack([square + 2 * x * x, 2 * x * y], 1)
+        return out
 
     def _reached(self, place: Array) -> NDArray[np.bool_]:
         """Which directions [n, 2] are within `reach`, [n, 1]."""
