@@ -220,14 +220,15 @@ def turning_by(turn: Array) -> Array:
 
 
 def crossed(vectors: Array) -> Array:
-    """Matrices [..., 3, 3] by which the cross product of vectors [..., 3] with others is taken.
+    """Matrices [3, 3] or [n, 3, 3] by which the cross product of vectors [3] or [n, 3] with others is taken.
 
     >>> (crossed(np.array([1.0, 0, 0])) @ [0, 1, 0]).tolist()
     [0.0, 0.0, 1.0]
     """
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    none = np.zeros_like(x)
-    return np.moveaxis(np.array([[none, -z, y], [z, none, -x], [-y, x, none]]), (0, 1), (-2, -1))
+    x, y, z = vectors.T
+    matrices = np.zeros((*vectors.shape, 3))
+    matrices[..., 2, 1], matrices[..., 0, 2], matrices[..., 1, 0] = x, y, z
+    return matrices - np.swapaxes(matrices, -1, -2)
 
 
 def with_sigmas(values: dict[str, tuple[float, str]], sigmas: Array) -> dict[str, Parameter]:
