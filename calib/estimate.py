@@ -75,12 +75,12 @@ def estimate(model: GroundModel, points: ControlPoints, start: Array, robust: bo
             off = (model.view(theta).project(points.ground) - points.pixels)[:, :, None]
             return np.concatenate([np.nan_to_num(whitening @ off, nan=LOST).ravel(), model.penalty(theta)])
 
-        def slope(theta: Array, whitening: Array = whitening) -> Array:
-            seen = np.isfinite(model.view(theta).project(points.ground)).all(1)
-            slopes = np.where(seen[:, None, None], whitening @ model.slope(theta, points.ground), 0.0)
+        def derivative(theta: Array, whitening: Array = whitening) -> Array:
+            seen = np.isfinite(model.view(theta).project(points.ground)).all(1, keepdims=True)
+            slopes = np.where(seen[:, :, None], whitening @ model.slope(theta, points.ground), 0.0)
             return np.concatenate([slopes.reshape(-1, len(theta)), model.penalty_slope(theta)])
 
-        found = least_squares(residual, theta, slope, x_scale="jac", xtol=1e-8, ftol=1e-10, gtol=1e-9, **loss)
+        found = least_squares(residual, theta, derivative, x_scale="jac", xtol=1e-8, ftol=1e-10, gtol=1e-9, **loss)
         theta = found.x
     chi2, freedom = float((found.fun**2).sum()), len(found.fun) - len(theta)
     (off, penalty), (slope, bend) = np.split(found.fun, [2 * len(points)]), np.split(found.jac, [2 * len(points)])
