@@ -76,8 +76,8 @@ def estimate(model: GroundModel, points: ControlPoints, start: Array, robust: bo
             return np.concatenate([np.nan_to_num(whitening @ off, nan=LOST).ravel(), model.penalty(theta)])
 
         def derivative(theta: Array, whitening: Array = whitening) -> Array:
-            seen = np.isfinite(model.view(theta).project(points.ground)).all(1, keepdims=True)
-            slopes = np.where(seen[:, :, None], whitening @ model.slope(theta, points.ground), 0.0)
+            seen = np.isfinite(model.view(theta).errors(points))[:, None, None]
+            slopes = np.where(seen, whitening @ model.slope(theta, points.ground), 0.0)
             return np.concatenate([slopes.reshape(-1, len(theta)), model.penalty_slope(theta)])
 
         found = least_squares(residual, theta, derivative, x_scale="jac", xtol=1e-8, ftol=1e-10, gtol=1e-9, **loss)
