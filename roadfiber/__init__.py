@@ -64,7 +64,6 @@ if TYPE_CHECKING:
     from roadfiber.simulating import simulate as simulate
     from roadfiber.studying import Study as Study
     from roadfiber.studying import study as study
-    from roadfiber.web.workbench import workbench as workbench
     from solver.drive.drive import Drive as Drive
     from solver.drive.drive_run import DriveRun as DriveRun
     from solver.effect import Effect as Effect
@@ -124,7 +123,6 @@ _HOMES = {
     "track": "roadfiber.cameras",
     "vehicles": "roadfiber.listening",
     "view": "roadfiber.ingesting",
-    "workbench": "roadfiber.web.workbench",
 }
 
 __all__ = sorted(_HOMES)

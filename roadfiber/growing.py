@@ -14,6 +14,7 @@ from solver.criticism.growth import Grown, check_names, fitted_with, grow, with_
 from solver.criticism.pages import Chapter, story_page
 from solver.criticism.verdict_words import left_open
 from solver.effect import Effect
+from solver.effect.plain import lower
 from solver.fit.held_out import FOLDS
 from solver.fit.track_trust import strict_tracks
 from solver.run.fitted import fitted
@@ -235,13 +236,13 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
         begun = time.perf_counter()
         step: Grown = grow(*fitted(run), found.effect, run.known)
         if not step.better:
-            chapters.append(
-                Chapter(found.finding, f"{found.effect} was tried, and passes held out fit no better.", run)
-            )
+            tried = f"It was tried in the model ({found.effect}): passes held out fit no better, so it was left out."
+            chapters.append(Chapter(found.finding, tried, run))
             break
         after = with_growth(run, step, [*run.effects, found.effect], time.perf_counter() - begun)
         rung = after.rungs[-1]
-        done = f"{found.finding.candidates[0].title} was added; the route moved {rung.route_change:.2f} m."
+        title = lower(found.finding.candidates[0].title)
+        done = f"Added to the model: {title}. The route moved by up to {rung.route_change:.2f} m."
         chapters.append(Chapter(found.finding, done, run))
         for line in rung.words:
             say(line)

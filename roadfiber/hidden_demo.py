@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from solver.catalogue.catalogue import title_of
+from solver.effect.plain import lower
 from solver.run.ladder_file import read_ladder
 from solver.run.report.ladder_page import headline as ladder_headline
 from solver.run.report.ladder_page import ladder_figure, thumbnails
@@ -105,7 +106,7 @@ def errors(out: Path) -> dict[str, RouteError]:
 def answer(out: Path) -> str:
     """What was hidden, and how far from the truth each rung was, in a sentence."""
     effects = facts_in(out / TRUTH)["switches"]
-    names = ", ".join(f"{title_of(name).lower()} ({name} = {effects[name]:g})" for name in effects if name in EFFECTS)
+    names = ", ".join(f"{lower(title_of(name))} ({name} = {effects[name]:g})" for name in effects if name in EFFECTS)
     far = ", ".join(f"{one.mean:.2f} m on average {where}" for where, one in errors(out).items())
     return f"hidden was: {names}; the route was off by {far}"
 

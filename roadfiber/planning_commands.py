@@ -47,6 +47,7 @@ def plan(
     import json
 
     import roadfiber as rf
+    from solver.effect.plain import lower
     from vision.contract import require_writable
 
     require_writable(out / "plan.html")
@@ -57,6 +58,6 @@ def plan(
         return
     print("\n".join([planned.headline, *(f"  {line}" for line in planned.advice), *planned.warnings]))
     if planned.effects:
-        seen = [one.title.lower() for one in planned.effects if one.visible != "yes"]
+        seen = [lower(one.title) for one in planned.effects if one.visible != "yes"]
         print(f"of {len(planned.effects)} effects it could not be sure to see: {', '.join(seen) or 'none'}")
     print(f"page: {out / 'plan.html'}")

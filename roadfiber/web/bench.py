@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from roadfiber.web.job import Job
 from roadfiber.web.run_folders import kept_candidates, reserved
 from roadfiber.web.worker import Worker
+from solver.effect.plain import lower
 from solver.run.read_seen import read_seen
 from solver.run.seen import Seen
 from vision.contract import InputError, writing
@@ -193,7 +194,7 @@ class Bench:
         try:
             out = reserved(self.first)
         except OSError as error:
-            self.changed(f"{title} was not added: {machine_words(error)}")
+            self.changed(f"not added: {lower(title)}; {machine_words(error)}")
             return
         below = self.at
 
@@ -203,12 +204,13 @@ class Bench:
             with self._lock:
                 self.runs, self.at = [*self.runs[: below + 1], better], below + 1
             was, now = better.rungs[-2].chi2_per_dof, rung.chi2_per_dof
-            self.changed(
-                f"{title} was added: misfit {was:.3f} -> {now:.3f}, route moved {rung.route_change:.2f} m; {folder}"
-            )
+            moved = f"misfit {was:.3f} -> {now:.3f}, the route moved by up to {rung.route_change:.2f} m"
+            self.changed(f"added: {lower(title)}; {moved}; {folder}")
             self.look()
 
-        if self.begin(f"adding {title}", "add", effect, out, force, then=grown) is None and not any(out.iterdir()):
+        if self.begin(f"adding {lower(title)}", "add", effect, out, force, then=grown) is None and not any(
+            out.iterdir()
+        ):
             out.rmdir()
 
     def diagnose(self) -> None:

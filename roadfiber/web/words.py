@@ -8,8 +8,10 @@ from roadfiber.web.bench import Bench
 from roadfiber.web.job import Job
 from solver.run.report.parts import with_commands
 from solver.run.rung import rung_names
+from vision.contract import InputError
 
 if TYPE_CHECKING:
+    from roadfiber.web.film import Film
     from roadfiber.web.preview import Preview
     from solver.criticism.comparison.regions import Region
 
@@ -159,12 +161,17 @@ def held_words(rung: Any) -> str:
     return "-" if held is None else f"{held:.3f}"
 
 
-def frame(source: str) -> str:
-    """A frame of the video, of a data address, as HTML; words where there is none.
+def small(line: str) -> str:
+    """A line beside what it is of."""
+    return f"<small>{escape(line)}</small>"
 
-    >>> frame("")
-    '<small>The video shows nothing at this moment.</small>'
-    """
+
+def frame(film: "Film", place: int | None) -> str:
+    """A frame of the video as HTML; words where there is none, or it cannot be read."""
+    try:
+        source = "" if place is None else film.at(place)
+    except InputError as error:
+        return small(str(error))
     if not source:
-        return "<small>The video shows nothing at this moment.</small>"
+        return small("The video shows nothing at this moment.")
     return f"<img src='{source}' alt='the street at this moment' style='width:100%'>"

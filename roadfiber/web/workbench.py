@@ -13,29 +13,8 @@ if TYPE_CHECKING:
     from solver.run.run import Run
 
 
-def workbench(run: "Run", *, plugins: Sequence[Path | str] = (), tiles: str = "") -> Any:
-    """The workbench of a run in a notebook: what `roadfiber workbench` serves.
-
-    Parameters
-    ----------
-    run : of a folder: every effect that is added becomes a run folder beside it
-    plugins : files with effects of your own
-    tiles : address of map tiles to draw beneath the route, such as
-        "https://tile.openstreetmap.org/{z}/{x}/{y}.png"; its server learns where the survey is. "" asks nobody
-
-    Returns
-    -------
-    page : a Panel object, which a notebook shows
-
-    Raises
-    ------
-    InputError
-        If the run was not saved, or there are no such tiles.
-
-    Examples
-    --------
-    >>> rf.workbench(rf.open(folder / "run"))  # doctest: +SKIP
-    """
+def in_notebook(run: "Run", plugins: Sequence[Path | str], tiles: str) -> Any:
+    """What a notebook shows of a run; see `solver.run.run.Run.workbench`."""
     from roadfiber.web.bench import Bench
     from roadfiber.web.film import film_of
     from roadfiber.web.layout import laid_out

@@ -204,17 +204,15 @@ class Page:
         self.show_frame(maps.start + second)
 
     def show_frame(self, second: float) -> None:
-        """Show the video's frame of a second of the record."""
-        picture = self.controls.picture
-        if isinstance(self.film, str):
-            picture.object = f"<small>{escape(self.film)}</small>"
+        """Show the video's frame of a second of the record, or say why there is none."""
+        film, picture = self.film, self.controls.picture
+        if isinstance(film, str):
+            picture.object = words.small(film)
             return
-        place = self.film.place(second)
+        place = film.place(second)
         frame = -2 if place is None else place
-        if frame == self.frame:
-            return
-        self.frame = frame
-        picture.object = words.frame(self.film.at(frame) if frame >= 0 else "")
+        if frame != self.frame:
+            self.frame, picture.object = frame, words.frame(film, place)
 
     # ---- where it fails ----------------------------------------------------------------------------------------------
 

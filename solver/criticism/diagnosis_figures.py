@@ -178,7 +178,7 @@ def corridor_words(run: Run, diagnosis: "Diagnosis", title: str) -> str:
         return ""
     words = f"95 % corridor: {median_half(run.result):.2f} m to either side (median) if the model lacks nothing, "
     words += f"{median_half(wide.place):.2f} m with what it may lack"
-    return f"{words}; {title} widens it most" if title and diagnosis.corridor.share > 0 else words
+    return f"{words}; it is widened most by {title}" if title and diagnosis.corridor.share > 0 else words
 
 
 def sureness_section(run: Run, diagnosis: "Diagnosis", title: str) -> str:

@@ -10,6 +10,7 @@ from solver.catalogue.catalogue import FAULTS
 from solver.catalogue.plain_words import rounded, told, with_unit
 from solver.criticism.candidate import Candidate
 from solver.effect import Effect, Setting
+from solver.effect.plain import lower
 from solver.fit.problem import Problem
 
 if TYPE_CHECKING:
@@ -50,15 +51,6 @@ def titles(names: Sequence[str], listed: Sequence[Candidate]) -> str:
     known = {c.effect: c.title for c in listed}
     said = [lower(known.get(name, name)) for name in names]
     return said[0] if len(said) == 1 else f"{', '.join(said[:-1])} or {said[-1]}"
-
-
-def lower(title: str) -> str:
-    """A title within a sentence; names and abbreviations keep their capitals.
-
-    >>> lower("Gauge length"), lower("AC coupling"), lower("Poisson's ratio")
-    ('gauge length', 'AC coupling', "Poisson's ratio")
-    """
-    return title if title[:2].isupper() or title.startswith("Poisson") else title[:1].lower() + title[1:]
 
 
 def headline(diagnosis: "Diagnosis") -> str:

@@ -14,7 +14,6 @@ from solver.criticism.corridor import Corridor
 from solver.criticism.explaining import Explainer
 from solver.criticism.explanations import Posterior
 from solver.criticism.law_tolerance import law_errors
-from solver.criticism.plain_verdict import lower
 from solver.criticism.policy import POLICY
 from solver.criticism.probability_figure import title_of_explanation
 from solver.criticism.quick_scores import quick_scores
@@ -26,6 +25,7 @@ from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
 from solver.criticism.verdict_words import ADVICE, MORE
 from solver.effect import Effect
+from solver.effect.plain import lower
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.state import Weights
@@ -96,7 +96,7 @@ def told(run: Run, corridor: Corridor, posterior: Posterior, effects: Sequence[E
     narrower = MENDED if shows else f"a survey with {'; '.join(advice)}"
     inside = {one.name for one in run.problem.effects}
     title = lower(titles[widest]) if widest else ""
-    title = f"the law of {title}, which may be inexact," if widest in inside else title
+    title = f"the law of {title}, which may be inexact" if widest in inside else title
     listed = [
         {"title": title_of_explanation(one, titles)} | asdict(one) for one in posterior.weighed if one.probability > 0
     ]

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -126,6 +127,32 @@ class Run(Seen):
         from solver.run.gis.patch_coords import with_route
 
         return with_route(patch, self.route)
+
+    def workbench(self, *, plugins: Sequence[Path | str] = (), tiles: str = "") -> Any:
+        """The workbench in a notebook: what `roadfiber workbench` serves. Every effect that is added is a run folder.
+
+        Parameters
+        ----------
+        plugins : files with effects of your own
+        tiles : address of map tiles to draw beneath the route, such as
+            "https://tile.openstreetmap.org/{z}/{x}/{y}.png"; its server learns where the survey is. "" asks nobody
+
+        Returns
+        -------
+        page : a Panel object, which a notebook shows
+
+        Raises
+        ------
+        InputError
+            If the run was not saved, there are no such tiles, or Panel is not installed.
+
+        Examples
+        --------
+        >>> rf.open(folder / "run").workbench()  # doctest: +SKIP
+        """
+        # The door stands above this house: who holds a run may have come through it, and knows it by name alone.
+        door: Any = import_module("roadfiber.web.workbench")
+        return door.in_notebook(self, plugins, tiles)
 
     def __repr__(self) -> str:
         return f"<Run {self.name}: {self.headline} {self.trust}>"

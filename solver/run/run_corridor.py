@@ -88,10 +88,10 @@ def corridor_sentence(facts: Mapping[str, Any]) -> str:
     facts : as `corridor_facts` has them, NaN or None for what is not known
 
     >>> facts = {"full": True, "why": "", "half_width": 0.3, "half_width_fit": 0.1, "widest": "gauge_length",
-    ...          "title": "wrong gauge length", "share": 0.8, "narrower": "two lanes", "explanations": []}
+    ...          "title": "gauge length", "share": 0.8, "narrower": "two lanes", "explanations": []}
     >>> corridor_sentence(facts)
-    '95 % corridor: 0.30 m to either side (median) with what the model may lack, 0.10 m if it lacks nothing. Wrong \
-gauge length widens it most (80 % of what is added); two lanes would narrow it.'
+    '95 % corridor: 0.30 m to either side (median) with what the model may lack, 0.10 m if it lacks nothing. It is \
+widened most by gauge length (80 % of what is added); two lanes would narrow it.'
     >>> corridor_sentence(facts | {"full": False, "why": "what it may lack was not looked at"})
     '95 % corridor: 0.10 m to either side (median) if the model lacks nothing; what it may lack was not looked at.'
     """
@@ -104,8 +104,7 @@ gauge length widens it most (80 % of what is added); two lanes would narrow it.'
     said += f"{own:.2f} m if it lacks nothing."
     if whole < NOTED * own or not facts["title"]:
         return said
-    title = facts["title"][:1].upper() + facts["title"][1:]
-    said += f" {title} widens it most ({100 * facts['share']:.0f} % of what is added)"
+    said += f" It is widened most by {facts['title']} ({100 * facts['share']:.0f} % of what is added)"
     return f"{said}; {facts['narrower']} would narrow it." if facts["narrower"] else f"{said}."
 
 

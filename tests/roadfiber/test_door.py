@@ -100,10 +100,10 @@ def test_the_corridor_of_a_run_holds_what_its_model_lacks(tmp_path: Path) -> Non
     assert (off <= 1.96 * known["sigma_y_fit"]).mean() < 0.85 and (off <= 1.96 * known["sigma_y"]).mean() > 0.95
     corridor = run.facts["corridor"]
     assert corridor["full"] and corridor["half_width"] > 1.1 * corridor["half_width_fit"]
-    assert corridor["explanations"][0]["effects"] == ["highpass"] and "AC coupling widens it most" in run.corridor
+    assert corridor["explanations"][0]["effects"] == ["highpass"] and "widened most by AC coupling" in run.corridor
     run.save(tmp_path / "run")
     again = rf.open(tmp_path / "run")
-    assert again.corridor == run.corridor and "AC coupling widens it most" in again._repr_html_()
+    assert again.corridor == run.corridor and "widened most by AC coupling" in again._repr_html_()
 
 
 def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path, monkeypatch) -> None:

@@ -1,5 +1,6 @@
 """The video in step with the record."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,8 @@ import pandas as pd
 import pytest
 
 from roadfiber.web.film import film_of, joined
+from roadfiber.web.workbench_page import Page
+from vision.contract import InputError
 from vision.frames import Frame
 
 START = np.datetime64("2025-08-11T06:00:00", "ns")
@@ -22,10 +25,10 @@ class Video:
         return (Frame(int(at), float(self.time[at]), np.full((48, 64, 3), 90, np.uint8)) for at in wanted)
 
 
-def tracks(**changes):
+def tracks(start=START, **changes):
     rows = pd.DataFrame(
         {
-            "time": pd.to_datetime(START + np.array([3000, 3500]).astype("timedelta64[ms]"), utc=True),
+            "time": pd.to_datetime(start + np.array([3000, 3500]).astype("timedelta64[ms]"), utc=True),
             "track_id": "<b>1</b>",
             "class": "car",
             "frame": [2, 3],
@@ -70,3 +73,28 @@ def test_another_video_of_that_name_is_not_shown(tmp_path, monkeypatch):
     inputs = [{"role": "video", "path": str(tmp_path / "street.mp4"), "sha256": "0"}]
     told = film_of(SimpleNamespace(facts={"inputs": inputs}, folder=tmp_path))
     assert told == "street.mp4 is another video than the one that this run was made with."
+
+
+def test_the_page_of_a_run_whose_video_is_gone_says_so_and_shows_all_else(bench):
+    inputs = [{"role": "video", "path": "/gone/<i>street.mp4", "sha256": "0"}]
+    run = replace(bench.run, facts=bench.run.facts | {"inputs": inputs})
+    page = Page(bench, film_of(run))
+    assert "no longer there: &lt;i&gt;street.mp4" in page.controls.picture.object
+    assert page.maps.images[2].data["image"][0].size and page.traces.measured.data["x"].size
+
+
+def test_a_video_that_goes_while_the_page_is_open_is_said(bench):
+    """Each frame is decoded when it is asked for."""
+    video = Video()
+    page = Page(bench, joined(bench.run, video, tracks(bench.run.start)))
+    page.show_frame(2.5)
+    assert "data:image/jpeg" in page.controls.picture.object
+
+    def gone(wanted):
+        raise InputError("street.mp4: no such file")
+
+    video.frames_at = gone
+    page.show_frame(3.5)
+    assert page.controls.picture.object == "<small>street.mp4: no such file</small>"
+    page.tapped(page.maps.channels.start + 5, 1.0)
+    assert page.controls.second.value == 1.0

@@ -13,7 +13,7 @@ from tests.roadfiber.web.told import Told
 @pytest.fixture
 def shown(hidden, monkeypatch):
     monkeypatch.setattr(module, "Worker", Told)
-    return rf.workbench(rf.open(hidden))
+    return rf.open(hidden).workbench()
 
 
 def test_it_renders_with_all_its_figures(shown):

@@ -77,11 +77,11 @@ def test_a_missing_effect_is_found_by_eye_tried_added_and_undone(chromium, serve
     assert all(url.startswith(("http://localhost:", "data:", "blob:")) for url in page.asked)
 
     page.get_by_role("button", name="Add to the model").click()
-    page.locator("#said", has_text="Gauge length was added").wait_for()
+    page.locator("#said", has_text="added: gauge length").wait_for()
     rungs = json.loads((hidden.parent / "run-2" / "ladder.json").read_text())["rungs"]
     shown = float(page.locator("#misfit").inner_text())
     assert shown == pytest.approx(rungs[1]["chi2_per_dof"], abs=5e-4) and shown < before - 0.3
-    other.locator("#said", has_text="Gauge length was added").wait_for()
+    other.locator("#said", has_text="added: gauge length").wait_for()
     page.get_by_role("button", name="Undo").click()
     page.locator("#said", has_text="back to the rung below").wait_for()
     assert float(page.locator("#misfit").inner_text()) == before

@@ -17,6 +17,7 @@ import roadfiber.command
 from solver.catalogue import plugins
 from solver.catalogue.catalogue import built_in
 from solver.criticism.policy import POLICY
+from solver.effect.plain import lower
 from vision.contract import InputError
 
 STREET = """
@@ -120,7 +121,7 @@ def test_two_effects_are_found_one_after_the_other(tmp_path: Path, few: None) ->
     page = (tmp_path / "explained" / "explain.html").read_text(encoding="utf-8")
     (first,) = set(climbed[1]["effects"]) - set(climbed[0]["effects"])
     titles = {"gauge_length": "Gauge length", "unseen_vehicle": "Unseen vehicle"}
-    told = sorted(titles, key=lambda name: page.index(f"{titles[name]} was added"))
+    told = sorted(titles, key=lambda name: page.index(f"Added to the model: {lower(titles[name])}"))
     assert told[0] == first
 
 

@@ -70,6 +70,8 @@ def test_a_run_says_what_widens_its_corridor_and_what_would_narrow_it(run, proba
     weighed = [Weighed("effect", ("shear_lag",), "cable", probability), Weighed("nothing", (), "", 1 - probability)]
     found = told(run, corridor, Posterior(tuple(weighed)), list(run.known.values()))
     title = run.known["shear_lag"].title
-    assert found.corridor.endswith(f"{title} widens it most (70 % of what is added); {narrower} would narrow it.")
+    assert found.corridor.endswith(
+        f"is widened most by {title.lower()} (70 % of what is added); {narrower} would narrow it."
+    )
     said = [(one["title"], one["probability"]) for one in found.facts["corridor"]["explanations"]]
     assert said == [(title, probability), ("Nothing that would show", 1 - probability)]

@@ -52,7 +52,10 @@ def test_every_file_draws_the_wide_corridor(run, tmp_path):
     assert most == pytest.approx(half.max(), abs=1e-3) and most > 0.5 * Z95 * 0.9
     assert wide.facts["corridor"]["half_width"] == median_half(placed(run.result, wide.added))
     page = render(wide)
-    assert "Gauge length widens it most (80 % of what is added); a survey with a second lane would narrow it." in page
+    assert (
+        "It is widened most by gauge length (80 % of what is added); a survey with a second lane would narrow it."
+        in page
+    )
     assert "<td>90 %</td>" in page and "if the model lacks nothing" in page
 
 
