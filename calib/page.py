@@ -131,7 +131,9 @@ class Page:
         """Write the calibration and the points."""
         try:
             written = ", ".join(str(path) for path in self.session.save(self.out))
-            self.saved.text = f"saved {html.escape(written)}"
+            self.saved.text = (
+                f"saved {html.escape(written)}; name it as <code>calibration</code> in [camera] of site.toml"
+            )
         except (InputError, OSError) as error:
             self.saved.text = wrong(f"not saved: {error}")
 

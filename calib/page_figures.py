@@ -82,6 +82,7 @@ class Figures:
         points.nonselection_glyph = None  # the same as unselected: not faded
         tips = [("mark", "@name"), ("left out, m", "@leave_one_out_m{0.000}"), ("off, px", "@residual_px{0.0}")]
         plot.add_tools(HoverTool(renderers=[points], tooltips=tips))
+        plot.toolbar.logo = None
         draw = PointDrawTool(renderers=[points])
         plot.add_tools(draw)
         plot.toolbar.active_tap = draw
@@ -95,6 +96,7 @@ class Figures:
             tools="pan,wheel_zoom,reset", title="From above: typed places (+), 2 sigma around those of their pixels",
             x_axis_label="x, m", y_axis_label="y, m (right of +x)",
         )  # fmt: skip
+        plot.toolbar.logo = None
         plot.image_rgba("image", source=self.above_image, x="x", y="y", dw="dw", dh="dh")
         plot.patches("xs", "ys", source=self.above_ellipses, fill_alpha=0.15, color="#ffe600")
         crosses = plot.scatter("x", "y", source=self.above_points, marker="cross", size=12, color="#ff40ff",

@@ -17,8 +17,8 @@ from vision.contract.columns import to_frame
 
 EDITED = ("name", "px", "py", "x", "y", "sigma", "sigma_xy")
 FOUND = ("residual_px", "residual_m", "leave_one_out_m", "color")
-FIELDS = {"name": "selected mark", "px": "px", "py": "py", "x": "x, m", "y": "y, m", "sigma": "sigma, px",
-          "sigma_xy": "sigma, m"}  # fmt: skip
+FIELDS = {"name": "selected mark", "px": "px", "py": "py", "x": "x, m", "y": "y, m", "sigma": "unsure, px",
+          "sigma_xy": "unsure, m"}  # fmt: skip
 LISTED = {"name": "mark", "leave_one_out_m": "left out, m", "residual_m": "off, m", "residual_px": "off, px",
           "x": "x, m", "y": "y, m", "px": "px", "py": "py"}  # fmt: skip
 #: Style of the page's words; colors are those of all pages.
@@ -137,14 +137,17 @@ def describe(fit: GroundFit) -> str:
     rms_px = float(np.sqrt(np.mean(fit.residuals_px[fit.used] ** 2)))
     rms_m = float(np.sqrt(np.mean(fit.residuals_m[fit.used] ** 2)))
     lines = [
-        f"<b>{fit.calibration.model}</b>: rms <span id='rms'>{rms_px:.3f}</span> px, {rms_m:.3f} m; "
-        f"at most {fit.worst_sigma:.2f} m (1 sigma) within the marks",
-        f"leave-one-out: {html.escape(scores_text(fit))}",
+        f"Model <b>{fit.calibration.model}</b>: marks are off by <span id='rms'>{rms_px:.3f}</span> px, {rms_m:.3f} m "
+        f"(rms); places between them are good to {fit.worst_sigma:.2f} m (1 sigma) or better.",
+        f"<small>Each mark placed by the others, rms: {html.escape(scores_text(fit))}</small>",
     ]
     if parameters := fit.calibration.parameters:
         shown = [name for name in ("focal", "k1", "height", "tilt") if name in parameters]
         lines.append(
-            ", ".join(f"{n} {with_sigma(parameters[n].value, parameters[n].sigma)} {parameters[n].unit}" for n in shown)
+            ", ".join(
+                f"{n} {with_sigma(parameters[n].value, parameters[n].sigma)} {parameters[n].unit}".strip()
+                for n in shown
+            )
         )
     if wanted := next_mark(fit.calibration):
         lines.append(f"<b>What to add next.</b> {wanted.sentence}")

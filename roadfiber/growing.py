@@ -243,7 +243,7 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
         rung = after.rungs[-1]
         title = lower(found.finding.candidates[0].title)
         done = f"Added to the model: {title}. The route moved by up to {rung.route_change:.2f} m."
-        chapters.append(Chapter(found.finding, done, run))
+        chapters.append(Chapter(found.finding, done, run, added=True))
         for line in rung.words:
             say(line)
         misfit = f"{after.rungs[-2].chi2_per_dof:.3f} -> {rung.chi2_per_dof:.3f}"

@@ -83,7 +83,8 @@ class Vehicles:
         """How many were heard and seen, and how far the clocks are apart, in a line."""
         both = int((self.paired.seen >= 0).sum())
         alone = len(self.paired.heard) - both
-        said = f"the fiber heard {len(self.paired.heard)} vehicles; {both} of them are in the trajectories, {alone} not"
+        said = f"the fiber heard {len(self.paired.heard)} vehicles; {both} of them are in the trajectories"
+        said += f", {alone} are not" if alone else ""
         if self.unheard:
             said += f"; {len(self.unheard)} that the camera saw were not heard"
         if not np.isfinite(self.clock_offset):

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from roadfiber.study_surveys import FIELD, PER_RATIO, Axis, Setting
+from vision.contract.figures import styled
 
 
 def table_of(axis: Axis, settings: Sequence[Setting], results: dict[str, dict[str, float | str]]) -> pd.DataFrame:
@@ -44,9 +45,10 @@ def table_of(axis: Axis, settings: Sequence[Setting], results: dict[str, dict[st
     return table.reset_index()
 
 
+@styled
 def draw(axis: Axis, table: pd.DataFrame) -> Figure:
     """Mean error with its spread and expectation, Hausdorff distance beside the paper's, and seconds."""
-    figure = Figure(figsize=(13, 4), layout="constrained")
+    figure = Figure(figsize=(11, 3.6), layout="constrained")
     error, curve, seconds = figure.subplots(1, 3)
     for method, rows in table.groupby("method"):
         at = rows[axis.field]
@@ -63,7 +65,7 @@ def draw(axis: Axis, table: pd.DataFrame) -> Figure:
     elif axis.field == "poisson_error":
         grid = np.linspace(min(axis.values), max(axis.values), 50)
         curve.plot(grid, PER_RATIO * np.abs(grid), ":", color="gray", label=axis.said)
-    titles = ("mean error; 80 % of surveys, m", "Hausdorff distance, m", "seconds per survey")
+    titles = ("Mean error, m; bands: 80 % of surveys", "Off at most (Hausdorff distance), m", "Seconds per survey")
     for panel, title in zip((error, curve, seconds), titles, strict=True):
         panel.set(title=title, xlabel=axis.label, yscale="log")
         panel.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))

@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from roadfiber.study_page import NOT_AT_HAND, study_page
 from roadfiber.study_surveys import AXES, METHODS, Axis, Setting, settings_of, studied
 from roadfiber.study_tables import claims_of, draw, table_of
 from vision.contract import InputError, require_writable, writing_into
@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RESULTS = "results.json"
-NOT_AT_HAND = (
-    "The authors' field data were not at hand, and how their files are laid out is not known here: what the paper says "
-    "of the field is quoted beside the simulation, not checked. There is no loader for those files."
-)
 #: What a quick study takes: axes, vehicles, and how many values of each axis.
 QUICK, QUICK_PASSES, QUICK_VALUES = ("snr",), 3, 2
 
@@ -53,18 +49,7 @@ class Study:
 
     def page(self) -> str:
         """One page that opens offline."""
-        from solver.run.report.parts import page
-        from vision.contract.figures import svg
-
-        parts = [
-            "<header><p>simulated surveys, whose answer is known</p><h1>The paper's study, repeated</h1></header>"
-            f"<section><h2>What the paper says, and what the simulation gives</h2>{html(self.claims)}"
-            f"<p>{escape(NOT_AT_HAND)}</p></section>"
-        ]
-        for name, axis in self.axes.items():
-            title = escape(f"Error against {axis.label}")
-            parts.append(f"<section><h2>{title}</h2>{svg(self.plot(name))}{html(self.table(name).round(3))}</section>")
-        return page("The paper's study", "".join(parts))
+        return study_page(self)
 
     def save(self, folder: Path | str) -> None:
         """Write study.html, claims.csv, and a figure and a table of each axis; InputError where that cannot be."""
@@ -95,12 +80,6 @@ class Study:
         from vision.contract.notebook import framed
 
         return framed(self.page())
-
-
-def html(table: "pd.DataFrame") -> str:
-    """A table as HTML."""
-    text = table.to_html(index=False, border=0, na_rep="")
-    return f'<div class="wide-table">{text}</div>'
 
 
 def study(

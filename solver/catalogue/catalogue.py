@@ -62,8 +62,9 @@ FAULTS = {
             (0.1, 2.0),
             Plain(
                 "Unseen vehicle",
-                "A vehicle passed that is not in the tracks, {size} a typical one's weight.",
-                unit="times",
+                "A vehicle passed that is not in the tracks; it weighs {size} of a typical one.",
+                size=percent,
+                unit="%",
             ),
         ),
         FaultKind(

@@ -20,14 +20,16 @@ from solver.run.report.route_figure import abscissa, along_x, depth_profile, dra
 from solver.run.run import Run
 from solver.run.run_corridor import median_half
 from solver.trajectory.vehicle_pass import Pass
-from vision.contract.drawing import canvas, coarse, color_map, color_scale, place
-from vision.contract.figures import INK, MUTED, data_uri, png_bytes, styled, svg
+from vision.contract.drawing import beside, canvas, coarse, color_map, color_scale, place
+from vision.contract.figures import MUTED, data_uri, png_bytes, styled, svg
 
 if TYPE_CHECKING:
     from solver.criticism.finding import Diagnosis
 
 #: Explanations that are drawn at most, known and unknown ones.
 KNOWN, UNKNOWN = 6, 3
+#: Name of the picture of what the model leaves, beside those of effects.
+LEFT = ""
 #: px of a picture of one pass, of a signature; rows or columns of either.
 PANEL, CELLS, THUMBNAIL = 340, 240, 60
 FOUND_COLOR, OTHER_COLOR, UNKNOWN_COLOR = "#d55e00", "#0072b2", "#8a929a"
@@ -51,9 +53,8 @@ def support_figure(listed: Sequence[Candidate]) -> Figure:
     for at, c in enumerate(shown):
         color = UNKNOWN_COLOR if c.generic else FOUND_COLOR if c.verdict == "present" else OTHER_COLOR
         axes.barh(at, c.delta_chi2, color=color, height=0.62)
-        text = f" {c.delta_chi2:,.0f}" + ("" if c.refitted else " (predicted)")
-        axes.text(c.delta_chi2, at, text, va="center", color=INK)
-    axes.text(0, len(shown), " 0", va="center", color=INK)
+        beside(axes, c.delta_chi2, at, f"{c.delta_chi2:,.0f}" + ("" if c.refitted else " (predicted)"))
+    beside(axes, 0.0, len(shown), "0")
     axes.set_yticks(range(len(shown) + 1), [*(c.title for c in shown), "Nothing is missing"], parse_math=False)
     axes.set(xlim=(0, 1.12 * max(most, 1.0)), ylim=(len(shown) + 0.5, -0.5))
     axes.set_xlabel("misfit that it takes away (fall of chi²)")
@@ -196,13 +197,17 @@ def sureness_section(run: Run, diagnosis: "Diagnosis", title: str) -> str:
 
 
 def signatures(pair: BeforeAfter, diagnosis: "Diagnosis") -> dict[str, str]:
-    """Thumbnails of what each candidate that was fitted in full changes in the model of one pass, by its name."""
+    """Thumbnails of one pass: what the model leaves (`LEFT`), what each candidate fitted in full changes, by name."""
     result, rows = pair.before.result, rows_of(pair.before.result, pair.one)
-    scale = color_scale(picture(result, result.unexplained(rows), THUMBNAIL))
-    found = {}
+    left = picture(result, result.unexplained(rows), THUMBNAIL)
+    scale = color_scale(left)
+
+    def thumbnail(image: NDArray[np.float64]) -> str:
+        return data_uri(png_bytes(color_map()(scale(np.ma.masked_invalid(image)))))
+
+    found = {LEFT: thumbnail(left)}
     for name, (fit, state) in diagnosis.fits.items():
         model = fit.model(state).numpy()
         if model.shape == result.model.shape:
-            image = picture(result, model[rows] - result.model[rows], THUMBNAIL)
-            found[name] = data_uri(png_bytes(color_map()(scale(np.ma.masked_invalid(image)))))
+            found[name] = thumbnail(picture(result, model[rows] - result.model[rows], THUMBNAIL))
     return found

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis_figures import (
+    LEFT,
     before_after,
     route_section,
     signatures,
@@ -44,17 +45,17 @@ def distance(length: float | None) -> str:
 def row(candidate: Candidate, listed: Sequence[Candidate], pictures: Mapping[str, str]) -> str:
     """A line of the table of effects."""
     gain = candidate.held_out_gain
-    source = pictures.get(candidate.effect)
+    images = [(pictures.get(LEFT), "what the model leaves"), (pictures.get(candidate.effect), "what this changes")]
+    pair = "".join(f'<img class="signature" alt="{alt}" src="{source}">' for source, alt in images if source)
     cells = [
         f"{escape(candidate.title)}<br><code>{escape(candidate.effect)}</code>",
-        "" if source is None else f'<img class="signature" alt="what it changes" src="{source}">',
-        candidate.stage,
-        candidate.verdict,
-        f"{candidate.delta_chi2:.0f}" + ("" if candidate.refitted else "*"),
-        escape(size_words(candidate)),
+        f'<div class="pair">{pair}</div>' if candidate.effect in pictures else "",
+        f"{candidate.verdict}<br><small>{candidate.stage}</small>",
+        f"{candidate.delta_chi2:,.0f}" + ("" if candidate.refitted else "*"),
+        f'<span class="size">{escape(size_words(candidate))}</span>',
         distance(candidate.route_change),
         f"{100 * candidate.retained_share:.0f} %",
-        escape(least_words(candidate)) or "none",
+        f'<span class="size">{escape(least_words(candidate)) or "none"}</span>',
         "-" if gain is None else f"{gain:+.2g}",
     ]
     names = escape(titles(candidate.confounded_with, listed)) if candidate.confounded_with else "-"
@@ -63,16 +64,23 @@ def row(candidate: Candidate, listed: Sequence[Candidate], pictures: Mapping[str
 
 HEAD = (
     "effect",
-    "what it changes",
-    "stage",
+    "left by the model, and what this changes",
     "verdict",
-    "fall of chi2 (*&nbsp;predicted)",
-    "size of it",
+    "misfit that it takes away",
+    "its size",
     "ignored, it moves the route by, m",
-    "left by the route",
+    "no route imitates",
     "smallest that would show",
-    "held-out gain",
+    "gain on passes held out",
     "not told from",
+)
+VERDICT_WORDS = (
+    "<p><b>Present</b>: it shows. <b>Excluded</b>: half its usual size would have shown. <b>Negligible</b>: too small "
+    "to matter, or shown only where it is large. <b>Inconclusive</b>: this survey cannot say.</p>"
+)
+COLUMN_WORDS = (
+    "<p>Misfit that it takes away: the fall of chi², * as predicted, not fitted in full. No route imitates: the share "
+    "of its signal that is left once the route has moved as far as it can to look the same.</p>"
 )
 
 
@@ -95,7 +103,7 @@ def power_table(candidates: Sequence[Candidate]) -> str:
         "<tr><th>effect</th><th>verdict</th><th>smallest size that would have shown</th>"
         "<th>which would move the route by, m</th></tr>"
     )
-    return f"<table><thead>{head}</thead><tbody>{''.join(cells)}</tbody></table>"
+    return f'<div class="wide-table"><table><thead>{head}</thead><tbody>{"".join(cells)}</tbody></table></div>'
 
 
 def audit_words(diagnosis: "Diagnosis") -> str:
@@ -160,7 +168,9 @@ def diagnosis_body(diagnosis: "Diagnosis", run: Run | None = None) -> str:
         "bends to anything and so always takes away much. What a bar is worth, the probabilities say: they know of "
         f"laws and sizes, and that no model is exact.</p>{svg(support_figure(diagnosis.candidates))}</section>"
     )
-    effects = f"<section><h2>Candidates</h2>{table(diagnosis.candidates, pictures)}</section>"
+    effects = (
+        f"<section><h2>Candidates</h2>{VERDICT_WORDS}{COLUMN_WORDS}{table(diagnosis.candidates, pictures)}</section>"
+    )
     sure = "" if run is None else sureness_section(run, diagnosis, widest_title(diagnosis))
     return (probable if bars else "") + support + shown + sure + effects
 
@@ -180,33 +190,42 @@ def diagnosis_page(diagnosis: "Diagnosis", name: str, run: Run | None = None) ->
     """diagnosis.html; with the run that it is of, one vehicle and the route before and after too."""
     body = lead(diagnosis, name) + next_section(next_words(diagnosis)) + diagnosis_body(diagnosis, run)
     body += f"<section><h2>Noise</h2><p>{audit_words(diagnosis)}</p></section>"
-    body += f"<section><h2>What could have hidden</h2>{power_table(diagnosis.candidates)}</section>"
+    body += f"<section><h2>What could have hidden</h2>{VERDICT_WORDS}{power_table(diagnosis.candidates)}</section>"
     body += f"<footer>In the terms of the commands: {verdict_sentence(diagnosis)}</footer>"
     return page(f"{name}: diagnosis", body)
 
 
 @dataclass(frozen=True)
 class Chapter:
-    """A diagnosis and what was done about it; `run` is the one that it is of."""
+    """A diagnosis and what was done about it; `run` is the one that it is of, `added` whether its effect was put in."""
 
     diagnosis: "Diagnosis"
     done: str
     run: Run | None = None
+    added: bool = False
 
 
 def story_page(chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) -> str:
-    """explain.html: every diagnosis, what was done about it, and the ladder."""
+    """explain.html: what was missing, every diagnosis and what was done about it, and the ladder."""
     still = escape(left_open(one.diagnosis.candidates[0] for one in chapters if one.diagnosis.candidates))
-    body = f"<header><p>{escape(name)}</p><h1>What the model lacked</h1><p>{still}</p></header>"
+    added = [one.diagnosis.candidates[0].effect for one in chapters if one.added]
+    listed = [c for one in chapters for c in one.diagnosis.candidates]
+    found = f"The model lacked {titles(added, listed, 'and')}" if added else "Nothing was added to the model"
+    lead = "".join(f"<p>{line}</p>" for line in (escape(headline(chapters[-1].diagnosis)), still) if line)
+    body = f"<header><p>{escape(name)} · diagnosed, added, and diagnosed again</p><h1>{escape(found)}</h1>"
+    body += f'<div class="lead">{lead}</div></header>{next_section(next_words(chapters[-1].diagnosis))}'
     body += ladder_body(rungs)
     for number, chapter in enumerate(chapters, 1):
         diagnosis = chapter.diagnosis
         lines = "".join(f"<p>{escape(line)}</p>" for line in (*details(diagnosis), chapter.done))
         pair = None if chapter.run is None else before_after(chapter.run, diagnosis)
-        body += f"<section><h2>{number}. {escape(headline(diagnosis))}</h2>{lines}{table(diagnosis.candidates[:6])}"
+        pictures = {} if pair is None else signatures(pair, diagnosis)
+        body += f"<section><h2>{number}. {escape(headline(diagnosis))}</h2>{lines}"
+        body += table(diagnosis.candidates[:6], pictures)
         body += f"<p>In the terms of the commands: {verdict_sentence(diagnosis)}</p></section>"
         if pair is not None:
             body += wave_section(pair, diagnosis.candidates[0].title)
     if still:
         body += f"<section><h2>What is still open</h2><p>{still}</p></section>"
+    body += f"<section><h2>How to read the tables</h2>{VERDICT_WORDS}{COLUMN_WORDS}</section>"
     return page(f"{name}: what the model lacked", body)

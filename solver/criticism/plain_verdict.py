@@ -46,11 +46,11 @@ def spoken(listed: Sequence[Candidate], problem: Problem, effects: Sequence[Effe
     return tuple(map(one, listed))
 
 
-def titles(names: Sequence[str], listed: Sequence[Candidate]) -> str:
-    """Titles of effects, within a sentence."""
+def titles(names: Sequence[str], listed: Sequence[Candidate], last: str = "or") -> str:
+    """Titles of effects, within a sentence; the word before the last of several."""
     known = {c.effect: c.title for c in listed}
     said = [lower(known.get(name, name)) for name in names]
-    return said[0] if len(said) == 1 else f"{', '.join(said[:-1])} or {said[-1]}"
+    return said[0] if len(said) == 1 else f"{', '.join(said[:-1])} {last} {said[-1]}"
 
 
 def headline(diagnosis: "Diagnosis") -> str:

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from solver.criticism.candidate import Candidate
 from solver.criticism.explanations import Weighed
-from vision.contract.drawing import canvas, place
-from vision.contract.figures import INK, styled
+from vision.contract.drawing import beside, canvas, place
+from vision.contract.figures import styled
 
 #: Effects that are drawn at most.
 KNOWN = 6
@@ -36,7 +36,7 @@ def probability_figure(explanations: Sequence[Weighed], listed: Sequence[Candida
     for at, one in enumerate(shown):
         color = REST_COLOR if one.kind in ("unknown", "nothing") else FIRST_COLOR if at == 0 else OTHER_COLOR
         axes.barh(at, 100 * one.probability, color=color, height=0.62)
-        axes.text(100 * one.probability, at, f" {probability_words(one.probability)}", va="center", color=INK)
+        beside(axes, 100 * one.probability, at, probability_words(one.probability))
     titles = titles_of(listed)
     axes.set_yticks(range(len(shown)), [title_of_explanation(one, titles) for one in shown], parse_math=False)
     axes.set(xlim=(0, 115), ylim=(len(shown) - 0.5, -0.5), xticks=(0, 25, 50, 75, 100))

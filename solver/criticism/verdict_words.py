@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 
-from solver.catalogue.catalogue import family
+from solver.catalogue.catalogue import family, title_of
 from solver.criticism.candidate import Candidate
 from solver.criticism.explanations import Weighed
 from solver.criticism.fault import Fault
 from solver.criticism.policy import POLICY
 from solver.effect import Effect
+from solver.effect.plain import lower
 
 ADVICE = {
     "blur": "passes from 30 to 70 km/h, a second lane farther away, and two classes of vehicle",
@@ -65,11 +66,16 @@ def left_open(firsts: Iterable[Candidate]) -> str:
 
     What one effect could not be told from does not end with adding it: the other may be what is there.
     """
-    pairs = {one.effect: ", ".join(one.confounded_with) for one in firsts if one.confounded_with}
+    pairs = {one.effect: one.confounded_with for one in firsts if one.confounded_with}
     if not pairs:
         return ""
-    said = "; ".join(f"{effect} from {others}" for effect, others in pairs.items())
+    said = "; ".join(f"{called(effect)} from {', '.join(map(called, others))}" for effect, others in pairs.items())
     return f"Still open: this survey cannot tell {said}. Each of these may be there in place of the other."
+
+
+def called(effect: str) -> str:
+    """Title of an effect within a sentence."""
+    return lower(title_of(effect))
 
 
 def advice(first: Candidate, effects: Sequence[Effect]) -> str:

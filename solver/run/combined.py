@@ -4,7 +4,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -115,6 +114,11 @@ class Combined:
         return checked
 
     @property
+    def name(self) -> str:
+        """Of the surveys."""
+        return ", ".join(dict.fromkeys(run.name for run in self.runs))
+
+    @property
     def table(self) -> "pd.DataFrame":
         """How far each run by itself is from the combined route: run, passes, across, depth (m), their z."""
         import pandas as pd
@@ -144,11 +148,10 @@ class Combined:
         from solver.run.gis.layers import Subject
 
         anchors = {(a.name, a.channel): a for run in self.runs for a in run.anchors}
-        name = ", ".join(dict.fromkeys(run.name for run in self.runs))
         grades = [str(run.facts["trust"]["grade"]) for run in self.runs]
         grade = "weak" if not self.converged else max(grades, key=("good", "fair", "weak", "poor").index)
         export(
-            Subject(self.place, self.frame, list(anchors.values()), name, grade, self.headline),
+            Subject(self.place, self.frame, list(anchors.values()), self.name, grade, self.headline),
             path,
             crs,
             ground_height,
@@ -166,30 +169,13 @@ class Combined:
 
     def page(self) -> str:
         """One page that opens offline."""
-        from solver.run.report.parts import page
-        from vision.contract.figures import svg
+        from solver.run.report.combined_page import combined_page
 
-        head = "<tr><th>run</th><th>passes</th><th>across, m</th><th>sigmas</th><th>depth, m</th><th>sigmas</th></tr>"
-        rows = "".join(
-            f"<tr><td>{escape(one.run)}</td><td>{one.passes}</td><td>{one.across:+.3f}</td><td>{one.across_z:+.1f}</td>"
-            f"<td>{one.depth:+.3f}</td><td>{one.depth_z:+.1f}</td></tr>"
-            for one in self.agreement
-        )
-        widened = f" All sigmas are times {self.widened:.1f} since the runs differ." if self.widened > 1 else ""
-        body = (
-            f"<header><h1>{escape(self.headline)}.</h1></header><section><h2>Where the fiber is</h2><p>The line is the "
-            "combined route with its 95 % corridor; thin lines are the runs by themselves. It is the route that one "
-            f"fit of all passes finds, not an average.{widened}</p>"
-            f"{svg(self.plot())}</section><section><h2>Do the runs agree?</h2><p>Mean difference of each run by itself "
-            f'from the combined route, m, and in the sigmas that it should have.</p><div class="wide-table"><table>'
-            f"{head}{rows}</table></div></section>"
-        )
-        return page("combined route", body)
+        return combined_page(self)
 
     def _features(self) -> dict[str, Any]:
         anchors = {(a.name, a.channel): a for run in self.runs for a in run.anchors}
-        name = ", ".join(dict.fromkeys(run.name for run in self.runs))
-        return route_features(self.place, self.frame, list(anchors.values()), name)
+        return route_features(self.place, self.frame, list(anchors.values()), self.name)
 
     def __repr__(self) -> str:
         return f"<Combined {self.headline}>"

@@ -23,9 +23,10 @@ from roadfiber.study_surveys import (
     survey_of,
 )
 from roadfiber.study_tables import claims_of, draw, table_of
+from roadfiber.studying import Study
 from solver.simulator import Survey, write_survey
 from solver.survey.survey import Survey as Read
-from tests.offline_pages import is_offline
+from tests.offline_pages import EVIL, is_offline, tells
 from vision.contract import InputError
 
 
@@ -129,10 +130,10 @@ def test_table_and_figure():
     assert table.loc[(10, "network"), "ratio"] == pytest.approx(2.0)
     assert table.loc[(30, "spline"), "seconds"] == pytest.approx(2.0)
     figure = draw(AXES["snr"], table.reset_index())
-    assert [axis.get_title() for axis in figure.axes] == [
-        "mean error; 80 % of surveys, m",
-        "Hausdorff distance, m",
-        "seconds per survey",
+    assert [axis.get_title(loc="left") for axis in figure.axes] == [
+        "Mean error, m; bands: 80 % of surveys",
+        "Off at most (Hausdorff distance), m",
+        "Seconds per survey",
     ]
     labels = figure.axes[1].get_legend_handles_labels()[1]
     assert "the paper, in the field" in labels and "the paper fails below 7 dB" in labels
@@ -166,6 +167,14 @@ def test_a_study_is_saved_as_page_tables_and_figures(tmp_path: Path, quickly: li
     count = len(quickly)
     assert rf.study(tmp_path, axes=["noise"], methods=["spline"], surveys=2).results.keys() <= done.results.keys()
     assert len(quickly) == count  # nothing is located twice
+
+
+def test_names_that_are_markup_are_text_on_the_page():
+    axis = Axis("snr_db", EVIL, (0.0, 10.0), 7.0, EVIL, True)
+    settings = [Setting(method=EVIL, snr_db=value) for value in axis.values]
+    results = {one.key: made(one) for one in settings} | {settings[0].key: {"failed": EVIL}}
+    page = Study({EVIL: axis}, {EVIL: settings}, results).page()
+    assert tells(page) and is_offline(page) and "claims: " in page
 
 
 def test_a_quick_study_by_the_command(tmp_path: Path, quickly: list[Setting]):

@@ -7,7 +7,7 @@ from matplotlib.colors import AsinhNorm, Colormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from vision.contract.figures import DPI
+from vision.contract.figures import DPI, INK
 from vision.contract.palette import LINEAR, limit_of
 
 
@@ -40,6 +40,11 @@ def color_scale(whitened: NDArray[np.float64]) -> AsinhNorm:
 def color_map() -> Colormap:
     """Blue to red through white, gray where there is no measurement."""
     return matplotlib.colormaps["RdBu_r"].with_extremes(bad="#b5bac0")
+
+
+def beside(axes: Axes, x: float, y: float, text: str) -> None:
+    """Write a text right of the end of a bar."""
+    axes.annotate(text, (x, y), (5, 0), textcoords="offset points", va="center", color=INK)
 
 
 def coarse(whitened: NDArray[np.float64], limit: int) -> NDArray[np.float64]:

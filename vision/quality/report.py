@@ -47,7 +47,7 @@ def write_report(
     names: Sequence[str] | None = None,
     truth: Path | None = None,
     classes: Sequence[str] | None = None,
-    video: Path | None = None,
+    video: Path | str | None = None,
     gauge_length: float = GAUGE_LENGTH,
     frame_rate: float | None = None,
 ) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def write_report(
             *checksums("truth", [truth]),
             *([("video", clip.path.name, clip.checksum)] if clip else []),
         ],
-        title=video.name if video else ", ".join(setting.name for setting in settings),
+        title=clip.path.name if clip else ", ".join(setting.name for setting in settings),
         created=f"{created:%Y-%m-%d %H:%M} UTC",
         version=version("roadfiber"),
     )

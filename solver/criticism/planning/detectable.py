@@ -55,10 +55,11 @@ def smallest(scorer: Scorer, effect: Effect, setting: Setting) -> Detectable:
     few = np.unique(np.linspace(0, len(shapes) - 1, SHAPES).round().astype(int))
     scores = list(scorer.of_shapes(effect, [shapes[i] for i in few], extension, trials))
     parameter = effect.amplitudes[0]
-    if not scores:
+    if not any(one.freedom for one in scores):  # the route, or all that is fitted, can do the same
         return of(effect, setting, parameter.null, parameter.plausible, np.inf, 0.0)
-    fewest = min(one.freedom for one in scores)
-    found = sorted((score_candidate(s, None).detectable_size, i) for i, s in enumerate(scores) if s.freedom == fewest)
+    fewest = min(one.freedom for one in scores if one.freedom)
+    sizes = [score_candidate(one, None).detectable_size if one.freedom else np.inf for one in scores]
+    found = sorted((size, i) for i, size in enumerate(sizes) if scores[i].freedom in (0, fewest))
     size, middle = found[(len(found) - 1) // 2]
     parameter, _ = first_kind(scores[middle])
     return of(effect, setting, parameter.null, parameter.plausible, size, scores[middle].retained)

@@ -126,7 +126,9 @@ class Plan:
         lines = []
         share = float(np.median(result.data_share[self.shown, 2]))
         if share < 0.5:
-            lines.append(f"{100 * (1 - share):.0f} % of the depth's variance is the expected depth's, not measured")
+            lines.append(
+                f"the depth is hardly measured: {100 * (1 - share):.0f} % of what is known of it is the depth expected"
+            )
         driven = [lane for lane in plan.lanes if any(lane.vehicles.values())]
         if not plan.anchors and len({lane.y for lane in driven}) == 1:
             lines.append("without an anchor, and with one lane, the fiber may be on either side of the road")

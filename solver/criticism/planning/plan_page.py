@@ -96,9 +96,10 @@ def effects(found: "Sequence[Detectable]") -> str:
     seen = sum(one.visible == "yes" for one in found)
     return (
         f"<section><h2>Which missing effects it could see: {seen} of {len(found)}</h2><p>The smallest size that would "
-        "show at 5 sigma once the route has taken up what it can; where an effect has a place or a frequency, for the "
-        "middle one of those tried. <i>Yes</i>: half the usual size would show. An effect that does not show may "
-        'still move the route.</p><div class="wide-table"><table class="checks"><tr><th>effect</th><th>stage</th>'
+        "stand out of the noise by 5 sigma, once the route has moved as far as it can to imitate it; where an effect "
+        "has a place or a frequency, for the middle one of those tried. <i>Yes</i>: half the usual size would show. A "
+        "dash: no size would. An effect that does not show may still move the route.</p>"
+        '<div class="wide-table"><table class="checks"><tr><th>effect</th><th>stage</th>'
         f"<th>smallest that shows</th><th>usual size</th><th>would it show?</th></tr>{body}</table></div></section>"
     )
 

@@ -68,7 +68,7 @@ def fit_facts(run: Run) -> list[tuple[str, str]]:
     """How the route was found."""
     facts, settings, result = run.facts, run.facts["settings"], run.result
     held_out, (first, last) = facts["held_out_chi2_per_dof"], facts["active_channels"]
-    seconds = ", ".join(f"{name} {value:.1f} s" for name, value in facts["timings"].items())
+    seconds = ", ".join(f"{name.replace('_', ' ')} {value:.1f} s" for name, value in facts["timings"].items())
     samples = int(np.isfinite(result.measured).sum())
     ended = "converged" if result.converged else "not converged"
     depth, spacing = settings["depth"], settings["channel_spacing"]

@@ -84,7 +84,7 @@ def said(folder: Path) -> dict[str, str]:
     ends = [one.get("chi2_per_dof") for one in (rungs[0], rungs[-1])] if rungs else []
     fell = all(isinstance(one, int | float) for one in ends)
     return {
-        "compare.html": text_in(facts_in(folder, "compare.json"), "verdict"),
+        "compare.html": text_in(facts_in(folder, "compare.json"), "verdict").partition(". ")[0].rstrip(".") + ".",
         "diagnosis.html": text_in(facts_in(folder, "diagnosis.json"), "headline"),
         "ladder.html": f"{len(rungs)} rungs: misfit from {ends[0]:.3f} to {ends[1]:.3f}." if ends and fell else "",
     }
@@ -141,7 +141,7 @@ def index_page(folder: Path, there: list[str], called: str) -> str:
         if file in there
     )
     body = (
-        f"<header><p>{escape(name)} · run {escape(called)}</p><h1>{escape(text_in(facts, 'headline'))}</h1>"
+        f"<header><p>{escape(name)} · run folder {escape(called)}</p><h1>{escape(text_in(facts, 'headline'))}</h1>"
         f'<p class="grade {escape(grade)}" style="color: var(--ink)">{trust}</p></header>'
         f'<div class="cards">{cards}</div>{next_section(next_lines(folder, there, run))}{rung_links(folder)}'
         "<section><h2>Files</h2><p><code>route.csv</code> has one row per channel with sigmas, latitude and longitude, "

@@ -65,7 +65,8 @@ def draw_misfits(
             if np.isfinite(value):
                 # Away from the line: it begins at the first rung, and falls toward the others.
                 ha, aside = ("right", -8) if at == x[0] else ("left", 8)
-                axes.annotate(f"{value:.3f}", (at, value), (aside, up), textcoords="offset points", ha=ha, color=color)
+                text = axes.annotate(f"{value:.3f}", (at, value), (aside, up), textcoords="offset points", ha=ha)
+                text.set(color=color, bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.5, "alpha": 0.85})
     if floor is not None:
         axes.axhline(floor, color=INK, lw=1.0, ls=(0, (4, 3)))
         axes.text(len(x) - 0.52, floor, f"noise alone: {floor:.3f}", va="bottom", ha="right", color=MUTED)

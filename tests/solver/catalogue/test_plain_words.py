@@ -69,7 +69,7 @@ def test_a_users_own_effect_falls_back_to_its_name_and_physics() -> None:
 def test_faults_are_reported_too_and_the_list_has_titles() -> None:
     fault = FAULTS["unseen_vehicle"]
     said = told(fault, HERE, estimate=1.2, sigma=0.1, detectable=0.2)
-    assert "1.20 times a typical one's weight" in said.sentence
+    assert "it weighs 120 % of a typical one" in said.sentence
     assert {row["title"] for row in listed(EFFECTS)} >= {"Gauge length", fault.title}
 
 

@@ -86,15 +86,16 @@ def test_a_story_ends_with_what_could_not_be_told_apart(run) -> None:
     gauge = replace(idle_candidate(built_in()["gauge_length"]), confounded_with=("pulse_width", "shear_lag"))
     alone = idle_candidate(built_in()["camber"])
     words = left_open([gauge, alone])
-    assert words.startswith("Still open: this survey cannot tell gauge_length from pulse_width, shear_lag.")
+    assert words.startswith("Still open: this survey cannot tell gauge length from pulse width, soft jacket.")
     assert left_open([alone]) == ""
     audit = NoiseAudit(900, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, ())
     added = Chapter(
-        Diagnosis("missing-effect", "gauge_length is missing", (gauge,), audit, 0.0), "gauge_length was added."
+        Diagnosis("missing-effect", "gauge_length is missing", (gauge,), audit, 0.0), "Added to the model.", added=True
     )
     last = Chapter(Diagnosis("adequate", "nothing is missing", (alone,), audit, 0.0), "Nothing more was added.")
     page = story_page([added, last], [first_rung(run())], "Elm <Street>")
     assert page.rindex(words) > page.index("Nothing more was added.")
+    assert "<h1>The model lacked gauge_length</h1>" in page and "`" not in page
 
 
 def test_an_effect_has_one_sigma_and_one_held_out_misfit(case, monkeypatch: pytest.MonkeyPatch) -> None:

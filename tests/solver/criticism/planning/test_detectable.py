@@ -35,7 +35,21 @@ class Scores:
         self.tried += shapes
         left, zero = Spectrum(np.ones(1), np.zeros(1)), torch.zeros(0)
         return [
-            Score(effect, {}, False, 0.0, 1, trials, (1,), np.zeros(1), np.array([s]), s, zero, left, self.variance)
+            Score(
+                effect,
+                {},
+                False,
+                0.0,
+                int(s > 0),
+                trials,
+                (1,),
+                np.zeros(1),
+                np.array([s]),
+                s,
+                zero,
+                left,
+                self.variance,
+            )
             for s in self.sigmas
         ]
 
@@ -73,6 +87,15 @@ def test_no_size_shows_of_what_does_nothing() -> None:
     nothing: Any = Scores()
     found = smallest(nothing, KNOWN["gauge_length"], SETTING)
     assert (found.size, found.visible, found.retained_share) == (np.inf, "no", 0.0)
+
+
+def test_no_size_shows_where_the_route_can_do_the_same() -> None:
+    """A score that adds no number has no sigma either: that is no proof that any size would show."""
+    effect = KNOWN["slack_spool"]
+    p = effect.amplitudes[0]
+    assert smallest(Scores(0.0, 0.0), effect, SETTING).visible == "no"  # type: ignore[arg-type]
+    some: Any = Scores(0.0, 0.1 * p.plausible, 0.2 * p.plausible)
+    assert smallest(some, effect, SETTING).size == pytest.approx(5 * 0.2 * p.plausible)
 
 
 def test_a_few_shapes_of_the_grid_are_tried_from_end_to_end() -> None:
