@@ -181,7 +181,7 @@ def diagnosed(seed: int, kind: str | None) -> dict[str, object]:
 def added(seed: int, kind: str | None) -> dict[str, object]:
     """Put the first hidden effect of a trial into the model, as `roadfiber add` does, and compare with none hidden."""
     from solver.catalogue.catalogue import built_in
-    from solver.criticism.growth import grow
+    from solver.criticism.growth import grow, held_out_before
     from solver.fit.map_fit import MapFit
 
     scenario = draw_trial(seed, kind)
@@ -189,7 +189,8 @@ def added(seed: int, kind: str | None) -> dict[str, object]:
     without, plain, _ = surveyed(replace(scenario, effects={}))
     survey, located, _ = surveyed(scenario)
     fit = MapFit(located.problem)
-    step = grow(fit, fit.state_of(torch.from_numpy(located.result.vector)), name, built_in())
+    state = fit.state_of(torch.from_numpy(located.result.vector))
+    step = grow(fit, state, name, built_in(), held_out_before(located, fit, state))
     after = replace(located, result=step.result(0.0))
     cases = {"without": (without, plain), "before": (survey, located), "after": (survey, after)}
     rows = {case: scored(*of, 0.0) for case, of in cases.items()}
@@ -198,7 +199,7 @@ def added(seed: int, kind: str | None) -> dict[str, object]:
         for case, row in rows.items()
         for key in ("largest error", "chi2_per_dof")
     }  # type: ignore[arg-type]
-    return {"seed": seed, "hidden": name, "kept": step.better, "held out": step.held_out} | figures
+    return {"seed": seed, "hidden": name, "kept": step.better, "held out": (step.before, step.after)} | figures
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from roadfiber.diagnosing import diagnose
 from roadfiber.widening import FULL, check_corridor, with_corridor
 from solver.criticism.diagnosis import converged
 from solver.criticism.diagnosis_files import check_out, story_facts, write_diagnosis, write_story
-from solver.criticism.growth import Grown, check_names, fitted_with, grow, with_growth
+from solver.criticism.growth import Grown, check_names, fitted_with, grow, held_out_before, with_growth
 from solver.criticism.pages import Chapter, story_page
 from solver.criticism.verdict_words import left_open
 from solver.effect import Effect
@@ -74,9 +74,10 @@ def add(
     check_names(names, run.problem, run.known)
     fit, state = fitted(run)
     held, step = list(run.effects), None
-    with progress("fitting with more effects", (2 * FOLDS + 2) * len(names)) as advance:
+    with progress("fitting with more effects", (FOLDS + 2) * len(names) + FOLDS) as advance:
+        before = held_out_before(run, fit, state, advance)
         for name in names:
-            step = grow(fit, state, name, run.known, advance)
+            step = grow(fit, state, name, run.known, before, advance)
             words = f"{name}: held-out chi2 per degree of freedom from {step.held_out_words}"
             if not step.better and not force:
                 raise InputError(
@@ -86,6 +87,7 @@ def add(
             if tell is not None:
                 tell(words)
             fit, state = step.fit, step.solution.state
+            before = step.after and step.after.chi2_per_dof
             held.append(name)
     if step is None:
         raise InputError("no effect to add; name one of `roadfiber effects`")
@@ -234,7 +236,8 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
             chapters.append(Chapter(found.finding, "Nothing more was added.", run))
             break
         begun = time.perf_counter()
-        step: Grown = grow(*fitted(run), found.effect, run.known)
+        fit, state = fitted(run)
+        step: Grown = grow(fit, state, found.effect, run.known, held_out_before(run, fit, state))
         if not step.better:
             tried = f"It was tried in the model ({found.effect}): passes held out fit no better, so it was left out."
             chapters.append(Chapter(found.finding, tried, run))

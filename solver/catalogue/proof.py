@@ -16,10 +16,10 @@ from typing import TypeVar
 import torch
 
 from solver.catalogue.catalogue import built_in
-from solver.catalogue.forks import can_fork
 from solver.catalogue.guard import untouched
 from solver.catalogue.verify import verify
 from solver.effect import Effect
+from solver.fit.forks import can_fork
 from vision.contract import InputError
 
 #: Time that importing a plugin, or verifying one effect, may take, s; the slowest of our own takes three.

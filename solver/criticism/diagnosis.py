@@ -28,6 +28,7 @@ from solver.effect import Effect, Recorded
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
+from solver.fit.side_by_side import side_by_side
 from solver.fit.state import State
 from solver.fit.track_trust import strict_tracks, track_spread
 from solver.noise.quiet_windows import quiet
@@ -96,7 +97,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     late = elsewhere(bench.scorer, scorable(fit.problem, asked.effects))[: POLICY.racers] if first else []
     tried = race(bench.scorer, first, asked.advance, late)
     tried |= race(bench.scorer, overlooked(bench, tried), asked.advance)
-    ranked = [score_candidate(s, tried.get(s.effect.name)) for s in bench.table] + faults
+    ranked = side_by_side(lambda s: score_candidate(s, tried.get(s.effect.name)), bench.table) + faults
     ranked.sort(key=lambda c: -c.evidence)
     ranked = with_moves(bench, ranked, tried) + [idle_candidate(one) for one in bench.idle]
     if bench.scorer.stress > POLICY.converged and ranked[0].evidence < POLICY.found:

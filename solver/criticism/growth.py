@@ -40,25 +40,27 @@ class Grown:
     Parameters
     ----------
     fit, solution : with it
-    held_out : misfit of held-out passes before and after; None where it cannot be compared
+    before : misfit of held-out passes per degree of freedom without it; None where it cannot be compared
+    after : misfit of held-out passes with it
     """
 
     fit: MapFit
     solution: Solution
-    held_out: tuple[HeldOut | None, HeldOut | None]
+    before: float | None
+    after: HeldOut | None
 
     @property
     def better(self) -> bool:
         """Whether passes held out agree that it is better, by more than an effect that does nothing gains by chance."""
-        before, after = self.held_out
-        if before is None or after is None:
+        if self.before is None or self.after is None:
             return True
-        return after.chi2_per_dof < before.chi2_per_dof - CHANCE / float(self.fit.measured.sum())
+        return self.after.chi2_per_dof < self.before - CHANCE / float(self.fit.measured.sum())
 
     @property
     def held_out_words(self) -> str:
         """Held-out misfit per degree of freedom before and after."""
-        before, after = ("-" if one is None else f"{one.chi2_per_dof:.3f}" for one in self.held_out)
+        misfits = self.before, self.after and self.after.chi2_per_dof
+        before, after = ("-" if one is None else f"{one:.3f}" for one in misfits)
         return f"{before} to {after}"
 
     def result(self, seconds: float) -> FitResult:
@@ -74,11 +76,23 @@ class Grown:
         )
 
 
+def held_out_before(
+    run: Run, fit: MapFit, state: State, advance: Callable[[int], None] = lambda n: None
+) -> float | None:
+    """Misfit of passes held out of a run's fit, which the run tells unless it was tested on passes of its own."""
+    if run.facts.get("choice") is None:
+        told: float | None = run.facts["held_out_chi2_per_dof"]
+        return told
+    found = held_out(fit.problem, advance, at=(fit, state))
+    return found and found.chi2_per_dof
+
+
 def grow(
     fit: MapFit,
     state: State,
     name: str,
     catalogue: Mapping[str, Effect],
+    before: float | None,
     advance: Callable[[int], None] = lambda n: None,
 ) -> Grown:
     """Add one effect, or mend one fault, and fit everything again.
@@ -88,6 +102,7 @@ def grow(
     fit, state : converged, without it
     name : of the effect or fault
     catalogue : effects by name
+    before : misfit of held-out passes without it, see `held_out_before`
 
     Raises
     ------
@@ -99,7 +114,6 @@ def grow(
         return held_out(fit.problem, advance, at=(fit, end.state))
 
     check_names([name], fit.problem, catalogue)
-    before = held_out(fit.problem, advance, at=(fit, state))
     if name in SEARCHES:
         fault = SEARCHES[name](fit, state)
         if fault is None:
@@ -107,14 +121,14 @@ def grow(
         new, end = mended(fit, state, fault)
         if name in TAKEN_OUT:
             # Samples are taken out and no model changes: there is nothing that held-out passes could compare.
-            return Grown(new, end, (None, unseen(new, end)))
-        return Grown(new, end, (before, unseen(new, end)))
+            return Grown(new, end, None, unseen(new, end))
+        return Grown(new, end, before, unseen(new, end))
     # Tracks that may be off by anything would take up what shifts them all.
     trusted = MapFit(strict_tracks(fit.problem, track_spread(fit.problem.passes, state.vehicles.along.numpy())))
     refit = fitted_with(trusted, solve(trusted, state, iterations=60).state, catalogue[name], advance)
     new = MapFit(replace(refit.fit.problem, prior=fit.problem.prior))
     end = solve(new, refit.solution.state, iterations=60)
-    return Grown(new, end, (before, unseen(new, end)))
+    return Grown(new, end, before, unseen(new, end))
 
 
 def check_names(names: Sequence[str], problem: Problem, catalogue: Mapping[str, Effect]) -> None:
@@ -152,7 +166,7 @@ def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) 
     at = np.isin(result.channel, grown.fit.problem.channel)
     problem = replace(grown.fit.problem, start=result.route[at])
     facts = run.facts | {"effects": list(effects)}
-    facts |= fitted_facts(result, problem, grown.held_out[1], run.facts["disputed_anchors"])
+    facts |= fitted_facts(result, problem, grown.after, run.facts["disputed_anchors"])
     known = {one.track_id for one in run.passes}
     passes = run.passes + [one for one in problem.passes if one.track_id not in known]
     time = times_of(result.samples, run.result.samples, run.time, problem.sampling_rate)

@@ -11,7 +11,6 @@ from solver.criticism.finding import Diagnosis, concluded
 from solver.criticism.placing import levels
 from solver.criticism.refit import Refit, as_located
 from solver.criticism.scorer import Scorer
-from solver.criticism.side_by_side import side_by_side
 from solver.criticism.verdict_words import (
     MORE,
     advice,
@@ -27,6 +26,7 @@ from solver.criticism.verdict_words import (
 )
 from solver.effect import Effect
 from solver.fit.held_out import held_out as held_out_misfit
+from solver.fit.side_by_side import side_by_side
 
 if TYPE_CHECKING:
     from solver.criticism.bench import Asked, Bench

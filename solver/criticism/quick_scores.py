@@ -7,8 +7,8 @@ from typing import Any
 from solver.criticism.policy import POLICY
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, figures
-from solver.criticism.side_by_side import side_by_side
 from solver.effect import Effect
+from solver.fit.side_by_side import side_by_side
 from solver.signal_path.derivatives import Seen, described_alone
 from solver.signal_path.extension import Extension
 

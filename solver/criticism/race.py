@@ -11,10 +11,10 @@ from solver.criticism.policy import POLICY
 from solver.criticism.refit import Refit, counted, largest_share, loss, with_effect
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
-from solver.criticism.side_by_side import side_by_side
 from solver.effect import Effect, Fitted
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
+from solver.fit.side_by_side import side_by_side
 from solver.fit.state import State, Weights
 from solver.signal_path.traffic import Vehicles
 

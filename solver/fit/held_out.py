@@ -14,6 +14,7 @@ from solver.fit.map_fit import MapFit
 from solver.fit.numbers import SINGLE
 from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
+from solver.fit.side_by_side import side_by_side
 from solver.fit.state import State
 from solver.fit.stretches import FIRST, is_long, nearby, part, parts, some
 from solver.fit.track_trust import strict_tracks, track_spread
@@ -214,8 +215,8 @@ def held_out(
         made = [lambda seen: Fold.apart(seen, replace(strict, effects=seen.effects))]
     elif is_long(problem):
         made = [Fold.dealt]
-    found = []
-    for make in made:
+
+    def judged(make: Callable[[Problem], Fold]) -> HeldOut:
         fold = make(problem)
         ground = fold.fitted(whole)
         if make is not Fold.dealt and (silent := unshown(fold.seen, ground)):
@@ -223,8 +224,9 @@ def held_out(
             effects = tuple(one for one in problem.effects if one.name not in silent)
             fold = make(replace(problem, effects=effects))
             ground = fold.fitted(whole)
-        found.append(fold.judged(ground, whole))
-        advance(1)
+        return fold.judged(ground, whole)
+
+    found = side_by_side(judged, made, advance)
     freedom = sum(one.freedom for one in found)
     if freedom <= 0:
         return None

@@ -9,8 +9,8 @@ from solver.catalogue.plain_words import told
 from solver.criticism.bench import scorable
 from solver.criticism.candidate import first_kind, score_candidate
 from solver.criticism.scorer import Scorer
-from solver.criticism.side_by_side import side_by_side
 from solver.effect import Effect, Setting
+from solver.fit.side_by_side import side_by_side
 
 #: Shapes of an effect that are tried: its size is told for the middle one of them.
 SHAPES = 5

@@ -10,7 +10,7 @@ import torch
 from solver.catalogue.catalogue import built_in
 from solver.criticism import growth
 from solver.criticism.fault import Fault
-from solver.criticism.growth import CHANCE, Grown, check_names, fitted_with, grow, times_of
+from solver.criticism.growth import CHANCE, Grown, check_names, fitted_with, grow, held_out_before, times_of
 from solver.criticism.repairs import SEARCHES, TAKEN_OUT
 from vision.contract import InputError
 
@@ -26,7 +26,7 @@ def held(chi2: float | None) -> Any:
 def grown(before: float | None, after: float | None) -> Grown:
     """A fit of so many samples that passes held out judge so."""
     fit: Any = SimpleNamespace(measured=torch.ones(SAMPLES))
-    return Grown(fit, SimpleNamespace(), (held(before), held(after)))  # type: ignore[arg-type]
+    return Grown(fit, SimpleNamespace(), before, held(after))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -66,9 +66,9 @@ def test_what_is_in_the_model_is_refused_before_anything_is_fitted(monkeypatch):
     monkeypatch.setattr(growth, "held_out", lambda *given, **more: pytest.fail("fitted"))
     fit: Any = SimpleNamespace(problem=SimpleNamespace(effects=(CAMBER,)))
     with pytest.raises(InputError, match="camber: is in the model already; choose another effect"):
-        grow(fit, SimpleNamespace(), "camber", built_in())  # type: ignore[arg-type]
+        grow(fit, SimpleNamespace(), "camber", built_in(), 1.4)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="not known"):
-        grow(fit, SimpleNamespace(), "nosuch", built_in())  # type: ignore[arg-type]
+        grow(fit, SimpleNamespace(), "nosuch", built_in(), 1.4)  # type: ignore[arg-type]
 
 
 def fault(name: str) -> Fault:
@@ -98,25 +98,33 @@ class Judged:
 
 
 def test_a_vehicle_more_is_judged_by_passes_held_out(monkeypatch):
-    judged = Judged(monkeypatch, fault("unseen_vehicle"), start=1.4, mended=1.1)
-    step = grow(judged.fit("start"), "start state", "unseen_vehicle", {})  # type: ignore[arg-type]
-    assert judged.asked == ["start", "mended"]
+    judged = Judged(monkeypatch, fault("unseen_vehicle"), mended=1.1)
+    step = grow(judged.fit("start"), "start state", "unseen_vehicle", {}, 1.4)  # type: ignore[arg-type]
+    assert judged.asked == ["mended"]
     assert step.better and step.held_out_words == "1.400 to 1.100"
     assert step.fit.problem.of == "mended"  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("choice", [None, {"fitted": 12}])
+def test_a_run_tells_its_own_misfit_held_out_unless_it_was_tested_on_other_passes(monkeypatch, choice):
+    judged = Judged(monkeypatch, None, start=1.4)
+    run: Any = SimpleNamespace(facts={"choice": choice, "held_out_chi2_per_dof": 1.2})
+    found = held_out_before(run, judged.fit("start"), "start state")  # type: ignore[arg-type]
+    assert (found, judged.asked) == ((1.2, []) if choice is None else (1.4, ["start"]))
 
 
 @pytest.mark.parametrize("name", TAKEN_OUT)
 def test_samples_taken_out_leave_nothing_to_compare(monkeypatch, name):
     """The misfit held out goes up here, and is of other samples."""
-    judged = Judged(monkeypatch, fault(name), start=1.0, mended=1.3)
-    step = grow(judged.fit("start"), "start state", name, {})  # type: ignore[arg-type]
+    judged = Judged(monkeypatch, fault(name), mended=1.3)
+    step = grow(judged.fit("start"), "start state", name, {}, 1.0)  # type: ignore[arg-type]
     assert step.better and step.held_out_words == "- to 1.300"
 
 
 def test_a_fault_that_is_not_there_is_not_mended(monkeypatch):
-    judged = Judged(monkeypatch, None, start=1.0)
+    judged = Judged(monkeypatch, None)
     with pytest.raises(InputError, match="faded_channels: nothing of the kind is in this survey's residual"):
-        grow(judged.fit("start"), "start state", "faded_channels", {})  # type: ignore[arg-type]
+        grow(judged.fit("start"), "start state", "faded_channels", {}, 1.0)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("scores", [[], [SimpleNamespace(evidence=-1.0, freedom=0)]])

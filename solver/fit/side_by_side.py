@@ -11,7 +11,7 @@ from typing import TypeVar
 import torch
 from torch.autograd import forward_ad
 
-from solver.catalogue.forks import can_fork
+from solver.fit.forks import can_fork
 from solver.survey.memory import available
 
 S = TypeVar("S")

@@ -9,12 +9,12 @@ import pytest
 import torch
 
 from solver.catalogue.catalogue import built_in
-from solver.catalogue.forks import can_fork
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.scorer import Scorer, score_all
-from solver.criticism.side_by_side import side_by_side
+from solver.fit.forks import can_fork
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
+from solver.fit.side_by_side import side_by_side
 
 forks = pytest.mark.skipif(not can_fork(), reason="processes are forked on Linux without CUDA only")
 
