@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 import roadfiber.command
+import roadfiber.simulating  # before anything that it imports is replaced
 from calib.control_points import read_control_points
 from roadfiber.hidden_demo import hidden, told
 from solver.run.ladder_file import write_ladder
