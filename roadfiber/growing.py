@@ -14,7 +14,6 @@ from solver.criticism.growth import Grown, check_names, fitted_with, grow, held_
 from solver.criticism.pages import Chapter, story_page
 from solver.criticism.verdict_words import left_open
 from solver.effect import Effect
-from solver.effect.plain import lower
 from solver.fit.held_out import FOLDS
 from solver.fit.track_trust import strict_tracks
 from solver.run.fitted import fitted
@@ -24,6 +23,7 @@ from solver.run.report.joined import join
 from solver.run.report.ladder_page import ladder_figure, ladder_page
 from solver.run.run import Run
 from solver.run.rung import Rung
+from solver.run.titles import lower
 from solver.trajectory.trajectory_effects import CLOCK
 from vision.contract import InputError, progress, writing
 from vision.contract.notebook import framed

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from solver.catalogue.catalogue import title_of
-from solver.effect.plain import lower
 from solver.run.ladder_file import read_ladder
 from solver.run.report.ladder_page import headline as ladder_headline
 from solver.run.report.ladder_page import ladder_figure, thumbnails
 from solver.run.report.parts import page, with_commands
+from solver.run.titles import lower
 from solver.simulator import route_error
 from solver.simulator.check import RouteError
 from solver.simulator.effects import EFFECTS, SHOWN, effect_rng

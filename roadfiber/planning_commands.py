@@ -47,7 +47,7 @@ def plan(
     import json
 
     import roadfiber as rf
-    from solver.effect.plain import lower
+    from solver.run.titles import lower
     from vision.contract import require_writable
 
     require_writable(out / "plan.html")

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 from roadfiber.web.job import Job
 from roadfiber.web.run_folders import kept_candidates, reserved
 from roadfiber.web.worker import Worker
-from solver.effect.plain import lower
 from solver.run.read_seen import read_seen
 from solver.run.seen import Seen
+from solver.run.titles import lower
 from vision.contract import InputError, writing
 from vision.contract.errors import machine_words
 

@@ -10,8 +10,8 @@ from solver.catalogue.catalogue import FAULTS
 from solver.catalogue.plain_words import rounded, told, with_unit
 from solver.criticism.candidate import Candidate
 from solver.effect import Effect, Setting
-from solver.effect.plain import lower
 from solver.fit.problem import Problem
+from solver.run.titles import lower
 
 if TYPE_CHECKING:
     from solver.criticism.finding import Diagnosis

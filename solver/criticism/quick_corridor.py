@@ -25,7 +25,6 @@ from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
 from solver.criticism.verdict_words import ADVICE, MORE
 from solver.effect import Effect
-from solver.effect.plain import lower
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.state import Weights
@@ -35,6 +34,7 @@ from solver.run.fitted import fitted
 from solver.run.run import Run
 from solver.run.run_corridor import corridor_facts
 from solver.run.strict_json import strict
+from solver.run.titles import lower
 
 Array = NDArray[np.float64]
 Advance = Callable[[int], None]

@@ -8,7 +8,7 @@ from solver.criticism.explanations import Weighed
 from solver.criticism.fault import Fault
 from solver.criticism.policy import POLICY
 from solver.effect import Effect
-from solver.effect.plain import lower
+from solver.run.titles import lower
 
 ADVICE = {
     "blur": "passes from 30 to 70 km/h, a second lane farther away, and two classes of vehicle",

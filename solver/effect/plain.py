@@ -72,12 +72,3 @@ class Plain:
     opposite: str = ""
     size: Callable[[float, Setting], float] = as_it_is
     unit: str = ""
-
-
-def lower(title: str) -> str:
-    """A title within a sentence; names and abbreviations keep their capitals.
-
-    >>> lower("Gauge length"), lower("AC coupling"), lower("Poisson's ratio")
-    ('gauge length', 'AC coupling', "Poisson's ratio")
-    """
-    return title if title[:2].isupper() or title.startswith("Poisson") else title[:1].lower() + title[1:]

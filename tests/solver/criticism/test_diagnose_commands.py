@@ -17,7 +17,7 @@ import roadfiber.command
 from solver.catalogue import plugins
 from solver.catalogue.catalogue import built_in
 from solver.criticism.policy import POLICY
-from solver.effect.plain import lower
+from solver.run.titles import lower
 from vision.contract import InputError
 
 STREET = """
