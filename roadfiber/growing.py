@@ -87,7 +87,7 @@ def add(
             if tell is not None:
                 tell(words)
             fit, state = step.fit, step.solution.state
-            before = step.after and step.after.chi2_per_dof
+            before = None if step.after is None else step.after.chi2_per_dof
             held.append(name)
     if step is None:
         raise InputError("no effect to add; name one of `roadfiber effects`")

@@ -59,7 +59,7 @@ class Grown:
     @property
     def held_out_words(self) -> str:
         """Held-out misfit per degree of freedom before and after."""
-        misfits = self.before, self.after and self.after.chi2_per_dof
+        misfits = self.before, None if self.after is None else self.after.chi2_per_dof
         before, after = ("-" if one is None else f"{one:.3f}" for one in misfits)
         return f"{before} to {after}"
 
@@ -84,7 +84,7 @@ def held_out_before(
         told: float | None = run.facts["held_out_chi2_per_dof"]
         return told
     found = held_out(fit.problem, advance, at=(fit, state))
-    return found and found.chi2_per_dof
+    return None if found is None else found.chi2_per_dof
 
 
 def grow(
