@@ -43,8 +43,9 @@ COLUMNS = (
 def study_page(study: "Study") -> str:
     """The whole page."""
     claims = study.claims
-    hold = sum(one is True or one is np.True_ for one in claims["agrees"])
-    rows = [(one.axis, one.said, one.method, one.found, HOLDS[one.agrees]) for one in claims.itertuples()]
+    hold = sum(one is not None and bool(one) for one in claims["agrees"])
+    rows = [tuple(map(str, row)) for row in claims[["axis", "said", "method", "found"]].to_numpy()]
+    rows = [(*row, HOLDS[one]) for row, one in zip(rows, claims["agrees"].tolist(), strict=True)]
     parts = [
         "<header><p>The paper's study, repeated on simulated surveys, whose answer is known</p>"
         f"<h1>What holds of the paper's claims: {hold} of {len(claims)}</h1></header>"
