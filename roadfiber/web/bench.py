@@ -34,27 +34,27 @@ class Bench:
     ----------
     run : as `roadfiber.open` or `read_seen` reads it; of a folder
     plugins : files with effects of the user's own
+    asleep : compute nothing before `wake`, so that the run is drawn first
     """
 
-    def __init__(self, run: Seen, plugins: Iterable[Path] = ()):
+    def __init__(self, run: Seen, plugins: Iterable[Path] = (), *, asleep: bool = False):
         if run.folder is None:
             raise InputError('the run is in memory only; save it first: run.save("run"); run = rf.open("run")')
         self.first = run.folder
         self.runs, self.at = [run], 0
         self.plugins = tuple(Path(one).resolve() for one in plugins)
         self.candidates: list[dict[str, Any]] = []
-        self.source = ""
+        self.source, self._asleep = "", True
         self.comparison: Comparison | None = None
         self.job: Job | None = None
-        self.messages: list[str] = []
-        self.version = 0
+        self.messages, self.version = list[str](), 0
         self.looker, self.adder = Worker("the worker that looks"), Worker("the worker that fits")
         self._written: dict[Path, str] = {}
         self._lock = threading.RLock()
         self._watchers: list[Callable[[], None]] = []
         self.titles: dict[str, str] = {}
-        self.looker.ask("titles", self.plugins, then=self.titled)
-        self.look()
+        if not asleep:
+            self.wake()
 
     # ---- what a page asks --------------------------------------------------------------------------------------------
 
@@ -123,6 +123,13 @@ class Bench:
             watchers = list(self._watchers)
         for called in watchers:
             called()
+
+    def wake(self) -> None:
+        """Begin to look for what the run lacks, once."""
+        awake, self._asleep = not self._asleep, False
+        if not awake:
+            self.looker.ask("titles", self.plugins, then=self.titled)
+            self.look()
 
     # ---- looking -----------------------------------------------------------------------------------------------------
 

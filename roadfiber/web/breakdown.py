@@ -25,10 +25,7 @@ MOST = 20
 
 
 class VehicleFrame:
-    """What is left at each distance ahead of the vehicles, averaged over them, with two sigmas of noise.
-
-    Like the other figures here it is there once a run was compared.
-    """
+    """What is left at each distance ahead of the vehicles, averaged over them, with two sigmas of noise."""
 
     def __init__(self) -> None:
         self.source = ColumnDataSource(table(ahead=[], measured=[], model=[], residual=[], low=[], high=[]))
@@ -42,7 +39,6 @@ class VehicleFrame:
         )
         self.plot.line("ahead", "residual", source=self.source, color=ROUTE, line_width=2, legend_label="residual")
         self.plot.legend.background_fill_alpha, self.plot.legend.padding = 0.6, 3
-        self.plot.visible = False
 
     def show(self, comparison: "Comparison") -> None:
         """Draw the stack of all channels."""
@@ -52,7 +48,6 @@ class VehicleFrame:
             ahead=stack.ahead, measured=stack.measured[0], model=stack.model[0], residual=stack.residual[0],
             low=-band, high=band,
         )  # fmt: skip
-        self.plot.visible = True
 
 
 class ByChannel:
@@ -68,13 +63,12 @@ class ByChannel:
         )  # fmt: skip
         self.plot.step("channel", "chi2", source=self.source, mode="center", color=ROUTE, line_width=1.6)
         self.plot.add_layout(self.floor)
-        self.plot.visible = False
 
     def show(self, comparison: "Comparison") -> None:
         """Draw all channels."""
         powers = comparison.power.channel
         self.source.data = table(channel=[int(one) for one in powers.labels], chi2=powers.chi2)
-        self.floor.location, self.plot.visible = comparison.noise_floor, True
+        self.floor.location = comparison.noise_floor
 
 
 class ByProperty:
@@ -92,7 +86,6 @@ class ByProperty:
         self.plot.segment("low", "label", "high", "label", source=self.source, color=ROUTE)
         self.plot.add_tools(HoverTool(renderers=[dots], tooltips=[("", "@label"), ("chi² per sample", "@chi2{0.00}")]))
         self.plot.add_layout(self.floor)
-        self.plot.visible = False
 
     def show(self, comparison: "Comparison", by: str) -> None:
         """Draw the values of one of `PROPERTIES`."""
@@ -103,5 +96,5 @@ class ByProperty:
         chi2, sigma = powers.chi2[known], powers.sigma[known]
         self.plot.y_range.factors = list(dict.fromkeys(labels))
         self.source.data = table(label=labels, chi2=chi2, low=chi2 - 2 * sigma, high=chi2 + 2 * sigma)
-        self.floor.location, self.plot.visible = comparison.noise_floor, True
+        self.floor.location = comparison.noise_floor
         self.plot.title.text = f"Residual near the vehicles by {by}: dashed, noise alone"

@@ -50,21 +50,25 @@ def table(**columns: Any) -> dict[str, list[Any]]:
     return {name: list(values) for name, values in columns.items()}
 
 
-def north(plot: Any, azimuth: float) -> None:
-    """An arrow to the north, by the azimuth of +x, degrees; +y points down on the screen."""
-    turn = np.radians(azimuth)
-    middle, reach = np.array([46.0, 96.0]), 22.0
-    way = np.array([np.cos(turn), np.sin(turn)])
-    (x0, y0), (x1, y1), (x, y) = middle - reach * way, middle + reach * way, middle + (reach + 9) * way - (4, 7)
-    if not plot.select(tags="north"):
+class North:
+    """An arrow to the north in the corner of a figure."""
+
+    def __init__(self, plot: Any):
         screen = {f"{end}_units": "screen" for end in ("start", "end")}
-        head = NormalHead(size=9, fill_color=INK)
-        plot.add_layout(Arrow(end=head, line_color=INK, tags=["north"], **screen))
+        self.arrow = Arrow(end=NormalHead(size=9, fill_color=INK), line_color=INK, **screen)
         units = {f"{axis}_units": "screen" for axis in "xy"}
-        plot.add_layout(Label(x=x, y=y, text="N", text_color=INK, text_font_size="12px", tags=["north"], **units))
-    arrow, label = plot.select(type=Arrow)[0], plot.select(type=Label)[0]
-    arrow.update(x_start=x0, y_start=y0, x_end=x1, y_end=y1)
-    label.update(x=x, y=y)
+        self.letter = Label(x=0, y=0, text="N", text_color=INK, text_font_size="12px", **units)
+        plot.add_layout(self.arrow)
+        plot.add_layout(self.letter)
+
+    def point(self, azimuth: float) -> None:
+        """Point it, by the azimuth of +x, degrees; +y points down on the screen."""
+        turn = np.radians(azimuth)
+        middle, reach = np.array([46.0, 96.0]), 22.0
+        way = np.array([np.cos(turn), np.sin(turn)])
+        (x0, y0), (x1, y1), (x, y) = middle - reach * way, middle + reach * way, middle + (reach + 9) * way - (4, 7)
+        self.arrow.update(x_start=x0, y_start=y0, x_end=x1, y_end=y1)
+        self.letter.update(x=x, y=y)
 
 
 class RouteMap:
@@ -95,6 +99,7 @@ class RouteMap:
         self.plot.add_layout(
             ScaleBar(range=self.plot.x_range, unit="m", location="bottom_left", background_fill_alpha=0.7)
         )
+        self.north = North(self.plot)
 
     def show(self, run: Seen) -> None:
         """Draw a run, once for all that does not change with its rungs."""
@@ -120,7 +125,7 @@ class RouteMap:
         self.anchors.data = table(
             x=[one.x for one in anchors], y=[one.y for one in anchors], name=[one.name for one in anchors]
         )
-        north(self.plot, run.frame.x_azimuth)
+        self.north.point(run.frame.x_azimuth)
 
     def beneath(self, ground: Beneath) -> None:
         """Draw a picture of the ground beneath all else, and say whose it is."""

@@ -25,8 +25,8 @@ def laid_out(page: Page, ground: Beneath | None = None) -> Any:
     left = pn.Column(
         controls.passes, controls.regions, controls.where, controls.effects, controls.about, controls.size,
         controls.follow, controls.expected, pn.Row(button["add"], button["undo"], button["redo"]), controls.force,
-        pn.Row(button["diagnose"], button["cancel"]), controls.work, drawn(page.live), controls.steps,
-        drawn(page.ladder), pn.Row(*controls.exports), own, width=LEFT,
+        pn.Row(button["diagnose"], button["cancel"]), controls.work, page.live.place, controls.steps,
+        page.ladder.place, pn.Row(*controls.exports), own, width=LEFT,
     )  # fmt: skip
     right = pn.Column(
         drawn(page.map),
@@ -34,8 +34,8 @@ def laid_out(page: Page, ground: Beneath | None = None) -> Any:
         drawn(page.depth),
         pn.Row(controls.channel, controls.second, **WIDE),
         pn.Row(drawn(page.traces), pn.Column(controls.picture, width=VIDEO), **WIDE),
-        drawn(page.by_channel),
-        pn.Row(drawn(page.stack), pn.Column(controls.by, drawn(page.by_property), **WIDE), **WIDE),
+        page.by_channel.place,
+        pn.Row(page.stack.place, pn.Column(controls.by, page.by_property.place, **WIDE), **WIDE),
         **WIDE,
     )
     return pn.Column(controls.heading, controls.said, pn.Row(left, right, **WIDE), min_width=900, **WIDE)

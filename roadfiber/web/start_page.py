@@ -9,7 +9,7 @@ from bokeh.models import ColumnDataSource, DatetimeTickFormatter, FactorRange, H
 from bokeh.plotting import figure
 
 from roadfiber.web.controls import WIDE, html
-from roadfiber.web.figures import north, plain, table
+from roadfiber.web.figures import North, plain, table
 from roadfiber.web.site_checks import SIGNS, Checked
 from roadfiber.web.site_draft import FIELDS, Draft, found_in
 from roadfiber.web.worker import Worker
@@ -82,6 +82,7 @@ class StartPage:
             HoverTool(renderers=[marks], tooltips=[("anchor", "@name")]),
         )
         self.map.add_layout(ScaleBar(range=self.map.x_range, unit="m", location="bottom_left"))
+        self.north = North(self.map)
         self.spans = ColumnDataSource(table(what=[], first=[], last=[]))
         self.times = plain(
             figure(name="times", height=150, tools="", y_range=FactorRange(), x_axis_type="datetime",
@@ -188,7 +189,7 @@ class StartPage:
         self.anchors.data = table(
             name=[name for name, *_ in anchors], x=[x for _, x, _ in anchors], y=[y for *_, y in anchors]
         )
-        north(self.map, found.azimuth)
+        self.north.point(found.azimuth)
         self.times.visible, self.map.visible = bool(names), bool(tracks or found.anchors)
 
     def write(self) -> None:

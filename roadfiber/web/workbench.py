@@ -65,7 +65,7 @@ def serve_workbench(folder: Path, plugins: Sequence[Path], tiles: str, port: int
             ground = around(run, tiles) if tiles else None
         except InputError as error:
             untiled = str(error)
-        benches.append(bench := Bench(run, plugins))
+        benches.append(bench := Bench(run, plugins, asleep=True))
         bench.changed(untiled)
         opening.ready(lambda: laid_out(Page(bench, film), ground))
 

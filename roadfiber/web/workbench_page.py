@@ -14,6 +14,7 @@ from roadfiber.web.breakdown import ByChannel, ByProperty, VehicleFrame
 from roadfiber.web.controls import Controls
 from roadfiber.web.figures import DepthProfile, LadderFigure, LiveMisfit, RouteMap
 from roadfiber.web.film import Film
+from roadfiber.web.late import Late
 from roadfiber.web.outlines import outline, pass_of, window
 from roadfiber.web.strain_figures import StrainMaps, Traces
 from roadfiber.web.strain_maps import maps_of, worst_channel
@@ -45,9 +46,9 @@ class Page:
         self.map, self.traces = RouteMap(), Traces()
         self.maps = StrainMaps(self.tapped, self.moved)
         self.depth = DepthProfile(self.maps.channels)
-        self.by_channel, self.by_property, self.stack = ByChannel(self.maps.channels), ByProperty(), VehicleFrame()
-        self.ladder, self.live = LadderFigure(), LiveMisfit()
-        self.live.plot.visible = self.ladder.plot.visible = False
+        self.by_channel = Late(lambda: ByChannel(self.maps.channels))
+        self.by_property, self.stack = Late(ByProperty), Late(VehicleFrame)
+        self.ladder, self.live = Late(LadderFigure), Late(LiveMisfit)
         self.controls = Controls(lambda: bench.folder)
         self.trial = Trial(bench, self.controls, self.later, self.show_trial)
         self.listen()
@@ -72,6 +73,7 @@ class Page:
         if self.served:
             end = bench.watch(lambda: self.later(self.tick))
             self.document.on_session_destroyed(lambda context: end())
+            pn.state.onload(lambda: self.later(bench.wake))
 
     # ---- when something changes --------------------------------------------------------------------------------------
 
@@ -117,8 +119,9 @@ class Page:
         controls.effects.label = f"What may be missing, best first: {bench.source or 'nothing'}"
         controls.said.object = words.news_of(bench)
         controls.work.object = words.work_words(job, elapsed)
-        self.live.show(job.fits if job else [])
-        self.live.plot.visible = bench.busy
+        if bench.busy and job is not None:
+            self.live.figure.show(job.fits)
+        self.live.place.visible = bench.busy
         self.able()
 
     def able(self) -> None:
@@ -150,8 +153,8 @@ class Page:
         self.controls.heading.object = words.head(bench)
         self.controls.steps.object = words.ladder_words(bench)
         if rungs:
-            self.ladder.show(rungs, rung_names(rungs, bench.title))
-        self.ladder.plot.visible = bool(rungs)
+            self.ladder.figure.show(rungs, rung_names(rungs, bench.title))
+        self.ladder.place.visible = bool(rungs)
 
     def show_trial(self, keep: bool = True) -> None:
         """Draw the chosen pass with the preview there is, and where the route is with it; else the rung below."""
@@ -224,15 +227,15 @@ class Page:
         controls.set(controls.regions, options=options, value=[], visible=bool(options) or self.comparison is None)
         controls.where.object = words.regions_news(self.bench)
         if self.comparison is not None:
-            self.stack.show(self.comparison)
-            self.by_channel.show(self.comparison)
+            self.stack.figure.show(self.comparison)
+            self.by_channel.figure.show(self.comparison)
             self.show_property()
         self.outline()
 
     def show_property(self) -> None:
         """Draw the residual by the chosen property."""
         if self.comparison is not None:
-            self.by_property.show(self.comparison, self.controls.by.value)
+            self.by_property.figure.show(self.comparison, self.controls.by.value)
 
     def outline(self) -> None:
         """Outline the regions of the pass that is shown."""

@@ -44,7 +44,7 @@ def test_one_fit_at_a_time_and_a_failure_leaves_all_as_it_was(bench):
     assert not (bench.first.parent / "run-3").exists(), "what was not begun keeps no folder"
     asked.failed("stopped")
     assert not bench.busy and bench.at == 0
-    assert bench.messages[-1] == "adding Gauge length: canceled; nothing was written, and all rungs are as they were"
+    assert bench.messages[-1] == "adding gauge length: canceled; nothing was written, and all rungs are as they were"
 
 
 def test_rungs_are_gone_up_and_down_and_their_folders_stay(bench):
@@ -107,3 +107,11 @@ def test_a_run_in_memory_is_saved_first(bench):
 def test_closing_ends_both_workers(bench):
     bench.close()
     assert bench.looker.stopped and bench.adder.stopped
+
+
+def test_a_bench_that_sleeps_asks_nothing_until_it_is_woken_once(bench):
+    asleep = type(bench)(bench.run, asleep=True)
+    assert asleep.looker.asked == []
+    asleep.wake()
+    asleep.wake()
+    assert [one.task for one in asleep.looker.asked] == [one.task for one in bench.looker.asked]

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from bokeh.plotting import figure
 
 from roadfiber.web.strain_maps import CELLS
 from roadfiber.web.workbench_page import Page
@@ -55,6 +56,6 @@ def test_a_model_that_fails_nowhere_says_so(page, bench):
     comparison = SimpleNamespace(regions=[])
     bench.comparison = comparison
     for one in (page.stack, page.by_channel, page.by_property):
-        one.show = lambda *given: None
+        one.make = lambda: SimpleNamespace(show=lambda *given: None, plot=figure())
     page.show_comparison()
     assert "nowhere that this survey shows" in page.controls.where.object and not page.controls.regions.visible
