@@ -36,6 +36,8 @@ FREEDOM = 3.0
 CLOCK = 2.0
 #: Sigmas beyond which a pick weighs less, and rounds of weighing.
 ROBUST, ROUNDS = 2.5, 4
+#: Probability of slack below which a step is as long as any.
+RARE = 0.02
 #: m, standard deviation of the first cell.
 WIDE = 1e4
 
@@ -86,20 +88,25 @@ def bends_of(path: Path, cell: Array, spacing: float, sigma: float) -> Array:
     return np.asarray(sigma * path.turn[number] * np.sqrt(spacing * max(spacing, BEND)) / STEP)
 
 
-def steps_of(path: Path, cell: Array, loop: NDArray[np.bool_], spacing: float, factor: float, sigma: float) -> Steps:
+def steps_of(
+    path: Path, cell: Array, loop: NDArray[np.bool_], slack: Array, spacing: float, factor: float, sigma: float
+) -> Steps:
     """How far channels are apart along the path.
 
     Parameters
     ----------
     cell : about where each channel lies [channel]
     loop : whether it lies in a loop [channel]
+    slack : probability that it lies in one that cannot be placed, such as where the car was not beside [channel]
     sigma : of the map, m: in bends a cable beside the path is longer or shorter than the path
     """
     step = spacing / factor / STEP
     bend = bends_of(path, cell, spacing, sigma)
-    advance = np.full(len(cell), step)
-    stretched = np.full(len(cell), step)
     variance = (JITTER * step) ** 2 + bend**2
+    # Each step is no step at all with that probability: mean and variance.
+    share = np.where(loop, 0.0, slack)
+    share = np.where(share > RARE, share, 0.0)
+    advance, stretched, variance = (1 - share) * step, (1 - share) * step, variance + share * (1 - share) * step**2
     before = np.concatenate([[False], loop[:-1]])
     # Into a loop and out of it the path goes on by any part of a step; within it, not at all.
     edge, inside = loop ^ before, loop & before

@@ -12,7 +12,7 @@ from solver.drive.channel_map import ChannelMap, against_traffic, map_channels
 from solver.drive.coarse import Coarse, first_look
 from solver.drive.drive import Drive
 from solver.drive.likelihood import LEAST, Heard, heard
-from solver.drive.loops import Loop, confirmed, flags_of, loops_of
+from solver.drive.loops import Loop, confirmed, flags_of, loops_of, sure
 from solver.drive.path import BESIDE, STEP, Path, path_of
 from solver.drive.picks import AUDIBLE, Picks, pick
 from solver.drive.quiet import Quiet
@@ -35,6 +35,8 @@ NEIGHBORS = 40
 FOUND = 0.2
 #: The same where another clock offset explains the record nearly as well, and how much better is clear.
 UNSURE, CLEAR = 0.45, 1.15
+#: Probability of another vehicle beyond which a channel has no pick.
+OTHER = 0.5
 #: m, standard deviation that every channel has at least: load of the car off its middle, bends of the map.
 FINEST = 0.4
 #: m, spread of the channel map beyond which it holds more than one place.
@@ -170,12 +172,12 @@ def one_round(
     found = with_anchors(replace(found, ratio=against_traffic(found.ratio)), drive.anchors, quiet, path)
     bend = bends_of(path, expected, spacing, drive.sigma)
     channels = map_channels(found, quiet.dead, spacing, factor, bend)
-    flags, middle = channels.best_loop, channels.best.astype(float)
+    flags, middle = sure(channels), channels.best.astype(float)
     for _ in range(2):
-        picks = pick(quiet, of, legs, middle, polarity, floor, quiet.dead | flags)
+        picks = pick(quiet, of, legs, middle, polarity, floor, quiet.dead | flags | (channels.other > OTHER))
         picks = beside_loops(picks, flags, quiet.gauge_length, spacing)
         picks = anchored(picks, drive.anchors, quiet, path)
-        steps = steps_of(path, middle, flags, spacing, factor, drive.sigma)
+        steps = steps_of(path, middle, flags, channels.in_loop, spacing, factor, drive.sigma)
         along = smoothed_along(picks, legs, steps, drive.length_factor[1], (car.memory, car.sigma), spacing)
         loops = loops_of(channels, along, spacing, factor, quiet.gauge_length)
         flags = flags_of(loops, len(flags))

@@ -1,8 +1,10 @@
 """Which channel lies where along the path: a hidden Markov model over the channels.
 
-A channel's state is a cell of the path, and whether its cable runs on or lies in a loop. From channel to channel the
-cell moves on by the channel spacing, with some jitter; in a loop it stays. Forward and backward recursions give the
-posterior (Rabiner 1989, Proc. IEEE 77, 257), Viterbi's the best path.
+A channel's state is a cell of the path, and whether its cable runs on, lies in a loop, or runs on where another vehicle
+is heard in place of the car. From channel to channel the cell moves on by the channel spacing, with some jitter; in a
+loop it stays. Where another vehicle is heard, what is heard says nothing of the cell: a companion that goes faster or
+slower than the car is one event, however many channels hear it. Forward and backward recursions give the posterior
+(Rabiner 1989, Proc. IEEE 77, 257), Viterbi's the best path.
 """
 
 from dataclasses import dataclass
@@ -28,6 +30,10 @@ LEAKS = 0.3
 #: Probability that another vehicle looks like the car to a channel, at a cell where it is not: companions do so for
 #: many channels in a row, so that no channel alone may tell much.
 TRAFFIC = 0.06
+#: Times per m of cable that another vehicle is heard in place of the car, and m over which it is.
+COMPANIONS, COMPANY = 1e-3, 150.0
+#: How much faster or slower it seems to go than the car, and the share of channels at which it is not the one before.
+OTHER_SPEED, AFRESH = 0.25, 0.05
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,7 @@ class ChannelMap:
     best : cells of the best path [channel]
     in_loop : probability that a channel lies in a loop [channel]
     best_loop : whether it does on the best path [channel]
+    other : probability that it hears another vehicle in place of the car [channel]
     evidence : log of the probability of all data
     """
 
@@ -48,11 +55,14 @@ class ChannelMap:
     best: NDArray[np.int64]
     in_loop: Array
     best_loop: NDArray[np.bool_]
+    other: Array
     evidence: float
 
 
-def kernels(advance: Array, bend: Array | float = 0.0) -> tuple[Array, Array]:
-    """Probability of each advance in cells [channel, step]: for cable that runs on, and at either end of a loop.
+def kernels(advance: Array, bend: Array | float = 0.0) -> tuple[Array, Array, Array]:
+    """Probability of each advance in cells [channel, step].
+
+    For cable that runs on, at either end of a loop, and of where another vehicle seems to be.
 
     Parameters
     ----------
@@ -61,11 +71,14 @@ def kernels(advance: Array, bend: Array | float = 0.0) -> tuple[Array, Array]:
     """
     size = int(np.ceil(2 * advance.max())) + 3
     step = np.arange(size)
-    sigma = np.hypot(np.maximum(JITTER * advance, LEAST), bend)[:, None]
-    on = np.exp(-0.5 * ((step - advance[:, None]) / sigma) ** 2)
+    sigma = np.hypot(np.maximum(JITTER * advance, LEAST), bend)
+    on, wide = (
+        np.exp(-0.5 * ((step - advance[:, None]) / one[:, None]) ** 2)
+        for one in (sigma, np.hypot(sigma, OTHER_SPEED * advance))
+    )
     on = (1 - ANY) * on / on.sum(1, keepdims=True) + ANY / size
     edge = np.clip(advance[:, None] + 0.5 - step, 0, 1) * (step <= advance[:, None] + 0.5)
-    return on, edge / edge.sum(1, keepdims=True)
+    return on, edge / edge.sum(1, keepdims=True), wide / wide.sum(1, keepdims=True)
 
 
 def against_traffic(ratio: NDArray[Any]) -> NDArray[Any]:
@@ -92,25 +105,29 @@ def map_channels(
     factor : meters of cable per meter of path, [channel] or one
     bend : cells, standard deviation of an advance from bends of the map, [channel] or one
     """
-    forward, backward, viterbi = recursions()
+    forward, backward, viterbi, followed = recursions()
     channels, width = heard.ratio.shape
     advance = np.broadcast_to(spacing / np.asarray(factor, float) / STEP, channels).astype(float)
-    on, edge = kernels(advance, bend)
-    begins = np.full(channels, min(0.2, LOOPS * spacing))
-    ends = min(0.5, spacing / LENGTH)
+    on, edge, wide = kernels(advance, bend)
     ratio = heard.ratio.astype(np.float64)
     top = np.maximum(ratio.max(1, keepdims=True), 0.0)
     even = DEAF * np.exp(-top) + (1 - DEAF) * np.exp(ratio - top)
     odd = (1 - LEAKS) * np.exp(-top) + LEAKS * np.exp(ratio - top)
     even[dead], odd[dead] = 1.0, 1.0
     even, odd = np.maximum(even, 1e-60), np.maximum(odd, 1e-60)
-    alpha = np.zeros((channels, width, 2))
-    evidence = forward(even, odd, heard.low, on, edge, begins, ends, alpha)
+    other = np.zeros(channels)
+    followed(even, heard.low, wide, AFRESH, other)
+    begins = np.full(channels, min(0.2, LOOPS * spacing))
+    changes = (min(0.5, spacing / LENGTH), min(0.2, COMPANIONS * spacing), min(0.5, spacing / COMPANY))
+    given = (even, odd, np.maximum(other, 1e-60), heard.low, on, edge, begins, *changes)
+    alpha = np.zeros((channels, width, 3))
+    evidence = forward(*given, alpha)
     path = np.zeros((channels, 2), np.int64)
-    backward(even, odd, heard.low, on, edge, begins, ends, alpha)
-    viterbi(even, odd, heard.low, on, edge, begins, ends, path)
+    backward(*given, alpha)
+    viterbi(*given, path)
     both = alpha.sum(2)
     both /= both.sum(1, keepdims=True)
+    kind = alpha.sum(1) / alpha.sum((1, 2))[:, None]
     places = np.arange(width)
     mean = both @ places
     spread = np.sqrt(np.maximum(both @ places**2 - mean**2, 0))
@@ -118,7 +135,8 @@ def map_channels(
         cell=heard.low + mean,
         spread=spread,
         best=path[:, 0],
-        in_loop=alpha[:, :, 1].sum(1) / alpha.sum((1, 2)),
+        in_loop=kind[:, 1],
         best_loop=path[:, 1] == 1,
+        other=kind[:, 2],
         evidence=float(evidence + top.sum()),
     )

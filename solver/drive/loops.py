@@ -54,6 +54,14 @@ def runs_of(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return [(int(one[0]), int(one[-1])) for one in np.split(there, cuts + 1)]
 
 
+def sure(channels: ChannelMap) -> NDArray[np.bool_]:
+    """Which channels lie in loops of the best path that are likely to be just there [channel]."""
+    found = np.zeros(len(channels.best_loop), bool)
+    for first, last in runs_of(channels.best_loop):
+        found[first : last + 1] = channels.in_loop[first : last + 1].max() > SURE
+    return found
+
+
 def loops_of(
     channels: ChannelMap,
     along: Along,

@@ -1,8 +1,10 @@
 """Recursions of the hidden Markov model of a channel map, in machine code (Rabiner 1989, Proc. IEEE 77, 257).
 
-All take the same: `even` and `odd` [channel, place], likelihoods of cable that runs on and of cable in a loop; `low`
-[channel], the cell of each channel's first place; `on` and `edge` [channel, step], the kernels of an advance; `begins`
-[channel] and `ends`, probabilities that a loop begins and ends; and what they write into.
+A channel's cable runs on and hears the car (0), lies in a loop (1), or runs on and hears another vehicle (2). All take
+the same: `even` and `odd` [channel, place], likelihoods of the first two; `other` [channel], of the third, which says
+nothing of the place; `low` [channel], the cell of each channel's first place; `on` and `edge` [channel, step], the
+kernels of an advance; `begins` [channel] and `ends`, probabilities that a loop begins and ends; `joins` and `leaves`,
+that another vehicle is heard from here on, and no longer; and what they write into.
 """
 
 from functools import cache
@@ -12,125 +14,192 @@ import numpy as np
 
 from solver.ground.compiled import compiled
 
+#: More than the steps of any kernel: codes of a state and a step hold both.
+WAYS = 1024
+
 
 @cache
-def recursions() -> tuple[Any, Any, Any]:
-    """Forward, backward and Viterbi recursions in machine code."""
-    return compiled(forward), compiled(backward), compiled(viterbi)
+def recursions() -> tuple[Any, Any, Any, Any]:
+    """Forward, backward and Viterbi recursions, and `followed`, in machine code."""
+    return compiled(forward), compiled(backward), compiled(viterbi), compiled(followed)
 
 
-def forward(even: Any, odd: Any, low: Any, on: Any, edge: Any, begins: Any, ends: float, alpha: Any) -> float:
+def followed(even: Any, low: Any, wide: Any, afresh: float, other: Any) -> None:
+    """Likelihood of each channel [channel], into `other`, if what it hears is a vehicle that its neighbors hear too.
+
+    The vehicle is tracked along the channels on its own: from one to the next it seems to move on by the kernel `wide`
+    [channel, step], as it is faster or slower than the car, or with probability `afresh` it is any other.
+    """
+    channels, width = even.shape
+    there, ahead = np.full(width, 1.0 / width), np.zeros(width)
+    for channel in range(channels):
+        total = 0.0
+        for place in range(width):
+            moved = 0.0
+            if channel > 0:
+                shift = low[channel] + place - low[channel - 1]
+                for step in range(wide.shape[1]):
+                    before = shift - step
+                    if 0 <= before < width:
+                        moved += there[before] * wide[channel, step]
+            ahead[place] = ((1 - afresh) * moved + afresh / width) * even[channel, place]
+            total += ahead[place]
+        other[channel] = total
+        for place in range(width):
+            there[place] = ahead[place] / max(total, 1e-290)
+
+
+def forward(
+    even: Any,
+    odd: Any,
+    other: Any,
+    low: Any,
+    on: Any,
+    edge: Any,
+    begins: Any,
+    ends: float,
+    joins: float,
+    leaves: float,
+    alpha: Any,
+) -> float:
     """Probability of each state given what was heard so far, into `alpha`; the log of that of all that was heard."""
     channels, width = even.shape
     evidence = 0.0
     for channel in range(channels):
-        total = 0.0
+        total, begin = 0.0, begins[channel]
         for place in range(width):
-            straight, loop = 0.0, 0.0
+            runs, follows, out, into, loop = 0.0, 0.0, 0.0, 0.0, 0.0
             if channel == 0:
-                straight, loop = (1 - begins[0]) / width, begins[0] / width
+                runs, loop = 1 / width, begin / width
             else:
                 shift = low[channel] + place - low[channel - 1]
                 for step in range(on.shape[1]):
                     before = shift - step
                     if 0 <= before < width:
-                        was, slack = alpha[channel - 1, before, 0], alpha[channel - 1, before, 1]
-                        straight += was * (1 - begins[channel]) * on[channel, step]
-                        straight += slack * ends * edge[channel, step]
-                        loop += was * begins[channel] * edge[channel, step]
+                        was, hidden = alpha[channel - 1, before, 0], alpha[channel - 1, before, 2]
+                        runs += was * on[channel, step]
+                        follows += hidden * on[channel, step]
+                        out += alpha[channel - 1, before, 1] * edge[channel, step]
+                        into += (was + hidden) * edge[channel, step]
                 if 0 <= shift < width:
-                    loop += alpha[channel - 1, shift, 1] * (1 - ends)
+                    loop = alpha[channel - 1, shift, 1] * (1 - ends)
+            straight = (1 - begin) * ((1 - joins) * runs + leaves * follows) + (1 - joins) * ends * out
+            hidden = (1 - begin) * (joins * runs + (1 - leaves) * follows) + joins * ends * out
             alpha[channel, place, 0] = straight * even[channel, place]
-            alpha[channel, place, 1] = loop * odd[channel, place]
-            total += alpha[channel, place, 0] + alpha[channel, place, 1]
+            alpha[channel, place, 1] = (loop + begin * into) * odd[channel, place]
+            alpha[channel, place, 2] = hidden * other[channel]
+            total += alpha[channel, place, 0] + alpha[channel, place, 1] + alpha[channel, place, 2]
         total = max(total, 1e-290)
         evidence += np.log(total)
         for place in range(width):
-            alpha[channel, place, 0] = alpha[channel, place, 0] / total + 1e-60
-            alpha[channel, place, 1] = alpha[channel, place, 1] / total + 1e-60
+            for kind in range(3):
+                alpha[channel, place, kind] = alpha[channel, place, kind] / total + 1e-60
     return evidence
 
 
-def backward(even: Any, odd: Any, low: Any, on: Any, edge: Any, begins: Any, ends: float, alpha: Any) -> None:
+def backward(
+    even: Any,
+    odd: Any,
+    other: Any,
+    low: Any,
+    on: Any,
+    edge: Any,
+    begins: Any,
+    ends: float,
+    joins: float,
+    leaves: float,
+    alpha: Any,
+) -> None:
     """Probability of each state given all that was heard, into `alpha`, which holds what `forward` left there."""
     channels, width = even.shape
-    beta, next_beta = np.ones((width, 2)), np.ones((width, 2))
+    beta, next_beta = np.ones((width, 3)), np.ones((width, 3))
     for channel in range(channels - 2, -1, -1):
-        total = 0.0
+        total, begin = 0.0, begins[channel + 1]
         for place in range(width):
-            straight, loop = 0.0, 0.0
+            runs, follows, out, hidden, into, loop = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             shift = low[channel] + place - low[channel + 1]
             for step in range(on.shape[1]):
                 after = shift + step
                 if 0 <= after < width:
-                    runs = beta[after, 0] * even[channel + 1, after]
-                    slack = beta[after, 1] * odd[channel + 1, after]
-                    straight += (1 - begins[channel + 1]) * on[channel + 1, step] * runs
-                    straight += begins[channel + 1] * edge[channel + 1, step] * slack
-                    loop += ends * edge[channel + 1, step] * runs
+                    straight = beta[after, 0] * even[channel + 1, after]
+                    another = beta[after, 2] * other[channel + 1]
+                    runs += on[channel + 1, step] * straight
+                    follows += on[channel + 1, step] * another
+                    out += edge[channel + 1, step] * straight
+                    hidden += edge[channel + 1, step] * another
+                    into += edge[channel + 1, step] * beta[after, 1] * odd[channel + 1, after]
             if 0 <= shift < width:
-                loop += (1 - ends) * beta[shift, 1] * odd[channel + 1, shift]
-            next_beta[place, 0], next_beta[place, 1] = straight, loop
-            total = max(total, straight, loop)
+                loop = (1 - ends) * beta[shift, 1] * odd[channel + 1, shift]
+            next_beta[place, 0] = (1 - begin) * ((1 - joins) * runs + joins * follows) + begin * into
+            next_beta[place, 1] = ends * ((1 - joins) * out + joins * hidden) + loop
+            next_beta[place, 2] = (1 - begin) * (leaves * runs + (1 - leaves) * follows) + begin * into
+            total = max(total, next_beta[place, 0], next_beta[place, 1], next_beta[place, 2])
         total = max(total, 1e-290)
         whole = 0.0
         for place in range(width):
-            beta[place, 0] = next_beta[place, 0] / total + 1e-60
-            beta[place, 1] = next_beta[place, 1] / total + 1e-60
-            alpha[channel, place, 0] *= beta[place, 0]
-            alpha[channel, place, 1] *= beta[place, 1]
-            whole += alpha[channel, place, 0] + alpha[channel, place, 1]
+            for kind in range(3):
+                beta[place, kind] = next_beta[place, kind] / total + 1e-60
+                alpha[channel, place, kind] *= beta[place, kind]
+                whole += alpha[channel, place, kind]
         for place in range(width):
-            alpha[channel, place, 0] /= max(whole, 1e-290)
-            alpha[channel, place, 1] /= max(whole, 1e-290)
+            for kind in range(3):
+                alpha[channel, place, kind] /= max(whole, 1e-290)
 
 
-def viterbi(even: Any, odd: Any, low: Any, on: Any, edge: Any, begins: Any, ends: float, path: Any) -> None:
+def viterbi(
+    even: Any,
+    odd: Any,
+    other: Any,
+    low: Any,
+    on: Any,
+    edge: Any,
+    begins: Any,
+    ends: float,
+    joins: float,
+    leaves: float,
+    path: Any,
+) -> None:
     """The most probable cells and states [channel, 2], into `path`."""
     channels, width = even.shape
-    trace = np.zeros((channels, width, 2), np.int16)
-    score, ahead = np.zeros((width, 2)), np.zeros((width, 2))
+    trace = np.zeros((channels, width, 3), np.int16)
+    score, ahead = np.zeros((width, 3)), np.zeros((width, 3))
+    change = np.zeros((3, 3))
     for channel in range(channels):
+        begin = begins[channel]
+        # From a state (row) to a state (column), but for the advance.
+        change[0, 0], change[0, 1], change[0, 2] = (1 - begin) * (1 - joins), begin, (1 - begin) * joins
+        change[1, 0], change[1, 1], change[1, 2] = ends * (1 - joins), 1 - ends, ends * joins
+        change[2, 0], change[2, 1], change[2, 2] = (1 - begin) * leaves, begin, (1 - begin) * (1 - leaves)
+        change[:] = np.log(change)
+        ahead_on, at_edge = np.log(on[channel]), np.log(np.maximum(edge[channel], 1e-300))
         for place in range(width):
-            straight, loop, way, turn = -1e18, -1e18, 0, 0
-            if channel == 0:
-                straight, loop = np.log(1 - begins[0]), np.log(begins[0])
-            else:
-                shift = low[channel] + place - low[channel - 1]
-                for step in range(on.shape[1]):
-                    before = shift - step
-                    if 0 <= before < width:
-                        value = score[before, 0] + np.log((1 - begins[channel]) * on[channel, step])
-                        if value > straight:
-                            straight, way = value, step
-                        if edge[channel, step] > 0:
-                            value = score[before, 1] + np.log(ends * edge[channel, step])
-                            if value > straight:
-                                straight, way = value, -1 - step
-                            value = score[before, 0] + np.log(begins[channel] * edge[channel, step])
-                            if value > loop:
-                                loop, turn = value, step
-                if 0 <= shift < width:
-                    value = score[shift, 1] + np.log(1 - ends)
-                    if value > loop:
-                        loop, turn = value, -1
-            ahead[place, 0] = straight + np.log(even[channel, place])
-            ahead[place, 1] = loop + np.log(odd[channel, place])
-            trace[channel, place, 0], trace[channel, place, 1] = way, turn
+            for kind in range(3):
+                best, how = -1e18, 0
+                if channel == 0:
+                    best = np.log(begin) if kind == 1 else change[0, kind]
+                shift = low[channel] + place - low[max(channel - 1, 0)]
+                for was in range(3):
+                    if channel == 0:
+                        break
+                    if was == 1 and kind == 1:
+                        if 0 <= shift < width and score[shift, 1] + change[1, 1] > best:
+                            best, how = score[shift, 1] + change[1, 1], WAYS
+                        continue
+                    for step in range(on.shape[1]):
+                        before = shift - step
+                        if 0 <= before < width:
+                            share = at_edge[step] if was == 1 or kind == 1 else ahead_on[step]
+                            value = score[before, was] + change[was, kind] + share
+                            if value > best:
+                                best, how = value, was * WAYS + step
+                heard = other[channel] if kind == 2 else (odd if kind == 1 else even)[channel, place]
+                ahead[place, kind] = best + np.log(heard)
+                trace[channel, place, kind] = how
         score, ahead = ahead, score
-    mode, place = 0, 0
-    for candidate in range(width):
-        for kind in range(2):
-            if score[candidate, kind] > score[place, mode]:
-                place, mode = candidate, kind
+    place, mode = divmod(int(score.argmax()), 3)
     for channel in range(channels - 1, -1, -1):
         path[channel, 0], path[channel, 1] = low[channel] + place, mode
         if channel == 0:
             break
-        how = trace[channel, place, mode]
-        shift = low[channel] + place - low[channel - 1]
-        if mode == 0:
-            mode, step = (0, how) if how >= 0 else (1, -1 - how)
-        else:
-            mode, step = (0, how) if how >= 0 else (1, 0)
-        place = min(max(shift - step, 0), width - 1)
+        mode, step = divmod(int(trace[channel, place, mode]), WAYS)
+        place = min(max(path[channel, 0] - low[channel - 1] - step, 0), width - 1)
