@@ -54,13 +54,13 @@ def test_dead_channels_decide_nothing() -> None:
 def test_kernels_are_probabilities() -> None:
     for one in kernels(np.array([3.7, 9.8])):
         assert one.sum(1) == pytest.approx(1.0)
-    on, _ = kernels(np.array([9.8]))
+    on, _, wide = kernels(np.array([9.8]))
+    assert wide @ np.arange(wide.shape[1]) == pytest.approx(9.8, abs=0.1)
     assert on @ np.arange(on.shape[1]) == pytest.approx(9.8, abs=0.1)
 
 
 def test_bends_let_a_cable_be_longer_than_the_map() -> None:
-    straight, _ = kernels(np.array([8.0]))
-    bent, _ = kernels(np.array([8.0]), np.array([6.0]))
+    straight, bent = (kernels(np.array([8.0]), np.array([bend]))[0] for bend in (0.0, 6.0))
     assert straight[0, 2] < 1e-5 < 0.02 < bent[0, 2]
 
 
@@ -73,6 +73,20 @@ def test_no_channel_alone_tells_much() -> None:
     cut = replace(both, ratio=against_traffic(both.ratio))
     found = map_channels(cut, np.zeros(40, bool), 8.0, 1.0)
     assert np.abs(found.cell - cells).max() < 1.0
+
+
+def test_vehicle_that_outruns_the_car_is_one_event() -> None:
+    """Thirty channels hear a vehicle that leaves the car behind, faster by a quarter; the car is lost among it."""
+    cells = 20 + 8.0 * np.arange(80)
+    seen = cells.copy()
+    seen[25:55] -= 2.0 * np.arange(30)
+    both = made(seen, np.zeros(80, bool), 40.0)
+    cut = replace(both, ratio=against_traffic(both.ratio))
+    found = map_channels(cut, np.zeros(80, bool), 8.0, 1.0)
+    assert found.other[38:53].min() > 0.9
+    assert np.delete(found.other, np.arange(20, 58)).max() < 0.1
+    assert np.abs(found.best - cells).max() < 4.0
+    assert not found.best_loop.any()
 
 
 def test_path_rounds_corners_and_runs_on() -> None:
