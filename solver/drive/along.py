@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: How much the stretch wanders over 100 m of cable, and each step besides, as shares.
-WANDER, JITTER = 0.004, 0.01
+#: How much the stretch wanders over 100 m of cable, as the map is off by meters that change over some hundred meters,
+#: and each step besides, as shares.
+WANDER, JITTER = 0.01, 0.01
 #: m, about the length of a bend, all through which the map is off by the same.
 BEND = 30.0
 #: s, correlation time of the slow errors of a GPS track at least; share of a fix's sigma that is so slow that no
@@ -51,6 +52,7 @@ class Along:
     cell, sigma : of each channel, cells [channel]
     stretch : meters of cable per meter of path less the factor, relative [channel]
     clock, clock_sigma : s to add to the clock offset, and its standard deviation
+    lean : how far the cell goes with the clock offset, cells per second [channel]
     weight : of each pick, 0 to 1 [leg, channel]
     residual : of each pick, cells, after clock and errors of the car [leg, channel]
     error : of the car along the path as it passes, cells [leg, channel]
@@ -61,6 +63,7 @@ class Along:
     stretch: Array
     clock: float
     clock_sigma: float
+    lean: Array
     weight: Array
     residual: Array
     error: Array
@@ -75,11 +78,14 @@ class Steps:
     advance : cells, without stretch [channel]; that of the first is not used
     stretched : cells per unit of stretch [channel]
     variance : of the advance, cells^2 [channel]
+    askew : standard deviation of where the car seems to pass, cells [channel]: what lies square to a map that turns is
+        not sure
     """
 
     advance: Array
     stretched: Array
     variance: Array
+    askew: Array
 
 
 def bends_of(path: Path, cell: Array, spacing: float, sigma: float) -> Array:
@@ -113,7 +119,8 @@ def steps_of(
     advance[edge], stretched[edge] = step / 2, 0.0
     variance[edge] = step**2 / 12
     advance[inside], stretched[inside], variance[inside] = 0.0, 0.0, 1e-6
-    return Steps(advance, stretched, variance)
+    number = np.clip(np.round(cell).astype(np.int64), 0, len(path.points) - 1)
+    return Steps(advance, stretched, variance, path.spread_of_heading(sigma)[number] * sigma / STEP)
 
 
 def smoothed_along(
@@ -144,6 +151,7 @@ def smoothed_along(
         stretch=mean[:, 1],
         clock=float(mean[0, 2]),
         clock_sigma=float(np.sqrt(covariance[0, 2, 2])),
+        lean=covariance[:, 0, 2] / covariance[:, 2, 2],
         weight=weight,
         residual=picks.cell - fitted,
         error=error,
@@ -183,7 +191,7 @@ class Model:
             picks,
             steps,
             slow=np.where(there, SLOW * gps[1] / STEP, 0.0),
-            fast=np.where(there, sigma[picks.row], 0.0),
+            fast=np.where(there, np.hypot(sigma[picks.row], steps.askew), 0.0),
             keeps=np.concatenate([np.exp(-gone / max(MEMORY, gps[0])), np.exp(-gone / FAST)]),
             loose=np.ones(picks.row.shape),
             factor_sigma=factor_sigma,

@@ -37,6 +37,9 @@ FOUND = 0.2
 UNSURE, CLEAR = 0.45, 1.15
 #: Probability of another vehicle beyond which a channel has no pick.
 OTHER = 0.5
+#: Channels that hear the car go either way, from which on a drive checks its clock; and how much less sure the clock of
+#: another is than its model has it, on simulated drives.
+ENOUGH, ONCE = 5, 2.3
 #: m, standard deviation that every channel has at least: load of the car off its middle, bends of the map.
 FINEST = 0.4
 #: m, spread of the channel map beyond which it holds more than one place.
@@ -86,6 +89,17 @@ class Fit:
         """Whether a channel hears the car on any leg [channel]."""
         return np.asarray(self.picks.audible[: self.legs.count].any(0))
 
+    @property
+    def both_ways(self) -> bool:
+        """Whether the car was heard both ways, so that the clock is told from a shift along the path."""
+        return heard_both_ways(self.picks)
+
+
+def heard_both_ways(picks: Picks) -> bool:
+    """Whether enough channels hear the car go either way."""
+    ways = (picks.audible & (picks.speed > 0)).sum(), (picks.audible & (picks.speed < 0)).sum()
+    return bool(min(ways) >= ENOUGH)
+
 
 @dataclass(frozen=True)
 class Round:
@@ -132,6 +146,8 @@ def fit_drive(drive: Drive) -> Fit:
     number = np.clip(np.round(one.along.cell).astype(np.int64), 0, len(coarse.path.points) - 1)
     heading = coarse.path.spread_of_heading(drive.sigma)[number]
     askew = heading * np.hypot(aside.far, aside.sigma) / STEP
+    less_sure = 1.0 if heard_both_ways(one.picks) else ONCE
+    clock = np.sqrt(less_sure**2 - 1) * one.along.clock_sigma * one.along.lean
     return Fit(
         quiet=quiet,
         path=coarse.path,
@@ -144,9 +160,9 @@ def fit_drive(drive: Drive) -> Fit:
         loops=confirmed(one.loops, np.asarray(one.picks.audible.any(0)), quiet.channel_spacing),
         polarity=polarity,
         clock_offset=offset,
-        clock_sigma=one.along.clock_sigma,
+        clock_sigma=less_sure * one.along.clock_sigma,
         cell=one.along.cell,
-        sigma=np.sqrt(one.along.sigma**2 + several**2 + askew**2 + (FINEST / STEP) ** 2),
+        sigma=np.sqrt(one.along.sigma**2 + clock**2 + several**2 + askew**2 + (FINEST / STEP) ** 2),
         aside=aside,
         beside=beside_car(coarse.path, legs, one.along.cell),
         rounds=rounds,

@@ -115,8 +115,10 @@ def map_channels(
     odd = (1 - LEAKS) * np.exp(-top) + LEAKS * np.exp(ratio - top)
     even[dead], odd[dead] = 1.0, 1.0
     even, odd = np.maximum(even, 1e-60), np.maximum(odd, 1e-60)
-    other = np.zeros(channels)
-    followed(even, heard.low, wide, AFRESH, other)
+    # Channels that hear nothing tell of no vehicle at all, so that they are deaf for another one too.
+    there, other = np.where(ratio > 0, even, DEAF * np.exp(-top)), np.zeros(channels)
+    there[dead] = 1.0
+    followed(there, heard.low, wide, AFRESH, other)
     begins = np.full(channels, min(0.2, LOOPS * spacing))
     changes = (min(0.5, spacing / LENGTH), min(0.2, COMPANIONS * spacing), min(0.5, spacing / COMPANY))
     given = (even, odd, np.maximum(other, 1e-60), heard.low, on, edge, begins, *changes)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.drive.astray import others, others_of, places
 from solver.drive.path import STEP
 from solver.run.trust import Gate
 
@@ -24,17 +25,28 @@ STRAY = 0.25
 FAR = 3.5
 #: m of path without the car that are worth a word, and stretches that are named.
 GAP, NAMED = 60.0, 6
+#: Standard deviations by which slack is told; share of a way by which cable beside it may be longer.
+SURE, LOOSE = 3.0, 0.02
 
 
 @dataclass(frozen=True)
 class Unheard:
-    """A stretch that no channel hears: first and last index, m along the map, and whether the car drove beside it."""
+    """A stretch whose channels do not hear the car.
+
+    Parameters
+    ----------
+    first, last : index
+    begin, end : m along the map
+    beside : whether the car drove beside it
+    other : whether another vehicle is heard there in its place
+    """
 
     first: int
     last: int
     begin: float
     end: float
     beside: bool
+    other: bool
 
 
 def constrained_of(fit: "Fit") -> NDArray[np.bool_]:
@@ -64,8 +76,22 @@ def unheard_of(fit: "Fit", constrained: NDArray[np.bool_]) -> list[Unheard]:
         first, last = int(run[0]), int(run[-1])
         begin, end = float(along[first]), float(along[last])
         if end - begin >= GAP:
-            found.append(Unheard(first, last, begin, end, bool(fit.beside[run].mean() > 0.5)))
+            beside, other = (bool(one[run].mean() > 0.5) for one in (fit.beside, others_of(fit)))
+            found.append(Unheard(first, last, begin, end, beside, other))
     return sorted(found, key=lambda one: one.begin - one.end)
+
+
+def slack_of(fit: "Fit", stretch: Unheard) -> tuple[float, float]:
+    """Cable on a stretch beyond the way along it, m, loops that were found left out, and its standard deviation."""
+    before, after = stretch.first - 1, stretch.last + 1
+    if before < 0 or after >= len(fit.cell):
+        return 0.0, np.inf
+    cable = (after - before) * fit.quiet.channel_spacing
+    cable -= sum(one.length for one in fit.loops if before < one.first and one.last < after)
+    way = float(fit.cell[after] - fit.cell[before]) * STEP
+    ends = float(np.hypot(fit.sigma[before], fit.sigma[after])) * STEP
+    factor = 1 / (1 + float(fit.along.stretch[[before, after]].mean()))
+    return cable - way * factor, float(np.hypot(ends, LOOSE * way))
 
 
 def headline(fit: "Fit", constrained: NDArray[np.bool_]) -> str:
@@ -85,7 +111,10 @@ def headline(fit: "Fit", constrained: NDArray[np.bool_]) -> str:
 def clock_words(fit: "Fit") -> str:
     """How far the clocks are apart."""
     way = "ahead of" if fit.clock_offset > 0 else "behind"
-    return f"the record's clock is {abs(fit.clock_offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's"
+    once = (
+        "" if fit.both_ways else "; the car was heard one way only, so that changes of speed alone tell it from a shift"
+    )
+    return f"the record's clock is {abs(fit.clock_offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's{once}"
 
 
 def factor_of(fit: "Fit", prior: tuple[float, float]) -> tuple[float, float]:
@@ -148,6 +177,8 @@ def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
         ),
         second_leg(fit),
         rival(fit),
+        places(fit),
+        others(fit),
     ]
 
 
@@ -192,13 +223,21 @@ def advice(fit: "Fit", unheard: list[Unheard]) -> list[str]:
     for one in unheard[:NAMED]:
         where = f"channels {channel[one.first]} to {channel[one.last]}, {one.begin / 1e3:.2f} to {one.end / 1e3:.2f} km"
         middle = channel[(one.first + one.last) // 2]
-        if one.beside:
+        if one.other:
+            lines.append(
+                f"{where}: another vehicle is heard in place of the car; drive again with less traffic, or tap near "
+                f"channel {middle}"
+            )
+        elif one.beside:
             lines.append(
                 f"{where}: the car drove beside the map and nothing was heard: the fiber may run elsewhere, lie in a "
                 f"duct that is decoupled, or be coiled; a tap test near channel {middle} tells"
             )
         else:
             lines.append(f"{where}: the car was not beside the map; drive there, or tap near channel {middle}")
+        slack, sigma = slack_of(fit, one)
+        if slack > SURE * sigma:
+            lines[-1] += f". {slack:.0f} ± {sigma:.0f} m of slack lie somewhere on them"
     if len(unheard) > NAMED:
         lines.append(
             f"{len(unheard) - NAMED} more stretches are not heard; route.csv has them (`constrained` is false)"

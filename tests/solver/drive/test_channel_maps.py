@@ -80,7 +80,7 @@ def test_vehicle_that_outruns_the_car_is_one_event() -> None:
     cells = 20 + 8.0 * np.arange(80)
     seen = cells.copy()
     seen[25:55] -= 2.0 * np.arange(30)
-    both = made(seen, np.zeros(80, bool), 40.0)
+    both = made(seen, np.zeros(80, bool), 8.0)
     cut = replace(both, ratio=against_traffic(both.ratio))
     found = map_channels(cut, np.zeros(80, bool), 8.0, 1.0)
     assert found.other[38:53].min() > 0.9

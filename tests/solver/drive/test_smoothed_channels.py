@@ -66,7 +66,7 @@ def forth_and_back(pulled: float) -> Picks:
 def test_vehicle_that_pulls_many_picks_moves_the_clock_little() -> None:
     legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), rate=6.0)
     step = np.full(CHANNELS, SPACING)
-    steps = Steps(step, step, np.full(CHANNELS, 0.006))
+    steps = Steps(step, step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
     clean, pulled = (smoothed_along(forth_and_back(off), legs, steps, 0.02, (1.0, 1.5), SPACING) for off in (0.0, 8.0))
     assert abs(clean.clock) < 1e-6
     assert abs(pulled.clock) < 1.5 * pulled.clock_sigma
@@ -77,7 +77,7 @@ def test_vehicle_that_pulls_many_picks_moves_the_clock_little() -> None:
 def test_far_off_fast_errors_are_let_loose() -> None:
     legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), rate=6.0)
     step = np.full(CHANNELS, SPACING)
-    model = Model.of(forth_and_back(0.0), legs, Steps(step, step, step), 0.02, (1.0, 1.5), SPACING)
+    model = Model.of(forth_and_back(0.0), legs, Steps(step, step, step, np.zeros(CHANNELS)), 0.02, (1.0, 1.5), SPACING)
     mean = np.zeros((CHANNELS, 7))
     mean[30, 5] = 5.0  # the fast error of the first leg, sigmas
     loose = model.loosened(mean).loose

@@ -1,0 +1,89 @@
+"""Where a drive's answer may be wrong without looking so: stretches on which what should agree does not."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.drive.path import STEP
+from solver.run.trust import Gate
+
+if TYPE_CHECKING:
+    from solver.drive.channel_fit import Fit
+
+Array = NDArray[np.float64]
+
+#: m by which channels in a row are off, and how many of them: no GPS drifts so far, no pick is so far from its place.
+FAR, RUN = 10.0, 6
+#: Probability beyond which a channel hears another vehicle in place of the car; their share at most.
+LIKELY, MANY = 0.5, 0.15
+
+
+@dataclass(frozen=True)
+class Astray:
+    """Channels, as indices, of a stretch that is off by `size`, m."""
+
+    first: int
+    last: int
+    size: float
+
+
+def others_of(fit: "Fit") -> NDArray[np.bool_]:
+    """Which channels beside the car hear another vehicle in its place [channel]."""
+    return np.asarray(fit.beside & (fit.channels.other > LIKELY))
+
+
+def longest_off(size: Array, there: NDArray[np.bool_]) -> Astray | None:
+    """The run of `RUN` channels in a row, of those `there` [channel], that is farthest off, if by `FAR` m; `size` in m.
+
+    >>> off = np.where(np.arange(40) // 8 == 2, 12.0, 1.0)
+    >>> longest_off(off, np.ones(40, bool))
+    Astray(first=16, last=23, size=12.0)
+    >>> longest_off(off, np.arange(40) % 2 == 0) is None
+    True
+    """
+    index = np.flatnonzero(there)
+    far = size[index] >= FAR
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], far, [False]])))
+    runs = [one for one in zip(edges[::2], edges[1::2], strict=True) if one[1] - one[0] >= RUN]
+    if not runs:
+        return None
+    begin, end = max(runs, key=lambda one: float(size[index[one[0] : one[1]]].max()))
+    return Astray(int(index[begin]), int(index[end - 1]), float(size[index[begin:end]].max()))
+
+
+def places(fit: "Fit") -> Gate:
+    """Whether the car is heard where its GPS has it, and both estimates of the channels' places agree."""
+    legs = fit.legs.count
+    audible = fit.picks.audible[:legs]
+    straight = audible.any(0) & ~fit.channels.best_loop
+    found = [longest_off(np.abs(fit.along.error[leg]) * STEP, audible[leg]) for leg in range(legs)]
+    found.append(longest_off(np.abs(fit.channels.cell - fit.along.cell) * STEP, straight))
+    worst = max((one for one in found if one is not None), key=lambda one: one.size, default=None)
+    if worst is None:
+        return Gate("places", "passed", "the car is heard where its GPS has it")
+    first, last = fit.quiet.channel[[worst.first, worst.last]]
+    return Gate(
+        "places",
+        "failed",
+        f"on channels {first} to {last} what is heard is up to {worst.size:.0f} m from where the GPS has the car",
+        (f"do not rely on channels {first} to {last}: another vehicle was taken for the car, or slack was missed",),
+        found=worst.size,
+        expected=FAR,
+    )
+
+
+def others(fit: "Fit") -> Gate:
+    """Whether few channels hear another vehicle in place of the car."""
+    there = fit.beside & ~fit.quiet.dead
+    count, total = int((others_of(fit) & there).sum()), int(there.sum())
+    few = count <= MANY * total
+    return Gate(
+        "other vehicles",
+        "passed" if few else "failed",
+        f"{count} of the {total} channels beside the car hear another vehicle in its place",
+        ("drive again with less traffic; what these channels hear was not used",),
+        found=count / max(total, 1),
+        expected=MANY,
+    )
