@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from solver.drive.along import Model, Steps, smoothed_along
+from solver.drive.along import Model, Steps, smoothed_along, steps_of
+from solver.drive.channel_fit import heard_both_ways
 from solver.drive.path import path_of
 from solver.drive.picks import Picks
 from solver.drive.smoother import smooth
@@ -92,3 +93,31 @@ def test_heading_is_unsure_at_a_corner() -> None:
     found = corner.spread_of_heading(8.0)
     assert found[corner.first + 150] > 0.45
     assert found[corner.first + 100] < 1e-3
+
+
+def test_step_is_none_with_the_probability_of_slack() -> None:
+    path = path_of(np.array([[0.0, 0.0], [300.0, 0.0]]))
+    slack = np.array([0.0, 0.01, 0.25, 1.0])
+    found = steps_of(path, 600.0 + 8.0 * np.arange(4), np.zeros(4, bool), slack, 8.0, 1.0, 8.0)
+    none = found.variance[0]
+    assert found.advance.tolist() == found.stretched.tolist() == [8.0, 8.0, 6.0, 0.0]
+    np.testing.assert_allclose(found.variance - none, [0.0, 0.0, 0.25 * 0.75 * 64.0, 0.0], atol=1e-9)
+    assert found.askew.max() < 1e-5
+
+
+def test_car_is_heard_both_ways_or_one_way() -> None:
+    picks = forth_and_back(0.0)
+    assert heard_both_ways(picks)
+    picks.cell[1, 4:] = np.nan
+    assert not heard_both_ways(picks)
+
+
+def test_cells_lean_on_the_clock_as_the_car_goes_by() -> None:
+    """A single pass at one speed: a later clock is a shift."""
+    picks = forth_and_back(0.0)
+    picks.cell[1] = np.nan
+    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), rate=6.0)
+    step = np.full(CHANNELS, SPACING)
+    steps = Steps(step, step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
+    along = smoothed_along(picks, legs, steps, 0.02, (1.0, 1.5), SPACING)
+    assert np.abs(along.lean + 10.0).max() < 0.05

@@ -1,0 +1,79 @@
+"""What a drive says of stretches on which what should agree does not."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from solver.drive.astray import others, places
+from solver.drive.drive_words import Unheard, advice, slack_of
+
+CHANNELS = 60
+
+
+def fit_of(**changed: Any) -> SimpleNamespace:
+    """A fit of channels 100 to 159, 10 m apart, all of which hear the car on its one leg but for 20 to 39."""
+    cell = 10.0 * np.arange(CHANNELS)
+    audible = np.ones((1, CHANNELS), bool)
+    audible[0, 20:40] = False
+    one = {
+        "legs": SimpleNamespace(count=1),
+        "picks": SimpleNamespace(audible=audible),
+        "channels": SimpleNamespace(cell=cell.copy(), best_loop=np.zeros(CHANNELS, bool), other=np.zeros(CHANNELS)),
+        "along": SimpleNamespace(cell=cell, error=np.zeros((1, CHANNELS)), stretch=np.zeros(CHANNELS)),
+        "quiet": SimpleNamespace(
+            channel=np.arange(100, 160), channel_spacing=10.0, dead=np.zeros(CHANNELS, bool), gauge_length=10.0
+        ),
+        "cell": cell,
+        "sigma": np.full(CHANNELS, 1.0),
+        "beside": np.ones(CHANNELS, bool),
+        "audible": audible[0],
+        "aside": SimpleNamespace(sigma=np.ones(CHANNELS)),
+        "clock_sigma": 0.01,
+        "loops": [],
+    }
+    return SimpleNamespace(**one | changed)
+
+
+def test_car_far_from_its_gps_is_told_with_its_place() -> None:
+    fit = fit_of()
+    assert places(fit).verdict == "passed"
+    fit.along.error[0, 8:16] = -14.0
+    gate = places(fit)
+    assert gate.verdict == "failed"
+    assert gate.words == "on channels 108 to 115 what is heard is up to 14 m from where the GPS has the car"
+    fit.along.error[0, 10::3] = 0.0  # five channels in a row at most
+    assert places(fit).verdict == "passed"
+
+
+def test_estimates_that_disagree_are_told_on_channels_that_are_heard() -> None:
+    fit = fit_of()
+    fit.channels.cell[18:44] += 30.0
+    assert places(fit).words.startswith("on channels 118 to 143 what is heard is up to 30 m")
+    fit.channels.cell[40:44] -= 30.0  # only where nothing is heard, but for two channels
+    assert places(fit).verdict == "passed"
+
+
+def test_channels_that_hear_others_are_counted_and_named() -> None:
+    fit = fit_of()
+    fit.channels.other[20:40] = 0.9
+    assert others(fit).verdict == "failed"
+    assert others(fit).words == "20 of the 60 channels beside the car hear another vehicle in its place"
+    fit.channels.other[26:] = 0.2
+    assert others(fit).verdict == "passed"
+    told = advice(fit, [Unheard(20, 39, 200.0, 390.0, beside=True, other=True)])
+    assert told == [
+        "channels 120 to 139, 0.20 to 0.39 km: another vehicle is heard in place of the car; drive again with less "
+        "traffic, or tap near channel 129"
+    ]
+
+
+def test_slack_that_cannot_be_placed_is_told() -> None:
+    fit = fit_of()
+    stretch = Unheard(20, 39, 200.0, 320.0, beside=False, other=False)
+    assert slack_of(fit, stretch)[0] == 0.0
+    fit.cell[30:] -= 80.0
+    slack, sigma = slack_of(fit, stretch)
+    assert slack == 80.0
+    assert sigma == np.hypot(np.sqrt(2.0), 0.02 * 130.0)
+    assert advice(fit, [stretch])[0].endswith(". 80 ± 3 m of slack lie somewhere on them")
