@@ -92,6 +92,22 @@ def against_traffic(ratio: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(ratio - np.logaddexp(0.0, np.log(TRAFFIC) + ratio))
 
 
+def other_vehicle(there: Array, dead: NDArray[np.bool_], low: NDArray[np.int64], wide: Array) -> Array:
+    """Likelihood of each channel [channel] if it hears another vehicle in place of the car.
+
+    Parameters
+    ----------
+    there : likelihoods of one at each place, of a deaf channel where nothing is heard [channel, place]; overwritten
+    dead : channels that measure nothing [channel]
+    low : cell of each channel's first place [channel]
+    wide : kernel by which it seems to go on [channel, step]
+    """
+    other = np.zeros(len(there))
+    there[dead] = 1.0
+    recursions()[3](there, low, wide, AFRESH, other)
+    return np.maximum(other, 1e-60)
+
+
 def map_channels(
     heard: Heard, dead: NDArray[np.bool_], spacing: float, factor: Array | float, bend: Array | float = 0.0
 ) -> ChannelMap:
@@ -105,7 +121,7 @@ def map_channels(
     factor : meters of cable per meter of path, [channel] or one
     bend : cells, standard deviation of an advance from bends of the map, [channel] or one
     """
-    forward, backward, viterbi, followed = recursions()
+    forward, backward, viterbi, _ = recursions()
     channels, width = heard.ratio.shape
     advance = np.broadcast_to(spacing / np.asarray(factor, float) / STEP, channels).astype(float)
     on, edge, wide = kernels(advance, bend)
@@ -115,13 +131,10 @@ def map_channels(
     odd = (1 - LEAKS) * np.exp(-top) + LEAKS * np.exp(ratio - top)
     even[dead], odd[dead] = 1.0, 1.0
     even, odd = np.maximum(even, 1e-60), np.maximum(odd, 1e-60)
-    # Channels that hear nothing tell of no vehicle at all, so that they are deaf for another one too.
-    there, other = np.where(ratio > 0, even, DEAF * np.exp(-top)), np.zeros(channels)
-    there[dead] = 1.0
-    followed(there, heard.low, wide, AFRESH, other)
+    other = other_vehicle(np.where(ratio > 0, even, DEAF * np.exp(-top)), dead, heard.low, wide)
     begins = np.full(channels, min(0.2, LOOPS * spacing))
     changes = (min(0.5, spacing / LENGTH), min(0.2, COMPANIONS * spacing), min(0.5, spacing / COMPANY))
-    given = (even, odd, np.maximum(other, 1e-60), heard.low, on, edge, begins, *changes)
+    given = (even, odd, other, heard.low, on, edge, begins, *changes)
     alpha = np.zeros((channels, width, 3))
     evidence = forward(*given, alpha)
     path = np.zeros((channels, 2), np.int64)
