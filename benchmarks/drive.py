@@ -59,7 +59,7 @@ class Outcome:
     """One drive against its truth: m, s, shares, counts.
 
     `rms` and `worst` are of channels that hear the car; `inside` is the share of all located channels, of loops too,
-    within their 95 % band.
+    within their 95 % band. NaN where no channel is located.
     """
 
     rms: float
@@ -112,17 +112,22 @@ def judged(run: DriveRun, truth: dict[str, Any], gauge: float, nearest: Array) -
     total = route[["sigma_x", "sigma_y"]].to_numpy()[inside] ** 2
     wide = np.sqrt(np.maximum(total.sum(1) - route["sigma_along"].to_numpy()[inside] ** 2, 1e-6))
     return Outcome(
-        rms=float(np.sqrt((error[hears] ** 2).mean())),
-        inside=float((off < 1.96).mean()),
-        worst=float(np.abs(error[hears]).max()),
+        rms=float(np.sqrt(mean(error[hears] ** 2))),
+        inside=mean(off < 1.96),
+        worst=float(np.abs(error[hears]).max()) if hears.any() else float("nan"),
         located=float(inside.mean()),
         clock=run.clock_offset - truth["clock_offset"],
         loops=len(there),
         found=found,
         false=false,
         nearest=float(np.sqrt((plain**2).mean())) if len(plain) else np.nan,
-        lateral_inside=float((np.sqrt(np.maximum(across, 0)) < 1.96 * wide).mean()),
+        lateral_inside=mean(np.sqrt(np.maximum(across, 0)) < 1.96 * wide),
     )
+
+
+def mean(values: NDArray[Any]) -> float:
+    """Mean of values; NaN where there are none."""
+    return float(np.mean(values)) if len(values) else float("nan")
 
 
 def driven(loop: dict[str, Any], inside: NDArray[np.bool_]) -> bool:
@@ -215,12 +220,14 @@ def main() -> None:
         return
     rms = np.array([one.rms for one in outcomes])
     clock = np.abs([one.clock for one in outcomes])
+    some = rms[np.isfinite(rms)]
     loops, found, false = (sum(getattr(one, name) for one in outcomes) for name in ("loops", "found", "false"))
     print(
-        f"{len(outcomes)} drives, {refused} refused: rms along the path {np.sqrt((rms**2).mean()):.2f} m (worst drive "
-        f"{rms.max():.2f}; nearest fix {np.nanmedian([one.nearest for one in outcomes]):.1f} m); 95 % bands hold "
-        f"{100 * np.mean([one.inside for one in outcomes]):.1f} %, across "
-        f"{100 * np.mean([one.lateral_inside for one in outcomes]):.1f} %; "
+        f"{len(outcomes)} drives, {refused} refused, {len(rms) - len(some)} without a place: rms along the path "
+        f"{np.sqrt(mean(some**2)):.2f} m (worst drive {some.max(initial=0.0):.2f}; nearest fix "
+        f"{np.nanmedian([one.nearest for one in outcomes]):.1f} m); 95 % bands hold "
+        f"{100 * np.nanmean([one.inside for one in outcomes]):.1f} %, across "
+        f"{100 * np.nanmean([one.lateral_inside for one in outcomes]):.1f} %; "
         f"clock {np.sqrt((clock**2).mean()):.3f} s rms, worst {clock.max():.3f}; loops "
         f"{found} of {loops}, {false} false"
     )
