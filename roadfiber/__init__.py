@@ -62,6 +62,9 @@ if TYPE_CHECKING:
     from roadfiber.schemas import schema as schema
     from roadfiber.simulating import Simulated as Simulated
     from roadfiber.simulating import simulate as simulate
+    from roadfiber.stretching import StretchDiagnosis as StretchDiagnosis
+    from roadfiber.stretching import diagnose_stretches as diagnose_stretches
+    from roadfiber.stretching import stretch as stretch
     from roadfiber.studying import Study as Study
     from roadfiber.studying import study as study
     from solver.drive.drive import Drive as Drive
@@ -96,6 +99,7 @@ _HOMES = {
     "Run": "solver.run.run",
     "Simulated": "roadfiber.simulating",
     "Story": "roadfiber.growing",
+    "StretchDiagnosis": "roadfiber.stretching",
     "Study": "roadfiber.studying",
     "Survey": "solver.survey.survey",
     "Tracked": "vision.tracked",
@@ -107,6 +111,7 @@ _HOMES = {
     "combine": "roadfiber.combining",
     "compare": "roadfiber.comparing",
     "diagnose": "roadfiber.diagnosing",
+    "diagnose_stretches": "roadfiber.stretching",
     "doctor": "roadfiber.checkup",
     "effect": "solver.effect",
     "explain": "roadfiber.growing",
@@ -119,6 +124,7 @@ _HOMES = {
     "read": "roadfiber.locating",
     "schema": "roadfiber.schemas",
     "simulate": "roadfiber.simulating",
+    "stretch": "roadfiber.stretching",
     "study": "roadfiber.studying",
     "track": "roadfiber.cameras",
     "vehicles": "roadfiber.listening",

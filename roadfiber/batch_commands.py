@@ -15,6 +15,9 @@ def batch(
     steps: Annotated[
         str, typer.Option(help="Steps to take, by comma; track is for sites with a video and no trajectories.")
     ] = "ingest,track,locate,diagnose",
+    corridor: Annotated[
+        str, typer.Option(help="full: with what the model may lack; fit: the fit's own, which is faster.")
+    ] = "full",
     workers: Annotated[int | None, typer.Option(help="Processes on this machine.", show_default="one per core")] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Dask scheduler in their place, as tcp://10.0.0.1:8786.", show_default="none")
@@ -34,7 +37,7 @@ def batch(
     import roadfiber as rf
 
     wanted = [name.strip() for name in steps.split(",") if name.strip()]
-    done = rf.batch(sites, out, steps=wanted, workers=workers, scheduler=scheduler)
+    done = rf.batch(sites, out, steps=wanted, corridor=corridor, workers=workers, scheduler=scheduler)
     if as_json:
         print(json.dumps(done.facts, allow_nan=False, indent=1))
     else:

@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from roadfiber.widening import FULL
 from solver.survey.site import Site, read_site
 from vision.contract.errors import InputError
 from vision.contract.files import writing
@@ -33,12 +34,14 @@ class Job:
     out : folder of the batch
     name : of the site's run folder there
     steps : those wanted
+    corridor : of the route, as of `locate`
     """
 
     site: Path
     out: Path
     name: str
     steps: tuple[str, ...]
+    corridor: str = FULL
 
     @property
     def run(self) -> Path:
@@ -128,7 +131,7 @@ def locate_inputs(job: Job, site: Site) -> str:
     files = [*site.das.files, *(site.trajectories.files if site.trajectories else [])]
     files += [part.file for part in (site.anchors, site.route) if part]
     seen = camera_of(site) if needs_tracking(site) else []
-    return checksum_of(site.model_dump(by_alias=True), states(files), seen)
+    return checksum_of(site.model_dump(by_alias=True), states(files), seen, job.corridor)
 
 
 def diagnose_inputs(job: Job, site: Site) -> str:
@@ -172,9 +175,9 @@ def locate_step(job: Job, site: Site) -> tuple[str, dict[str, Any]]:
     if needs_tracking(site) and "track" in job.steps:
         placed = read_stamp(job, "track")["facts"]["placed"]
         table, dropped = (pd.read_parquet(path) for path in tables(job))
-        run: Any = located(Survey.of_site(site), table, dropped, placed)
+        run: Any = located(Survey.of_site(site), table, dropped, placed, corridor=job.corridor)
     else:
-        run = locate(job.site)
+        run = locate(job.site, corridor=job.corridor)
     run.save(job.run)
     facts = {"channels": len(run.route)} | ({"passes": len(run.passes)} if isinstance(run, Run) else {})
     return f"{run.headline} {run.trust.partition(':')[0]}", facts

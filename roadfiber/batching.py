@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from roadfiber.batch_cluster import cluster
 from roadfiber.batch_steps import DONE, FAILED, LEFT, NOTHING, STEPS, Job, Outcome, take
+from roadfiber.widening import FULL, check_corridor
 from solver.run.strict_json import strict
 from vision.contract import InputError, progress, require_writable
 
@@ -97,6 +98,7 @@ def batch(
     out: Path | str = "runs",
     *,
     steps: Sequence[str] = tuple(STEPS),
+    corridor: str = FULL,
     workers: int | None = None,
     scheduler: str | None = None,
 ) -> Batch:
@@ -110,6 +112,7 @@ def batch(
     sites : paths of site.toml files, or of their folders
     out : folder for the run folders, named as the sites' folders are
     steps : of "ingest", "track", "locate", "diagnose"; "track" is for sites with a video and no trajectories
+    corridor : "full", or "fit", which is faster, as of `locate`
     workers : processes on this machine; by default one per core
     scheduler : address of a Dask scheduler in their place, as "tcp://10.0.0.1:8786"; its workers must see the same
         paths
@@ -121,7 +124,8 @@ def batch(
     Raises
     ------
     InputError
-        If Dask is not installed, the scheduler does not answer, two sites have one name, or a step is unknown.
+        If Dask is not installed, the scheduler does not answer, two sites have one name, or a step or kind of corridor
+        is unknown.
 
     Examples
     --------
@@ -129,14 +133,15 @@ def batch(
     >>> done.table["ingest"].tolist(), done.failed
     (['done'], [])
     """
-    jobs = jobs_of(sites, Path(out), steps)
+    check_corridor(corridor)
+    jobs = jobs_of(sites, Path(out), steps, corridor)
     with cluster(workers, scheduler) as client:
         asked = submitted(client, jobs)
         wait_for(list(asked.values()))
         return Batch(tuple(outcomes(asked)), Path(out))
 
 
-def jobs_of(sites: Sequence[Path | str], out: Path, steps: Sequence[str]) -> list[Job]:
+def jobs_of(sites: Sequence[Path | str], out: Path, steps: Sequence[str], corridor: str = FULL) -> list[Job]:
     """What is to be done for each site; InputError where that cannot be begun."""
     unknown = [name for name in steps if name not in STEPS]
     if unknown or not steps:
@@ -152,7 +157,7 @@ def jobs_of(sites: Sequence[Path | str], out: Path, steps: Sequence[str]) -> lis
             raise InputError(
                 f"{jobs[name].site} and {file} would share {out / name}; rename a folder, or run two batches"
             )
-        jobs[name] = Job(file, out.absolute(), name, wanted)
+        jobs[name] = Job(file, out.absolute(), name, wanted, corridor)
     require_writable(out / "run")
     return list(jobs.values())
 

@@ -1,4 +1,4 @@
-"""`roadfiber compare`, `diagnose`, `add`, `clock`, `ladder` and `explain`."""
+"""`roadfiber compare`, `diagnose`, `stretch`, `add`, `clock`, `ladder` and `explain`."""
 
 import json
 from pathlib import Path
@@ -79,7 +79,9 @@ def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, a
 
     Audits the noise, tests every effect of the catalogue (and your own), fits the best in full, and writes
     diagnosis.json and diagnosis.html into the run folder. The verdict is adequate, missing-effect, unknown-effect or
-    inconclusive, with what the survey cannot tell apart and the smallest size it would have shown.
+    inconclusive, with what the survey cannot tell apart and the smallest size it would have shown. A run of more than
+    200 m is diagnosed stretch by stretch: stretches.json and stretches.html say what all of them lack together, and
+    each stretch gets a run folder in the run folder.
 
     Example: `roadfiber diagnose runs/main-street --plugin my_effects.py`
     """
@@ -88,13 +90,38 @@ def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, a
     from vision.contract import require_writable
 
     opened = open_street(run, plugins=plugin or (), changed=changed)
-    require_writable(run / "diagnosis.json")
-    found = rf.diagnose(opened)
+    page = run / ("stretches.html" if opened.too_long else "diagnosis.html")
+    require_writable(page)
+    found = rf.diagnose_stretches(opened) if opened.too_long else rf.diagnose(opened)
     found.save(run)
     if as_json:
         print(json.dumps(found.facts, allow_nan=False, indent=1))
         return
-    print("\n".join([*found.lines(), f"page: {run / 'diagnosis.html'}"]))
+    print("\n".join([*found.lines(), f"page: {page}"]))
+
+
+@app.command()
+def stretch(
+    run: RunFolder,
+    first: Annotated[int, typer.Argument(help="First channel, as the DAS file counts.")],
+    last: Annotated[int, typer.Argument(help="Last channel.")],
+    out: Annotated[Path, typer.Option("--out", help="Run folder to write.")],
+    plugin: Plugins = None,
+    changed: Changed = False,
+) -> None:
+    """Make a run of a stretch of a longer one, fitted by itself: it can be compared, diagnosed and given effects.
+
+    Example: `roadfiber stretch runs/main-street 120 260 --out runs/bridge`
+    """
+    import roadfiber as rf
+    from roadfiber.locating import open_street
+    from solver.criticism.diagnosis_files import check_out
+
+    opened = open_street(run, plugins=plugin or (), changed=changed)
+    check_out(out, opened)
+    part = rf.stretch(opened, first, last)
+    part.save(out)
+    print("\n".join([part.headline, part.trust.replace("RUN", str(out)), f"page: {out / 'report.html'}"]))
 
 
 @app.command()

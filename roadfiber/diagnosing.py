@@ -143,7 +143,8 @@ def diagnose(run: Run, *, effects: Iterable[Effect] = ()) -> Diagnosis:
     Raises
     ------
     InputError
-        If the run is of a long fiber, code of its model was not given, or an effect breaks a promise.
+        If the run is of a long fiber (see `diagnose_stretches`), code of its model was not given, or an effect breaks a
+        promise.
 
     Examples
     --------

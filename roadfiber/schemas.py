@@ -12,7 +12,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from roadfiber.table_rows import AnchorRow, ChannelRow, FileRow, PointRow, RouteRow, TrajectoryRow
-from roadfiber.written_files import CombinedFile, CompareFile, DiagnosisFile, RouteFeatures, Written
+from roadfiber.written_files import CombinedFile, CompareFile, DiagnosisFile, RouteFeatures, StretchesFile, Written
 from roadfiber.written_quality import HeardFile, QualityFile
 from solver.drive.drive_folder import DriveFile
 from solver.run.ladder_file import LadderFile
@@ -37,6 +37,7 @@ FILES: dict[str, Any] = {
     "ladder.json": LadderFile,
     "compare.json": CompareFile,
     "diagnosis.json": DiagnosisFile,
+    "stretches.json": StretchesFile,
     "combined.json": CombinedFile,
     "heard.json": HeardFile,
     "quality.json": QualityFile,

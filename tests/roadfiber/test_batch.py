@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -42,6 +43,7 @@ def killed(sites) -> tuple[Path, int, dict]:
     """Run folders, exit status and JSON of a batch on two workers, of which one was killed while it located."""
     out = sites.parent / "runs"
     words = ["batch", *sorted(map(str, sites.iterdir())), "--out", out, "--workers", 2, "--steps", "ingest,locate"]
+    words += ["--corridor", "fit"]
     command = [sys.executable, "-m", "roadfiber", "--quiet", *map(str, words), "--json"]
     environment = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, cwd=ROOT) as process:
@@ -66,13 +68,14 @@ def test_a_lost_worker_and_a_bad_site_leave_the_others_as_serial_ones(killed, si
     assert [steps[name, "locate"]["status"] for name in ("east", "west")] == [DONE, DONE]
     assert steps["west", "ingest"]["facts"]["raw_bytes"] > 0 and steps["west", "locate"]["facts"]["passes"] == 3
     serial = rf.locate(sites / "east", corridor="fit").result
+    assert not rf.open(out / "east").facts["corridor"]["full"]
     np.testing.assert_allclose(rf.open(out / "east").result.route, serial.route, rtol=0, atol=1e-9)
 
 
 def test_what_is_done_and_unchanged_is_not_done_again(killed, sites):
     """In this process: the tasks are those that workers run."""
     out, _, _ = killed
-    (job,) = batching.jobs_of([sites / "west"], out, ["ingest", "locate"])
+    (job,) = batching.jobs_of([sites / "west"], out, ["ingest", "locate"], "fit")
     written = (out / "west" / "fit.json").stat().st_mtime_ns
     kept = [take(job, name, ()) for name in job.steps]
     assert [one.status for one in kept] == [KEPT, KEPT] and "left of the survey line" in kept[1].words
@@ -86,6 +89,9 @@ def test_what_is_done_and_unchanged_is_not_done_again(killed, sites):
     assert (
         batch_steps.STEPS["ingest"].inputs(job, site) == json.loads((job.state / "ingest.json").read_text())["inputs"]
     )
+    assert batch_steps.STEPS["locate"].inputs(replace(job, corridor="full"), site) != batch_steps.STEPS[
+        "locate"
+    ].inputs(job, site)
     # A run folder that another command wrote since, or that is gone, is not kept either.
     step, fit = batch_steps.STEPS["locate"], out / "west" / "fit.json"
     assert batch_steps.is_kept(job, site, step, said, said["inputs"])

@@ -19,6 +19,7 @@ PAGES = (
     ("report.html", "Route", "Where the fiber is, how sure that is, and whether the model explains the measurement."),
     ("compare.html", "Comparison", "Model against measurement: where, when and how they differ."),
     ("diagnosis.html", "Diagnosis", "Which physical effect the model lacks, if any, and what that does to the route."),
+    ("stretches.html", "Stretches", "What each stretch of a long fiber lacks, and all of them together."),
     ("ladder.html", "Ladder", "How the error fell and the route moved with each effect that was added."),
     ("explain.html", "Story", "What the model lacked, step by step."),
 )
@@ -86,6 +87,7 @@ def said(folder: Path) -> dict[str, str]:
     return {
         "compare.html": text_in(facts_in(folder, "compare.json"), "verdict").partition(". ")[0].rstrip(".") + ".",
         "diagnosis.html": text_in(facts_in(folder, "diagnosis.json"), "headline"),
+        "stretches.html": text_in(facts_in(folder, "stretches.json"), "headline"),
         "ladder.html": f"{len(rungs)} rungs: misfit from {ends[0]:.3f} to {ends[1]:.3f}." if ends and fell else "",
     }
 
@@ -104,7 +106,7 @@ def next_lines(folder: Path, there: list[str], run: str) -> list[str]:
     lines = []
     if "compare.html" not in there:
         lines.append(f"`roadfiber compare {run}` shows where, when and how model and measurement differ.")
-    if "diagnosis.html" not in there:
+    if not {"diagnosis.html", "stretches.html"} & set(there):
         lines.append(f"`roadfiber diagnose {run}` says which physical effect the model lacks, if any.")
     first = rows_in(found, "candidates")
     if found.get("verdict") == "missing-effect" and first:

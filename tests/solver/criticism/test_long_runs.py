@@ -14,5 +14,7 @@ def test_a_long_run_is_refused_with_what_to_do():
     channel = np.arange(300)
     result = SimpleNamespace(fitted_channel=channel, channel=channel, distance=channel.astype(float))
     run = SimpleNamespace(too_long=Seen.too_long.fget(SimpleNamespace(result=result)))
-    with pytest.raises(InputError, match=r"299 m of fiber: .* 200 m at most; name a stretch as channels"):
+    with pytest.raises(
+        InputError, match=r"299 m of fiber: .* 200 m at most; `roadfiber diagnose` looks at stretch after"
+    ):
         fitted(run)

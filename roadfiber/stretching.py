@@ -1,0 +1,227 @@
+"""Stretches of a long fiber: each a run of its own, and what all of them lack."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from roadfiber.diagnosing import Diagnosis, diagnose
+from solver.criticism.candidate import Candidate
+from solver.criticism.diagnosis_files import write_texts
+from solver.criticism.probability_figure import (
+    probability_figure,
+    probability_line,
+    probability_words,
+    title_of_explanation,
+    titles_of,
+)
+from solver.criticism.shared import Shared, pooled
+from solver.criticism.stretch_page import stretch_page
+from solver.effect import Effect
+from solver.fit.held_out import FOLDS
+from solver.run.run import Run
+from solver.run.stretch import stretch_of, stretches_of
+from solver.run.strict_json import strict
+from solver.run.titles import lower
+from vision.contract import progress
+from vision.contract.notebook import framed
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+#: Steps that the fit of a stretch takes at most, and usually.
+STEPS = 40
+
+
+def stretch(run: Run, first: int, last: int) -> Run:
+    """The run of some channels of a longer one, fitted by itself: it can be compared, diagnosed and given effects.
+
+    Parameters
+    ----------
+    run : as `locate` returns or `open` reads it
+    first, last : channels, as the DAS file counts
+
+    Raises
+    ------
+    InputError
+        If it has too few channels, no vehicle comes near it, or it is longer than is fitted as a whole.
+
+    Examples
+    --------
+    >>> part = rf.stretch(run, *run.problem.channel[[5, -5]])
+    >>> len(run.problem.channel) - len(part.problem.channel), part.trust[:15]
+    (9, 'No check failed')
+    """
+    with progress(f"fitting channels {first} to {last}", STEPS + FOLDS) as advance:
+        return stretch_of(run, int(first), int(last), advance)
+
+
+@dataclass(frozen=True, repr=False)
+class StretchDiagnosis:
+    """What the stretches of a long run lack, each by itself and together.
+
+    Parameters
+    ----------
+    run : the long one
+    parts : the diagnosis of each stretch, in the order of channels
+    """
+
+    run: Run
+    parts: tuple[Diagnosis, ...]
+
+    @cached_property
+    def shared(self) -> Shared:
+        """The explanations with one cause along all of the fiber, of stretches whose noise is understood."""
+        known = sum(not one.generic for one in self.run.known.values())
+        return Shared.of([one.finding.explanations for one in self.parts if one.finding.explanations], known)
+
+    @property
+    def channels(self) -> list[tuple[int, int]]:
+        """First and last channel of each stretch."""
+        return [(int(one.run.problem.channel[0]), int(one.run.problem.channel[-1])) for one in self.parts]
+
+    @property
+    def verdict(self) -> str:
+        """`adequate` where every stretch is; else the verdict on one cause along all, or on the worst stretch."""
+        verdicts = {one.verdict for one in self.parts}
+        if self.alike is not None:
+            return {"nothing": "adequate", "unknown": "unknown-effect"}.get(self.alike.kind, "missing-effect")
+        worst = ("missing-effect", "unknown-effect", "inconclusive", "adequate")
+        return next(one for one in worst if one in verdicts)
+
+    @property
+    def alike(self) -> Any:
+        """The one cause along all of the fiber that holds 95 %; None where there is none, or stretches differ."""
+        best = self.shared.weighed[0]
+        return best if self.shared.alike >= 0.5 and best.probability >= 0.95 else None
+
+    def candidates(self, effect: str) -> list[Candidate]:
+        """An effect's finding in each stretch that says something of its size."""
+        every = (c for one in self.parts for c in one.finding.candidates if c.effect == effect)
+        return [c for c in every if c.told is not None and np.isfinite(c.told.sigma) and c.told.sigma > 0]
+
+    @property
+    def headline(self) -> str:
+        """The verdict in a sentence, in plain words."""
+        count, cause = len(self.parts), self.alike
+        if cause is None:
+            each = zip(self.channels, self.parts, strict=True)
+            told = " ".join(f"Channels {a} to {b}: {one.headline}" for (a, b), one in each)
+            return f"The stretches do not lack the same. {told}"
+        if cause.kind == "nothing":
+            return f"Nothing is missing that this survey could show, in {count} stretches together."
+        if cause.kind == "unknown":
+            return f"Something unknown acts along all {count} stretches, at the {cause.stage} stage."
+        found = self.candidates(cause.effects[0])
+        title = title_of_explanation(cause, titles_of(found))
+        if not found:
+            return f"{title}, along all {count} stretches."
+        size, sigma, scatter = pooled([c.told for c in found if c.told is not None])
+        unit = found[0].told.unit if found[0].told else ""
+        apart = f"; its sizes differ by {scatter:.1f} of their sigmas" if scatter > 2 else ""
+        return f"{title}, along all {count} stretches: {size:.4g} ± {sigma:.2g} {unit}".rstrip() + f"{apart}."
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """A row per stretch: channels, verdict, effect, its probability, size and sigma, and a sentence."""
+        import pandas as pd
+
+        return pd.DataFrame([self._row(one) for one in self.parts])
+
+    def _row(self, one: Diagnosis) -> dict[str, Any]:
+        first = one.finding.candidates[0] if one.verdict == "missing-effect" else None
+        told = None if first is None else first.told
+        return {
+            "first": int(one.run.problem.channel[0]),
+            "last": int(one.run.problem.channel[-1]),
+            "verdict": one.verdict,
+            "effect": "" if first is None else first.effect,
+            "probability": np.nan if first is None else first.probability,
+            "size": np.nan if told is None else told.size,
+            "sigma": np.nan if told is None else told.sigma,
+            "unit": "" if told is None else told.unit,
+            "headline": one.headline,
+        }
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The content of stretches.json."""
+        rows = self.table.drop(columns="unit").to_dict("records")
+        found: dict[str, Any] = strict(
+            {
+                "format": "roadfiber stretches 1",
+                "headline": self.headline,
+                "verdict": self.verdict,
+                "alike": self.shared.alike,
+                "explanations": [asdict(one) for one in self.shared.weighed],
+                "stretches": [row | {"folder": name} for row, name in zip(rows, self._folders, strict=True)],
+            }
+        )
+        return found
+
+    @property
+    def _folders(self) -> list[str]:
+        return [f"channels-{a}-{b}" for a, b in self.channels]
+
+    def plot(self) -> "Figure":
+        """Draw how probable each cause along all of the fiber is."""
+        return probability_figure(self.shared.weighed, self._listed)
+
+    @property
+    def _listed(self) -> list[Candidate]:
+        return [c for one in self.parts for c in one.finding.candidates]
+
+    def save(self, folder: Path | str) -> None:
+        """Write stretches.json, stretches.html and a run folder with its diagnosis for each stretch into a folder."""
+        folder = Path(folder)
+        for one, name in zip(self.parts, self._folders, strict=True):
+            one.run.save(folder / name)
+            one.save(folder / name)
+        facts = json.dumps(self.facts, allow_nan=False, indent=1)
+        write_texts(folder, {"stretches.json": facts, "stretches.html": self.page})
+
+    @property
+    def page(self) -> str:
+        """stretches.html."""
+        return stretch_page(self.run.name, self.facts, self.plot())
+
+    def lines(self) -> list[str]:
+        """What a terminal shows."""
+        lines = [f"{self.verdict}: {self.headline}"]
+        lines += [f"  channels {one['first']} to {one['last']}: {one['headline']}" for one in self.facts["stretches"]]
+        alike = probability_words(self.shared.alike)
+        lines.append(
+            f"that one cause, or none, acts along all of it is {alike} probable, if it was as likely as not before"
+        )
+        return [*lines, f"how probable, if so: {probability_line(self.shared.weighed, self._listed)}"]
+
+    def __repr__(self) -> str:
+        return f"<StretchDiagnosis {self.run.name}: {self.verdict}: {lower(self.headline)}>"
+
+    def _repr_html_(self) -> str:
+        return framed(self.page)
+
+
+def diagnose_stretches(run: Run, *, effects: Iterable[Effect] = ()) -> StretchDiagnosis:
+    """Diagnose each stretch of a run by itself, and weigh what they lack together.
+
+    Each stretch is fitted by itself from the route of the whole on. Shows its progress.
+
+    Parameters
+    ----------
+    run : of a fiber of any length, as `locate` returns or `open` reads it
+    effects : of your own, tested beside the catalogue's
+
+    Raises
+    ------
+    InputError
+        If code of its model was not given, or an effect breaks a promise.
+    """
+    given = list(effects)
+    parts = [stretch(run, first, last) for first, last in stretches_of(run)]
+    return StretchDiagnosis(run, tuple(diagnose(part, effects=given) for part in parts))

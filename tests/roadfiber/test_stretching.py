@@ -1,0 +1,87 @@
+"""Stretches of a run are runs, and what they lack is weighed together."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+from typer.testing import CliRunner
+
+import roadfiber as rf
+from roadfiber.command import app
+from solver.catalogue import plugins
+from solver.catalogue.catalogue import built_in
+from solver.criticism.shared import Shared
+from solver.run import stretch as module
+from tests.offline_pages import is_offline
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short() -> Iterator[None]:
+    """Stretches of 25 m, and a catalogue of a few effects."""
+    names = ("gauge_length", "camber", "generic_neighbors")
+    some = {name: one for name, one in built_in().items() if one.base_part or name in names}
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(plugins, "built_in", lambda: some)
+        patched.setattr(module, "ONE_STRETCH", 25.0)
+        yield
+
+
+@pytest.fixture(scope="module")
+def run(short: None, tmp_path_factory: pytest.TempPathFactory) -> rf.Run:
+    """Of forty meters whose gauges are 15 % longer than told."""
+    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 11}
+    site = rf.simulate(tmp_path_factory.mktemp("long") / "survey", effects={"gauge_length": 0.15}, **small).site
+    return rf.locate(site, corridor="fit")
+
+
+@pytest.fixture(scope="module")
+def found(run: rf.Run) -> rf.StretchDiagnosis:
+    return rf.diagnose_stretches(run)
+
+
+def test_what_all_stretches_lack_is_named_once_with_its_size(found: rf.StretchDiagnosis, tmp_path: Path) -> None:
+    assert len(found.parts) == 2 and found.verdict == "missing-effect"
+    assert found.headline.startswith("Gauge length, along all 2 stretches: 11.") and found.shared.alike > 0.9
+    assert found.table["effect"].tolist() == ["gauge_length"] * 2 and found.table["size"].between(11.2, 11.8).all()
+    found.run.save(tmp_path / "run")
+    found.save(tmp_path / "run")
+    assert found.headline in (tmp_path / "run" / "index.html").read_text(encoding="utf-8")
+    written = json.loads((tmp_path / "run" / "stretches.json").read_text(encoding="utf-8"))
+    Draft202012Validator(rf.schema("stretches.json")).validate(written)
+    assert is_offline((tmp_path / "run" / "stretches.html").read_text(encoding="utf-8"))
+    part = rf.open(tmp_path / "run" / written["stretches"][0]["folder"])
+    assert part.facts["active_channels"] == list(found.channels[0]) and part.facts["notes"][0].endswith("a longer run")
+    assert (tmp_path / "run" / written["stretches"][0]["folder"] / "diagnosis.html").is_file()
+
+
+def test_a_stretch_is_where_the_whole_run_has_it(run: rf.Run, tmp_path: Path) -> None:
+    run.save(tmp_path / "run")
+    first, last = (int(c) for c in run.problem.channel[[4, 24]])
+    words = ["-q", "stretch", str(tmp_path / "run"), str(first), str(last), "--out", str(tmp_path / "part")]
+    done = CliRunner().invoke(app, words, catch_exceptions=False)
+    assert done.exit_code == 0 and "report.html" in done.output
+    part = rf.open(tmp_path / "part")
+    assert part.problem.channel.tolist() == list(range(first, last + 1)) and part.rungs == ()
+    known = part.route[part.route["constrained"]]
+    whole = run.route.set_index("channel").loc[known["channel"]]
+    sigma = np.hypot(known["sigma_y"], whole["sigma_y"].to_numpy())
+    assert (np.abs(known["y"] - whole["y"].to_numpy()) < 4 * sigma).all()
+
+
+def test_a_stretch_that_cannot_be_is_one_line(run: rf.Run) -> None:
+    first, last = (int(c) for c in run.problem.channel[[0, -1]])
+    said = f"channels {first} to {first + 2}: 3 of them are fitted, too few for a route; the run has {first} to {last}"
+    with pytest.raises(rf.InputError, match=said):
+        rf.stretch(run, first, first + 2)
+    with pytest.raises(rf.InputError, match=r"m of fiber, and 25 m can be fitted as one; give fewer"):
+        rf.stretch(run, first, last)
+
+
+def test_stretches_that_differ_are_told_one_by_one(found: rf.StretchDiagnosis) -> None:
+    apart = rf.StretchDiagnosis(found.run, found.parts)
+    vars(apart)["shared"] = Shared(found.shared.weighed, 0.1)
+    assert apart.headline.startswith("The stretches do not lack the same. Channels ")
+    assert apart.headline.count("Gauge length.") == 2 and apart.verdict == "missing-effect"
