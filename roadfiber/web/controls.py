@@ -10,6 +10,8 @@ from roadfiber.web import own_effect, words
 from roadfiber.web.breakdown import PROPERTIES
 
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width"}
+#: Of lists, whose lines are as long as they are.
+LISTED: dict[str, Any] = WIDE | {"stylesheets": ["option { white-space: normal; }"]}
 #: Buttons: name in the code, and what is written on it.
 BUTTONS = {
     "add": "Add to the model",
@@ -42,8 +44,8 @@ class Controls:
         self.where.object = words.LOOKING
         self.picture: Any = pn.pane.HTML("", min_height=40, **WIDE)
         self.passes: Any = pn.widgets.Select(label="Pass", **WIDE)
-        self.regions: Any = pn.widgets.MultiSelect(label="Where the model fails", size=6, options={}, **WIDE)
-        self.effects: Any = pn.widgets.MultiSelect(label="What may be missing", size=9, options={}, **WIDE)
+        self.regions: Any = pn.widgets.MultiSelect(label="Where the model fails", size=6, options={}, **LISTED)
+        self.effects: Any = pn.widgets.MultiSelect(label="What may be missing", size=9, options={}, **LISTED)
         self.size: Any = pn.widgets.FloatSlider(label="Size", start=0.0, end=1.0, step=0.01, disabled=True, **WIDE)
         self.follow: Any = pn.widgets.Checkbox(label="let route, vehicles and ground follow", value=True)
         self.force: Any = pn.widgets.Checkbox(label="keep it even if held-out passes fit no better", value=False)
