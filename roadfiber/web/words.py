@@ -101,7 +101,7 @@ def title(row: Mapping[str, Any]) -> str:
 def candidate_words(row: Mapping[str, Any] | None, bench: Bench) -> str:
     """What is known of a candidate, or why there is none."""
     if bench.refused:
-        return f"<p>Nothing can be added to this {escape(bench.refused)}.</p>"
+        return f"<p>Nothing can be added to this {with_commands(bench.refused)}.</p>"
     if row is None:
         return "<small>Choose one of the list.</small>"
     titles = {one["effect"]: title(one) for one in bench.candidates}
