@@ -187,10 +187,18 @@ def diagnose_step(job: Job, site: Site) -> tuple[str, dict[str, Any]]:
     """Say which effect the model lacks."""
     from roadfiber.diagnosing import diagnose
     from roadfiber.locating import open_street
+    from roadfiber.stretching import diagnose_stretches
 
-    found = diagnose(open_street(job.run))
+    run = open_street(job.run)
+    found = diagnose_stretches(run) if run.too_long else diagnose(run)
     found.save(job.run)
     return f"{found.verdict}: {found.headline}", {"verdict": found.verdict, "effect": found.effect}
+
+
+def diagnosed(job: Job, site: Site) -> list[Path]:
+    """The file that a diagnosis leaves: another one of a long fiber."""
+    stretches = job.run / "stretches.json"
+    return [stretches if stretches.is_file() else job.run / "diagnosis.json"]
 
 
 @dataclass(frozen=True)
@@ -217,9 +225,7 @@ STEPS = {
     "ingest": Step((), ingest_inputs, ingest_step, lambda job, site: [site.das.store / "store.json"]),
     "track": Step((), track_inputs, track_step, lambda job, site: list(tables(job)), needs_tracking),
     "locate": Step(("ingest", "track"), locate_inputs, locate_step, lambda job, site: [job.run / "fit.json"]),
-    "diagnose": Step(
-        ("locate",), diagnose_inputs, diagnose_step, lambda job, site: [job.run / "diagnosis.json"], has_effects
-    ),
+    "diagnose": Step(("locate",), diagnose_inputs, diagnose_step, diagnosed, has_effects),
 }
 
 

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from roadfiber.diagnosing import Diagnosis, diagnose
+from solver.catalogue.plain_words import BESIDE, rounded, with_unit
 from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis_files import write_texts
+from solver.criticism.explanations import Weighed
 from solver.criticism.probability_figure import (
     probability_figure,
     probability_line,
@@ -95,10 +97,16 @@ class StretchDiagnosis:
         return next(one for one in worst if one in verdicts)
 
     @property
-    def alike(self) -> Any:
+    def alike(self) -> Weighed | None:
         """The one cause along all of the fiber that holds 95 %; None where there is none, or stretches differ."""
         best = self.shared.weighed[0]
         return best if self.shared.alike >= 0.5 and best.probability >= 0.95 else None
+
+    @property
+    def effect(self) -> str | None:
+        """Name of the effect that is missing along all of the fiber; None where there is none, or stretches differ."""
+        cause = self.alike
+        return cause.effects[0] if cause is not None and cause.kind in ("effect", "fault") else None
 
     def candidates(self, effect: str) -> list[Candidate]:
         """An effect's finding in each stretch that says something of its size."""
@@ -108,23 +116,31 @@ class StretchDiagnosis:
     @property
     def headline(self) -> str:
         """The verdict in a sentence, in plain words."""
-        count, cause = len(self.parts), self.alike
+        cause = self.alike
         if cause is None:
             each = zip(self.channels, self.parts, strict=True)
             told = " ".join(f"Channels {a} to {b}: {one.headline}" for (a, b), one in each)
-            return f"The stretches do not lack the same. {told}"
+            return f"Stretch by stretch. {told}"
         if cause.kind == "nothing":
-            return f"Nothing is missing that this survey could show, in {count} stretches together."
+            return f"Nothing is missing that this survey could show, along {self._where}."
         if cause.kind == "unknown":
-            return f"Something unknown acts along all {count} stretches, at the {cause.stage} stage."
+            return f"Something unknown acts along {self._where}, at the {cause.stage} stage."
         found = self.candidates(cause.effects[0])
         title = title_of_explanation(cause, titles_of(found))
         if not found:
-            return f"{title}, along all {count} stretches."
+            return f"{title}, along {self._where}."
         size, sigma, scatter = pooled([c.told for c in found if c.told is not None])
-        unit = found[0].told.unit if found[0].told else ""
+        number = with_unit(f"{rounded(size, sigma, BESIDE)} ± {sigma:.2g}", found[0].told.unit if found[0].told else "")
         apart = f"; its sizes differ by {scatter:.1f} of their sigmas" if scatter > 2 else ""
-        return f"{title}, along all {count} stretches: {size:.4g} ± {sigma:.2g} {unit}".rstrip() + f"{apart}."
+        return f"{title}, along {self._where}: {number}{apart}."
+
+    @property
+    def _where(self) -> str:
+        """The stretches whose noise is understood."""
+        known, count = sum(bool(one.finding.explanations) for one in self.parts), len(self.parts)
+        return (
+            f"all {count} stretches" if known == count else f"the {known} of {count} stretches with noise as expected"
+        )
 
     @property
     def table(self) -> "pd.DataFrame":

@@ -21,6 +21,7 @@ import roadfiber as rf
 from roadfiber import batch_cluster, batch_steps, batching
 from roadfiber.batch_steps import DONE, FAILED, KEPT, LEFT, NOTHING, Job, Outcome, take
 from roadfiber.command import app
+from solver.run.seen import Seen
 from tests.offline_pages import EVIL, is_offline, tells
 
 ROOT = Path(__file__).parents[2]
@@ -109,6 +110,12 @@ def test_a_run_is_diagnosed_once(killed, sites, monkeypatch):
     (job,) = batching.jobs_of([sites / "east"], out, ["diagnose"])
     assert take(job, "diagnose", ()).words == "adequate: Nothing is missing."
     assert take(job, "diagnose", ()).status == KEPT
+    # A fiber too long to be diagnosed as one leaves another file.
+    monkeypatch.setattr(Seen, "too_long", "too long")
+    monkeypatch.setattr("roadfiber.stretching.diagnose_stretches", lambda run: found)
+    found.save = lambda folder: (folder / "stretches.json").write_text("{}")
+    (out / "east" / "diagnosis.json").unlink()
+    assert [take(job, "diagnose", ()).status for _ in range(2)] == [DONE, KEPT]
     (job,) = batching.jobs_of([sites / "east"], out / "elsewhere", ["diagnose"])
     one = take(job, "diagnose", ())
     assert (one.status, one.words.partition(": ")[2]) == (FAILED, "no run to diagnose; name locate among the steps")

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,7 @@ def found(run: rf.Run) -> rf.StretchDiagnosis:
 def test_what_all_stretches_lack_is_named_once_with_its_size(found: rf.StretchDiagnosis, tmp_path: Path) -> None:
     assert len(found.parts) == 2 and found.verdict == "missing-effect"
     assert found.headline.startswith("Gauge length, along all 2 stretches: 11.") and found.shared.alike > 0.9
+    assert found.effect == "gauge_length"
     assert found.table["effect"].tolist() == ["gauge_length"] * 2 and found.table["size"].between(11.2, 11.8).all()
     found.run.save(tmp_path / "run")
     found.save(tmp_path / "run")
@@ -83,5 +85,14 @@ def test_a_stretch_that_cannot_be_is_one_line(run: rf.Run) -> None:
 def test_stretches_that_differ_are_told_one_by_one(found: rf.StretchDiagnosis) -> None:
     apart = rf.StretchDiagnosis(found.run, found.parts)
     vars(apart)["shared"] = Shared(found.shared.weighed, 0.1)
-    assert apart.headline.startswith("The stretches do not lack the same. Channels ")
+    assert apart.headline.startswith("Stretch by stretch. Channels ")
     assert apart.headline.count("Gauge length.") == 2 and apart.verdict == "missing-effect"
+
+
+def test_a_stretch_whose_noise_is_not_understood_is_not_among_those_told_of(found: rf.StretchDiagnosis) -> None:
+    first, second = found.parts
+    silent = replace(second, finding=replace(second.finding, explanations=(), verdict="inconclusive"))
+    some = rf.StretchDiagnosis(found.run, (first, silent))
+    assert some.headline.startswith("Gauge length, along the 1 of 2 stretches with noise as expected: ")
+    none = rf.StretchDiagnosis(found.run, (silent, silent))
+    assert none.verdict == "inconclusive" and none.effect is None and none.headline.startswith("Stretch by stretch. ")
