@@ -2,9 +2,12 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from solver.run.run import Run
 
 app = typer.Typer()
 
@@ -25,7 +28,8 @@ def compare(
     """Compare the model of a run with the measurement: where, when and how they differ.
 
     Writes compare.html (measured, model and residual with one zoom; the residual in the vehicle's frame, by channel,
-    pass, speed, class, lane, frequency and wavenumber; the regions that fail), compare.json and pictures.
+    pass, speed, class, lane, frequency and wavenumber; the regions that fail), compare.json and pictures. A run of more
+    than 200 m is compared stretch by stretch, each in a folder of its own.
 
     Example: `roadfiber compare runs/main-street`
     """
@@ -35,6 +39,8 @@ def compare(
 
     opened, folder = open_street(run), out or run
     require_writable(folder / "compare.html")
+    if opened.too_long:
+        return compare_stretches(opened, folder, as_json)
     comparison = rf.compare(opened)
     comparison.save(folder)
     if as_json:
@@ -43,6 +49,25 @@ def compare(
     said = [comparison.headline, comparison.verdict, *(f"  {line}" for line in comparison.lines())]
     print("\n".join([*said, opened.trust.replace("RUN", str(run))]))
     print(f"page: {folder / 'compare.html'}")
+
+
+def compare_stretches(run: "Run", folder: Path, as_json: bool) -> None:
+    """Compare each stretch of a long run, in a run folder of its own."""
+    import roadfiber as rf
+    from solver.run.stretch import saved, stretches_of
+
+    facts = []
+    for first, last in stretches_of(run):
+        part = rf.stretch(run, first, last)
+        comparison = rf.compare(part)
+        at = saved(part, folder)
+        comparison.save(at)
+        facts.append({"first": first, "last": last, **comparison.facts})
+        if not as_json:
+            print(f"channels {first} to {last}: {comparison.headline} {comparison.verdict}")
+            print(f"  page: {at / 'compare.html'}")
+    if as_json:
+        print(json.dumps(facts, allow_nan=False, indent=1))
 
 
 @app.command()

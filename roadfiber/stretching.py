@@ -26,7 +26,7 @@ from solver.criticism.stretch_page import stretch_page
 from solver.effect import Effect
 from solver.fit.held_out import FOLDS
 from solver.run.run import Run
-from solver.run.stretch import stretch_of, stretches_of
+from solver.run.stretch import folder_of, saved, stretch_of, stretches_of
 from solver.run.strict_json import strict
 from solver.run.titles import lower
 from vision.contract import progress
@@ -182,7 +182,7 @@ class StretchDiagnosis:
 
     @property
     def _folders(self) -> list[str]:
-        return [f"channels-{a}-{b}" for a, b in self.channels]
+        return [folder_of(one.run) for one in self.parts]
 
     def plot(self) -> "Figure":
         """Draw how probable each cause along all of the fiber is."""
@@ -195,9 +195,8 @@ class StretchDiagnosis:
     def save(self, folder: Path | str) -> None:
         """Write stretches.json, stretches.html and a run folder with its diagnosis for each stretch into a folder."""
         folder = Path(folder)
-        for one, name in zip(self.parts, self._folders, strict=True):
-            one.run.save(folder / name)
-            one.save(folder / name)
+        for one in self.parts:
+            one.save(saved(one.run, folder))
         facts = json.dumps(self.facts, allow_nan=False, indent=1)
         write_texts(folder, {"stretches.json": facts, "stretches.html": self.page})
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -14,6 +15,7 @@ from solver.fit.problem import Problem
 from solver.fit.spline import fit_spline
 from solver.fit.stretches import TAIL, around, nearby
 from solver.run.facts import fitted_facts
+from solver.run.report.joined import facts_in
 from solver.run.report.report_words import told
 from solver.run.run import Run
 from solver.run.strict_json import strict
@@ -74,6 +76,19 @@ def stretch_of(run: Run, first: int, last: int, advance: Callable[[int], None] =
         rungs=(),
     )
     return told(found)
+
+
+def folder_of(part: Run) -> str:
+    """Name of the folder of a stretch, in that of the whole run."""
+    return f"channels-{part.problem.channel[0]}-{part.problem.channel[-1]}"
+
+
+def saved(part: Run, folder: Path) -> Path:
+    """The run folder of a stretch in that of the whole run, written unless it is there: its pages then stay."""
+    at = folder / folder_of(part)
+    if facts_in(at, "fit.json").get("created") != part.facts["created"]:
+        part.save(at)
+    return at
 
 
 def shorter(run: Run, first: int, last: int) -> Problem:

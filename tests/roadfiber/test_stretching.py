@@ -15,7 +15,9 @@ from roadfiber.command import app
 from solver.catalogue import plugins
 from solver.catalogue.catalogue import built_in
 from solver.criticism.shared import Shared
+from solver.run import seen
 from solver.run import stretch as module
+from solver.run.stretch import stretches_of
 from tests.offline_pages import is_offline
 
 
@@ -71,6 +73,21 @@ def test_a_stretch_is_where_the_whole_run_has_it(run: rf.Run, tmp_path: Path) ->
     whole = run.route.set_index("channel").loc[known["channel"]]
     sigma = np.hypot(known["sigma_y"], whole["sigma_y"].to_numpy())
     assert (np.abs(known["y"] - whole["y"].to_numpy()) < 4 * sigma).all()
+
+
+def test_a_long_run_is_compared_stretch_by_stretch(
+    run: rf.Run, found: rf.StretchDiagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(seen, "is_one_stretch", lambda length: length <= 25)
+    run.save(tmp_path / "run")
+    done = CliRunner().invoke(app, ["-q", "compare", str(tmp_path / "run")], catch_exceptions=False)
+    ends = stretches_of(run)
+    assert len(ends) == 2 and [f"channels {a} to {b}: " in done.output for a, b in ends] == [True] * 2
+    found.save(tmp_path / "run")
+    pages = [
+        tmp_path / "run" / f"channels-{a}-{b}" / f"{name}.html" for a, b in ends for name in ("compare", "diagnosis")
+    ]
+    assert all(page.is_file() for page in pages)
 
 
 def test_a_stretch_that_cannot_be_is_one_line(run: rf.Run) -> None:
