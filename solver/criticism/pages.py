@@ -210,7 +210,7 @@ def story_page(chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) ->
     still = escape(left_open(one.diagnosis.candidates[0] for one in chapters if one.diagnosis.candidates))
     added = [one.diagnosis.candidates[0].effect for one in chapters if one.added]
     listed = [c for one in chapters for c in one.diagnosis.candidates]
-    found = f"The model lacked {titles(added, listed, 'and')}" if added else "Nothing was added to the model"
+    found = f"What the model lacked: {titles(added, listed, 'and')}" if added else "Nothing was added to the model"
     lead = "".join(f"<p>{line}</p>" for line in (escape(headline(chapters[-1].diagnosis)), still) if line)
     body = f"<header><p>{escape(name)} · diagnosed, added, and diagnosed again</p><h1>{escape(found)}</h1>"
     body += f'<div class="lead">{lead}</div></header>{next_section(next_words(chapters[-1].diagnosis))}'

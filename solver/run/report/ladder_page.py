@@ -69,7 +69,7 @@ def draw_misfits(
                 text.set(color=color, bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.5, "alpha": 0.85})
     if floor is not None:
         axes.axhline(floor, color=INK, lw=1.0, ls=(0, (4, 3)))
-        axes.text(len(x) - 0.52, floor, f"noise alone: {floor:.3f}", va="bottom", ha="right", color=MUTED)
+        axes.text(-0.48, floor, f"noise alone: {floor:.3f}", va="bottom", ha="left", color=MUTED)
     low = min(float(known.min()), base)
     axes.set_ylim(low - 0.06 * reach, top + 0.15 * reach)
     axes.set_ylabel("misfit, chi² per degree of freedom")

@@ -95,7 +95,7 @@ def test_a_story_ends_with_what_could_not_be_told_apart(run) -> None:
     last = Chapter(Diagnosis("adequate", "nothing is missing", (alone,), audit, 0.0), "Nothing more was added.")
     page = story_page([added, last], [first_rung(run())], "Elm <Street>")
     assert page.rindex(words) > page.index("Nothing more was added.")
-    assert "<h1>The model lacked gauge_length</h1>" in page and "`" not in page
+    assert "<h1>What the model lacked: gauge_length</h1>" in page and "`" not in page
 
 
 def test_an_effect_has_one_sigma_and_one_held_out_misfit(case, monkeypatch: pytest.MonkeyPatch) -> None:
