@@ -84,7 +84,7 @@ class Vehicles:
         both = int((self.paired.seen >= 0).sum())
         alone = len(self.paired.heard) - both
         said = f"the fiber heard {len(self.paired.heard)} vehicles; {both} of them are in the trajectories"
-        said += f", {alone} are not" if alone else ""
+        said += f", {alone} {'is' if alone == 1 else 'are'} not" if alone else ""
         if self.unheard:
             said += f"; {len(self.unheard)} that the camera saw were not heard"
         if not np.isfinite(self.clock_offset):

@@ -236,6 +236,12 @@ def diagnose_stretches(run: Run, *, effects: Iterable[Effect] = ()) -> StretchDi
     ------
     InputError
         If code of its model was not given, or an effect breaks a promise.
+
+    Examples
+    --------
+    >>> found = rf.diagnose_stretches(rf.stretch(run, *run.problem.channel[[4, 16]]))
+    >>> len(found.table), found.verdict in ("adequate", "missing-effect", "unknown-effect", "inconclusive")
+    (1, True)
     """
     given = list(effects)
     parts = [stretch(run, first, last) for first, last in stretches_of(run)]

@@ -124,7 +124,8 @@ def plan_figure(run: "DriveRun", width: int) -> Figure:
     figure = canvas(width, TOP + height + UNDER)
     axes = place(figure, "plan", LEFT, TOP, inner, height)
     axes.plot(*line.T, color=MUTED, lw=1.2, ls=(0, (4, 2)), label="operator's map")
-    axes.plot(*run.arrays["car"].T, color=BACKWARD, lw=0, marker=".", ms=1.5, label="car")
+    axes.plot(*run.arrays["car"].T, color=BACKWARD, lw=0, marker=".", ms=1.5)
+    axes.plot([], [], color=BACKWARD, lw=2.5, label="car")
     for first, last in runs(constrained):
         style = "-" if constrained[first] else (0, (1, 1.5))
         inside = slice(max(0, first - 1), last + 1)
@@ -133,9 +134,12 @@ def plan_figure(run: "DriveRun", width: int) -> Figure:
     for number, one in enumerate(run.facts["loops"]):
         label = "loop of slack" if number == 0 else None
         axes.plot(one["x"], one["y"], "o", mfc="none", mec=LOOP, mew=1.6, ms=8, label=label)
-    axes.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), xlabel="x, m", ylabel="y, m (right of +x is down)")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(loc="best")
+    # As many meters a pixel both ways.
+    half = float(((high - low) / (inner, height)).max()) * np.array([inner, height]) / 2
+    (left, top), (right, bottom) = (low + high) / 2 - half, (low + high) / 2 + half
+    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="x, m", ylabel="y, m (right of +x is down)")
+    # Above the axes, where no line is.
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderaxespad=0.2)
     return figure
 
 

@@ -99,12 +99,13 @@ def made(run: "DriveRun") -> str:
     facts = run.facts
     left = facts["gps_left_out"]
     reverse = " The map runs against the channels." if facts["map_reversed"] else ""
-    polarity = "as the signal path has it" if facts["parameters"]["polarity"]["value"] > 0 else "reversed"
+    sign = "positive" if facts["parameters"]["polarity"]["value"] > 0 else "negative"
     settings = facts["settings"]
     words = (
         f"{len(run.arrays['channel'])} channels of {settings['channel_spacing']:g} m with gauges of "
-        f"{settings['gauge_length']:g} m; polarity {polarity}; {facts['clock']}; {facts['legs']} legs; {left} GPS "
-        f"fixes left out as wrong.{reverse} The map is a prior with sigma {settings['map_sigma']:g} m."
+        f"{settings['gauge_length']:g} m; the record is {sign} where the fiber is stretched; {facts['clock']}; "
+        f"{facts['legs']} legs; {left} GPS fixes left out as wrong.{reverse} The map is a prior with sigma "
+        f"{settings['map_sigma']:g} m."
     )
     files = "".join(f"<li><code>{escape(one['path'].rpartition('/')[2])}</code></li>" for one in facts["inputs"][:8])
     more = "<li>...</li>" if len(facts["inputs"]) > 8 else ""

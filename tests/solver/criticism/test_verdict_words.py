@@ -60,7 +60,7 @@ def test_what_it_cannot_be_told_from_is_said_with_every_verdict():
 
 def test_what_stays_open_is_said_of_all_that_were_added():
     first, second = found(confounded_with=("pulse_width",)), found("camber", confounded_with=())
-    assert left_open([first, second]).startswith("Still open: this survey cannot tell gauge_length from pulse_width.")
+    assert left_open([first, second]).startswith("Still open: this survey cannot tell gauge length from pulse width.")
     assert left_open([second]) == left_open([]) == ""
 
 

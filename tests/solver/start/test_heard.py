@@ -41,7 +41,7 @@ def test_every_vehicle_is_heard_also_one_that_nobody_listed(made, capsys: pytest
     speed = np.array([one.speed for one in truth])
     assert (np.abs(found.table["speed"].abs() / speed - 1) < 0.2).all()
     assert abs(found.clock_offset - LATE) < 0.15 and found.clock_sigma < 0.2
-    assert "heard 5 vehicles; 4 of them are in the trajectories, 1 not" in found.headline
+    assert "heard 5 vehicles; 4 of them are in the trajectories, 1 is not" in found.headline
     listed(site, out=site.parent / "heard.csv", as_json=True)
     assert json.loads(capsys.readouterr().out)["headline"] == found.headline
     assert len(pd.read_csv(site.parent / "heard.csv")) == 5
