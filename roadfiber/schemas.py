@@ -12,8 +12,9 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from roadfiber.table_rows import AnchorRow, ChannelRow, FileRow, PointRow, RouteRow, TrajectoryRow
-from roadfiber.written_files import CombinedFile, CompareFile, DiagnosisFile, RouteFeatures, StretchesFile, Written
+from roadfiber.written_files import CombinedFile, CompareFile, DiagnosisFile, RouteFeatures, Written
 from roadfiber.written_quality import HeardFile, QualityFile
+from roadfiber.written_stretches import StretchesFile
 from solver.drive.drive_folder import DriveFile
 from solver.run.ladder_file import LadderFile
 from solver.run.stored import FitFile
