@@ -34,8 +34,8 @@ class Explanation:
 
     @property
     def key(self) -> str:
-        """What it is a case of: the effect that explains most, or the stage where something unknown acts."""
-        return self.stage if self.kind == "unknown" else (*self.effects, "")[0]
+        """What it is a case of, as of `key_of`."""
+        return key_of(self)
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,11 @@ class Weighed:
     effects: tuple[str, ...]
     stage: str
     probability: float
+
+
+def key_of(one: Explanation | Weighed) -> str:
+    """What an explanation is a case of: the effect that explains most, or the stage where something unknown acts."""
+    return one.stage if one.kind == "unknown" else (*one.effects, "")[0]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from solver.catalogue.catalogue import FAULTS
 from solver.catalogue.plain_words import Told
-from solver.criticism.explanations import Weighed, priors
+from solver.criticism.explanations import Weighed, key_of, priors
 from solver.criticism.policy import POLICY
 from solver.effect import STAGES
 
@@ -44,7 +44,7 @@ class Shared:
         (('gauge',), True, True)
         """
         before = priors(POLICY, known, len(STAGES), len(FAULTS))
-        told = {key(one): one for stretch in posteriors for one in reversed(stretch)}
+        told = {key_of(one): one for stretch in posteriors for one in reversed(stretch)}
         prior = {name: before["effect" if one.kind == "two" else one.kind] for name, one in told.items()}
         told.setdefault("", Weighed("nothing", (), "", 0.0))
         prior[""] = before["nothing"]
@@ -65,16 +65,11 @@ class Shared:
         return cls(tuple(sorted(weighed, key=lambda one: -one.probability)), float(1 / (1 + np.exp(-odds))))
 
 
-def key(one: Weighed) -> str:
-    """What an explanation is a case of: the effect that explains most, or the stage where something unknown acts."""
-    return f"unknown {one.stage}" if one.kind == "unknown" else (*one.effects, "")[0]
-
-
 def shares(stretch: Sequence[Weighed]) -> Mapping[str, float]:
     """Ln of the probability of each case in a stretch."""
     found: dict[str, float] = {}
     for one in stretch:
-        found[key(one)] = found.get(key(one), 0.0) + one.probability
+        found[key_of(one)] = found.get(key_of(one), 0.0) + one.probability
     return {name: max(float(np.log(max(share, 1e-300))), LEAST) for name, share in found.items()}
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from solver.drive.likelihood import Heard
 from solver.drive.path import STEP
-from solver.drive.recursions import recursions
+from solver.drive.recursions import Model, recursions
 
 Array = NDArray[np.float64]
 
@@ -104,7 +104,7 @@ def other_vehicle(there: Array, dead: NDArray[np.bool_], low: NDArray[np.int64],
     """
     other = np.zeros(len(there))
     there[dead] = 1.0
-    recursions()[3](there, low, wide, AFRESH, other)
+    recursions().followed(there, low, wide, AFRESH, other)
     return np.maximum(other, 1e-60)
 
 
@@ -121,7 +121,7 @@ def map_channels(
     factor : meters of cable per meter of path, [channel] or one
     bend : cells, standard deviation of an advance from bends of the map, [channel] or one
     """
-    forward, backward, viterbi, _ = recursions()
+    run = recursions()
     channels, width = heard.ratio.shape
     advance = np.broadcast_to(spacing / np.asarray(factor, float) / STEP, channels).astype(float)
     on, edge, wide = kernels(advance, bend)
@@ -134,12 +134,12 @@ def map_channels(
     other = other_vehicle(np.where(ratio > 0, even, DEAF * np.exp(-top)), dead, heard.low, wide)
     begins = np.full(channels, min(0.2, LOOPS * spacing))
     changes = (min(0.5, spacing / LENGTH), min(0.2, COMPANIONS * spacing), min(0.5, spacing / COMPANY))
-    given = (even, odd, other, heard.low, on, edge, begins, *changes)
+    model = Model(even, odd, other, heard.low, on, edge, begins, *changes)
     alpha = np.zeros((channels, width, 3))
-    evidence = forward(*given, alpha)
+    evidence = run.forward(model, alpha)
     path = np.zeros((channels, 2), np.int64)
-    backward(*given, alpha)
-    viterbi(*given, path)
+    run.backward(model, alpha)
+    run.viterbi(model, path)
     both = alpha.sum(2)
     both /= both.sum(1, keepdims=True)
     kind = alpha.sum(1) / alpha.sum((1, 2))[:, None]

@@ -8,7 +8,7 @@ that another vehicle is heard from here on, and no longer; and what they write i
 """
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,46 @@ from solver.ground.compiled import compiled
 WAYS = 1024
 
 
+class Model(NamedTuple):
+    """The model of a drive's channels: what each hears in a band of places, and how the state goes on to the next.
+
+    Attributes
+    ----------
+    even, odd : likelihood of each place where the cable runs on, and in a loop [channel, place]
+    other : likelihood that another vehicle is heard [channel]
+    low : cell of each channel's first place [channel]
+    on, edge : probability of an advance, in steps of a cell, where the cable runs on, and into and out of a loop
+        [channel, step]
+    begins : probability that a loop begins at a channel [channel]
+    ends : that a loop ends there
+    joins, leaves : that another vehicle begins to be heard in place of the car there, and ends to be
+    """
+
+    even: Any
+    odd: Any
+    other: Any
+    low: Any
+    on: Any
+    edge: Any
+    begins: Any
+    ends: float
+    joins: float
+    leaves: float
+
+
+class Recursions(NamedTuple):
+    """The functions of this module, in machine code."""
+
+    forward: Any
+    backward: Any
+    viterbi: Any
+    followed: Any
+
+
 @cache
-def recursions() -> tuple[Any, Any, Any, Any]:
-    """Forward, backward and Viterbi recursions, and `followed`, in machine code."""
-    return compiled(forward), compiled(backward), compiled(viterbi), compiled(followed)
+def recursions() -> Recursions:
+    """Compile them, at the first call."""
+    return Recursions(compiled(forward), compiled(backward), compiled(viterbi), compiled(followed))
 
 
 def followed(even: Any, low: Any, wide: Any, afresh: float, other: Any) -> None:
@@ -49,20 +85,12 @@ def followed(even: Any, low: Any, wide: Any, afresh: float, other: Any) -> None:
             there[place] = ahead[place] / max(total, 1e-290)
 
 
-def forward(
-    even: Any,
-    odd: Any,
-    other: Any,
-    low: Any,
-    on: Any,
-    edge: Any,
-    begins: Any,
-    ends: float,
-    joins: float,
-    leaves: float,
-    alpha: Any,
-) -> float:
-    """Probability of each state given what was heard so far, into `alpha`; the log of that of all that was heard."""
+def forward(model: Model, alpha: Any) -> float:
+    """Probability of each state given what was heard so far, into `alpha` [channel, place, state].
+
+    Returns the log of the probability of all that was heard.
+    """
+    even, odd, other, low, on, edge, begins, ends, joins, leaves = model
     channels, width = even.shape
     evidence = 0.0
     for channel in range(channels):
@@ -97,20 +125,9 @@ def forward(
     return evidence
 
 
-def backward(
-    even: Any,
-    odd: Any,
-    other: Any,
-    low: Any,
-    on: Any,
-    edge: Any,
-    begins: Any,
-    ends: float,
-    joins: float,
-    leaves: float,
-    alpha: Any,
-) -> None:
+def backward(model: Model, alpha: Any) -> None:
     """Probability of each state given all that was heard, into `alpha`, which holds what `forward` left there."""
+    even, odd, other, low, on, edge, begins, ends, joins, leaves = model
     channels, width = even.shape
     beta, next_beta = np.ones((width, 3)), np.ones((width, 3))
     for channel in range(channels - 2, -1, -1):
@@ -146,20 +163,9 @@ def backward(
                 alpha[channel, place, kind] /= max(whole, 1e-290)
 
 
-def viterbi(
-    even: Any,
-    odd: Any,
-    other: Any,
-    low: Any,
-    on: Any,
-    edge: Any,
-    begins: Any,
-    ends: float,
-    joins: float,
-    leaves: float,
-    path: Any,
-) -> None:
+def viterbi(model: Model, path: Any) -> None:
     """The most probable cells and states [channel, 2], into `path`."""
+    even, odd, other, low, on, edge, begins, ends, joins, leaves = model
     channels, width = even.shape
     trace = np.zeros((channels, width, 3), np.int16)
     score, ahead = np.zeros((width, 3)), np.zeros((width, 3))

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from solver.drive.recursions import recursions
+from solver.drive.recursions import Model, recursions
 
 CHANNELS, WIDTH, ENDS, JOINS, LEAVES = 4, 3, 0.3, 0.2, 0.4
 
@@ -49,13 +49,12 @@ def test_posterior_and_best_path_are_those_of_all_sequences() -> None:
     for sequence, value in zip(every, weight, strict=True):
         for channel, (place, kind) in enumerate(sequence):
             posterior[channel, place, kind] += value / weight.sum()
-    forward, backward, viterbi, _ = recursions()
-    given = (even, odd, other, low, on, edge, begins, ENDS, JOINS, LEAVES)
+    run, model = recursions(), Model(even, odd, other, low, on, edge, begins, ENDS, JOINS, LEAVES)
     alpha, path = np.zeros((CHANNELS, WIDTH, 3)), np.zeros((CHANNELS, 2), np.int64)
-    assert forward(*given, alpha) == pytest.approx(np.log(weight.sum()))
-    backward(*given, alpha)
+    assert run.forward(model, alpha) == pytest.approx(np.log(weight.sum()))
+    run.backward(model, alpha)
     np.testing.assert_allclose(alpha, posterior, atol=1e-12)
-    viterbi(*given, path)
+    run.viterbi(model, path)
     best = every[int(weight.argmax())]
     assert path.tolist() == [[low[channel] + place, kind] for channel, (place, kind) in enumerate(best)]
 
@@ -64,7 +63,7 @@ def test_followed_vehicle_is_summed_over_where_it_may_be() -> None:
     rng = np.random.default_rng(6)
     even, wide = rng.uniform(0.05, 1.0, (CHANNELS, WIDTH)), rng.uniform(0.1, 1.0, (CHANNELS, 3))
     low, other = np.array([0, 0, 1, 2]), np.zeros(CHANNELS)
-    recursions()[3](even, low, wide, 0.1, other)
+    recursions().followed(even, low, wide, 0.1, other)
     there = np.full(WIDTH, 0.0)
     for channel in range(CHANNELS):
         moved = np.zeros(WIDTH)
