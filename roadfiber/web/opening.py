@@ -31,17 +31,24 @@ class Opening:
     def page(self) -> Any:
         """What one browser shows."""
         column = pn.Column(sizing_mode="stretch_width")
+        shown: list[Any] = []
 
         def show() -> None:
-            column.objects = [self.view() if self.view is not None else said(self.words)]
+            now = [self.view, self.words]
+            if now != shown:
+                shown[:] = now
+                column.objects = [self.view() if self.view is not None else said(self.words)]
 
-        # Shown before it waits: what is ready in between is drawn twice, never missed.
+        def wait() -> None:
+            document = pn.state.curdoc
+            if document is not None:
+                self._waiting.append(lambda: document.add_next_tick_callback(show))
+            show()  # After it waits, so that what is ready in between is never missed.
+
         show()
-        document = pn.state.curdoc
-        if self.view is None and document is not None:
-            self._waiting.append(lambda: document.add_next_tick_callback(show))
-            if self.view is not None:
-                show()
+        if self.view is None:
+            # What changes while a browser loads the page never reaches it: Panel drops it (`panel.io.document.hold`).
+            pn.state.onload(wait)
         return column
 
     def ready(self, view: Callable[[], Any]) -> None:

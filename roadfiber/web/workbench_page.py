@@ -1,7 +1,6 @@
 """One browser's page of the workbench: what is shown of a run, and what happens when something is chosen or pressed."""
 
 import time
-from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -11,6 +10,7 @@ import panel as pn
 from roadfiber.web import words
 from roadfiber.web.bench import Bench
 from roadfiber.web.breakdown import ByChannel, ByProperty, VehicleFrame
+from roadfiber.web.browser import Browser
 from roadfiber.web.controls import Controls
 from roadfiber.web.figures import DepthProfile, LadderFigure, LiveMisfit, RouteMap
 from roadfiber.web.film import Film
@@ -41,8 +41,7 @@ class Page:
         self.comparison: Any = None
         self.listed: list[dict[str, Any]] = []
         self.zoomed, self.seen, self.frame = False, -1, -1
-        self.document: Any = pn.state.curdoc
-        self.due: list[Callable[[], Any]] = []
+        self.browser = Browser()
         self.map, self.traces = RouteMap(), Traces()
         self.maps = StrainMaps(self.tapped, self.moved)
         self.depth = DepthProfile(self.maps.channels)
@@ -50,10 +49,11 @@ class Page:
         self.by_property, self.stack = Late(ByProperty), Late(VehicleFrame)
         self.ladder, self.live = Late(LadderFigure), Late(LiveMisfit)
         self.controls = Controls(lambda: bench.folder)
-        self.trial = Trial(bench, self.controls, self.later, self.show_trial)
+        self.trial = Trial(bench, self.controls, self.browser.later, self.show_trial)
         self.listen()
         self.show_run(first=True)
         self.tick()
+        self.browser.once_loaded(bench.wake)
         pn.state.add_periodic_callback(self.tick, period=BEAT)
 
     def listen(self) -> None:
@@ -70,24 +70,11 @@ class Page:
         for name in ("cancel", "undo", "redo", "diagnose"):
             controls.pressed(name, getattr(bench, name))
         self.maps.under.on_change("data", lambda attr, old, new: self.at(new["channel"][0], float(new["second"][0])))
-        if self.served:
-            end = bench.watch(lambda: self.later(self.tick))
-            self.document.on_session_destroyed(lambda context: end())
-            pn.state.onload(lambda: self.later(bench.wake))
+        if self.browser.served:
+            end = bench.watch(lambda: self.browser.later(self.tick))
+            self.browser.document.on_session_destroyed(lambda context: end())
 
     # ---- when something changes --------------------------------------------------------------------------------------
-
-    @property
-    def served(self) -> bool:
-        """Whether a server, rather than a notebook, shows it."""
-        return self.document is not None and self.document.session_context is not None
-
-    def later(self, called: Callable[[], Any]) -> None:
-        """Have something done on the page, from any thread."""
-        if self.served:
-            self.document.add_next_tick_callback(called)
-        else:
-            self.due.append(called)
 
     def moved(self) -> None:
         """The zoom has changed: draw when there is time."""
@@ -95,9 +82,9 @@ class Page:
 
     def tick(self) -> None:
         """Show what has changed."""
-        due, self.due = self.due, []
-        for called in due:
-            called()
+        if self.browser.loading:
+            return
+        self.browser.catch_up()
         if self.zoomed:
             self.zoomed = False
             self.maps.draw()

@@ -2,14 +2,18 @@
 
 import subprocess
 import sys
+import threading
 from contextlib import contextmanager
 
 import numpy as np
 from matplotlib.colors import to_rgb
 
 from roadfiber.web.strain_maps import COLORS, palette
-from tests.roadfiber.web.test_workbench_page import opened
+from tests.roadfiber.web.test_workbench_page import PATIENCE, opened
 from vision.contract.drawing import color_map, color_scale
+
+#: What a browser says once it has drawn a page.
+READY = "document_ready"
 
 SERVED = """
 import sys, time
@@ -100,3 +104,41 @@ def test_the_page_says_why_there_is_nothing_to_show(chromium, tmp_path):
         page.locator("#roadfiber-lost").wait_for()
         assert process.communicate(timeout=60)[0] == "data.npz: none\n"
         page.close()
+
+
+def test_what_is_ready_while_a_browser_still_loads_is_shown(chromium, tmp_path):
+    """Between sending a page and hearing that it is drawn, a server of Panel sends no changes."""
+    with served(tmp_path / "go", "shown") as (address, _):
+        page = chromium.new_page()
+        page.set_default_timeout(PATIENCE)
+        held, drawn = [], threading.Event()
+
+        def route(socket):
+            server = socket.connect_to_server()
+
+            def sent(frame):
+                # What comes after it waits, too: a message is several frames.
+                if not drawn.is_set() and (held or READY in frame):
+                    held.append(frame)
+                else:
+                    server.send(frame)
+
+            def draw():
+                drawn.set()
+                for frame in held:
+                    server.send(frame)
+
+            socket.on_message(sent)
+            page.draw = draw
+
+        page.route_web_socket("**/ws*", route)
+        page.goto(address)
+        page.locator("#reading").wait_for()
+        (tmp_path / "go").touch()
+        other = opened(chromium, address)
+        other.locator("#there").wait_for()
+        assert held
+        page.draw()
+        page.locator("#there").wait_for()
+        page.close()
+        other.close()
