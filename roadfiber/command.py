@@ -126,7 +126,8 @@ def locate(
     leaves, and the corridor widened by how far the route would follow it. `--corridor fit` leaves that out.
 
     Where site.toml has `[route]`, the operator's map of a fiber that one car with GPS drove along, the clock, loops of
-    slack and the place of every channel along that map are found; `--method` and the like do not apply.
+    slack and the place of every channel along that map are found, and whether gauge length, channel spacing and clock
+    are as stated; `--effects gauge_length,channel_stretch,clock_drift` fits them. `--method` and the like do not apply.
 
     Examples: `roadfiber locate surveys/main-street/site.toml --out runs/main-street`, `roadfiber locate drive`
     """

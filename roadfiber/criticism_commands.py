@@ -106,14 +106,19 @@ def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, a
     diagnosis.json and diagnosis.html into the run folder. The verdict is adequate, missing-effect, unknown-effect or
     inconclusive, with what the survey cannot tell apart and the smallest size it would have shown. A run of more than
     200 m is diagnosed stretch by stretch: stretches.json and stretches.html say what all of them lack together, and
-    each stretch gets a run folder in the run folder.
+    each stretch gets a run folder in the run folder. Of a drive it is told whether gauge length, channel spacing and
+    clock are as stated, which `locate` found out.
 
     Example: `roadfiber diagnose runs/main-street --plugin my_effects.py`
     """
     import roadfiber as rf
     from roadfiber.locating import open_street
+    from solver.drive.drive_format import is_drive
     from vision.contract import require_writable
 
+    if is_drive(run):
+        told_of_drive(run, as_json)
+        return
     opened = open_street(run, plugins=plugin or (), changed=changed)
     page = run / ("stretches.html" if opened.too_long else "diagnosis.html")
     require_writable(page)
@@ -123,6 +128,17 @@ def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, a
         print(json.dumps(found.facts, allow_nan=False, indent=1))
         return
     print("\n".join([*found.lines(), f"page: {page}"]))
+
+
+def told_of_drive(folder: Path, as_json: bool) -> None:
+    """Print what files may state wrongly of a located drive."""
+    from solver.drive.drive_folder import read_drive_run
+
+    run = read_drive_run(folder)
+    if as_json:
+        print(json.dumps(run.facts["misstated"], allow_nan=False, indent=1))
+        return
+    print("\n".join([*run.told(), f"page: {folder / 'report.html'}"]))
 
 
 @app.command()

@@ -57,7 +57,7 @@ def read(path: Path | str) -> "Survey | Drive":
 
 
 @overload
-def locate(survey: "Drive") -> "DriveRun": ...
+def locate(survey: "Drive", *, effects: Sequence[str | Effect] = EFFECTS) -> "DriveRun": ...
 
 
 @overload
@@ -105,7 +105,8 @@ def locate(
     nothing behind.
 
     Of a drive (site.toml has `[route]`) the clock, the polarity, loops of slack and the place of every channel along
-    the map are found. A drive has neither effects nor methods to choose: what is given of them is an error.
+    the map are found. A drive has no methods to choose, and three effects: `gauge_length`, `channel_stretch` and
+    `clock_drift`.
 
     Parameters
     ----------
@@ -142,10 +143,14 @@ def locate(
     whole = read(survey) if isinstance(survey, Path | str) else survey
     if not isinstance(whole, Survey):
         from solver.drive.locate_drive import locate_drive
+        from solver.drive.misstated import TOLD
 
-        if method != "spline" or likelihood or list(effects) != list(EFFECTS) or filters or all_passes or unlisted:
-            raise InputError(f"{whole.name}: a drive; it takes no method, effects, filters or choice of passes")
-        return locate_drive(whole)
+        if method != "spline" or likelihood or filters or all_passes or unlisted:
+            raise InputError(f"{whole.name}: a drive; it takes no method, filters or choice of passes")
+        names = [] if list(effects) == list(EFFECTS) else [one if isinstance(one, str) else one.name for one in effects]
+        if not set(names) <= set(TOLD):
+            raise InputError(f"{whole.name}: a drive; it takes the effects {', '.join(TOLD)}, not {', '.join(names)}")
+        return locate_drive(replace(whole, effects=tuple(names)))
     asked: dict[str, Any] = {"method": method, "likelihood": likelihood, "effects": effects, "filters": filters}
     asked |= {"all_passes": all_passes, "unlisted": unlisted}
     if whole.tracks is not None:

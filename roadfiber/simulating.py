@@ -60,7 +60,8 @@ def simulate(
     out : folder to write; an earlier simulated survey there is replaced
     scenario : a TOML file, or the name of a built-in one: `street`, or `street-` with `short`, `gps`, `paper` (point
         loads), `filtered`, `blind`, `filmed`; or `drive`, one car with GPS along kilometers of fiber and its map
-    effects : to hide, by name, with their amounts (`solver.simulator.EFFECTS` lists them); a drive hides none
+    effects : to hide, by name, with their amounts (`solver.simulator.EFFECTS` lists them); in a drive
+        `clock_drift`, `channel_stretch` and `gauge_length`
     film : render the street's camera in place of trajectories: `street.mp4` and the control points to calibrate it by;
         of `street-filmed`, whose vehicles drive where it looks
     **changes : further fields of `solver.simulator.Scenario`, such as seed, passes, snr_db; of a drive those of
@@ -77,12 +78,10 @@ def simulate(
     >>> made.passes, made.truth.name
     (2, 'truth.json')
     """
-    drive = read_drive(scenario, **changes)
+    drive = read_drive(scenario, effects=None if effects is None else dict(effects), **changes)
     if drive is not None:
-        if effects or film:
-            raise InputError(
-                f"{scenario}: a drive hides no effects and has no camera; its settings are {', '.join(vars(drive))}"
-            )
+        if film:
+            raise InputError(f"{scenario}: a drive has no camera; its settings are {', '.join(vars(drive))}")
         return simulated_drive(drive, Path(out))
     wanted = read_scenario(scenario, effects=None if effects is None else dict(effects), **changes)
     folder = Path(out)

@@ -17,7 +17,6 @@ from solver.criticism.explanations import Weighed
 from solver.criticism.probability_figure import (
     probability_figure,
     probability_line,
-    probability_words,
     title_of_explanation,
     titles_of,
 )
@@ -28,7 +27,7 @@ from solver.fit.held_out import FOLDS
 from solver.run.run import Run
 from solver.run.stretch import folder_of, saved, stretch_of, stretches_of
 from solver.run.strict_json import strict
-from solver.run.titles import lower
+from solver.run.titles import lower, probability_words
 from vision.contract import progress
 from vision.contract.notebook import framed
 

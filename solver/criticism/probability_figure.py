@@ -7,23 +7,13 @@ from matplotlib.figure import Figure
 
 from solver.criticism.candidate import Candidate
 from solver.criticism.explanations import Weighed
+from solver.run.titles import probability_words
 from vision.contract.drawing import beside, canvas, place
 from vision.contract.figures import styled
 
 #: Effects that are drawn at most.
 KNOWN = 6
 FIRST_COLOR, OTHER_COLOR, REST_COLOR = "#d55e00", "#0072b2", "#8a929a"
-
-
-def probability_words(share: float) -> str:
-    """A probability for people.
-
-    >>> probability_words(0.973), probability_words(0.0004), probability_words(0.9999)
-    ('97 %', 'below 0.1 %', 'above 99.9 %')
-    """
-    if share > 0.999:
-        return "above 99.9 %"
-    return "below 0.1 %" if share < 0.001 else f"{100 * share:.2g} %"
 
 
 @styled

@@ -7,8 +7,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from solver.criticism.pages import VERDICTS
-from solver.criticism.probability_figure import probability_words
 from solver.run.report.parts import next_section, page
+from solver.run.titles import probability_words
 from vision.contract.figures import svg
 
 

@@ -1,9 +1,10 @@
 """Positions along the path, with the clock and the errors of the GPS: a Kalman smoother over the channels.
 
-State at a channel: its cell, the relative stretch of the cable there, the clock offset that is left, and on each leg
-two errors of the car's position along the path: a slow one of the GPS, and a fast one, of what smoothing leaves of the
-GPS's noise and of other vehicles near the car, that pull the peaks of all channels that they pass. A pick on a leg is
-the channel's cell, plus speed times the clock, plus both, plus its own.
+State at a channel: its cell, the relative stretch of the cable there, the clock offset that is left, how far the clock
+has drifted by the end of the record, and on each leg two errors of the car's position along the path: a slow one of the
+GPS, and a fast one, of what smoothing leaves of the GPS's noise and of other vehicles near the car, that pull the peaks
+of all channels that they pass. A pick on a leg is the channel's cell, plus speed times the clock, plus both, plus its
+own.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.drive.path import STEP, Path
-from solver.drive.smoother import smooth
+from solver.drive.smoother import ERRORS, smooth
 
 if TYPE_CHECKING:
     from solver.drive.picks import Picks
@@ -35,6 +36,8 @@ FAST, PULL = 5.0, 0.5
 FREEDOM = 3.0
 #: s, of the clock offset that is left after the first look.
 CLOCK = 2.0
+#: By how much one clock runs faster than another at most, as quartz does.
+QUARTZ = 2e-5
 #: Sigmas beyond which a pick weighs less, and rounds of weighing.
 ROBUST, ROUNDS = 2.5, 4
 #: Probability of slack below which a step is as long as any.
@@ -52,6 +55,7 @@ class Along:
     cell, sigma : of each channel, cells [channel]
     stretch : meters of cable per meter of path less the factor, relative [channel]
     clock, clock_sigma : s to add to the clock offset, and its standard deviation
+    drift, drift_sigma : share of the time that the record's clock gains on the GPS's, and its standard deviation
     lean : how far the cell goes with the clock offset, cells per second [channel]
     weight : of each pick, 0 to 1 [leg, channel]
     residual : of each pick, cells, after clock and errors of the car [leg, channel]
@@ -63,6 +67,8 @@ class Along:
     stretch: Array
     clock: float
     clock_sigma: float
+    drift: float
+    drift_sigma: float
     lean: Array
     weight: Array
     residual: Array
@@ -124,7 +130,13 @@ def steps_of(
 
 
 def smoothed_along(
-    picks: "Picks", legs: "Legs", steps: Steps, factor_sigma: float, gps: tuple[float, float], spacing: float
+    picks: "Picks",
+    legs: "Legs",
+    steps: Steps,
+    factor_sigma: float,
+    gps: tuple[float, float],
+    spacing: float,
+    drift_sigma: float = QUARTZ,
 ) -> Along:
     """Smooth the picks along the channels.
 
@@ -133,9 +145,10 @@ def smoothed_along(
     factor_sigma : standard deviation of the length factor
     gps : time over which errors of the fixes are correlated, s, and their sigma, m
     spacing : of the channels, m
+    drift_sigma : standard deviation of the clock's drift, a share of the time
     """
     weight = np.where(picks.audible, 1.0, 0.0)
-    model = Model.of(picks, legs, steps, factor_sigma, gps, spacing)
+    model = Model.of(picks, legs, steps, factor_sigma, gps, spacing, drift_sigma)
     for number in range(ROUNDS + 1):
         mean, covariance = model.smooth(weight)
         error, fitted = model.fitted(mean)
@@ -151,6 +164,8 @@ def smoothed_along(
         stretch=mean[:, 1],
         clock=float(mean[0, 2]),
         clock_sigma=float(np.sqrt(covariance[0, 2, 2])),
+        drift=float(mean[0, 3]) / model.half,
+        drift_sigma=float(np.sqrt(covariance[0, 3, 3])) / model.half,
         lean=covariance[:, 0, 2] / covariance[:, 2, 2],
         weight=weight,
         residual=picks.cell - fitted,
@@ -168,6 +183,9 @@ class Model:
     keeps : share that each error keeps from the channel before [slow and fast legs, channel]
     loose : how much wider the fast errors are than `fast` [leg, channel]
     wander : variance of the stretch from channel to channel
+    half : of the record, s: the clock's drift counts from its middle
+    drift_sigma : standard deviation of the clock's drift, a share of the time
+    rate : samples per second
     """
 
     picks: "Picks"
@@ -178,10 +196,20 @@ class Model:
     loose: Array
     factor_sigma: float
     wander: float
+    half: float
+    drift_sigma: float
+    rate: float
 
     @classmethod
     def of(
-        cls, picks: "Picks", legs: "Legs", steps: Steps, factor_sigma: float, gps: tuple[float, float], spacing: float
+        cls,
+        picks: "Picks",
+        legs: "Legs",
+        steps: Steps,
+        factor_sigma: float,
+        gps: tuple[float, float],
+        spacing: float,
+        drift_sigma: float,
     ) -> "Model":
         """The model of some picks."""
         there = picks.row >= 0  # anchors have no car
@@ -196,6 +224,9 @@ class Model:
             loose=np.ones(picks.row.shape),
             factor_sigma=factor_sigma,
             wander=WANDER**2 * spacing / 100,
+            half=len(legs.cell) / legs.rate / 2,
+            drift_sigma=drift_sigma,
+            rate=legs.rate,
         )
 
     @property
@@ -203,28 +234,34 @@ class Model:
         """Standard deviations of all errors, cells [slow and fast legs, channel]."""
         return np.concatenate([self.slow, self.loose * self.fast])
 
+    @property
+    def lever(self) -> Array:
+        """Cells that a pick goes on for a second that the clock has gained by the end of the record [leg, channel]."""
+        return np.asarray(self.picks.speed * (self.picks.row / self.rate / self.half - 1))
+
     def fitted(self, mean: Array) -> tuple[Array, Array]:
         """Error of the car along the path, and the picks as fitted, cells [leg, channel], of means [channel, state]."""
-        error = np.asarray((self.scale * mean[:, 3:].T).reshape(2, *self.slow.shape).sum(0))
-        return error, mean[:, 0] + self.picks.speed * mean[:, 2] + error
+        error = np.asarray((self.scale * mean[:, ERRORS:].T).reshape(2, *self.slow.shape).sum(0))
+        return error, mean[:, 0] + self.picks.speed * mean[:, 2] + self.lever * mean[:, 3] + error
 
     def loosened(self, mean: Array) -> "Model":
         """The same with fast errors as wide as Student's t has them, given means [channel, state]."""
-        off = self.loose * mean[:, 3 + len(self.slow) :].T
+        off = self.loose * mean[:, ERRORS + len(self.slow) :].T
         return replace(self, loose=np.sqrt(np.maximum(1.0, (FREEDOM + off**2) / (FREEDOM + 1))))
 
     def smooth(self, weight: Array) -> tuple[Array, Array]:
         """Mean [channel, state] and covariance [channel, state, state]."""
         legs = len(weight)
-        size = 3 + 2 * legs
+        size = ERRORS + 2 * legs
         first = next((int(one) for one in np.flatnonzero((weight > 0).any(0))), 0)
         begun = np.nanmin(np.where(weight[:, first] > 0, self.picks.cell[:, first], np.nan)) if weight.any() else 0.0
         mean, covariance = np.zeros(size), np.eye(size)
         mean[0] = begun - self.steps.advance[1 : first + 1].sum()
-        covariance[range(3), range(3)] = [WIDE**2, self.factor_sigma**2, CLOCK**2]
+        drift = (self.drift_sigma * self.half) ** 2
+        covariance[range(ERRORS), range(ERRORS)] = [WIDE**2, self.factor_sigma**2, CLOCK**2, drift]
         channel, leg = np.nonzero(weight.T > 0)
         taken = [np.ascontiguousarray(one[leg, channel]) for one in (self.picks.cell, self.picks.sigma, weight)]
-        speed = self.picks.speed[leg, channel]
+        speed, lever = self.picks.speed[leg, channel], self.lever[leg, channel]
         return smooth(
             self.steps.advance,
             self.steps.stretched,
@@ -238,6 +275,7 @@ class Model:
             taken[0],
             taken[1] ** 2 / taken[2],
             speed,
+            lever,
             mean,
             covariance,
         )

@@ -3,7 +3,7 @@
 Every pass tells the distance of the car from the fiber, not the side; the car's lanes and the map decide that.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from solver.drive.likelihood import heard
 from solver.drive.path import STEP, Path
 from solver.drive.picks import passing
 from solver.drive.quiet import Quiet
-from solver.drive.response import Legs, responses
+from solver.drive.response import DEPTH, Legs, responses
 
 Array = NDArray[np.float64]
 
@@ -54,17 +54,8 @@ def beside(
     polarity : of the record
     sigma : of the map, m
     """
-    channels = len(cell)
-    whole = responses(quiet, path, car, legs, DISTANCES)
-    low = np.round(cell).astype(np.int64)
-    ratio = np.zeros((len(DISTANCES), legs.count, channels))
-    nothing = np.zeros((channels, legs.count))
-    for number in range(len(DISTANCES)):
-        one = type(whole)(
-            **vars(whole) | {"values": whole.values[number : number + 1], "norm": whole.norm[number : number + 1]}
-        )
-        for leg in range(legs.count):
-            ratio[number, leg] = heard(quiet, one, low, 1, polarity, nothing, leg).ratio[:, 0]
+    channels, low = len(cell), np.round(cell).astype(np.int64)
+    ratio = ratios_of(quiet, path, car, legs, cell, polarity)
     ratio *= audible
     score, right = np.zeros((channels, len(PLACES))), np.zeros((legs.count, channels))
     for leg in range(legs.count):
@@ -77,6 +68,28 @@ def beside(
     lateral, spread = weighed(score, cell, sigma)
     far = (np.abs(lateral - right) * audible).sum(0) / np.maximum(audible.sum(0), 1)
     return Aside(lateral, spread, np.clip(1 - spread**2 / sigma**2, 0, 1), far)
+
+
+def ratios_of(
+    quiet: Quiet, path: Path, car: Car, legs: Legs, cell: Array, polarity: int, side: int = 0, depth: float = DEPTH
+) -> Array:
+    """Log likelihood ratios [distance, leg, channel] of the car at `DISTANCES`, at the best of `side` cells around.
+
+    `cell` [channel] may be NaN: nothing is asked of that channel.
+    """
+    asked, count = np.isfinite(cell), len(path.points)
+    low = np.where(asked, np.round(np.nan_to_num(cell)), -2 * side - 2).astype(np.int64) - side
+    cells = (low[asked, None] + np.arange(2 * side + 1)).ravel()
+    wanted = np.zeros(count, bool)
+    wanted[cells[(cells >= 0) & (cells < count)]] = True
+    whole = responses(quiet, path, car, legs, DISTANCES, wanted, depth)
+    nothing = np.zeros((len(cell), legs.count))
+    found = np.zeros((len(DISTANCES), legs.count, len(cell)))
+    for number in range(len(DISTANCES)):
+        one = replace(whole, values=whole.values[number : number + 1], norm=whole.norm[number : number + 1])
+        for leg in range(legs.count):
+            found[number, leg] = heard(quiet, one, low, 2 * side + 1, polarity, nothing, leg).ratio.max(1)
+    return found
 
 
 def weighed(score: Array, cell: Array, sigma: float) -> tuple[Array, Array]:

@@ -50,6 +50,7 @@ class Drive:
     anchors : known points of the fiber
     ground : what is known about it beforehand
     sources : files and tables that it was made from
+    effects : names of what the model takes for stated wrongly, out of `solver.drive.misstated.TOLD`
     """
 
     name: str
@@ -63,6 +64,7 @@ class Drive:
     ground: GroundSection = field(default_factory=GroundSection)
     sources: tuple[Source, ...] = ()
     seconds: float = 0.0
+    effects: tuple[str, ...] = ()
 
     @classmethod
     def read(cls, path: Path | str) -> "Drive":

@@ -15,7 +15,7 @@ from solver.run.read_stored import read_model
 from solver.run.report.joined import join
 from solver.run.route_table import route_csv
 from solver.run.stored import AnchorFile, FittedNumber, FrameFile, InputFile, TrustFile
-from solver.run.stored_types import Moment, Size, Stored, Text
+from solver.run.stored_types import Moment, Size, Spread, Stored, Text
 from solver.survey.anchors import Anchor
 from vision.contract import InputError, LocalFrame, require_writable, writing
 
@@ -84,6 +84,29 @@ class UnheardFile(Stored):
     beside_the_car: bool
 
 
+class MisstatedFile(Stored):
+    """What files may state wrongly.
+
+    Attributes
+    ----------
+    effect, title : its name in the catalogue, and in words
+    value, sigma : how far it is from what is stated, and its standard deviation, relative
+    shows : size from which on it would be named
+    probability : that it is wrong; null where it is fitted
+    fitted : whether it is part of the model
+    words : the same in a sentence or two
+    """
+
+    effect: Text
+    title: Text
+    value: float
+    sigma: Spread
+    shows: Size
+    probability: float | None
+    fitted: bool
+    words: Text
+
+
 class DriveFile(Stored):
     """fit.json of a drive: what `solver.drive.locate_drive.locate_drive` makes.
 
@@ -98,6 +121,8 @@ class DriveFile(Stored):
     converged : whether the clock stands still
     iterations : rounds until it did
     parameters : clock offset (s), length factor and polarity, by name
+    misstated : what files may state wrongly, the most probable first
+    effects : those that the model takes for stated wrongly, and fits
     map_reversed : whether the map runs against the channels
     loops : of slack in manholes
     unheard : stretches that no channel hears
@@ -116,7 +141,7 @@ class DriveFile(Stored):
     created : UTC
     """
 
-    format: Literal["roadfiber drive 1"]
+    format: Literal["roadfiber drive 2"]
     name: Text
     headline: Text
     trust: TrustFile
@@ -125,6 +150,8 @@ class DriveFile(Stored):
     converged: bool
     iterations: int
     parameters: dict[Text, FittedNumber]
+    misstated: tuple[MisstatedFile, ...]
+    effects: tuple[Text, ...]
     map_reversed: bool
     loops: tuple[LoopFile, ...]
     unheard: tuple[UnheardFile, ...]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from vision.contract import InputError
 
-FORMAT = "roadfiber drive 1"
+FORMAT = "roadfiber drive 2"
 
 
 def is_drive(folder: Path) -> bool:
@@ -20,4 +20,4 @@ def is_drive(folder: Path) -> bool:
 def require_street(folder: Path) -> None:
     """Refuse the run folder of a drive where that of a street is needed; InputError says what to give."""
     if is_drive(folder):
-        raise InputError(f"{folder}: the run of a drive, which has one car and no effects; give the run of a street")
+        raise InputError(f"{folder}: the run of a drive, which has one car; give the run of a street")

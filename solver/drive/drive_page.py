@@ -26,7 +26,7 @@ def drive_page(run: "DriveRun") -> str:
         f"{section('Which channel lies where', MAP, svg(channel_figure(run, WIDE)))}"
         f"{section('From above', PLAN, svg(plan_figure(run, WIDE)))}"
         f"{section('Misfit along the path', MISFIT, svg(misfit_figure(run, WIDE)))}"
-        f"{loop_section(run)}{next_section(run.warnings)}{made(run)}"
+        f"{loop_section(run)}{stated_section(run)}{next_section(run.warnings)}{made(run)}"
     )
     return page(f"{run.name}: {run.headline}", body)
 
@@ -44,6 +44,10 @@ PLAN = (
     "recorded, the side of the road from the map where the car drove in one lane only. Depth is what was assumed."
 )
 MISFIT = "A stretch where legs are off to one side, or where few channels hear the car, is where to look again."
+STATED = (
+    "Gauge length, channel spacing and clock are taken from files, which may be wrong. The shape of what channels hear "
+    "tells the gauge length, the cable between two places the spacing, passes at different times the clock."
+)
 
 
 def section(title: str, words: str, content: str) -> str:
@@ -92,6 +96,17 @@ def loop_section(run: "DriveRun") -> str:
     )
     words = "Channels of a loop lie at its manhole: it is where to open the ground, and where to splice."
     return section("Loops of slack", words, f'<div class="wide-table"><table><tr>{head}</tr>{rows}</table></div>')
+
+
+def stated_section(run: "DriveRun") -> str:
+    """What files may state wrongly."""
+    from solver.drive.drive_run import how_probable
+
+    lines = "".join(
+        f"<li><b>{escape(one['title'])}</b>, {how_probable(one)}. {escape(one['words'])}</li>"
+        for one in run.facts["misstated"]
+    )
+    return section("Are the files right?", STATED, f"<ul>{lines}</ul>")
 
 
 def made(run: "DriveRun") -> str:

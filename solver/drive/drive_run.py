@@ -14,6 +14,7 @@ from solver.fit.result import Placed
 from solver.run.geojson import feature, positions, route_features
 from solver.run.located_fiber import LocatedFiber
 from solver.run.route_table import route_table
+from solver.run.titles import probability_words
 from solver.survey.anchors import Anchor
 from vision.contract import LocalFrame, require_writable, writing
 
@@ -55,6 +56,24 @@ class DriveRun(LocatedFiber):
     def clock_offset(self) -> float:
         """The record's clock less the GPS's, s."""
         return float(self.facts["parameters"]["clock_offset"]["value"])
+
+    @property
+    def misstated(self) -> "pd.DataFrame":
+        """What files may state wrongly, the most probable first.
+
+        effect, title, value and sigma (relative), shows (the size from which on it would be named), probability (NaN
+        where it is fitted), fitted, words.
+        """
+        import pandas as pd
+
+        columns = ["effect", "title", "value", "sigma", "shows", "probability", "fitted", "words"]
+        return pd.DataFrame(self.facts["misstated"], columns=columns).astype({"probability": float})
+
+    def told(self) -> list[str]:
+        """The same in lines, and what to do."""
+        lines = [f"{one['title']}, {how_probable(one)}: {one['words']}" for one in self.facts["misstated"]]
+        gate = next(one for one in self.facts["trust"]["gates"] if one["name"] == "stated")
+        return lines + [f"next: {one}" for one in gate["mend"] if gate["verdict"] == "failed"]
 
     @cached_property
     def placed(self) -> Placed:
@@ -133,6 +152,17 @@ class DriveRun(LocatedFiber):
         from vision.contract.notebook import framed
 
         return framed(drive_page(self))
+
+
+def how_probable(one: Mapping[str, Any]) -> str:
+    """How probable it is that something is stated wrongly, as a clause; one of `misstated` of fit.json.
+
+    >>> how_probable({"probability": 0.9999, "fitted": False}), how_probable({"probability": None, "fitted": True})
+    ('above 99.9 % probable to be wrong', 'fitted')
+    """
+    if one["fitted"]:
+        return "fitted"
+    return f"{probability_words(one['probability'])} probable to be wrong"
 
 
 PLACED = ("channel", "distance", "route", "covariance", "constrained")

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.drive.astray import others, others_of, places
+from solver.drive.misstated_words import as_stated
 from solver.drive.path import STEP
 from solver.run.trust import Gate
 
@@ -110,11 +111,11 @@ def headline(fit: "Fit", constrained: NDArray[np.bool_]) -> str:
 
 def clock_words(fit: "Fit") -> str:
     """How far the clocks are apart."""
-    way = "ahead of" if fit.clock_offset > 0 else "behind"
+    way = "ahead of" if fit.clock.offset > 0 else "behind"
     once = (
         "" if fit.both_ways else "; the car was heard one way only, so that changes of speed alone tell it from a shift"
     )
-    return f"the record's clock is {abs(fit.clock_offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's{once}"
+    return f"the record's clock is {abs(fit.clock.offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's{once}"
 
 
 def factor_of(fit: "Fit", prior: tuple[float, float]) -> tuple[float, float]:
@@ -179,6 +180,7 @@ def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
         rival(fit),
         places(fit),
         others(fit),
+        as_stated(fit.misstated, fit.stated),
     ]
 
 

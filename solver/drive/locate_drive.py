@@ -3,7 +3,7 @@
 import time
 from dataclasses import asdict
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,12 @@ from solver.drive.drive import Drive
 from solver.drive.drive_format import FORMAT
 from solver.drive.drive_run import DriveRun
 from solver.drive.loops import flags_of
+from solver.drive.misstated import GAUGE, SPACING
+from solver.drive.misstated_words import facts_of
 from solver.drive.path import STEP
 from solver.run.facts import versions
 from solver.run.strict_json import strict
 from solver.run.trust import Trust
-
-if TYPE_CHECKING:
-    pass
-
 
 #: Rows and columns of the picture of the record.
 ROWS, COLUMNS = 600, 1000
@@ -60,10 +58,12 @@ def found_facts(drive: Drive, fit: Fit, constrained: NDArray[np.bool_]) -> dict[
         "converged": fit.converged,
         "iterations": fit.rounds,
         "parameters": {
-            "clock_offset": number(fit.clock_offset, fit.clock_sigma, "s"),
+            "clock_offset": number(fit.clock.offset, fit.clock_sigma, "s"),
             "length_factor": number(*factor, "1"),
             "polarity": number(fit.polarity, 0.0, "1"),
         },
+        "misstated": facts_of(fit.misstated, fit.stated),
+        "effects": list(drive.effects),
         "map_reversed": fit.coarse.reversed,
         "loops": [loop_facts(drive, fit, one) for one in fit.loops],
         "unheard": [
@@ -86,8 +86,8 @@ def given_facts(drive: Drive, fit: Fit) -> dict[str, Any]:
         "start": f"{np.datetime_as_string(fit.quiet.start, unit='ms')}Z",
         "anchors": [vars(one) for one in drive.anchors],
         "settings": {
-            "gauge_length": fit.quiet.gauge_length,
-            "channel_spacing": fit.quiet.channel_spacing,
+            "gauge_length": fit.stated[GAUGE],
+            "channel_spacing": fit.stated[SPACING],
             "sampling_rate": fit.quiet.rate,
             "map_sigma": drive.sigma,
             "length_factor": list(drive.length_factor),

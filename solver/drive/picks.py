@@ -17,6 +17,8 @@ SIDE = 14
 AUDIBLE = 4.0
 #: Channels to either side of which so many, itself included, hear it too.
 NEAR, CONFIRMED = 3, 2
+#: Channels that hear the car go either way, from which on a drive checks its clock.
+ENOUGH = 5
 #: m, standard deviation of the best peak: model errors that no noise tells of.
 SHARPEST = 0.25
 
@@ -45,6 +47,12 @@ class Picks:
     def audible(self) -> NDArray[np.bool_]:
         """Whether a channel is heard on a leg [leg, channel]."""
         return np.isfinite(self.cell)
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether enough channels hear the car go either way."""
+        ways = (self.audible & (self.speed > 0)).sum(), (self.audible & (self.speed < 0)).sum()
+        return bool(min(ways) >= ENOUGH)
 
 
 def pick(

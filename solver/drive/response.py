@@ -29,6 +29,27 @@ SOME = 4096
 
 
 @dataclass(frozen=True)
+class Clock:
+    """The record's clock.
+
+    Parameters
+    ----------
+    offset : by how much it is ahead of the GPS's in the middle of the record, s
+    drift : share of the time that it gains
+
+    >>> Clock(10.0, 0.001).of_car(np.array([0.0, 100.0, 200.0])).tolist()
+    [-9.9, 90.0, 189.9]
+    """
+
+    offset: float
+    drift: float = 0.0
+
+    def of_car(self, time: Array) -> Array:
+        """Times of the GPS [time] at times of the record [time], s; both begin with it."""
+        return np.asarray(time - self.offset - self.drift * (time - time[-1] / 2))
+
+
+@dataclass(frozen=True)
 class Legs:
     """How the car went, by the record's clock.
 
@@ -79,9 +100,9 @@ class Responses:
         return np.asarray(np.maximum(middle / np.median(middle), 0.02)) if len(middle) else middle
 
 
-def legs_of(quiet: Quiet, path: Path, car: Car, clock_offset: float) -> Legs:
+def legs_of(quiet: Quiet, path: Path, car: Car, clock: Clock) -> Legs:
     """Where the car was at each sample of the record."""
-    driven = car.at(quiet.time - clock_offset)
+    driven = car.at(clock.of_car(quiet.time))
     cell, far = path.nearest(driven.position)
     near = driven.known & (far < BESIDE) & (driven.speed > SLOW)
     leg = np.zeros(len(cell), np.int64)
@@ -94,33 +115,43 @@ def legs_of(quiet: Quiet, path: Path, car: Car, clock_offset: float) -> Legs:
     return Legs(driven, cell, near, leg, int(leg.max(initial=0)) + 1, along, quiet.rate)
 
 
-def segments_of(legs: Legs, cells: int, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Segments of all cells: CSR [cell + 1], and (first row, one after last, leg) [segment, 3]."""
+def segments_of(
+    legs: Legs, cells: int, reach: float, wanted: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Segments of the wanted cells: CSR [cell + 1], and (first row, one after last, leg) [segment, 3]."""
     rows = np.flatnonzero(legs.near)
     order = rows[np.argsort(legs.cell[rows], kind="stable")]
     sorted_cells = legs.cell[order]
     low = np.searchsorted(sorted_cells, np.arange(cells) - reach / STEP)
     high = np.searchsorted(sorted_cells, np.arange(cells) + reach / STEP, side="right")
     begin, found = np.zeros(cells + 1, np.int64), []
-    for cell in range(cells):
-        if high[cell] > low[cell]:
-            some = np.sort(order[low[cell] : high[cell]])
-            cuts = np.flatnonzero((np.diff(some) > 1) | (np.diff(legs.leg[some]) != 0)) + 1
-            first = some[np.concatenate([[0], cuts])]
-            last = some[np.concatenate([cuts - 1, [len(some) - 1]])] + 1
-            found.append(np.stack([first, last, legs.leg[first]], -1))
-            begin[cell + 1] = len(first)
+    for cell in np.flatnonzero(wanted & (high > low)):
+        some = np.sort(order[low[cell] : high[cell]])
+        cuts = np.flatnonzero((np.diff(some) > 1) | (np.diff(legs.leg[some]) != 0)) + 1
+        first = some[np.concatenate([[0], cuts])]
+        last = some[np.concatenate([cuts - 1, [len(some) - 1]])] + 1
+        found.append(np.stack([first, last, legs.leg[first]], -1))
+        begin[cell + 1] = len(first)
     joined = np.concatenate(found) if found else np.zeros((0, 3), np.int64)
     return np.cumsum(begin), joined
 
 
-def responses(quiet: Quiet, path: Path, car: Car, legs: Legs, aside: tuple[float, ...] = ASIDE) -> Responses:
-    """Responses of all cells of a path.
+def responses(
+    quiet: Quiet,
+    path: Path,
+    car: Car,
+    legs: Legs,
+    aside: tuple[float, ...] = ASIDE,
+    wanted: NDArray[np.bool_] | None = None,
+    depth: float = DEPTH,
+) -> Responses:
+    """Responses of the wanted cells of a path [cell], or of all.
 
     The fiber is taken to run along the path, moved sideways so that the car goes by at each distance of `aside`.
     """
     cells = len(path.points)
-    begin, segment = segments_of(legs, cells, REACH + quiet.gauge_length / 2)
+    asked = np.ones(cells, bool) if wanted is None else wanted
+    begin, segment = segments_of(legs, cells, REACH + quiet.gauge_length / 2, asked)
     lag = len(quiet.whitener) - 1
     segment[:, 0] = np.maximum(segment[:, 0], lag)
     size = np.maximum(segment[:, 1] - segment[:, 0], 0)
@@ -133,7 +164,7 @@ def responses(quiet: Quiet, path: Path, car: Car, legs: Legs, aside: tuple[float
         if part.stop > part.start:
             some = slice(int(at[part.start]), int(at[part.stop]))
             values[:, some], norm[:, part] = some_responses(
-                quiet, path, car, legs, cell_of[part], segment[part, 0], size[part], segment[part, 2], aside
+                quiet, path, car, legs, cell_of[part], segment[part, 0], size[part], segment[part, 2], aside, depth
             )
     return Responses(begin, segment[:, 0], size, at[:-1], segment[:, 2], values, norm)
 
@@ -148,6 +179,7 @@ def some_responses(
     size: NDArray[np.int64],
     leg: NDArray[np.int64],
     aside: tuple[float, ...],
+    depth: float,
 ) -> tuple[NDArray[np.float32], Array]:
     """Responses [aside, value] of some segments, scaled to unit energy for each cell and leg, and their norms."""
     taps = quiet.whitener
@@ -163,7 +195,7 @@ def some_responses(
     found, norms = [], []
     for far in aside:
         shift = lateral - np.where(lateral >= 0, 1.0, -1.0) * far
-        raw = strain_rate(quiet, path, car, legs, cell[which], shift[which], sample)
+        raw = strain_rate(quiet, path, car, legs, cell[which], shift[which], sample, depth)
         white = sum(tap * np.roll(raw, number) for number, tap in enumerate(taps))[kept]
         energy = np.bincount(group[which[kept]], white**2, minlength=group.max() + 1)
         scale = np.sqrt(np.maximum(energy, 1e-30))[group]
@@ -195,7 +227,7 @@ def strain_rate(
     cell: NDArray[np.int64],
     shift: Array,
     sample: NDArray[np.int64],
-    depth: float = DEPTH,
+    depth: float,
 ) -> Array:
     """Strain rate [value], per F / (4 pi G) in m^2, of a gauge at a cell, moved to the right, at a sample."""
     half = quiet.gauge_length / 2 / STEP

@@ -8,23 +8,26 @@ from solver.ground.compiled import compiled
 Array = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
+#: First of the errors in a state, behind a cell, the stretch, the clock and its drift.
+ERRORS = 4
+
 
 @compiled
 def moved(mean: Array, covariance: Array, advance: float, stretched: float, keeps: Array) -> None:
     """A state and its covariance at the next channel, but for what is added on the way, in place."""
     size = len(mean)
     mean[0] += advance + stretched * mean[1]
-    for error in range(size - 3):
-        mean[3 + error] *= keeps[error]
+    for error in range(size - ERRORS):
+        mean[ERRORS + error] *= keeps[error]
     for other in range(size):
         covariance[0, other] += stretched * covariance[1, other]
     for other in range(size):
         covariance[other, 0] += stretched * covariance[other, 1]
-    for error in range(size - 3):
+    for error in range(size - ERRORS):
         for other in range(size):
-            covariance[3 + error, other] *= keeps[error]
+            covariance[ERRORS + error, other] *= keeps[error]
         for other in range(size):
-            covariance[other, 3 + error] *= keeps[error]
+            covariance[other, ERRORS + error] *= keeps[error]
 
 
 @compiled
@@ -41,16 +44,17 @@ def smooth(
     value: Array,
     noise: Array,
     speed: Array,
+    lever: Array,
     mean: Array,
     covariance: Array,
 ) -> tuple[Array, Array]:
     """Means [channel, state] and covariances [channel, state, state] of all channels.
 
-    The state is a cell, the stretch, the clock, and the errors of unit variance. From channel to channel the cell goes
-    on by `advance` and `stretched` times the stretch, an error keeps the share `keeps` [error, channel]. A pick [pick]
-    of a channel, sorted by channel, is the cell, plus `speed` times the clock, plus `scale` [error, channel] times each
-    of the errors that `leg` [error] says are of its leg. `mean` [state] and `covariance` [state, state] are those
-    before the first channel, and are overwritten.
+    The state is a cell, the stretch, the clock, its drift, and the errors of unit variance. From channel to channel the
+    cell goes on by `advance` and `stretched` times the stretch, an error keeps the share `keeps` [error, channel]. A
+    pick [pick] of a channel, sorted by channel, is the cell, plus `speed` times the clock and `lever` times its drift,
+    plus `scale` [error, channel] times each of the errors that `leg` [error] says are of its leg. `mean` [state] and
+    `covariance` [state, state] are those before the first channel, and are overwritten.
     """
     channels, size = len(advance), len(mean)
     ahead, means = np.zeros((channels, size)), np.zeros((channels, size))
@@ -62,13 +66,13 @@ def smooth(
             moved(mean, covariance, advance[channel], stretched[channel], keeps[:, channel])
             covariance[0, 0] += variance[channel]
             covariance[1, 1] += wander
-            for error in range(size - 3):
-                covariance[3 + error, 3 + error] += 1 - keeps[error, channel] ** 2
+            for error in range(size - ERRORS):
+                covariance[ERRORS + error, ERRORS + error] += 1 - keeps[error, channel] ** 2
         ahead[channel], spread[channel] = mean, covariance
         while pick < len(picked) and picked[pick] == channel:
-            row[0], row[2] = 1.0, speed[pick]
-            for error in range(size - 3):
-                row[3 + error] = scale[error, channel] if leg[error] == pick_leg[pick] else 0.0
+            row[0], row[2], row[3] = 1.0, speed[pick], lever[pick]
+            for error in range(size - ERRORS):
+                row[ERRORS + error] = scale[error, channel] if leg[error] == pick_leg[pick] else 0.0
             gain[:] = covariance @ row
             total = row @ gain + noise[pick]
             mean += gain * ((value[pick] - row @ mean) / total)
@@ -81,8 +85,8 @@ def smooth(
         after = channel + 1
         move = np.eye(size)
         move[0, 1] = stretched[after]
-        for error in range(size - 3):
-            move[3 + error, 3 + error] = keeps[error, after]
+        for error in range(size - ERRORS):
+            move[ERRORS + error, ERRORS + error] = keeps[error, after]
         back = np.linalg.solve(spread[after], move @ covariances[channel])
         means[channel] += back.T @ (means[after] - ahead[after])
         covariances[channel] += back.T @ (covariances[after] - spread[after]) @ back

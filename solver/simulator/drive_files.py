@@ -92,8 +92,8 @@ def write_record(drive: DriveRecord, folder: Path) -> None:
             part,
             start=start + np.timedelta64(round(1e6 * drive.time[first]), "us"),
             sampling_rate=s.sampling_rate,
-            gauge_length=s.gauge_length,
-            channel_spacing=s.channel_spacing,
+            gauge_length=s.gauge_length / (1 + s.hidden("gauge_length")),
+            channel_spacing=s.channel_spacing / (1 + s.hidden("channel_stretch")),
             vendor="roadfiber simulate",
             packed=False,
         )
@@ -116,7 +116,7 @@ def write_gps(drive: DriveRecord, frame: LocalFrame, path: Path) -> None:
     time, place, sigma = gps_fixes(s, drive.car)
     latitude, longitude = frame.to_geographic(*place.T)
     start = np.datetime64(s.start, "ms") - np.timedelta64(round(1e3 * drive.clock_offset), "ms")
-    stamps = start + (1e3 * time).round().astype("timedelta64[ms]")
+    stamps = start + (1e3 * time * (1 - s.hidden("clock_drift"))).round().astype("timedelta64[ms]")
     table = pd.DataFrame(
         {
             "time": [f"{stamp}Z" for stamp in stamps],
@@ -141,6 +141,7 @@ def truth(drive: DriveRecord) -> dict[str, object]:
         "noise_sd": drive.noise_sd,
         "clock_offset": drive.clock_offset,
         "polarity": drive.polarity,
+        "effects": dict(s.effects),
         "bad_channels": list(drive.bad),
         "route_xyz": ground.cable.at(distance).round(3).tolist(),
         "in_loop": ground.cable.slack(distance).tolist(),

@@ -1,7 +1,8 @@
 """What drive to simulate: one car with GPS along a fiber whose path is roughly known from an operator's map."""
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from vision.contract import InputError, read_toml
 
 #: The name of the built-in drive, and `base` of TOML files that change it.
 DRIVE = "drive"
+#: What files may say wrongly of a drive, by the name of the effect; amounts as of `solver.simulator.EFFECTS`.
+TOLD_WRONGLY = ("clock_drift", "channel_stretch", "gauge_length")
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,8 @@ class DriveScenario:
     poisson_ratio, shear_modulus : of the ground; Pa
     origin, x_azimuth : the local frame, degrees
     start : of the record by its own clock, ISO 8601, UTC
+    effects : hidden in it, by name, with their amounts: `clock_drift`, the share of the time that the GPS's clock
+        loses; `channel_stretch` and `gauge_length`, by how much channel spacing and gauge length exceed what files say
     """
 
     name: str = DRIVE
@@ -77,6 +82,7 @@ class DriveScenario:
     origin: tuple[float, float] = (32.113, 34.804)
     x_azimuth: float = 78.0
     start: str = "2025-08-11T06:00:00"
+    effects: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for good, message in rules(self):
@@ -86,6 +92,14 @@ class DriveScenario:
     def rng(self, what: str) -> np.random.Generator:
         """Random numbers for one purpose, so that a change of another setting does not change them."""
         return np.random.default_rng([self.seed, *what.encode()])
+
+    def hidden(self, name: str) -> float:
+        """The amount of a hidden effect; 0 where it is not hidden.
+
+        >>> DriveScenario(effects={"clock_drift": 0.002}).hidden("clock_drift"), DriveScenario().hidden("clock_drift")
+        (0.002, 0.0)
+        """
+        return float(self.effects.get(name, 0.0))
 
     def drawn(self, name: str) -> float:
         """The value of a setting that is a number, or drawn from its range."""
@@ -113,6 +127,8 @@ def rules(s: DriveScenario) -> list[tuple[bool, str]]:
         (s.polarity in (-1, 0, 1), "polarity: 1, -1, or 0 for either"),
         (s.traffic >= 0 and s.loops_per_km >= 0 and s.stops_per_km >= 0, "traffic, loops, stops: 0 or above"),
         (0 < s.poisson_ratio < 0.5, "poisson_ratio: between 0 and 0.5"),
+        (set(s.effects) <= set(TOLD_WRONGLY), f"effects: a drive can hide {', '.join(TOLD_WRONGLY)}, nothing else"),
+        (all(abs(one) < 0.5 for one in s.effects.values()), "effects: amounts of a drive are between -0.5 and 0.5"),
     ]
 
 

@@ -1,11 +1,11 @@
 """The smoother along the channels, against the same model solved at once, and on picks of other vehicles."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 
-from solver.drive.along import Model, Steps, smoothed_along, steps_of
-from solver.drive.channel_fit import heard_both_ways
+from solver.drive.along import QUARTZ, Model, Steps, smoothed_along, steps_of
 from solver.drive.path import path_of
 from solver.drive.picks import Picks
 from solver.drive.smoother import smooth
@@ -15,38 +15,39 @@ CHANNELS, SPACING = 60, 8.0
 
 def test_smoother_is_the_conditional_gaussian() -> None:
     rng = np.random.default_rng(2)
-    channels, size = 4, 5
+    channels, size = 4, 6
     advance, stretched, variance, wander = np.full(channels, 8.0), np.full(channels, 7.0), np.full(channels, 0.3), 0.02
     keeps, scale = rng.uniform(0.3, 0.9, (2, channels)), rng.uniform(0.5, 2.0, (2, channels))
-    first = np.diag([9.0, 0.1, 0.5, 1.0, 1.0])
-    start = np.array([3.0, 0.0, 0.2, 0.0, 0.0])
+    first = np.diag([9.0, 0.1, 0.5, 0.3, 1.0, 1.0])
+    start = np.array([3.0, 0.0, 0.2, -0.1, 0.0, 0.0])
     # All states at once: their prior mean and covariance, then conditioned on the picks.
     means, blocks = [start], {(0, 0): first}
     for channel in range(1, channels):
-        move = np.diag([1.0, 1.0, 1.0, *keeps[:, channel]])
+        move = np.diag([1.0, 1.0, 1.0, 1.0, *keeps[:, channel]])
         move[0, 1] = stretched[channel]
-        means.append(move @ means[-1] + np.array([advance[channel], 0, 0, 0, 0]))
+        means.append(move @ means[-1] + np.array([advance[channel], 0, 0, 0, 0, 0]))
         for other in range(channel):
             blocks[channel, other] = move @ blocks[channel - 1, other]
             blocks[other, channel] = blocks[channel, other].T
-        added = np.diag([variance[channel], wander, 0.0, *(1 - keeps[:, channel] ** 2)])
+        added = np.diag([variance[channel], wander, 0.0, 0.0, *(1 - keeps[:, channel] ** 2)])
         blocks[channel, channel] = move @ blocks[channel - 1, channel - 1] @ move.T + added
     prior = np.block([[blocks[one, other] for other in range(channels)] for one in range(channels)])
-    picked, value, noise, speed = (
+    picked, value, noise, speed, lever = (
         np.array([0, 2, 3]),
         np.array([2.0, 20.0, 30.0]),
         np.array([0.4, 0.2, 0.7]),
         np.array([9.0, -8.0, 5.0]),
+        np.array([-4.0, 1.0, 3.0]),
     )
     rows = np.zeros((3, channels * size))
     for pick, channel in enumerate(picked):
-        rows[pick, channel * size : (channel + 1) * size] = [1.0, 0.0, speed[pick], *scale[:, channel]]
+        rows[pick, channel * size : (channel + 1) * size] = [1.0, 0.0, speed[pick], lever[pick], *scale[:, channel]]
     gain = prior @ rows.T @ np.linalg.inv(rows @ prior @ rows.T + np.diag(noise))
     mean = np.concatenate(means) + gain @ (value - rows @ np.concatenate(means))
     covariance = prior - gain @ rows @ prior
     leg, of_leg = np.zeros(2, np.int64), np.zeros(3, np.int64)
     found = smooth(
-        *(advance, stretched, variance, wander, keeps, scale, leg, picked, of_leg, value, noise, speed),
+        *(advance, stretched, variance, wander, keeps, scale, leg, picked, of_leg, value, noise, speed, lever),
         *(start.copy(), first.copy()),
     )
     np.testing.assert_allclose(found[0], mean.reshape(channels, size), atol=1e-9)
@@ -65,7 +66,7 @@ def forth_and_back(pulled: float) -> Picks:
 
 
 def test_vehicle_that_pulls_many_picks_moves_the_clock_little() -> None:
-    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), rate=6.0)
+    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
     step = np.full(CHANNELS, SPACING)
     steps = Steps(step, step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
     clean, pulled = (smoothed_along(forth_and_back(off), legs, steps, 0.02, (1.0, 1.5), SPACING) for off in (0.0, 8.0))
@@ -75,12 +76,27 @@ def test_vehicle_that_pulls_many_picks_moves_the_clock_little() -> None:
     assert np.abs(pulled.error[0]).max() < 2.0
 
 
-def test_far_off_fast_errors_are_let_loose() -> None:
-    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), rate=6.0)
+def test_a_drift_moves_passes_apart_as_they_are_apart_in_time() -> None:
+    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
     step = np.full(CHANNELS, SPACING)
-    model = Model.of(forth_and_back(0.0), legs, Steps(step, step, step, np.zeros(CHANNELS)), 0.02, (1.0, 1.5), SPACING)
-    mean = np.zeros((CHANNELS, 7))
-    mean[30, 5] = 5.0  # the fast error of the first leg, sigmas
+    steps = Steps(step, step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
+    picks = forth_and_back(0.0)
+    late = picks.row / 6.0 - 4001 / 12.0
+    picks = replace(picks, cell=picks.cell + picks.speed * (0.3 + 0.05 * late))
+    known, free = (smoothed_along(picks, legs, steps, 0.02, (1.0, 1.5), SPACING, one) for one in (QUARTZ, 0.1))
+    assert abs(known.drift) < 3e-5 and known.drift_sigma < 2.1e-5
+    assert abs(free.drift - 0.05) < 2 * free.drift_sigma < 0.03
+    assert np.abs(free.residual).max() < 0.5 * np.abs(known.residual).max()
+
+
+def test_far_off_fast_errors_are_let_loose() -> None:
+    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
+    step = np.full(CHANNELS, SPACING)
+    model = Model.of(
+        forth_and_back(0.0), legs, Steps(step, step, step, np.zeros(CHANNELS)), 0.02, (1.0, 1.5), SPACING, QUARTZ
+    )
+    mean = np.zeros((CHANNELS, 8))
+    mean[30, 6] = 5.0  # the fast error of the first leg, sigmas
     loose = model.loosened(mean).loose
     assert loose[0, 30] == np.sqrt((3 + 25) / 4)
     assert np.delete(loose[0], 30).max() == loose[1].max() == 1.0
@@ -104,19 +120,17 @@ def test_step_is_none_with_the_probability_of_slack() -> None:
     np.testing.assert_allclose(found.variance - none, [0.0, 0.0, 0.25 * 0.75 * 64.0, 0.0], atol=1e-9)
     assert found.askew.max() < 1e-5
 
-
-def test_car_is_heard_both_ways_or_one_way() -> None:
     picks = forth_and_back(0.0)
-    assert heard_both_ways(picks)
+    assert picks.both_ways
     picks.cell[1, 4:] = np.nan
-    assert not heard_both_ways(picks)
+    assert not picks.both_ways
 
 
 def test_cells_lean_on_the_clock_as_the_car_goes_by() -> None:
     """A single pass at one speed: a later clock is a shift."""
     picks = forth_and_back(0.0)
     picks.cell[1] = np.nan
-    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), rate=6.0)
+    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
     step = np.full(CHANNELS, SPACING)
     steps = Steps(step, step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
     along = smoothed_along(picks, legs, steps, 0.02, (1.0, 1.5), SPACING)

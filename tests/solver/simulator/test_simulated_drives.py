@@ -1,5 +1,6 @@
 """The generator of drives, against the signal path, from which it shares no code."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -83,5 +84,21 @@ def test_settings_out_of_range_are_one_line(tmp_path) -> None:
     assert read_drive(tmp_path / "a.toml", seed=4).speeds == (30, 40)
     (tmp_path / "b.toml").write_text("passes = 4\n")
     assert read_drive(tmp_path / "b.toml") is None
-    with pytest.raises(rf.InputError, match="hides no effects and has no camera"):
-        rf.simulate(tmp_path / "x", "drive", effects={"gauge_length": 0.1})
+    with pytest.raises(rf.InputError, match="a drive has no camera"):
+        rf.simulate(tmp_path / "x", "drive", film=True)
+    with pytest.raises(rf.InputError, match="a drive can hide clock_drift, channel_stretch, gauge_length, nothing"):
+        rf.simulate(tmp_path / "x", "drive", effects={"stiffness_contrast": 0.1})
+
+
+def test_what_files_state_wrongly_is_in_the_files_alone(tmp_path) -> None:
+    small = {"length": 600.0, "sampling_rate": 5.0, "traffic": 0.0, "seed": 2}
+    wrong = {"gauge_length": 0.25, "channel_stretch": -0.05, "clock_drift": 0.01}
+    plain = rf.read(rf.simulate(tmp_path / "plain", "drive", **small).site)
+    hidden = rf.read(rf.simulate(tmp_path / "hidden", "drive", effects=wrong, **small).site)
+    one, other = (drive.source.known for drive in (plain, hidden))
+    assert other.gauge_length == pytest.approx(10.0 / 1.25)
+    assert other.channel_spacing == pytest.approx(8.0 / 0.95)
+    took = [np.ptp(drive.tracks["time"].astype("int64")) for drive in (plain, hidden)]
+    assert took[1] == pytest.approx(0.99 * took[0], rel=1e-4)
+    assert one.gauge_length == 10.0
+    assert json.loads((tmp_path / "hidden" / "truth.json").read_text())["effects"] == wrong

@@ -1,0 +1,174 @@
+"""Rounds of a drive's fit: channel map, picks and smoother in turn, until the clock stands still."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.drive.along import QUARTZ, Along, bends_of, smoothed_along, steps_of
+from solver.drive.anchored import anchored, with_anchors
+from solver.drive.car import Car
+from solver.drive.channel_map import ChannelMap, against_traffic, map_channels
+from solver.drive.coarse import Coarse
+from solver.drive.drive import Drive
+from solver.drive.likelihood import LEAST, heard
+from solver.drive.loops import Loop, flags_of, loops_of, sure
+from solver.drive.misstated import DRIFT, SPACING, TOLD
+from solver.drive.path import BESIDE, STEP, Path
+from solver.drive.picks import AUDIBLE, Picks, pick
+from solver.drive.quiet import Quiet
+from solver.drive.response import Clock, Legs, Responses, legs_of, responses
+from vision.contract import InputError
+
+Array = NDArray[np.float64]
+Advance = Callable[[int], None]
+
+#: Cells to either side of where a channel is expected: in the first round, when a first look may have followed another
+#: vehicle for some loops' lengths, and later.
+FIRST, LATER = 700, 40
+#: Rounds at most; s, or of its standard deviation, by which the clock moves in the last.
+ROUNDS, STILL, SHARE = 8, 0.01, 0.25
+#: Cells to either side in which the car's loudness is looked for.
+LOOKED = 25
+#: Channels over which an amplitude is typical.
+NEIGHBORS = 40
+#: Share of the channels beside which the car drove that hear it; below it, the drive is not found.
+FOUND = 0.2
+#: The same where another clock offset explains the record nearly as well, and how much better is clear.
+UNSURE, CLEAR = 0.45, 1.15
+#: Probability of another vehicle beyond which a channel has no pick.
+OTHER = 0.5
+#: How much less sure the clock of a drive that is heard one way is than its model has it, on simulated drives.
+ONCE = 2.3
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round of a fit."""
+
+    legs: Legs
+    channels: ChannelMap
+    picks: Picks
+    along: Along
+    loops: list[Loop]
+
+    @property
+    def less_sure(self) -> float:
+        """Times its standard deviation that the clock is sure to."""
+        return 1.0 if self.picks.both_ways else ONCE
+
+
+@dataclass(frozen=True)
+class Settled:
+    """The last round of a fit whose clock stands still, or whose rounds ended; `count` of them."""
+
+    last: Round
+    clock: Clock
+    count: int
+    still: bool
+
+
+def settled(
+    drive: Drive, quiet: Quiet, coarse: Coarse, car: Car, clock: Clock, expected: Array, side: int, advance: Advance
+) -> Settled:
+    """Rounds from a clock and expected cells [channel], sought within `side` at first, until the clock stands still."""
+    half, rounds, still = quiet.time[-1] / 2, 0, False
+    while rounds < ROUNDS and not still:
+        one = one_round(drive, quiet, coarse.path, car, clock, expected, coarse.polarity, side)
+        check_found(drive, quiet, coarse, one)
+        along, drifts = one.along, DRIFT in drive.effects
+        expected, side = along.cell, LATER
+        clock = Clock(clock.offset + along.clock, clock.drift + along.drift * drifts)
+        moved = abs(along.clock) <= max(STILL, SHARE * along.clock_sigma)
+        still = moved and (not drifts or abs(along.drift) <= max(STILL / half, SHARE * along.drift_sigma))
+        rounds += 1
+        advance(1)
+    return Settled(one, clock, rounds, still)
+
+
+def one_round(
+    drive: Drive, quiet: Quiet, path: Path, car: Car, clock: Clock, expected: Array, polarity: int, side: int
+) -> Round:
+    """Map the channels with one clock, and find the offset that is left."""
+    spacing, (factor, factor_sigma) = quiet.channel_spacing, drive.length_factor
+    if SPACING in drive.effects:
+        factor_sigma = float(np.hypot(factor_sigma, factor * TOLD[SPACING].parameters[0].plausible))
+    drift = TOLD[DRIFT].parameters[0].plausible if DRIFT in drive.effects else QUARTZ
+    legs = legs_of(quiet, path, car, clock)
+    if not legs.near.any():
+        raise InputError(
+            f"route: the car is never within {BESIDE:.0f} m of the map while the record runs; check the map and the "
+            "coordinate systems"
+        )
+    of = responses(quiet, path, car, legs)
+    low = np.round(expected).astype(np.int64) - side
+    floor = loudness(quiet, of, legs, expected, polarity)
+    found = heard(quiet, of, low, 2 * side + 1, polarity, floor)
+    found = with_anchors(replace(found, ratio=against_traffic(found.ratio)), drive.anchors, quiet, path)
+    bend = bends_of(path, expected, spacing, drive.sigma)
+    channels = map_channels(found, quiet.dead, spacing, factor, bend)
+    flags, middle = sure(channels), channels.best.astype(float)
+    for _ in range(2):
+        picks = pick(quiet, of, legs, middle, polarity, floor, quiet.dead | flags | (channels.other > OTHER))
+        picks = beside_loops(picks, flags, quiet.gauge_length, spacing)
+        picks = anchored(picks, drive.anchors, quiet, path)
+        steps = steps_of(path, middle, flags, channels.in_loop, spacing, factor, drive.sigma)
+        along = smoothed_along(picks, legs, steps, factor_sigma, (car.memory, car.sigma), spacing, drift)
+        loops = loops_of(channels, along, spacing, factor, quiet.gauge_length)
+        flags = flags_of(loops, len(flags))
+    return Round(legs, channels, picks, along, loops)
+
+
+def loudness(quiet: Quiet, of: Responses, legs: Legs, expected: Array, polarity: int) -> Array:
+    """Least amplitude [channel, leg] of the car on a channel, from what is heard near where it is expected."""
+    nothing = np.zeros((len(quiet.channel), legs.count))
+    low = np.round(expected).astype(np.int64) - LOOKED
+    floor = nothing.copy()
+    for leg in range(legs.count):
+        one = heard(quiet, of, low, 2 * LOOKED + 1, polarity, nothing, leg)
+        best = one.ratio.argmax(1)
+        loud = one.amplitude[np.arange(len(best)), best].astype(float)
+        loud[(one.ratio.max(1) < AUDIBLE) | quiet.dead] = np.nan
+        floor[:, leg] = LEAST * typical(loud)
+    return floor
+
+
+def typical(values: Array) -> Array:
+    """Median of neighbors [channel], NaN left out; 0 where fewer than a third are numbers."""
+    size = 2 * NEIGHBORS + 1
+    padded = np.pad(values, NEIGHBORS, constant_values=np.nan)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, size)
+    known = np.isfinite(windows).sum(1)
+    found = np.zeros(len(values))
+    some = known >= size // 3
+    if some.any():
+        found[some] = np.nanmedian(windows[some], axis=1)
+    return found
+
+
+def beside_loops(picks: Picks, flags: NDArray[np.bool_], gauge_length: float, spacing: float) -> Picks:
+    """Picks next to loops are less sure: part of their gauge lies in the loop."""
+    reach = int(np.ceil(gauge_length / 2 / spacing))
+    near = np.convolve(flags, np.ones(2 * reach + 1), "same") > 0
+    return replace(picks, sigma=np.where(near, np.hypot(picks.sigma, gauge_length / 4 / STEP), picks.sigma))
+
+
+def beside_car(path: Path, legs: Legs, cell: Array) -> NDArray[np.bool_]:
+    """Whether the car drove beside a channel [channel]."""
+    driven = np.zeros(len(path.points) + 1, bool)
+    driven[np.unique(legs.cell[legs.near])] = True
+    # At 30 m/s it is beside every thirtieth cell or so at each sample.
+    wide = np.convolve(driven, np.ones(21), "same") > 0
+    return np.asarray(wide[np.clip(np.round(cell).astype(np.int64), 0, len(path.points) - 1)])
+
+
+def check_found(drive: Drive, quiet: Quiet, coarse: Coarse, one: Round) -> None:
+    """Raise InputError where too few of the channels beside which the car drove hear it."""
+    there = beside_car(coarse.path, one.legs, one.along.cell) & ~quiet.dead & ~one.channels.best_loop
+    share = float(one.picks.audible[: one.legs.count, there].any(0).mean()) if there.any() else 0.0
+    if share < FOUND or (share < UNSURE and coarse.score < CLEAR * coarse.rival):
+        raise InputError(
+            f"{drive.name}: only {100 * share:.0f} % of the channels beside which the car drove hear it: the record "
+            "does not follow this drive; check the times, the map, and which cable is recorded"
+        )

@@ -1,0 +1,93 @@
+"""A drive tells what its files state wrongly, and fits it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import roadfiber as rf
+from roadfiber.command import app
+from solver.drive.misstated import Estimate, Misstated, misstated
+from tests.solver.drive.conftest import SHORT
+from tests.solver.drive.test_located_drive import along_error
+
+HIDDEN = {"gauge_length": 0.25, "clock_drift": -0.005}
+
+
+@pytest.fixture(scope="module")
+def hidden(tmp_path_factory):
+    """A drive whose gauges are longer than stated, and whose GPS gains time; with its truth."""
+    site = rf.simulate(tmp_path_factory.mktemp("drives") / "hidden", "drive", effects=HIDDEN, **SHORT).site
+    return rf.read(site), json.loads((site.parent / "truth.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def wrong(hidden):
+    return rf.locate(hidden[0])
+
+
+def rms(run, truth):
+    heard = run.arrays["heard"] & ~np.array(truth["in_loop"])
+    return float(np.sqrt((along_error(run, truth)[heard] ** 2).mean()))
+
+
+def test_what_is_stated_rightly_is_not_doubted(run):
+    table = run.misstated.set_index("effect")
+    assert set(table.index) == {"gauge_length", "channel_stretch", "clock_drift"}
+    assert (table["probability"] < 0.5).all() and not table["fitted"].any()
+    assert (table["value"].abs() < 3 * table["sigma"]).all()
+    gate = next(one for one in run.facts["trust"]["gates"] if one["name"] == "stated")
+    assert gate["verdict"] == "passed"
+    assert all("would show" in words for words in table["words"])
+
+
+def test_what_is_stated_wrongly_is_named_with_its_size(wrong):
+    table = wrong.misstated.set_index("effect")
+    assert table.index[table["probability"] > 0.95].tolist() == list(HIDDEN)
+    for name, amount in HIDDEN.items():
+        assert abs(table.loc[name, "value"] - amount) < 3 * table.loc[name, "sigma"] < abs(amount)
+    gate = next(one for one in wrong.facts["trust"]["gates"] if one["name"] == "stated")
+    assert gate["verdict"] == "failed" and "--effects gauge_length,clock_drift" in gate["mend"][0]
+
+
+def test_fitted_it_brings_the_route_back(hidden, wrong):
+    drive, truth = hidden
+    better = rf.locate(drive, effects=list(HIDDEN))
+    assert rms(better, truth) < 1.5 < 2 * rms(better, truth) < rms(wrong, truth)
+    table = better.misstated.set_index("effect")
+    assert table["fitted"].to_dict() == {"channel_stretch": False, "gauge_length": True, "clock_drift": True}
+    for name, amount in HIDDEN.items():
+        assert abs(table.loc[name, "value"] - amount) < 3 * table.loc[name, "sigma"]
+    assert better.facts["settings"]["gauge_length"] == pytest.approx(SHORT.get("gauge_length", 10.0) / 1.25)
+
+
+def test_diagnose_tells_it(wrong, tmp_path, capsys):
+    wrong.save(tmp_path / "run")
+    app(["diagnose", str(tmp_path / "run")], standalone_mode=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("Gauge length, above 99.9 % probable to be wrong: The interrogator averages strain over")
+    assert "next: locate again with `--effects gauge_length,clock_drift`, which fits that" in lines
+    app(["diagnose", str(tmp_path / "run"), "--json"], standalone_mode=False)
+    assert json.loads(capsys.readouterr().out) == wrong.facts["misstated"]
+    assert "Are the files right?" in (tmp_path / "run" / "report.html").read_text()
+
+
+def test_a_drive_takes_no_other_effects(drive):
+    with pytest.raises(rf.InputError, match="takes the effects gauge_length, channel_stretch, clock_drift, not clock"):
+        rf.locate(drive, effects=["clock_offset"])
+
+
+def test_spacing_is_told_as_far_as_the_length_factor_is_known():
+    found = {"channel_stretch": Estimate(0.03, 0.001)}
+    loose, tight = (misstated(found, sigma, ())[0] for sigma in (0.02, 0.004))
+    assert loose.probability < 0.5 and tight.named
+    assert loose.shows > 0.1 > 0.02 > tight.shows
+
+
+def test_a_size_that_would_show_is_named_and_a_smaller_one_is_not():
+    for effect, sigma in (("gauge_length", 0.02), ("clock_drift", 3e-4)):
+        shows = Misstated.of(effect, Estimate(0.0, sigma), 0.0).shows
+        assert Misstated.of(effect, Estimate(-1.01 * shows, sigma), 0.0).named
+        assert not Misstated.of(effect, Estimate(0.99 * shows, sigma), 0.0).named
+        assert replace(Misstated.of(effect, Estimate(0.0, sigma), 0.0), probability=0.96).named
