@@ -10,6 +10,8 @@ LOADED = re.compile(
     r"""(?:https?:)?//|url\(\s*["']?(?:https?:)?//|@import""",
     re.IGNORECASE,
 )
+#: Words in a figure whose color is not one of the theme's, which change with it.
+UNTHEMED = re.compile(r"<text\b[^>]*fill: ?#")
 
 
 def is_offline(text: str) -> bool:
@@ -20,3 +22,8 @@ def is_offline(text: str) -> bool:
 def tells(text: str) -> bool:
     """Whether `EVIL` stands on a page, and only as text."""
     return EVIL not in text and "<img src=x" not in text and ("&lt;img" in text or "\\u003cimg" in text)
+
+
+def is_themed(text: str) -> bool:
+    """Whether words in figures have the colors of text, light or dark as the page is."""
+    return UNTHEMED.search(text) is None

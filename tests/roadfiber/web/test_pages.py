@@ -17,7 +17,7 @@ from solver.run.report.ladder_page import ladder_page
 from solver.run.report.report_page import render as report_page
 from solver.run.run import Run
 from solver.run.rung import Glimpse, Rung
-from tests.offline_pages import EVIL, LOADED, is_offline, tells
+from tests.offline_pages import EVIL, LOADED, is_offline, is_themed, tells
 from tests.solver.criticism.test_plain_verdict import candidate, diagnosis
 
 
@@ -63,7 +63,7 @@ def evil(hidden: Path) -> Run:
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_one_small_file_on_which_names_are_text(name, evil):
     text = PAGES[name](evil)
-    assert tells(text) and is_offline(text)
+    assert tells(text) and is_offline(text) and is_themed(text)
 
 
 def test_what_is_fetched_is_found():
