@@ -12,6 +12,13 @@ LOADED = re.compile(
 )
 #: Words in a figure whose color is not one of the theme's, which change with it.
 UNTHEMED = re.compile(r"<text\b[^>]*fill: ?#")
+#: What comes next, with a command in it.
+NEXT = re.compile(r'<section class="next">.*?<h2>.*?<code>roadfiber \w', re.DOTALL)
+
+
+def is_whole(text: str) -> bool:
+    """Whether a page fetches nothing, is small and themed, and names the command that comes next."""
+    return is_offline(text) and is_themed(text) and NEXT.search(text) is not None
 
 
 def is_offline(text: str) -> bool:

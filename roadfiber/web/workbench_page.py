@@ -103,7 +103,7 @@ class Page:
             self.show_comparison()
         if bench.candidates is not self.listed:
             self.show_candidates()
-        controls.effects.label = f"What may be missing, best first: {bench.source or 'nothing'}"
+        controls.effects.label = f"What may be missing: {bench.source or 'nothing'}"
         controls.said.object = words.news_of(bench)
         controls.work.object = words.work_words(job, elapsed)
         if bench.busy and job is not None:

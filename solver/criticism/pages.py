@@ -20,7 +20,7 @@ from solver.criticism.policy import POLICY
 from solver.criticism.probability_figure import probability_figure
 from solver.criticism.verdict_words import left_open
 from solver.run.report.ladder_page import ladder_body
-from solver.run.report.parts import next_section, page
+from solver.run.report.parts import EXPORT, next_section, page
 from solver.run.run import Run
 from solver.run.rung import Rung
 from vision.contract.figures import svg
@@ -134,7 +134,7 @@ def next_words(diagnosis: "Diagnosis") -> list[str]:
             "how the error falls and how far the route moves."
         ]
     if diagnosis.verdict == "adequate":
-        return ["`RUN/route.geojson` opens in any GIS: the route with its corridor."]
+        return [EXPORT]
     lines = ["`roadfiber compare RUN` shows where, when and how model and measurement differ."]
     if diagnosis.separate:
         lines.append(f"A survey that could tell needs {diagnosis.separate}.")
