@@ -10,9 +10,9 @@ from typing import Any
 
 from solver.catalogue.catalogue import title_of
 from solver.run.ladder_file import read_ladder
+from solver.run.report.joined import PAGES
 from solver.run.report.ladder_page import headline as ladder_headline
 from solver.run.report.ladder_page import ladder_figure, thumbnails
-from solver.run.report.joined import PAGES
 from solver.run.report.parts import next_section, page, with_commands
 from solver.run.titles import lower
 from solver.simulator import route_error
