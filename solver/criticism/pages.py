@@ -80,7 +80,7 @@ VERDICT_WORDS = (
 )
 COLUMN_WORDS = (
     "<p>Misfit that it takes away: the fall of chi²; with *, it and the picture are predicted, not fitted in full. No "
-    "route imitates: the share of its signal that is left once the route has moved as far as it can to look the same.</p>"
+    "route imitates: the share of its signal that is left once the route has moved as far as it can to look alike.</p>"
 )
 
 
