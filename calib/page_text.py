@@ -25,7 +25,7 @@ LISTED = {"name": "mark", "leave_one_out_m": "left out, m", "residual_m": "off, 
 STYLE = """
 :host { font: 14px/1.45 system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; color: #1f2933; }
 h1 { font-size: 19px; margin: 0 0 2px; } p { margin: 2px 0; } small { color: #5d6873; }
-.wrong { color: #d55e00; font-weight: 600; } .next { border-left: 4px solid #0072b2; padding-left: 8px; }
+.wrong { color: #a84800; font-weight: 600; } .next { border-left: 4px solid #0072b2; padding-left: 8px; }
 code { color: #5d6873; }
 """
 #: What the page is for, and what to do on it.

@@ -1,6 +1,7 @@
 """The demo with something hidden in its record: which physics, what the commands make of it, and the envelope."""
 
 import json
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from html import escape
@@ -9,9 +10,10 @@ from typing import Any
 
 from solver.catalogue.catalogue import title_of
 from solver.run.ladder_file import read_ladder
+from solver.run.report.joined import PAGES
 from solver.run.report.ladder_page import headline as ladder_headline
 from solver.run.report.ladder_page import ladder_figure, thumbnails
-from solver.run.report.parts import page, with_commands
+from solver.run.report.parts import next_section, page, with_commands
 from solver.run.titles import lower
 from solver.simulator import route_error
 from solver.simulator.check import RouteError
@@ -182,7 +184,30 @@ def story_page(out: Path, undone: str) -> str:
         "<header><p>roadfiber demo</p><h1>A street with something hidden in it</h1><p>The same commands that work on a "
         "real street, on one whose answer is known.</p></header>"
     )
-    return page("roadfiber demo: something hidden", head + "".join(parts) + envelope(out))
+    body = page_links(out) + head + "".join(parts) + envelope(out) + next_section(next_lines(out))
+    return page("roadfiber demo: something hidden", body)
+
+
+def page_links(out: Path) -> str:
+    """Links to all pages of both runs, beside this one."""
+    there = [
+        (f"{run}/{file}", f"{name}{again}")
+        for run, again in ((FIRST, ""), (SECOND, ", with what was added"))
+        for file, name, _ in PAGES
+        if file in SHOWN_BY and (out / run / file).is_file()
+    ]
+    items = "".join(f'<a href="{file}">{name}</a>' for file, name in there)
+    return f'<nav class="pages" aria-label="Pages of this demo"><b>Story</b>{items}</nav>'
+
+
+def next_lines(out: Path) -> list[str]:
+    """What to do after the demo."""
+    last = out / (SECOND if (out / SECOND / "fit.json").is_file() else FIRST)
+    return [
+        f"`roadfiber workbench {shlex.quote(str(last)).replace('`', '')}` does the same by hand, in the browser.",
+        "`roadfiber demo --hide pulse_width --out demo-2` hides something else; `roadfiber effects` lists what.",
+        "`roadfiber start FOLDER` makes the site.toml of a street of your own.",
+    ]
 
 
 def found_words(found: Mapping[str, Any]) -> str:

@@ -58,7 +58,10 @@ def study_page(study: "Study") -> str:
             f"<section><h2>{escape(f'Error against {axis.label}')}</h2><p>{READING}</p>{svg(study.plot(name))}{table}"
             "</section>"
         )
-    lines = ["claims.csv and a csv and a picture of each figure, with every column, are beside this page."]
+    lines = [
+        "`roadfiber plan site.toml` says what a survey of yours would reach.",
+        "claims.csv and a csv and a picture of each figure, with every column, are beside this page.",
+    ]
     return page("The paper's study", "".join(parts) + next_section(lines))
 
 

@@ -10,6 +10,10 @@ from matplotlib.ticker import LogLocator
 
 from roadfiber.study_surveys import FIELD, PER_RATIO, Axis, Setting
 from vision.contract.figures import styled
+from vision.contract.palette import SERIES
+
+#: Of methods, in turn.
+MARKERS = "osD^v"
 
 
 def table_of(axis: Axis, settings: Sequence[Setting], results: dict[str, dict[str, float | str]]) -> pd.DataFrame:
@@ -50,12 +54,13 @@ def draw(axis: Axis, table: pd.DataFrame) -> Figure:
     """Mean error with its spread and expectation, Hausdorff distance beside the paper's, and seconds."""
     figure = Figure(figsize=(11, 3.6), layout="constrained")
     error, curve, seconds = figure.subplots(1, 3)
-    for method, rows in table.groupby("method"):
-        at = rows[axis.field]
-        (line,) = error.plot(at, rows["mean"], "o-", label=method)
-        error.fill_between(at, rows["low"], rows["high"], color=line.get_color(), alpha=0.2)
-        curve.plot(at, rows["hausdorff"], "o-", color=line.get_color(), label=method)
-        seconds.plot(at, rows["seconds"], "o-", color=line.get_color(), label=method)
+    for number, (method, rows) in enumerate(table.groupby("method")):
+        at, color = rows[axis.field], SERIES[number % len(SERIES)]
+        look = {"color": color, "marker": MARKERS[number % len(MARKERS)], "label": method}
+        error.plot(at, rows["mean"], **look)
+        error.fill_between(at, rows["low"], rows["high"], color=color, alpha=0.2)
+        curve.plot(at, rows["hausdorff"], **look)
+        seconds.plot(at, rows["seconds"], **look)
     # Methods may have been run on different numbers of surveys; what is expected is known best where there are most.
     most = table.loc[table.groupby(axis.field)["surveys"].idxmax()]
     error.plot(most[axis.field], most["expected"], "k--", label="expected (Cramer-Rao)")

@@ -14,6 +14,7 @@ from solver.run.rung import Rung
 from solver.simulator import read_scenario
 from solver.simulator.effects import SHOWN
 from solver.survey.das import read_das
+from tests.offline_pages import is_whole
 from vision.contract import InputError
 from vision.video import open_video
 
@@ -132,6 +133,7 @@ def test_a_hidden_effect_is_told_as_a_story_that_ends_with_the_envelope(tmp_path
     assert commands[3:] == ["compare", "diagnose", "add", *([] if refused else ["ladder"])]
     assert "hidden was: gauge length (gauge_length = 0.2)" in result.output and "0.50 m on average" in result.output
     assert "It runs &lt;here&gt;." in page and "<code>roadfiber diagnose run</code>" in page
+    assert is_whole(page)
     before, envelope = page.split("<summary>Open it</summary>")
     assert "gauge_length = 0.2" in envelope and "gauge_length = 0.2" not in before and "<td>0.50</td>" in envelope
     if refused:

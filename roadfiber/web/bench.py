@@ -153,7 +153,7 @@ class Bench:
 
         def scored(rows: list[dict[str, Any]]) -> None:
             if run is self.run and not self.candidates:
-                self.candidates, self.source = rows, "scores alone; a diagnosis fits the best of them in full"
+                self.candidates, self.source = rows, "scores alone, best first"
                 self.changed()
 
         def told(step: tuple[Any, ...]) -> None:

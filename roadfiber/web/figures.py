@@ -80,7 +80,8 @@ class RouteMap:
         self.tracks = ColumnDataSource(table(xs=[], ys=[], color=[], name=[]))
         self.other, self.route = (ColumnDataSource(table(x=[], y=[])) for _ in range(2))
         self.anchors = ColumnDataSource(table(x=[], y=[], name=[]))
-        self.place, self.vehicle = (ColumnDataSource(table(x=[], y=[])) for _ in range(2))
+        self.place = ColumnDataSource(table(x=[], y=[]))
+        self.vehicle = ColumnDataSource(table(x=[], y=[], fill=[]))
         self.plot = plain(
             figure(name="map", height=230, match_aspect=True, tools="pan,wheel_zoom,reset", active_scroll="wheel_zoom",
                    title="From above", x_axis_label="x along the road, m", y_axis_label="y, m", **WIDE)
@@ -89,17 +90,19 @@ class RouteMap:
         self.plot.image_rgba("image", source=self.ground, x="x", y="y", dw="dw", dh="dh")
         tracks = self.plot.multi_line("xs", "ys", source=self.tracks, color="color", line_width=1, alpha=0.7)
         self.plot.add_tools(HoverTool(renderers=[tracks], tooltips=[("vehicle", "@name")]))
-        self.plot.patches("xs", "ys", source=self.corridor, fill_color=ROUTE, fill_alpha=0.25, line_alpha=0)
+        band = self.plot.patches("xs", "ys", source=self.corridor, fill_color=ROUTE, fill_alpha=0.25, line_alpha=0)
         self.plot.line("x", "y", source=self.other, color=INK, line_width=2, line_dash=[5, 4])
-        self.plot.line("x", "y", source=self.route, color=ROUTE, line_width=2.5)
+        route = self.plot.line("x", "y", source=self.route, color=ROUTE, line_width=2.5)
         marks = self.plot.scatter("x", "y", source=self.anchors, marker="square", size=9, color=INK, fill_alpha=0)
         self.plot.add_tools(HoverTool(renderers=[marks], tooltips=[("anchor", "@name")]))
-        self.plot.scatter("x", "y", source=self.vehicle, marker="circle", size=9, color=FORWARD)
+        self.plot.scatter("x", "y", source=self.vehicle, marker="circle", size=9, color=FORWARD, fill_alpha="fill")
         self.plot.scatter("x", "y", source=self.place, marker="diamond", size=12, color=ROUTE, line_color="white")
         self.plot.add_layout(
             ScaleBar(range=self.plot.x_range, unit="m", location="bottom_left", background_fill_alpha=0.7)
         )
         self.north = North(self.plot)
+        # Not the vehicle, which would move the map beneath it.
+        self.plot.x_range.renderers = self.plot.y_range.renderers = [tracks, band, route, marks]
 
     def show(self, run: Seen) -> None:
         """Draw a run, once for all that does not change with its rungs."""
@@ -137,10 +140,11 @@ class RouteMap:
         """Draw another route [place, 2 or 3] dashed, or none of no places."""
         self.other.data = table(x=route[:, 0], y=route[:, 1])
 
-    def point(self, place: Array, vehicle: Array) -> None:
-        """Mark a place of the fiber and one of a vehicle, m."""
-        for source, at in ((self.place, place), (self.vehicle, vehicle)):
-            source.data = table(x=[at[0]], y=[at[1]])
+    def point(self, place: Array, vehicle: Array | None, seen: bool = True) -> None:
+        """Mark a place of the fiber and one of a vehicle, m, hollow where nobody saw it; no vehicle where None."""
+        self.place.data = table(x=[place[0]], y=[place[1]])
+        there = [] if vehicle is None else [vehicle]
+        self.vehicle.data = table(x=[at[0] for at in there], y=[at[1] for at in there], fill=[float(seen)] * len(there))
 
 
 class DepthProfile:

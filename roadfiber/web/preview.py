@@ -58,12 +58,14 @@ class Preview:
 
     Parameters
     ----------
+    value : of the effect's dial
     model : [sample, fitted], 1/s, in single precision
     misfit : chi2 per degree of freedom, that of the run where the effect is absent
     route : [fitted, 3], m
     sentence : the effect at that size in plain words
     """
 
+    value: float
     model: NDArray[np.float32]
     misfit: float
     route: Array
@@ -122,20 +124,40 @@ class Previews:
         step[: len(one.step)] = share * one.step
         step[one.fit.layout["numbers"]] = 0.0
         at = self.lowest(one, start, step, (*PARTS, 0.0) if follow else (0.0,))
-        self._rest = (effect.name, value, at) if follow else None
+        self._rest = (effect.name, value, at.state) if follow else None
         return self.shown(effect, value, at)
 
-    def lowest(self, one: "Ready", start: State, step: Tensor, parts: Sequence[float]) -> State:
-        """Where the misfit is lowest along a step, of some parts of it that keep the route buried."""
-        there = [one.fit.bounded(start.moved(start.vector() + part * step)) for part in parts]
-        able = [state for state in there if one.fit.buried(state)] or [start]
-        return min(able, key=lambda state: one.fit.cost(state, self.scorer.at.weights))
+    def lowest(self, one: "Ready", start: State, step: Tensor, parts: Sequence[float]) -> "Tried":
+        """Where the misfit is first lowest along a step, of some parts of it, longest first, with the route buried.
+
+        A part that is worse than a longer one ends the search: a key pressed on a slider is to be answered at once.
+        """
+        best: Tried | None = None
+        for part in parts:
+            state = one.fit.bounded(start.moved(start.vector() + part * step))
+            if not one.fit.buried(state):
+                continue
+            tried = self.tried(one, state)
+            if best is not None and tried.cost >= best.cost:
+                break
+            best = tried
+        return best or self.tried(one, start)
+
+    def tried(self, one: "Ready", state: State) -> "Tried":
+        """A state with its model and cost."""
+        model = one.fit.model(state)
+        left = float((one.fit.whitened_of(model, self.scorer.at.weights) ** 2).sum())
+        return Tried(state, model, left, left + one.fit.prior.total(state))
 
     def nearer(self, effect: Effect, value: float) -> Preview | None:
-        """The same after a step more of all else, from where the last preview was; None where that gains little."""
-        if self._rest is None or self._rest[:2] != (effect.name, value):
+        """The same after a step more of all else, from where the last preview was; None where that gains little.
+
+        Another size may be shown meanwhile, from another thread; then this is no longer asked for, and None.
+        """
+        rest = self._rest
+        if rest is None or rest[:2] != (effect.name, value):
             return None
-        one, at = self.ready(effect), self._rest[2]
+        one, at = self.ready(effect), rest[2]
         near = one.fit.linearized(at)
         matrix, right = Chain.single(one.fit).dense(at, [near])
         free = torch.nonzero(one.fit.free)[:, 0]
@@ -143,24 +165,34 @@ class Previews:
         kept = ~torch.isin(free, torch.cat(mine))
         step = torch.zeros_like(one.fit.mean)
         step[free[kept]] = torch.cholesky_solve(right[kept][:, None], factor_of(matrix[kept][:, kept]))[:, 0]
-        new, weights = self.lowest(one, at, step, PARTS), self.scorer.at.weights
-        gain = one.fit.cost(at, weights) - one.fit.cost(new, weights)
+        new = self.lowest(one, at, step, PARTS)
+        gain = one.fit.cost(at, self.scorer.at.weights) - new.cost
+        if self._rest is not rest:
+            return None
         if not gain > ENOUGH:
             self._rest = None
             return None
-        self._rest = (effect.name, value, new)
+        self._rest = (effect.name, value, new.state)
         return self.shown(effect, value, new)
 
-    def shown(self, effect: Effect, value: float, state: State) -> Preview:
+    def shown(self, effect: Effect, value: float, tried: "Tried") -> Preview:
         """What is told of a state with an effect."""
-        one = self.ready(effect)
-        model = one.fit.model(state)
-        left = one.fit.whitened_of(model, self.scorer.at.weights)
-        misfit = float((left**2).sum()) / max(self.chi2, 1e-300) * self.chi2_per_dof
+        one, state = self.ready(effect), tried.state
+        misfit = tried.left / max(self.chi2, 1e-300) * self.chi2_per_dof
         first = next(slot for slot in one.slots if not slot.parameter.is_shape)
         size = float(state.numbers[first.where].square().mean().sqrt()) if one.many else value
         said = told(effect, setting_of(self.fit.problem), estimate=size, shape=one.shape)
-        return Preview(model.numpy().astype(np.float32), misfit, route_of(one.fit, state), said.sentence)
+        return Preview(value, tried.model.numpy().astype(np.float32), misfit, route_of(one.fit, state), said.sentence)
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A state that was tried: its model [sample, channel], 1/s, what it leaves, whitened, and that with the priors."""
+
+    state: State
+    model: Tensor
+    left: float
+    cost: float
 
 
 @dataclass(frozen=True)

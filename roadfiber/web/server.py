@@ -94,7 +94,7 @@ LOST = """
     const line = document.createElement('p')
     line.id = 'roadfiber-lost'
     line.setAttribute('role', 'alert')
-    line.style = 'position:fixed;top:0;left:0;right:0;margin:0;padding:10px 16px;background:#d55e00;color:white;' +
+    line.style = 'position:fixed;top:0;left:0;right:0;margin:0;padding:10px 16px;background:#a84800;color:white;' +
         'font:15px system-ui,sans-serif;z-index:9999'
     line.textContent = 'The server has stopped, so this page no longer answers. All that was written is in its ' +
         'folders; a fit that was under way is discarded. Start the command again to go on.'

@@ -161,8 +161,8 @@ class StartPage:
         """Show what was found."""
         self.checked = draft, found
         self.list.object = "".join(
-            f"<p><b style='color:{COLORS[one.verdict]}'>{SIGNS[one.verdict]}</b> · <b>{escape(one.what)}</b>: "
-            f"{escape(one.words)}</p>"
+            f"<p style='border-left:4px solid {COLORS[one.verdict]};padding-left:8px'><b>{SIGNS[one.verdict]}</b> · "
+            f"<b>{escape(one.what)}</b>: {escape(one.words)}</p>"
             for one in found.checks
         )
         self.draw(found)

@@ -29,6 +29,8 @@ from solver.run.strict_json import strict
 from vision.contract import InputError
 
 Tell = Callable[[Any], None]
+#: Tasks that may take their time, and those that do not wait for them: a size that is moved is shown at once.
+AT_LEISURE, MEANWHILE = frozenset({"nearer"}), frozenset({"preview"})
 #: Steps that a fit whose tracks are trusted more may take before effects are scored.
 SETTLING = 12
 

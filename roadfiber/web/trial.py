@@ -31,7 +31,7 @@ class Trial:
         self.preview: Preview | None = None
         self.dial: Dial | None = None
         self.wanted: Wanted | None = None
-        self.asking = False
+        self.asking = self.nearing = False
         controls.heard(controls.size, self.sized)
         controls.heard(controls.follow, self.sized)
 
@@ -76,32 +76,62 @@ class Trial:
             return
         self.wanted = (self.dial.effect, float(self.controls.size.value), bool(self.controls.follow.value))
         if not self.asking:
-            self.ask("preview", self.wanted, self.wanted)
+            self.ask_preview(self.wanted)
 
-    def ask(self, task: str, asked: Wanted, given: tuple[Any, ...]) -> None:
-        """Ask for a preview."""
+    def ask_preview(self, wanted: Wanted) -> None:
+        """Ask for the residual with an effect at some size."""
         self.asking = True
-
-        def shown(found: "Preview | None") -> None:
-            self.later(lambda: self.take(asked, found))
 
         def failed(said: str) -> None:
             self.asking = False
             self.bench.changed(said)
 
-        bench = self.bench
-        bench.looker.ask(task, bench.folder, bench.plugins, *given, then=shown, failed=failed)
+        self.ask("preview", wanted, lambda found: self.take(wanted, found), failed)
 
-    def take(self, asked: Wanted, found: "Preview | None") -> None:
+    def ask_nearer(self, wanted: Wanted) -> None:
+        """Ask for a step nearer to where all else comes to rest; one at a time, while previews go on."""
+        self.nearing = True
+
+        def failed(said: str) -> None:
+            self.nearing = False
+            self.bench.changed(said)
+
+        self.ask("nearer", wanted[:2], lambda found: self.take_nearer(wanted, found), failed)
+
+    def ask(
+        self, task: str, given: tuple[Any, ...], take: Callable[[Any], None], failed: Callable[[str], None]
+    ) -> None:
+        """Ask the worker for something, and take it on the page."""
+
+        def then(found: Any) -> None:
+            self.later(lambda: take(found))
+
+        self.bench.looker.ask(task, self.bench.folder, self.bench.plugins, *given, then=then, failed=failed)
+
+    def take(self, asked: Wanted, found: "Preview") -> None:
         """Show a preview, and ask for what comes next: what is wanted by now, or at rest a step nearer."""
         self.asking = False
         if self.wanted is None or self.dial is None:
             return
-        if found is not None and self.wanted[0] == asked[0]:
-            self.preview = found
-            self.controls.expected.object = words.preview_words(found, self.bench)
-            self.show()
+        if self.wanted[0] == asked[0]:
+            self.shown(found)
         if self.wanted != asked:
-            self.ask("preview", self.wanted, self.wanted)
-        elif asked[2] and found is not None:
-            self.ask("nearer", asked, asked[:2])
+            self.ask_preview(self.wanted)
+        elif asked[2] and not self.nearing:
+            self.ask_nearer(asked)
+
+    def take_nearer(self, asked: Wanted, found: "Preview | None") -> None:
+        """Show a step nearer, and ask for the next; for that of another size where the size was moved meanwhile."""
+        self.nearing = False
+        if self.wanted is None or self.asking:
+            return
+        if self.wanted == asked and found is not None:
+            self.shown(found)
+        if self.wanted[2] and (self.wanted != asked or found is not None):
+            self.ask_nearer(self.wanted)
+
+    def shown(self, preview: "Preview") -> None:
+        """Show a preview."""
+        self.preview = preview
+        self.controls.expected.object = words.preview_words(preview, self.bench)
+        self.show()

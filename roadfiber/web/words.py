@@ -122,7 +122,8 @@ def preview_words(shown: "Preview | None", bench: Bench) -> str:
         return ""
     now = bench.run.result.chi2_per_dof
     return (
-        f"<p>{escape(shown.sentence)}</p><p>Misfit <b class='big' id='expected'>{shown.misfit:.3f}</b> "
+        f"<p>{escape(shown.sentence)}</p><p>Misfit <b class='big' id='expected' data-size='{shown.value:.6g}'>"
+        f"{shown.misfit:.3f}</b> "
         f"<small>expected; {now:.3f} without it, noise alone leaves {floor_words(bench)}</small></p>"
     )
 

@@ -19,7 +19,7 @@ from roadfiber.web.outlines import outline, pass_of, window
 from roadfiber.web.strain_figures import StrainMaps, Traces
 from roadfiber.web.strain_maps import maps_of, worst_channel
 from roadfiber.web.trial import Trial
-from solver.run.report.misfit import misfit_of, pass_label
+from solver.run.report.misfit import misfit_of, pass_label, rows_of
 from solver.run.rung import rung_names
 
 #: ms between looks at what has changed where nothing calls, as in a notebook.
@@ -103,7 +103,7 @@ class Page:
             self.show_comparison()
         if bench.candidates is not self.listed:
             self.show_candidates()
-        controls.effects.label = f"What may be missing, best first: {bench.source or 'nothing'}"
+        controls.effects.label = f"What may be missing: {bench.source or 'nothing'}"
         controls.said.object = words.news_of(bench)
         controls.work.object = words.work_words(job, elapsed)
         if bench.busy and job is not None:
@@ -189,8 +189,11 @@ class Page:
         assert maps is not None
         result, one = run.result, run.passes[maps.number]
         place = [np.interp(channel, result.channel, result.route[:, axis]) for axis in (0, 1)]
-        row = int(np.abs(np.interp(one.rows, result.samples, run.time) - maps.start - second).argmin())
-        self.map.point(np.array(place), one.position[row])
+        kept = np.flatnonzero(np.isin(one.rows, result.samples))
+        aside = np.abs(run.time[rows_of(result, one)] - maps.start - second)
+        row = int(kept[aside.argmin()])
+        there = float(aside.min()) <= maps.step
+        self.map.point(np.array(place), one.position[row] if there else None, bool(one.in_view[row]))
         self.show_frame(maps.start + second)
 
     def show_frame(self, second: float) -> None:

@@ -1,5 +1,7 @@
 """A process of its own that works for a page: it answers requests in turn, tells how far it is, and can be stopped.
 
+A task that only betters what is shown already is done in a thread of it: what is quick need not wait for that.
+
 The server itself computes nothing that takes long and runs no code of a user's.
 """
 
@@ -10,6 +12,7 @@ import queue
 import signal
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
@@ -169,29 +172,71 @@ def work(connection: Connection) -> None:
     try:
         from roadfiber.web import tasks
 
-        while True:
-            number, task, given = requests.get()
-            answer(connection, log, number, getattr(tasks, task), given)
+        in_turn(requests, tasks, Answers(connection, log))
     except (KeyboardInterrupt, BrokenPipeError):
         pass
 
 
-def answer(connection: Connection, log: logging.Logger, number: int, task: Callable[..., Any], given: Any) -> None:
-    """Do one task, and say what came of it."""
+def in_turn(requests: "queue.Queue[Any]", tasks: Any, answers: "Answers") -> None:
+    """Do tasks one after the other; what may take its time in a thread, so that a quick task need not wait for it.
 
-    def tell(step: Any) -> None:
-        connection.send((number, "told", step))
+    Parameters
+    ----------
+    tasks : holds them by name; `AT_LEISURE` those that a thread does, `MEANWHILE` those that do not wait for it
+    """
+    leisurely: threading.Thread | None = None
+    while True:
+        number, name, given = requests.get()
+        if leisurely is not None and name not in tasks.MEANWHILE:
+            leisurely.join()  # Some tasks fork, which no thread may be at work at.
+        if name in tasks.AT_LEISURE:
+            leisurely = threading.Thread(
+                target=answers.quietly, args=(number, getattr(tasks, name), given), daemon=True
+            )
+            leisurely.start()
+        else:
+            answers.answer(number, getattr(tasks, name), given)
 
-    handler = Teller(tell)
-    log.addHandler(handler)
-    try:
-        found = task(tell, *given)
-    except InputError as error:
-        connection.send((number, "failed", str(error)))
-    except Exception as error:
-        told = machine_words(error) or f"{type(error).__name__}: {' '.join(str(error).split())}"
-        connection.send((number, "failed", told))
-    else:
-        connection.send((number, "done", found))
-    finally:
-        log.removeHandler(handler)
+
+class Answers:
+    """What is said of tasks, from any thread.
+
+    Parameters
+    ----------
+    connection : to the server
+    log : of the fits, whose steps are told
+    """
+
+    def __init__(self, connection: Connection, log: logging.Logger):
+        self.connection, self.log = connection, log
+        self._lock = threading.Lock()
+
+    def send(self, *words: Any) -> None:
+        """Send one message, whole."""
+        with self._lock:
+            self.connection.send(words)
+
+    def answer(self, number: int, task: Callable[..., Any], given: Any) -> None:
+        """Do one task, and say what came of it."""
+
+        def tell(step: Any) -> None:
+            self.send(number, "told", step)
+
+        handler = Teller(tell)
+        self.log.addHandler(handler)
+        try:
+            found = task(tell, *given)
+        except InputError as error:
+            self.send(number, "failed", str(error))
+        except Exception as error:
+            told = machine_words(error) or f"{type(error).__name__}: {' '.join(str(error).split())}"
+            self.send(number, "failed", told)
+        else:
+            self.send(number, "done", found)
+        finally:
+            self.log.removeHandler(handler)
+
+    def quietly(self, number: int, task: Callable[..., Any], given: Any) -> None:
+        """The same where the server may have ended meanwhile."""
+        with suppress(OSError):
+            self.answer(number, task, given)

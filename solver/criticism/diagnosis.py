@@ -14,7 +14,7 @@ from solver.criticism.candidate import fault_candidate, idle_candidate, score_ca
 from solver.criticism.corridor import Corridor
 from solver.criticism.explaining import Explainer
 from solver.criticism.explanations import Posterior, Weighed
-from solver.criticism.finding import Diagnosis, concluded
+from solver.criticism.finding import LISTED, Diagnosis, concluded
 from solver.criticism.judging import Weighing, judge, order
 from solver.criticism.plain_verdict import spoken
 from solver.criticism.policy import POLICY
@@ -108,7 +108,10 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
         return beside_fault(bench, weighing.posterior.weighed[0].effects[0], asked)
     found = judge(bench, ranked, tried, asked, weighing)
     corridor = Corridor.of(bench, tried, weighing.posterior)
-    return replace(found, corridor=corridor, fits={n: (one.fit, one.solution.state) for n, one in tried.items()})
+    fits = {n: (one.fit, one.solution.state) for n, one in tried.items()}
+    listed = {c.effect for c in found.candidates[:LISTED]} - set(fits)
+    predicted = {s.effect.name: bench.scorer.changed(s).numpy() for s in bench.table if s.effect.name in listed}
+    return replace(found, corridor=corridor, fits=fits, predicted=predicted)
 
 
 def weighed(bench: Bench, tried: Mapping[str, Refit], asked: Asked) -> Weighing:

@@ -197,7 +197,10 @@ def sureness_section(run: Run, diagnosis: "Diagnosis", title: str) -> str:
 
 
 def signatures(pair: BeforeAfter, diagnosis: "Diagnosis") -> dict[str, str]:
-    """Thumbnails of one pass: what the model leaves (`LEFT`), what each candidate fitted in full changes, by name."""
+    """Thumbnails of one pass: what the model leaves (`LEFT`), what each candidate changes, by name.
+
+    As fitted in full, else as the score test predicts it.
+    """
     result, rows = pair.before.result, rows_of(pair.before.result, pair.one)
     left = picture(result, result.unexplained(rows), THUMBNAIL)
     scale = color_scale(left)
@@ -210,4 +213,7 @@ def signatures(pair: BeforeAfter, diagnosis: "Diagnosis") -> dict[str, str]:
         model = fit.model(state).numpy()
         if model.shape == result.model.shape:
             found[name] = thumbnail(picture(result, model[rows] - result.model[rows], THUMBNAIL))
+    for name, change in diagnosis.predicted.items():
+        if change.shape == result.model.shape:
+            found[name] = thumbnail(coarse(whole_range(result, change[rows]), THUMBNAIL))
     return found

@@ -26,8 +26,9 @@ DIAGNOSIS = "diagnosis.json"
 
 def diagnosis_facts(diagnosis: "Diagnosis") -> dict[str, Any]:
     """The content of diagnosis.json."""
-    facts: dict[str, Any] = strict(asdict(replace(diagnosis, fits={}, corridor=None)))
-    facts.pop("fits")
+    facts: dict[str, Any] = strict(asdict(replace(diagnosis, fits={}, predicted={}, corridor=None)))
+    for mine in ("fits", "predicted"):
+        facts.pop(mine)
     corridor = diagnosis.corridor
     if corridor is not None:
         facts["corridor"] = strict(

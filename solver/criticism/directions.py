@@ -211,6 +211,14 @@ class Directions:
             return torch.zeros(self.fitted, dtype=torch.float64)
         return self._led(self.jacobian.along(score.signal)[:, None])[:, 0]
 
+    def changed(self, score: Score) -> Tensor:
+        """What a score's estimate changes [sample, channel], whitened, with all that was fitted following."""
+        change = score.signal
+        if not self.alone:
+            crossed = self.jacobian.along(change)[:, None]
+            change = change - self.jacobian.times(torch.cholesky_solve(crossed, self.factor)[:, 0])
+        return change[: self.fit.data.numel()].reshape(self.fit.data.shape)
+
     def led(self, directions: Windowed, ways: Tensor) -> Tensor:
         """How all that was fitted [free, way] moves with directions [.., number] in proportions [number, way]."""
         return self._led(self.jacobian.transposed_times(directions) @ ways)

@@ -4,6 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import Candidate
 from solver.criticism.explanations import Weighed
@@ -13,6 +16,9 @@ from solver.fit.state import State
 if TYPE_CHECKING:
     from solver.criticism.bench import Bench
     from solver.criticism.corridor import Corridor
+
+#: Candidates that a page lists.
+LISTED = 12
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,7 @@ class Diagnosis:
         to 1, most probable first; () where the noise is not understood
     corridor : what is added to the route's corridor by what the model may lack; None where nothing was weighed
     fits : where the fit with each candidate ended that was fitted in full, by its name
+    predicted : what the others of the first `LISTED` would change [sample, channel], noise sigmas, by name
     """
 
     verdict: str
@@ -44,6 +51,7 @@ class Diagnosis:
     explanations: tuple[Weighed, ...] = ()
     corridor: "Corridor | None" = field(default=None, repr=False, compare=False)
     fits: Mapping[str, tuple[MapFit, State]] = field(default_factory=dict, repr=False, compare=False)
+    predicted: Mapping[str, NDArray[np.float64]] = field(default_factory=dict, repr=False, compare=False)
 
 
 def concluded(bench: "Bench", verdict: str, words: str, candidates: Sequence[Candidate], **more: Any) -> Diagnosis:

@@ -15,12 +15,13 @@ from solver.criticism.diagnosis_figures import (
     sureness_section,
     wave_section,
 )
+from solver.criticism.finding import LISTED
 from solver.criticism.plain_verdict import details, headline, hidden_change, least_words, size_words, titles
 from solver.criticism.policy import POLICY
 from solver.criticism.probability_figure import probability_figure
 from solver.criticism.verdict_words import left_open
 from solver.run.report.ladder_page import ladder_body
-from solver.run.report.parts import next_section, page
+from solver.run.report.parts import EXPORT, next_section, page
 from solver.run.run import Run
 from solver.run.rung import Rung
 from vision.contract.figures import svg
@@ -34,7 +35,6 @@ VERDICTS = {
     "unknown-effect": "Something unknown acts",
     "inconclusive": "The survey cannot say",
 }
-SHOWN = 12
 
 
 def distance(length: float | None) -> str:
@@ -79,15 +79,15 @@ VERDICT_WORDS = (
     "to matter, or shown only where it is large. <b>Inconclusive</b>: this survey cannot say.</p>"
 )
 COLUMN_WORDS = (
-    "<p>Misfit that it takes away: the fall of chi², * as predicted, not fitted in full. No route imitates: the share "
-    "of its signal that is left once the route has moved as far as it can to look the same.</p>"
+    "<p>Misfit that it takes away: the fall of chi²; with *, it and the picture are predicted, not fitted in full. No "
+    "route imitates: the share of its signal that is left once the route has moved as far as it can to look alike.</p>"
 )
 
 
 def table(candidates: Sequence[Candidate], pictures: Mapping[str, str] | None = None) -> str:
     """The best effects, with pictures of what they change in one pass."""
     head = "".join(f"<th>{name}</th>" for name in HEAD)
-    rows = "\n".join(row(c, candidates, pictures or {}) for c in candidates[:SHOWN])
+    rows = "\n".join(row(c, candidates, pictures or {}) for c in candidates[:LISTED])
     return f'<div class="wide-table"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
 
 
@@ -134,7 +134,7 @@ def next_words(diagnosis: "Diagnosis") -> list[str]:
             "how the error falls and how far the route moves."
         ]
     if diagnosis.verdict == "adequate":
-        return ["`RUN/route.geojson` opens in any GIS: the route with its corridor."]
+        return [EXPORT]
     lines = ["`roadfiber compare RUN` shows where, when and how model and measurement differ."]
     if diagnosis.separate:
         lines.append(f"A survey that could tell needs {diagnosis.separate}.")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from solver.run.geojson import Z95, runs
 from vision.contract.drawing import canvas, place
 from vision.contract.figures import INK, MUTED, RULE, styled
-from vision.contract.palette import BACKWARD, FORWARD, ROUTE
+from vision.contract.palette import BACKWARD, FORWARD, ROUTE, SERIES
 
 if TYPE_CHECKING:
     from solver.drive.drive_run import DriveRun
@@ -23,7 +23,7 @@ MOST_LEGS = 1000
 #: m, half-widths that the figure shows between.
 NARROW, WIDE = 0.1, 300.0
 #: Color of loops, and dots of a leg that goes on along the map or against it.
-LOOP = "#009e73"
+LOOP = SERIES[2]
 
 
 def shade_loops(axes: Axes, run: "DriveRun") -> None:
@@ -152,14 +152,13 @@ def misfit_figure(run: "DriveRun", width: int) -> Figure:
     inner = width - LEFT - RIGHT
     upper = place(figure, "misfit", LEFT, TOP, inner, heights[0])
     lower = place(figure, "heard", LEFT, TOP + heights[0] + BETWEEN, inner, heights[1])
-    colors = (FORWARD, ROUTE, LOOP, "#cc79a7", "#e69f00", BACKWARD)
     residual = np.asarray(run.arrays["residual"], float)
     for leg, one in enumerate(residual):
-        upper.plot(along, np.clip(one, -10, 10), ".", ms=3, color=colors[leg % len(colors)], label=f"leg {leg + 1}")
+        upper.plot(along, np.clip(one, -10, 10), ".", ms=3, color=SERIES[leg % len(SERIES)], label=f"leg {leg + 1}")
     upper.axhline(0, color=RULE, lw=0.8)
     upper.set(ylabel="m", title="What the picks of each leg are off, after clock and errors of the GPS")
     upper.set_ylim(-1.1 * min(10, scale_of(residual)), 1.1 * min(10, scale_of(residual)))
-    if 1 < len(residual) <= len(colors):
+    if 1 < len(residual) <= len(SERIES):
         upper.legend(loc="upper right", ncols=len(residual))
     edges = np.linspace(0, run.facts["map_length"] / 1e3, 61)
     inside = run.arrays["beside"] & ~run.arrays["loop"]

@@ -4,7 +4,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from solver.drive.drive_figures import channel_figure, misfit_figure, plan_figure, waterfall_figure
-from solver.run.report.parts import next_section, page, with_commands
+from solver.run.report.parts import EXPORT, next_section, page, with_commands
 from vision.contract.figures import svg
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def drive_page(run: "DriveRun") -> str:
         f"{section('Which channel lies where', MAP, svg(channel_figure(run, WIDE)))}"
         f"{section('From above', PLAN, svg(plan_figure(run, WIDE)))}"
         f"{section('Misfit along the path', MISFIT, svg(misfit_figure(run, WIDE)))}"
-        f"{loop_section(run)}{stated_section(run)}{next_section(run.warnings)}{made(run)}"
+        f"{loop_section(run)}{stated_section(run)}{next_section([*run.warnings, EXPORT])}{made(run)}"
     )
     return page(f"{run.name}: {run.headline}", body)
 

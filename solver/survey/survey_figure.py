@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from solver.survey.das.record import ranges
 from vision.contract.drawing import canvas, coarse, color_map, color_scale, place
-from vision.contract.figures import INK, MUTED, styled, svg
+from vision.contract.figures import INK, MUTED, PAPER, styled, svg
 from vision.contract.palette import BACKWARD, FORWARD, ROUTE
 
 if TYPE_CHECKING:
@@ -118,7 +118,8 @@ def survey_figure(survey: "Survey") -> Figure:
     to_channel = on_fiber(survey)
     for one in survey.anchors:
         upper.axhline(one.channel, color=ROUTE, lw=1)
-        upper.annotate(one.name, (0, one.channel), color=ROUTE, xytext=(3, 2), textcoords="offset points", fontsize=8)
+        said = upper.annotate(one.name, (0, one.channel), (3, 3), textcoords="offset points", color=INK, fontsize=8)
+        said.set_bbox({"facecolor": PAPER, "edgecolor": "none", "pad": 0.8, "alpha": 0.85})
         lower.axhline(one.x, color=ROUTE, lw=1)
     if survey.tracks is None:
         lower.text(0.5, 0.5, "the video is not tracked yet", transform=lower.transAxes, ha="center", color=MUTED)

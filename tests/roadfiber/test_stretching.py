@@ -18,7 +18,7 @@ from solver.criticism.shared import Shared
 from solver.run import seen
 from solver.run import stretch as module
 from solver.run.stretch import stretches_of
-from tests.offline_pages import is_offline
+from tests.offline_pages import is_whole
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -55,7 +55,7 @@ def test_what_all_stretches_lack_is_named_once_with_its_size(found: rf.StretchDi
     assert found.headline in (tmp_path / "run" / "index.html").read_text(encoding="utf-8")
     written = json.loads((tmp_path / "run" / "stretches.json").read_text(encoding="utf-8"))
     Draft202012Validator(rf.schema("stretches.json")).validate(written)
-    assert is_offline((tmp_path / "run" / "stretches.html").read_text(encoding="utf-8"))
+    assert is_whole((tmp_path / "run" / "stretches.html").read_text(encoding="utf-8"))
     part = rf.open(tmp_path / "run" / written["stretches"][0]["folder"])
     assert part.facts["active_channels"] == list(found.channels[0]) and part.facts["notes"][0].endswith("a longer run")
     assert (tmp_path / "run" / written["stretches"][0]["folder"] / "diagnosis.html").is_file()

@@ -26,7 +26,7 @@ from roadfiber.study_tables import claims_of, draw, table_of
 from roadfiber.studying import Study
 from solver.simulator import Survey, write_survey
 from solver.survey.survey import Survey as Read
-from tests.offline_pages import EVIL, is_offline, tells
+from tests.offline_pages import EVIL, is_whole, tells
 from vision.contract import InputError
 
 
@@ -161,7 +161,7 @@ def test_a_study_is_saved_as_page_tables_and_figures(tmp_path: Path, quickly: li
     assert {path.name for path in tmp_path.iterdir()} == files
     page = done.page()
     assert "the paper needs 2 per 100 m" in page and "field data were not at hand" in page and "<script" not in page
-    assert is_offline(page)
+    assert is_whole(page)
     assert list(done.claims["method"]) == ["spline", "spline"]
     assert done.facts["tables"]["noise"][0]["surveys"] == 2
     count = len(quickly)
@@ -174,7 +174,7 @@ def test_names_that_are_markup_are_text_on_the_page():
     settings = [Setting(method=EVIL, snr_db=value) for value in axis.values]
     results = {one.key: made(one) for one in settings} | {settings[0].key: {"failed": EVIL}}
     page = Study({EVIL: axis}, {EVIL: settings}, results).page()
-    assert tells(page) and is_offline(page) and "claims: " in page
+    assert tells(page) and is_whole(page) and "claims: " in page
 
 
 def test_a_quick_study_by_the_command(tmp_path: Path, quickly: list[Setting]):

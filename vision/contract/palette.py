@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 ROUTE = "#d55e00"
 FORWARD = "#0072b2"
 BACKWARD = "#56b4e9"
+#: Lines and dots that must be told apart, in turn.
+SERIES = (FORWARD, ROUTE, "#009e73", "#cc79a7", "#e69f00", BACKWARD)
 
 LINEAR = 3.0  # noise sigmas up to which the color scale of the maps is linear
 LEAST = 10.0  # noise sigmas that the scale reaches at least

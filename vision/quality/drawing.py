@@ -3,10 +3,10 @@
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vision.contract.figures import DPI, styled
+from vision.contract.figures import DPI, INK, styled
+from vision.contract.palette import SERIES
 
-# Okabe and Ito's colors, told apart with every kind of color vision.
-BLUE, SKY, ORANGE, RED, GREEN, PINK = "#0072b2", "#56b4e9", "#e69f00", "#d55e00", "#009e73", "#cc79a7"
+BLUE, RED, GREEN, PINK, ORANGE, SKY = SERIES
 CLASS_COLORS = {
     "car": BLUE,
     "van": SKY,
@@ -19,8 +19,8 @@ LETTER = 7.5  # px, of a title, on average
 
 
 def class_color(name: str) -> str:
-    """Color of a class of vehicles; gray for others."""
-    return CLASS_COLORS.get(name, "#888f96")
+    """Color of a class of vehicles; that of text for others, whose gray would be pink to the color-blind."""
+    return CLASS_COLORS.get(name, INK)
 
 
 def fitted(name: str, width: float) -> str:

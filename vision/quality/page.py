@@ -237,6 +237,20 @@ def heat_section(heat: dict[str, bytes]) -> str:
     )
 
 
+def next_words(content: Content) -> str:
+    """What to do with the tracks that are to be used."""
+    use = escape(content.verdict.use)
+    if content.found[0].setting.unit != "m":
+        return (
+            "<code>roadfiber calibrate ground points.csv --video street.mp4</code> makes the calibration that turns "
+            "pixels into meters; track once more with it."
+        )
+    return (
+        f"Name the file of {use} in site.toml, as <code>files</code> under <code>[trajectories]</code>; "
+        "<code>roadfiber locate site.toml --out run</code> then finds the fiber by these tracks."
+    )
+
+
 def render(content: Content) -> str:
     """Return the page as HTML that needs no other file."""
     template = Template(files("vision.quality").joinpath("template.html").read_text(encoding="utf-8"))
@@ -255,6 +269,7 @@ def render(content: Content) -> str:
         headline=escape(headline(content)),
         grade=content.verdict.grade,
         verdict=escape(f"{content.verdict.words} {content.verdict.because[0].upper()}{content.verdict.because[1:]}."),
+        next=next_words(content),
         rule=escape(f"Chosen by {content.verdict.rule}."),
         notes="".join(f"<li>{escape(note)}</li>" for note in content.notes()),
         key_figures=figures,

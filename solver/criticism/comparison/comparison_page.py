@@ -20,7 +20,7 @@ from solver.criticism.comparison.pass_windows import path_of, shown, touches
 from solver.criticism.comparison.regions import Region
 from solver.run.report.misfit import misfit_of, pass_label, rows_of
 from solver.run.report.misfit_figure import Pictures, pictures_of, scale_figure, worst
-from solver.run.report.parts import json_text, resource, with_commands
+from solver.run.report.parts import json_text, next_section, resource, with_commands
 from solver.run.report.pass_panes import MOST_PASSES, THUMBNAIL
 from solver.run.run import Run
 from vision.contract.drawing import coarse, color_map, color_scale
@@ -166,6 +166,12 @@ def split_text(comparison: Comparison) -> str:
     )
 
 
+NEXT = (
+    "`roadfiber diagnose RUN` says which physical effect the model lacks, if any.",
+    "`roadfiber workbench RUN` shows the same in the browser, to try effects by hand.",
+)
+
+
 def render(comparison: Comparison, run: Run, wide: dict[str, Figure] | None = None) -> str:
     """The comparison as one HTML page that needs no other file.
 
@@ -196,6 +202,7 @@ def render(comparison: Comparison, run: Run, wide: dict[str, Figure] | None = No
         trust=with_commands(run.trust),
         verdict=escape(words.verdict(comparison, run)),
         key_figures=figures,
+        next=next_section(NEXT),
         regions=region_table(comparison, run),
         split_text=escape(split_text(comparison)),
         version=escape(run.facts["versions"]["roadfiber"]),

@@ -53,7 +53,7 @@ def draw_above(axes: Axes, plan: "Plan") -> None:
         arrow = {"arrowstyle": "-|>", "color": color, "lw": 1.2, "mutation_scale": 11}
         axes.annotate("", (ends[1], lane.y), (ends[0], lane.y), arrowprops=arrow)
         said = ", ".join(f"{count} {name}" for name, count in lane.vehicles.items() if count) or "no vehicle"
-        axes.annotate(said, (section.length / 2, lane.y), (0, 8), textcoords="offset points", ha="center", color=color)
+        axes.annotate(said, (section.length / 2, lane.y), (0, 8), textcoords="offset points", ha="center", color=INK)
     axes.plot(section.anchors, [section.offset] * len(section.anchors), "s", ms=6, mfc=PAPER, mec=INK, mew=1.4, ls="")
     values = [*(lane.y for lane in section.lanes), *(table["y"] - half), *(table["y"] + half)]
     axes.set_xlim(-0.02 * section.length, 1.02 * section.length)

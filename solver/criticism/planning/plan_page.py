@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from solver.catalogue.plain_words import rounded
-from solver.run.report.parts import page
+from solver.run.report.parts import next_section, page
 from vision.contract.figures import svg
 
 if TYPE_CHECKING:
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 #: Single additions that the page lists.
 LISTED = 8
+SURVEYED = (
+    "`roadfiber start FOLDER` makes site.toml once the survey is done, `roadfiber locate FOLDER --out RUN` finds "
+    "the fiber."
+)
 VISIBLE = {"yes": "yes", "large": "only where it is large", "no": "no"}
 
 
@@ -30,7 +34,7 @@ def plan_page(plan: "Plan") -> str:
         "surveys, 48 had sigmas within 15 % of it (<code>benchmarks/plan.py</code>); where the fiber's "
         "offset was only guessed, within 1.6 times.</p>"
         f"{svg(plan.plot())}{notes(plan.warnings)}</section>"
-        f"{additions(plan)}{effects(plan.effects)}{assumed(plan)}"
+        f"{additions(plan)}{effects(plan.effects)}{assumed(plan)}{next_section([SURVEYED])}"
     )
     return page(f"{plan.name}: plan", body)
 

@@ -10,7 +10,10 @@ if TYPE_CHECKING:
     from solver.run.combined import Combined
 
 HEAD = "<tr><th>run</th><th>passes</th><th>across, m</th><th>sigmas</th><th>depth, m</th><th>sigmas</th></tr>"
-NEXT = "`route.geojson` beside this page opens in any GIS: the route with its 95 % corridor."
+NEXT = (
+    "`roadfiber compare RUN` shows what is wrong with a run that disagrees.",
+    "`route.geojson` beside this page opens in any GIS: the route with its 95 % corridor.",
+)
 
 
 def combined_page(combined: "Combined") -> str:
@@ -27,6 +30,6 @@ def combined_page(combined: "Combined") -> str:
         "lines are the runs by themselves. It is the route that one fit of all passes finds, not an average."
         f"{widened}</p>{svg(combined.plot())}</section><section><h2>Do the runs agree?</h2><p>Mean difference of each "
         "run by itself from the combined route, in meters and in the sigmas of such a difference: beyond 3 look at "
-        f'that run.</p><div class="wide-table"><table>{HEAD}{rows}</table></div></section>{next_section([NEXT])}'
+        f'that run.</p><div class="wide-table"><table>{HEAD}{rows}</table></div></section>{next_section(NEXT)}'
     )
     return page(f"{combined.name}: combined route", body)

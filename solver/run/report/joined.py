@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from solver.run.report.parts import next_section, page, with_commands
+from solver.run.report.parts import EXPORT, next_section, page, with_commands
 from vision.contract import writing_into
 
 INDEX = "index.html"
@@ -101,7 +101,7 @@ def rows_in(facts: Mapping[str, Any], name: str) -> list[dict[str, Any]]:
 def next_lines(folder: Path, there: list[str], run: str) -> list[str]:
     """The commands that come next, for a run folder of some name."""
     if text_in(facts_in(folder, "fit.json"), "format").startswith(OF_A_DRIVE):
-        return [f"`{run}/route.geojson` opens in any GIS: the route with its 95 % corridor, and loops of slack."]
+        return [EXPORT.replace("RUN", run)]
     found = facts_in(folder, "diagnosis.json")
     lines = []
     if "compare.html" not in there:
@@ -113,8 +113,11 @@ def next_lines(folder: Path, there: list[str], run: str) -> list[str]:
         effect = shlex.quote(text_in(first[0], "effect")).replace("`", "")
         lines.append(f"`roadfiber add {run} {effect} --out {run}-2` puts it into the model and fits everything again.")
     if found.get("verdict") == "adequate":
-        lines.append(f"`{run}/route.geojson` opens in any GIS: the route with its 95 % corridor.")
-    return lines
+        lines.append(EXPORT.replace("RUN", run))
+    return [
+        *lines,
+        f"`roadfiber workbench {run}` shows all of it in the browser, to question and to add effects by hand.",
+    ]
 
 
 def rung_links(folder: Path) -> str:

@@ -58,15 +58,16 @@ def draw_misfits(
     top = max(float(known.max()), base)
     reach = max(top - base, 0.02)
     axes.fill_between(x, base, both[0], color=ROUTE, alpha=0.15, lw=0)
-    parts = zip(both, (ROUTE, HELD), ("o-", "s--"), ("fitted passes", "passes held out"), (-11, 4), strict=True)
-    for values, color, style, name, up in parts:
+    # Numbers in the colors of text, which can be read on both themes.
+    kinds = ((ROUTE, "o-", "fitted passes", -11, INK), (HELD, "s--", "passes held out", 4, MUTED))
+    for values, (color, style, name, up, said) in zip(both, kinds, strict=True):
         axes.plot(x, values, style, color=color, label=name)
         for at, value in zip(x, values, strict=True):
             if np.isfinite(value):
                 # Away from the line: it begins at the first rung, and falls toward the others.
                 ha, aside = ("right", -8) if at == x[0] else ("left", 8)
                 text = axes.annotate(f"{value:.3f}", (at, value), (aside, up), textcoords="offset points", ha=ha)
-                text.set(color=color, bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.5, "alpha": 0.85})
+                text.set(color=said, bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 0.5, "alpha": 0.85})
     if floor is not None:
         axes.axhline(floor, color=INK, lw=1.0, ls=(0, (4, 3)))
         axes.text(-0.48, floor, f"noise alone: {floor:.3f}", va="bottom", ha="left", color=MUTED)

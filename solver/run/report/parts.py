@@ -40,6 +40,10 @@ def page(title: str, body: str) -> str:
     return PAGE.format(title=escape(title), style=resource("style.css"), body=body)
 
 
+#: What is done with a route that may be relied on.
+EXPORT = "`roadfiber export RUN --to route.gpkg` writes the route for a GIS or CAD; `RUN/route.geojson` opens in any."
+
+
 def next_section(lines: Sequence[str]) -> str:
     """What to do next, commands between backticks; nothing where there is nothing."""
     items = "".join(f"<li>{with_commands(line)}</li>" for line in lines)

@@ -12,7 +12,7 @@ from solver.run.report import report_words as words
 from solver.run.report.fit_tables import check_section, choice_section, fit_facts, inputs, parameter_tables, terms
 from solver.run.report.misfit import misfit_of
 from solver.run.report.misfit_figure import failure_figure
-from solver.run.report.parts import json_text, resource, with_commands
+from solver.run.report.parts import EXPORT, json_text, next_section, resource, with_commands
 from solver.run.report.pass_panes import waves
 from solver.run.report.route_figure import along_x, route_figure
 from solver.run.report.street_view import street_section
@@ -101,6 +101,13 @@ def sureness_section(run: Run) -> str:
     return f"<section><h2>How sure the route is</h2><p>{with_commands(run.corridor)}</p><p>{told}</p>{table}</section>"
 
 
+NEXT = (
+    "`roadfiber compare RUN` shows where, when and how model and measurement differ, `roadfiber diagnose RUN` says "
+    "which physical effect the model lacks, if any.",
+    EXPORT,
+)
+
+
 def render(run: Run) -> str:
     """The report as one HTML page that needs no other file.
 
@@ -131,6 +138,7 @@ def render(run: Run) -> str:
         checks=check_section(run),
         key_figures=key_figures,
         cautions=caution_section(run),
+        next=next_section(NEXT),
         sureness=sureness_section(run),
         sides=escape(sides(run)),
         street=street_section(run),

@@ -1,5 +1,7 @@
 """Every page of a run: what others wrote is text on it, it loads nothing from a network, and is 8 MB at most."""
 
+import re
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +14,13 @@ from solver.criticism.comparison.compare import compare
 from solver.criticism.comparison.comparison_page import render as comparison_page
 from solver.criticism.finding import Diagnosis
 from solver.criticism.pages import Chapter, diagnosis_page, story_page
-from solver.run.report.joined import index_page
+from solver.run.report.joined import PAGES as JOINED
+from solver.run.report.joined import index_page, join
 from solver.run.report.ladder_page import ladder_page
 from solver.run.report.report_page import render as report_page
 from solver.run.run import Run
 from solver.run.rung import Glimpse, Rung
-from tests.offline_pages import EVIL, LOADED, is_offline, tells
+from tests.offline_pages import EVIL, LOADED, is_whole, tells
 from tests.solver.criticism.test_plain_verdict import candidate, diagnosis
 
 
@@ -63,7 +66,22 @@ def evil(hidden: Path) -> Run:
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_one_small_file_on_which_names_are_text(name, evil):
     text = PAGES[name](evil)
-    assert tells(text) and is_offline(text)
+    assert tells(text) and is_whole(text)
+
+
+def test_every_page_of_a_run_folder_names_what_comes_next_and_links_to_all_others(hidden, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(hidden, folder)
+    run = rf.open(folder)
+    written = {"compare.html": "comparison", "diagnosis.html": "diagnosis of a run", "ladder.html": "ladder"}
+    for file, name in (written | {"explain.html": "story"}).items():
+        (folder / file).write_text(PAGES[name](run), encoding="utf-8")
+    join(folder)
+    pages = {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.html")}
+    assert set(pages) == {file for file, *_ in JOINED} - {"stretches.html"}
+    for file, text in pages.items():
+        assert is_whole(text), file
+        assert set(re.findall(r'href="([^"]+[.]html)"', text)) >= set(pages) - {file}, file
 
 
 def test_what_is_fetched_is_found():

@@ -81,7 +81,9 @@ def test_a_hidden_effect_is_named_of_the_whole_catalogue(stretched: Path, tmp_pa
     assert found["verdict"] == "missing-effect", found["words"]
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
     assert first["told"]["title"] in page and "One vehicle, before and after" in page and 'href="report.html"' in page
-    assert page.count('class="signature"') > 1 and len(page) < 8e6
+    table = page.partition("<h2>Candidates</h2>")[2].partition("</table>")[0]
+    assert all(line.count('class="signature"') == 2 for line in table.split("<tr>")[2:]), "predicted where not fitted"
+    assert "*</td>" in table and len(page) < 8e6
     assert "gauge_length" in {first["effect"], *first["confounded_with"]}, found["words"]
     assert first["evidence"] > POLICY.found and first["held_out_gain"] > 0
     assert len(found["candidates"]) > 50

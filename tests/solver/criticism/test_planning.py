@@ -27,7 +27,7 @@ from solver.run.run import Run
 from solver.simulator import Scenario, Survey, simulate, write_survey
 from solver.survey.plan_section import PlanSection
 from solver.survey.survey import Survey as Read
-from tests.offline_pages import EVIL, is_offline, tells
+from tests.offline_pages import EVIL, is_whole, tells
 from vision.contract import InputError
 
 LANES = [
@@ -176,7 +176,7 @@ def test_a_plan_is_read_as_table_page_and_json(plan: Plan, tmp_path: Path) -> No
     assert len(plan.table) == 31 and plan.table["sigma_y"].max() >= plan.expected.across - 1e-6
     assert "Expected from 3 vehicles and no anchor" in plan.headline
     page = plan.page()
-    assert "<script" not in page and tells(page) and is_offline(page)
+    assert "<script" not in page and tells(page) and is_whole(page)
     assert "Gauge length" in page and "wanted accuracy" in page
     assert plan.page() in plan._repr_html_().replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", '"').replace(
         "&#x27;", "'"

@@ -155,6 +155,17 @@ def test_the_score_of_one_shape_is_the_outcome_of_its_projection(stretched: Scor
     assert stretched.spectrum(effect, {}).evidence(score.variance) == pytest.approx(score.evidence)
 
 
+def test_what_a_score_changes_takes_away_the_misfit_that_it_says(stretched: Scorer) -> None:
+    effect = built_in()["gauge_length"]
+    (score,) = stretched.of_shapes(effect, [{}], stretched.fit.problem.extension([effect]), 1)
+    change, residual = stretched.changed(score), stretched.at.residual
+    assert change.shape == stretched.fit.data.shape
+    left = float((residual - change.flatten()).square().sum())
+    assert float(residual.square().sum()) - left == pytest.approx(score.fall, rel=0.1)
+    alone = score.signal[: change.numel()]
+    assert float(change.square().sum()) < 0.9 * float(alone.square().sum()), "all else follows"
+
+
 def test_shapes_in_batches_are_scored_as_each_by_itself(stretched: Scorer, monkeypatch: pytest.MonkeyPatch) -> None:
     effect = built_in()["lowpass"]
     extension = stretched.fit.problem.extension([effect])

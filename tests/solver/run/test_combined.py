@@ -15,7 +15,7 @@ from solver.fit.stretches import part
 from solver.run.run import Run
 from solver.run.run_corridor import lacking
 from solver.signal_path.traffic import Traffic
-from tests.offline_pages import EVIL, is_offline, tells
+from tests.offline_pages import EVIL, is_whole, tells
 from vision.contract import InputError, LocalFrame
 
 FRAME = LocalFrame((32.0, 34.8), 78.0)
@@ -102,7 +102,7 @@ def test_what_is_written_is_what_was_found(days, tmp_path) -> None:
 def test_on_the_page_names_are_text(days) -> None:
     _, _, combined = days
     page = replace(combined, agreement=tuple(replace(one, run=EVIL) for one in combined.agreement)).page()
-    assert tells(page) and is_offline(page)
+    assert tells(page) and is_whole(page)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from made_tables import stamped, tracks, write
 
 import roadfiber.command
-from tests.offline_pages import EVIL, is_offline, tells
+from tests.offline_pages import EVIL, is_whole, tells
 from tests.vision.videos import write_video
 from vision.exchange import write_mot
 from vision.quality import read_settings
@@ -92,7 +92,7 @@ def test_on_the_report_names_are_text(files, command, tmp_path):
     write(table.assign(**{"class": EVIL, "detected_class": EVIL}), tmp_path / f"{EVIL}.csv")
     code, _, _ = command(tmp_path / f"{EVIL}.csv", "--video", files / "street.mp4")
     text = (tmp_path / "quality" / "report.html").read_text()
-    assert code == 0 and tells(text) and is_offline(text)
+    assert code == 0 and tells(text) and is_whole(text)
 
 
 def test_the_one_to_use_is_first_and_figures_stay_in_their_panels(files, command, tmp_path):
