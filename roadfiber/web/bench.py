@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: Messages that are kept.
 KEPT = 6
+#: Where candidates come from that nothing was fitted for.
+SCORES = "scores alone; a diagnosis fits the best of them in full"
 #: A file name of Python code.
 PYTHON = re.compile(r"[A-Za-z_]\w{0,60}\.py")
 
@@ -50,6 +52,7 @@ class Bench:
         self.messages, self.version = list[str](), 0
         self.looker, self.adder = Worker("the worker that looks"), Worker("the worker that fits")
         self._written: dict[Path, str] = {}
+        self._scored: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
         self._lock = threading.RLock()
         self._watchers: list[Callable[[], None]] = []
         self.titles: dict[str, str] = {}
@@ -137,6 +140,9 @@ class Bench:
         """Find out what the rung that is looked at lacks: from its diagnosis, else by scores, in the background."""
         run, self.comparison = self.run, None
         self.candidates, self.source = kept_candidates(self.folder), "its diagnosis"
+        asked = self.folder, self.plugins
+        if not self.candidates and asked in self._scored:
+            self.candidates, self.source = self._scored[asked], SCORES
         self.changed()
 
         def compared(found: "Comparison") -> None:
@@ -152,8 +158,9 @@ class Bench:
         self.source = "scoring ..."
 
         def scored(rows: list[dict[str, Any]]) -> None:
+            self._scored[asked] = rows
             if run is self.run and not self.candidates:
-                self.candidates, self.source = rows, "scores alone; a diagnosis fits the best of them in full"
+                self.candidates, self.source = rows, SCORES
                 self.changed()
 
         def told(step: tuple[Any, ...]) -> None:
@@ -264,6 +271,7 @@ class Bench:
             return
 
         def scored(rows: list[dict[str, Any]]) -> None:
+            self._scored.clear()  # The file may be an older one with another text.
             self.plugins = (*(one for one in self.plugins if one != path), path)
             names = {row["effect"] for row in rows}
             others = [row for row in self.candidates if row["effect"] not in names]
