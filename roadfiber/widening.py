@@ -2,10 +2,12 @@
 
 import time
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from solver.run.run import Run
-from vision.contract import progress
 from vision.contract.errors import InputError
+
+if TYPE_CHECKING:
+    from solver.run.run import Run
 
 #: Kinds of corridors: with what the model may lack, or the fit's own, which takes its model for granted.
 FULL, FIT = "full", "fit"
@@ -23,11 +25,12 @@ def check_corridor(kind: str) -> None:
         raise InputError(f"corridor {kind}: not known; give {FULL} or {FIT}")
 
 
-def with_corridor(run: Run, kind: str) -> Run:
+def with_corridor(run: "Run", kind: str) -> "Run":
     """The run with a corridor of a kind, and the seconds that it took among its timings."""
     if kind == FIT:
         return run
     from solver.criticism.quick_corridor import widened, widening_steps
+    from vision.contract import progress
 
     begun = time.perf_counter()
     with progress("weighing what the model may lack", widening_steps(run)) as advance:

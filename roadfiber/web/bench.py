@@ -3,19 +3,19 @@
 One bench serves all browsers that look at a run. It knows nothing of how it is drawn.
 """
 
-import re
 import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from roadfiber.web.job import Job
+from roadfiber.web.own_effect import kept_beside
 from roadfiber.web.run_folders import kept_candidates, reserved
 from roadfiber.web.worker import Worker
 from solver.run.read_seen import read_seen
 from solver.run.seen import Seen
 from solver.run.titles import lower
-from vision.contract import InputError, writing
+from vision.contract import InputError
 from vision.contract.errors import machine_words
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 #: Messages that are kept.
 KEPT = 6
-#: A file name of Python code.
-PYTHON = re.compile(r"[A-Za-z_]\w{0,60}\.py")
+#: Where candidates come from that nothing was fitted for.
+SCORES = "scores alone, best first"
 
 
 class Bench:
@@ -50,6 +50,7 @@ class Bench:
         self.messages, self.version = list[str](), 0
         self.looker, self.adder = Worker("the worker that looks"), Worker("the worker that fits")
         self._written: dict[Path, str] = {}
+        self._scored: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
         self._lock = threading.RLock()
         self._watchers: list[Callable[[], None]] = []
         self.titles: dict[str, str] = {}
@@ -137,6 +138,9 @@ class Bench:
         """Find out what the rung that is looked at lacks: from its diagnosis, else by scores, in the background."""
         run, self.comparison = self.run, None
         self.candidates, self.source = kept_candidates(self.folder), "its diagnosis"
+        asked = self.folder, self.plugins
+        if not self.candidates and asked in self._scored:
+            self.candidates, self.source = self._scored[asked], SCORES
         self.changed()
 
         def compared(found: "Comparison") -> None:
@@ -152,8 +156,9 @@ class Bench:
         self.source = "scoring ..."
 
         def scored(rows: list[dict[str, Any]]) -> None:
+            self._scored[asked] = rows
             if run is self.run and not self.candidates:
-                self.candidates, self.source = rows, "scores alone, best first"
+                self.candidates, self.source = rows, SCORES
                 self.changed()
 
         def told(step: tuple[Any, ...]) -> None:
@@ -258,12 +263,13 @@ class Bench:
     def own(self, name: str, text: str) -> None:
         """Keep a file with effects of the user's own beside the run, try it under guard, and score what it defines."""
         try:
-            path = self.kept(name, text)
+            path = kept_beside(self.first, name, text, self._written)
         except InputError as error:
             self.changed(str(error))
             return
 
         def scored(rows: list[dict[str, Any]]) -> None:
+            self._scored.clear()  # The file may be an older one with another text.
             self.plugins = (*(one for one in self.plugins if one != path), path)
             names = {row["effect"] for row in rows}
             others = [row for row in self.candidates if row["effect"] not in names]
@@ -272,26 +278,6 @@ class Bench:
             self.changed(f"{path.name}: checked; {said or 'it does nothing in this survey'}")
 
         self.begin(f"checking {name}", "own", path, then=scored)
-
-    def kept(self, name: str, text: str) -> Path:
-        """Write a file beside the run, never into a run folder, and never over one that this bench did not write.
-
-        Raises
-        ------
-        InputError
-            If the name is none of a Python file, or taken, or it cannot be written.
-        """
-        if not PYTHON.fullmatch(name):
-            raise InputError(f"{name}: no file name; give one such as my_effect.py")
-        path = self.first.parent / name
-        if (path.parent / "fit.json").exists():
-            raise InputError(f"{path.parent}: is a run folder, which holds no code; move the run elsewhere")
-        if path.exists() and self._written.get(path) != path.read_text(encoding="utf-8", errors="replace"):
-            raise InputError(f"{path}: is there already, and not from here; choose another name")
-        with writing(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-        self._written[path] = text
-        return path
 
     def close(self) -> None:
         """End all work."""

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -17,9 +16,6 @@ from calib.control_points import write_control_points
 from tests.web_requests import is_shut
 from vision.camera import Calibration
 
-CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
-)
 PATIENCE = 90_000  # ms; tests share the machine
 READY = "window.Bokeh && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle"
 # Where a pixel of the frame is on the screen.
@@ -64,19 +60,9 @@ class Street:
 
 
 @pytest.fixture(scope="module")
-def chromium():
-    if CHROMIUM is None:
-        pytest.skip("no chromium on the PATH")
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield browser
-        browser.close()
-
-
-@pytest.fixture
-def street(chromium, tmp_path):
+def street(chromium, tmp_path_factory):
     """The page of a street with ten marks, and what it asked the network for."""
+    tmp_path = tmp_path_factory.mktemp("street")
     cv2.imwrite(str(tmp_path / "street.png"), np.full((SIZE[1], SIZE[0], 3), 120, np.uint8))
     write_control_points(marks(noise=0.4), tmp_path / "points.csv")
     out = tmp_path / "calibration.json"

@@ -35,7 +35,7 @@ def short() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def run(short: None, tmp_path_factory: pytest.TempPathFactory) -> rf.Run:
     """Of forty meters whose gauges are 15 % longer than told."""
-    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 11}
+    small = {"view": (0.0, 40.0), "channels": 121, "passes": 2, "seed": 11}
     site = rf.simulate(tmp_path_factory.mktemp("long") / "survey", effects={"gauge_length": 0.15}, **small).site
     return rf.locate(site, corridor="fit")
 
@@ -45,26 +45,32 @@ def found(run: rf.Run) -> rf.StretchDiagnosis:
     return rf.diagnose_stretches(run)
 
 
-def test_what_all_stretches_lack_is_named_once_with_its_size(found: rf.StretchDiagnosis, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def folder(found: rf.StretchDiagnosis, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run with its diagnosis."""
+    made = tmp_path_factory.mktemp("saved") / "run"
+    found.run.save(made)
+    found.save(made)
+    return made
+
+
+def test_what_all_stretches_lack_is_named_once_with_its_size(found: rf.StretchDiagnosis, folder: Path) -> None:
     assert len(found.parts) == 2 and found.verdict == "missing-effect"
     assert found.headline.startswith("Gauge length, along all 2 stretches: 11.") and found.shared.alike > 0.9
     assert found.effect == "gauge_length"
     assert found.table["effect"].tolist() == ["gauge_length"] * 2 and found.table["size"].between(11.2, 11.8).all()
-    found.run.save(tmp_path / "run")
-    found.save(tmp_path / "run")
-    assert found.headline in (tmp_path / "run" / "index.html").read_text(encoding="utf-8")
-    written = json.loads((tmp_path / "run" / "stretches.json").read_text(encoding="utf-8"))
+    assert found.headline in (folder / "index.html").read_text(encoding="utf-8")
+    written = json.loads((folder / "stretches.json").read_text(encoding="utf-8"))
     Draft202012Validator(rf.schema("stretches.json")).validate(written)
-    assert is_whole((tmp_path / "run" / "stretches.html").read_text(encoding="utf-8"))
-    part = rf.open(tmp_path / "run" / written["stretches"][0]["folder"])
+    assert is_whole((folder / "stretches.html").read_text(encoding="utf-8"))
+    part = rf.open(folder / written["stretches"][0]["folder"])
     assert part.facts["active_channels"] == list(found.channels[0]) and part.facts["notes"][0].endswith("a longer run")
-    assert (tmp_path / "run" / written["stretches"][0]["folder"] / "diagnosis.html").is_file()
+    assert (folder / written["stretches"][0]["folder"] / "diagnosis.html").is_file()
 
 
-def test_a_stretch_is_where_the_whole_run_has_it(run: rf.Run, tmp_path: Path) -> None:
-    run.save(tmp_path / "run")
+def test_a_stretch_is_where_the_whole_run_has_it(run: rf.Run, folder: Path, tmp_path: Path) -> None:
     first, last = (int(c) for c in run.problem.channel[[4, 24]])
-    words = ["-q", "stretch", str(tmp_path / "run"), str(first), str(last), "--out", str(tmp_path / "part")]
+    words = ["-q", "stretch", str(folder), str(first), str(last), "--out", str(tmp_path / "part")]
     done = CliRunner().invoke(app, words, catch_exceptions=False)
     assert done.exit_code == 0 and "report.html" in done.output
     part = rf.open(tmp_path / "part")
@@ -75,18 +81,13 @@ def test_a_stretch_is_where_the_whole_run_has_it(run: rf.Run, tmp_path: Path) ->
     assert (np.abs(known["y"] - whole["y"].to_numpy()) < 4 * sigma).all()
 
 
-def test_a_long_run_is_compared_stretch_by_stretch(
-    run: rf.Run, found: rf.StretchDiagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_run_is_compared_stretch_by_stretch(run: rf.Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its pages are put beside those of the diagnosis, which stay."""
     monkeypatch.setattr(seen, "is_one_stretch", lambda length: length <= 25)
-    run.save(tmp_path / "run")
-    done = CliRunner().invoke(app, ["-q", "compare", str(tmp_path / "run")], catch_exceptions=False)
+    done = CliRunner().invoke(app, ["-q", "compare", str(folder)], catch_exceptions=False)
     ends = stretches_of(run)
     assert len(ends) == 2 and [f"channels {a} to {b}: " in done.output for a, b in ends] == [True] * 2
-    found.save(tmp_path / "run")
-    pages = [
-        tmp_path / "run" / f"channels-{a}-{b}" / f"{name}.html" for a, b in ends for name in ("compare", "diagnosis")
-    ]
+    pages = [folder / f"channels-{a}-{b}" / f"{name}.html" for a, b in ends for name in ("compare", "diagnosis")]
     assert all(page.is_file() for page in pages)
 
 

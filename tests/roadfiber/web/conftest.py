@@ -1,7 +1,6 @@
-"""A run whose gauges are longer than told, with names that are markup; and a browser."""
+"""A run whose gauges are longer than told, with names that are markup."""
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,6 @@ from tests.roadfiber.web.told import Told
 
 #: A name that would show if it were not escaped.
 MARKUP = "<i id='injected'>9</i>"
-CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
-)
 
 
 @pytest.fixture(scope="session")
@@ -33,17 +29,6 @@ def hidden(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tracks.write_text("\n".join([header, *renamed]) + "\n")
     rf.locate(site, corridor="fit").save(folder / "run")
     return folder / "run"
-
-
-@pytest.fixture(scope="session")
-def chromium() -> Iterator[Any]:
-    if CHROMIUM is None:
-        pytest.skip("no chromium on the PATH")
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture

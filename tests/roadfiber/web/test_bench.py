@@ -65,6 +65,25 @@ def test_rungs_are_gone_up_and_down_and_their_folders_stay(bench):
     assert bench.at == 1
 
 
+def test_a_rung_is_scored_once_and_again_with_other_effects(bench):
+    def looked():
+        before = len(bench.looker.asked)
+        bench.look()
+        return [one.task for one in bench.looker.asked[before:]]
+
+    assert looked() == ["compare", "score"], "not before there is an answer"
+    bench.looker.asked[-1].then([ROW])
+    bench.candidates = []
+    assert looked() == ["compare"] and bench.candidates == [ROW] and bench.source.startswith("scores alone")
+    bench.own(NAME, TEMPLATE)
+    bench.adder.asked[0].then([ROW | {"effect": "downforce"}])
+    assert looked() == ["compare", "score"]
+    bench.looker.asked[-1].then([ROW])
+    bench.own(NAME, TEMPLATE.replace("downforce", "lift"))
+    bench.adder.asked[1].then([ROW | {"effect": "lift"}])
+    assert looked() == ["compare", "score"], "the same file, with another text"
+
+
 def test_what_is_not_kept_leaves_no_folder(bench, tmp_path):
     out = tmp_path / "run-2"
     out.mkdir()
