@@ -50,6 +50,12 @@ def table(**columns: Any) -> dict[str, list[Any]]:
     return {name: list(values) for name, values in columns.items()}
 
 
+def scale_bar(plot: Any) -> ScaleBar:
+    """A scale in the corner of a map, through which what lies beneath is seen."""
+    bare = {"background_fill_alpha": 0, "border_line_alpha": 0, "padding": 2, "label_location": "right"}
+    return ScaleBar(range=plot.x_range, unit="m", location="bottom_left", bar_length=0.12, **bare)
+
+
 class North:
     """An arrow to the north in the corner of a figure."""
 
@@ -97,9 +103,7 @@ class RouteMap:
         self.plot.add_tools(HoverTool(renderers=[marks], tooltips=[("anchor", "@name")]))
         self.plot.scatter("x", "y", source=self.vehicle, marker="circle", size=9, color=FORWARD, fill_alpha="fill")
         self.plot.scatter("x", "y", source=self.place, marker="diamond", size=12, color=ROUTE, line_color="white")
-        self.plot.add_layout(
-            ScaleBar(range=self.plot.x_range, unit="m", location="bottom_left", background_fill_alpha=0.7)
-        )
+        self.plot.add_layout(scale_bar(self.plot))
         self.north = North(self.plot)
         # Not the vehicle, which would move the map beneath it.
         self.plot.x_range.renderers = self.plot.y_range.renderers = [tracks, band, route, marks]
