@@ -27,7 +27,6 @@ from solver.run.seen import Seen
 from vision.contract.palette import BACKWARD, FORWARD, ROUTE
 
 Array = NDArray[np.float64]
-Columns = dict[str, list[Any]]
 
 INK, MUTED = "#1f2933", "#5d6873"
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "toolbar_location": "right", "min_width": 120}
@@ -45,9 +44,9 @@ def plain(plot: Any) -> Any:
     return plot
 
 
-def table(**columns: Any) -> dict[str, list[Any]]:
-    """Columns of a source."""
-    return {name: list(values) for name, values in columns.items()}
+def table(**columns: Any) -> dict[str, Any]:
+    """Columns of a source: arrays as they are, which go to the browser as such, all else as lists."""
+    return {name: one if isinstance(one, np.ndarray) else list(one) for name, one in columns.items()}
 
 
 def scale_bar(plot: Any) -> ScaleBar:
