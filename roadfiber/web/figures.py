@@ -27,7 +27,6 @@ from solver.run.seen import Seen
 from vision.contract.palette import BACKWARD, FORWARD, ROUTE
 
 Array = NDArray[np.float64]
-Columns = dict[str, list[Any]]
 
 INK, MUTED = "#1f2933", "#5d6873"
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "toolbar_location": "right", "min_width": 120}
@@ -45,9 +44,15 @@ def plain(plot: Any) -> Any:
     return plot
 
 
-def table(**columns: Any) -> dict[str, list[Any]]:
-    """Columns of a source."""
-    return {name: list(values) for name, values in columns.items()}
+def table(**columns: Any) -> dict[str, Any]:
+    """Columns of a source: arrays as they are, which go to the browser as such, all else as lists."""
+    return {name: one if isinstance(one, np.ndarray) else list(one) for name, one in columns.items()}
+
+
+def scale_bar(plot: Any) -> ScaleBar:
+    """A scale in the corner of a map, through which what lies beneath is seen."""
+    bare = {"background_fill_alpha": 0, "border_line_alpha": 0, "padding": 2, "label_location": "right"}
+    return ScaleBar(range=plot.x_range, unit="m", location="bottom_left", bar_length=0.12, **bare)
 
 
 class North:
@@ -97,9 +102,7 @@ class RouteMap:
         self.plot.add_tools(HoverTool(renderers=[marks], tooltips=[("anchor", "@name")]))
         self.plot.scatter("x", "y", source=self.vehicle, marker="circle", size=9, color=FORWARD, fill_alpha="fill")
         self.plot.scatter("x", "y", source=self.place, marker="diamond", size=12, color=ROUTE, line_color="white")
-        self.plot.add_layout(
-            ScaleBar(range=self.plot.x_range, unit="m", location="bottom_left", background_fill_alpha=0.7)
-        )
+        self.plot.add_layout(scale_bar(self.plot))
         self.north = North(self.plot)
         # Not the vehicle, which would move the map beneath it.
         self.plot.x_range.renderers = self.plot.y_range.renderers = [tracks, band, route, marks]

@@ -124,7 +124,8 @@ def check_record(found: Checked, site: Site) -> None:
     first, last = known.channels
     found.spans["DAS record"] = known.start, known.end
     words = (
-        f"{known.files} files of {known.stored.quantity.replace('_', ' ')}, channels {first} to {last} every "
+        f"{known.files} file{'s' * (known.files != 1)} of {known.stored.quantity.replace('_', ' ')}, "
+        f"channels {first} to {last} every "
         f"{known.channel_spacing:g} m, gauge {known.gauge_length:g} m; {span_words(known.start, known.end)}"
     )
     found.add("Record", "look" if known.lines else "good", "; ".join([words, *known.notes, *known.lines]))
@@ -142,7 +143,11 @@ def check_camera(found: Checked, camera: CameraSection) -> None:
     found.spans["video"] = first, last
     words = f"{len(video)} pictures of {video.width} x {video.height}; {span_words(first, last)}"
     if video.created is not None and abs((video.created - first) / np.timedelta64(1, "s")) > LATE:
-        found.add("Video", "look", f"{words}; the file itself says that it begins at {video.created} UTC")
+        found.add(
+            "Video",
+            "look",
+            f"{words}; the file itself says that it begins at {np.datetime_as_string(video.created, 's')} UTC",
+        )
         return
     found.add("Video", "good", words)
 

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import panel as pn
-from bokeh.models import ColumnDataSource, DatetimeTickFormatter, FactorRange, HoverTool, ScaleBar
+from bokeh.models import ColumnDataSource, DatetimeTickFormatter, FactorRange, HoverTool
 from bokeh.plotting import figure
 
 from roadfiber.web.controls import WIDE, html
-from roadfiber.web.figures import North, plain, table
+from roadfiber.web.figures import North, plain, scale_bar, table
 from roadfiber.web.site_checks import SIGNS, Checked
 from roadfiber.web.site_draft import FIELDS, Draft, found_in
 from roadfiber.web.worker import Worker
@@ -81,7 +81,7 @@ class StartPage:
             HoverTool(renderers=[lines], tooltips=[("vehicle", "@name")]),
             HoverTool(renderers=[marks], tooltips=[("anchor", "@name")]),
         )
-        self.map.add_layout(ScaleBar(range=self.map.x_range, unit="m", location="bottom_left"))
+        self.map.add_layout(scale_bar(self.map))
         self.north = North(self.map)
         self.spans = ColumnDataSource(table(what=[], first=[], last=[]))
         self.times = plain(

@@ -63,12 +63,12 @@ class Trial:
         """Set the slider to where the effect is absent."""
         dial, size = self.dial, self.controls.size
         if dial is None:
-            self.controls.set(size, label="Size: choose what may be missing", disabled=True)
+            self.controls.set(size, label="Size: choose what may be missing", disabled=True, show_value=False)
             return
         unit = "" if dial.unit == "1" else f", {dial.unit}"
         said = f"Size ({dial.name}{unit}), absent at {dial.null:.3g}, fits best near {dial.best:.3g}"
         reach = {"start": dial.lower, "end": dial.upper, "step": (dial.upper - dial.lower) / 200}
-        self.controls.set(size, **reach, value=dial.null, label=said, disabled=False)
+        self.controls.set(size, **reach, value=dial.null, label=said, disabled=False, show_value=True)
 
     def sized(self) -> None:
         """The size was moved: show the residual with it."""

@@ -159,7 +159,7 @@ def misfit_figure(run: "DriveRun", width: int) -> Figure:
     upper.set(ylabel="m", title="What the picks of each leg are off, after clock and errors of the GPS")
     upper.set_ylim(-1.1 * min(10, scale_of(residual)), 1.1 * min(10, scale_of(residual)))
     if 1 < len(residual) <= len(SERIES):
-        upper.legend(loc="upper right", ncols=len(residual))
+        upper.legend(loc="upper right", ncols=len(residual), markerscale=3)
     edges = np.linspace(0, run.facts["map_length"] / 1e3, 61)
     inside = run.arrays["beside"] & ~run.arrays["loop"]
     every = np.histogram(along[inside], edges)[0]

@@ -26,7 +26,7 @@ def drive_page(run: "DriveRun") -> str:
         f"{section('Which channel lies where', MAP, svg(channel_figure(run, WIDE)))}"
         f"{section('From above', PLAN, svg(plan_figure(run, WIDE)))}"
         f"{section('Misfit along the path', MISFIT, svg(misfit_figure(run, WIDE)))}"
-        f"{loop_section(run)}{stated_section(run)}{next_section([*run.warnings, EXPORT])}{made(run)}"
+        f"{loop_section(run)}{stated_section(run)}{next_section([*map(sentence, run.warnings), EXPORT])}{made(run)}"
     )
     return page(f"{run.name}: {run.headline}", body)
 
@@ -48,6 +48,15 @@ STATED = (
     "Gauge length, channel spacing and clock are taken from files, which may be wrong. The shape of what channels hear "
     "tells the gauge length, the cable between two places the spacing, passes at different times the clock."
 )
+
+
+def sentence(line: str) -> str:
+    """A line as a sentence.
+
+    >>> sentence("which side is not known")
+    'Which side is not known.'
+    """
+    return f"{line[:1].upper()}{line[1:].rstrip('.')}."
 
 
 def section(title: str, words: str, content: str) -> str:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 #: Single additions that the page lists.
 LISTED = 8
 SURVEYED = (
-    "`roadfiber start FOLDER` makes site.toml once the survey is done, `roadfiber locate FOLDER --out RUN` finds "
+    "`roadfiber start FOLDER` makes site.toml once the survey is done, `roadfiber locate FOLDER --out run` finds "
     "the fiber."
 )
 VISIBLE = {"yes": "yes", "large": "only where it is large", "no": "no"}

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 HEAD = "<tr><th>run</th><th>passes</th><th>across, m</th><th>sigmas</th><th>depth, m</th><th>sigmas</th></tr>"
 NEXT = (
-    "`roadfiber compare RUN` shows what is wrong with a run that disagrees.",
+    "`roadfiber compare FOLDER`, with the folder of a run that disagrees, shows what is wrong with it.",
     "`route.geojson` beside this page opens in any GIS: the route with its 95 % corridor.",
 )
 

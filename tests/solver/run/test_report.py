@@ -14,7 +14,7 @@ from solver.run.facts import facts_of
 from solver.run.report import misfit as misfit_module
 from solver.run.report import report_words as words
 from solver.run.report.fit_tables import gauge_words, parameter_tables
-from solver.run.report.misfit import misfit_of
+from solver.run.report.misfit import misfit_of, nearest_channel
 from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure
 from solver.run.report.pass_panes import waves
 from solver.run.report.report_page import render
@@ -111,6 +111,17 @@ def test_page_of_a_method_without_uncertainty(survey):
     text = " ".join(read(render(made_run(survey, **nothing))).text)
     assert "not stated" in text
     assert not re.search(r"\bnan\b", text)
+
+
+def test_the_channel_beside_a_vehicle_is_the_nearest_wherever_the_frame_begins(survey):
+    run = made_run(survey)
+    for far in (0.0, 1e5):  # m from the origin, as of a drive
+        result = replace(run.result, route=run.result.route + far)
+        for one in (replace(one, position=one.position + far) for one in run.passes):
+            apart = np.linalg.norm(one.position[:, None] - result.route[None, :, :2], axis=2)
+            expected = result.channel[apart.argmin(1)].astype(float)
+            beyond = (expected <= result.fitted_channel[0]) | (expected >= result.fitted_channel[-1])
+            np.testing.assert_array_equal(nearest_channel(result, one), np.where(beyond, np.nan, expected))
 
 
 def test_page_of_a_route_that_turns_uses_distance(survey):
