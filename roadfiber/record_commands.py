@@ -35,7 +35,7 @@ def ingest(
         return
     print(
         f"{done.store}: {done.start} to {done.end}, channels {done.channels[0]} to {done.channels[1]} at "
-        f"{done.sampling_rate:g} Hz; {done.bytes / 1e6:.0f} MB of {done.raw_bytes / 1e6:.0f} MB"
+        f"{done.sampling_rate:g} Hz; {done.bytes / 1e6:.3g} MB, from {done.raw_bytes / 1e6:.3g} MB of files"
     )
     gaps = "no gap" if done.gaps == 0 else "1 gap" if done.gaps == 1 else f"{done.gaps} gaps"
     print(f"{gaps}; noise {done.noise:.2g} 1/s; {done.dead} channels without a signal")

@@ -168,6 +168,7 @@ def curved_gauge(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     source="Lindsey et al. 2020, JGR Solid Earth 125.",
     confounders="the route and the clock's rate; only anchors tell",
     families=("rigid",),
+    corrects="spacing",
 )
 def channel_stretch(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Distance along the fiber grows by the stretch, about the middle; where light counts wrong, so do gauges."""

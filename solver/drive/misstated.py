@@ -12,21 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from solver.cable.cable_effects import channel_stretch
+from solver.catalogue.catalogue import built_in
 from solver.drive.along import QUARTZ
 from solver.drive.aside import COUNTED, STRETCH, ratios_of
 from solver.drive.car import Car
 from solver.drive.path import STEP, Path
 from solver.drive.quiet import Quiet
 from solver.drive.response import Legs
-from solver.effect import Effect
-from solver.interrogator.interrogator_effects import gauge_length
-from solver.trajectory.trajectory_effects import clock_drift
+from solver.effect import STATED, Effect
 
 Array = NDArray[np.float64]
 
 #: The effects that a drive tells of, by name.
-TOLD: dict[str, Effect] = {one.name: one for one in (gauge_length, channel_stretch, clock_drift)}
+TOLD: dict[str, Effect] = {one.name: one for kind in STATED for one in built_in().values() if one.corrects == kind}
 GAUGE, SPACING, DRIFT = TOLD
 #: Probability of each before the data are asked.
 PRIOR = 0.1

@@ -3,7 +3,7 @@
 `effect` makes one of a function; `Effect` is what it declares, `Parameter` one parameter, `Plain` its plain words.
 """
 
-from solver.effect.effect import BASE_PARTS, FAMILIES, STAGES, Change, Discrepancy, Effect, effect
+from solver.effect.effect import BASE_PARTS, FAMILIES, STAGES, STATED, Change, Discrepancy, Effect, effect
 from solver.effect.parameter import BY_ROW, SCOPES, Parameter
 from solver.effect.plain import Plain, Setting, absolute, as_it_is, grown, percent, percents, root
 from solver.effect.survey_context import Fitted, Heard, Proposal, Recorded, Start, Surroundings
@@ -14,6 +14,7 @@ __all__ = [
     "FAMILIES",
     "SCOPES",
     "STAGES",
+    "STATED",
     "Change",
     "Discrepancy",
     "Effect",

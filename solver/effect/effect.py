@@ -19,6 +19,9 @@ STAGES = ("trajectory", "load", "ground", "cable", "interrogator", "processing")
 FAMILIES = ("blur", "lag", "even", "gain", "place", "depth", "rigid", "curve")
 #: Parts of the base model that do what an effect does: wheels of known vehicle classes, bends of the fiber in a gauge.
 BASE_PARTS = ("wheels", "bends")
+#: What files state, of which an effect says by what share it is off: gauge length, channel spacing, how fast one clock
+#: runs by the other.
+STATED = ("gauge", "spacing", "rate")
 
 Change = Callable[[Any, Mapping[str, Tensor], Surroundings], Any]
 
@@ -60,6 +63,7 @@ class Effect:
     families : of `FAMILIES`, those it belongs to; those whose laws leave what it takes up, if it is a discrepancy model
     discrepancy : what it is as a discrepancy model; None for a physical effect
     base_part : of `BASE_PARTS`, the one that does what it does, so that a base model with it lacks nothing; "" if none
+    corrects : of `STATED`, what its first parameter says is off; "" if none
     slow_error : it is each track's slow error, which is fitted wherever tracks are uncertain, as far as they say
     seek : finds the shapes worth trying in what was heard, where a grid fine enough would be too large; else None
     start : finds where else a fit with it may start, None where nothing tells; else None
@@ -77,6 +81,7 @@ class Effect:
     families: tuple[str, ...] = ()
     discrepancy: Discrepancy | None = None
     base_part: str = ""
+    corrects: str = ""
     slow_error: bool = False
     seek: Callable[[Heard], Proposal] | None = None
     start: Callable[[Fitted], Start | None] | None = None
@@ -132,6 +137,7 @@ def effect(
     families: Sequence[str] = (),
     discrepancy: Discrepancy | None = None,
     base_part: str = "",
+    corrects: str = "",
     slow_error: bool = False,
     seek: Callable[[Heard], Proposal] | None = None,
     start: Callable[[Fitted], Start | None] | None = None,
@@ -146,8 +152,8 @@ def effect(
     Raises
     ------
     ValueError
-        Where the declaration cannot hold: no such stage, scope, family or part of the base model, no parameter with a
-        null, bounds that leave it out.
+        Where the declaration cannot hold: no such stage, scope, family, part of the base model or statement, no
+        parameter with a null, bounds that leave it out.
 
     >>> @effect("axle_lift", "load", [Parameter("share", "1", 0.1)], physics="The rear axle carries less.", source="-")
     ... def axle_lift(load, p, survey):
@@ -161,6 +167,8 @@ def effect(
         raise ValueError(f"effect {name}: family {unknown[0]!r} is none of {', '.join(FAMILIES)}")
     if base_part not in ("", *BASE_PARTS):
         raise ValueError(f"effect {name}: base_part {base_part!r} is none of {', '.join(BASE_PARTS)}")
+    if corrects not in ("", *STATED):
+        raise ValueError(f"effect {name}: corrects {corrects!r} is none of {', '.join(STATED)}")
     if not any(not p.is_shape for p in parameters):
         raise ValueError(f"effect {name}: give at least one parameter with a null value (no grid)")
     for p in parameters:
@@ -188,6 +196,7 @@ def effect(
             families=tuple(families),
             discrepancy=discrepancy,
             base_part=base_part,
+            corrects=corrects,
             slow_error=slow_error,
             seek=seek,
             start=start,

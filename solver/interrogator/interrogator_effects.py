@@ -43,6 +43,7 @@ def averaged(x: Tensor) -> Tensor:
     ),
     source="Dean, Cuny and Hartog 2017, Geophys. Prospect. 65, 184.",
     confounders="nothing, on data that no FK filter has touched",
+    corrects="gauge",
 )
 def gauge_length(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
     """The true gauge length is (1 + relative) times the one told."""

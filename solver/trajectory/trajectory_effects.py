@@ -41,6 +41,7 @@ def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
     ),
     source="Mills 1991, IEEE Trans. Commun. 39, 1482.",
     confounders="a stretched fiber, if all passes are equally fast",
+    corrects="rate",
 )
 def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """Offset that grows with time, none in the middle of the survey."""

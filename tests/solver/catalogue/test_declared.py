@@ -206,6 +206,7 @@ def test_a_number_that_the_base_model_has_too_changes_no_step() -> None:
     [
         ({"families": ("fog",)}, "family 'fog' is none of blur, lag"),
         ({"base_part": "fog"}, "'fog' is none of wheels"),
+        ({"corrects": "fog"}, "'fog' is none of gauge"),
     ],
 )
 def test_a_declaration_that_means_nothing_is_refused(declared: Any, words: str) -> None:
