@@ -24,6 +24,7 @@ import roadfiber as rf
 from benchmarks.drive import drawn, judged, nearest_fix
 from solver.drive.drive import Drive
 from solver.drive.drive_run import DriveRun
+from solver.drive.misstated import NAMED
 
 #: What is hidden, and how large, by the seed modulo four.
 HIDDEN = ("", "gauge_length", "clock_drift", "channel_stretch")
@@ -63,7 +64,7 @@ def tried(seed: int) -> dict[str, Any]:
         except rf.InputError as error:
             return row | {"refused": str(error)}
         table = run.misstated
-        named = table.loc[table["probability"] >= 0.95, "effect"].tolist()
+        named = table.loc[table["probability"] >= NAMED, "effect"].tolist()
         row |= {"named": named, "misstated": run.facts["misstated"], "before": rms(run)}
         return row | ({"after": rms(rf.locate(drive, effects=named))} if named else {})
 

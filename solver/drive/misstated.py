@@ -1,4 +1,4 @@
-"""What files may state wrongly of a drive: the gauge length, the channel spacing, a clock that runs on time.
+"""What files may state wrongly of a drive: the gauge length, the channel spacing, and that two clocks run alike.
 
 Each is estimated from what was heard, as if the others were as stated. An estimate m of variance s^2 speaks for an
 error of plausible size p, beside what is never exact, w, by the Bayes factor N(m; 0, s^2 + w^2 + p^2) over
@@ -101,7 +101,7 @@ class Misstated:
 def gauge_of(
     quiet: Quiet, path: Path, car: Car, legs: Legs, cell: Array, audible: NDArray[np.bool_], polarity: int
 ) -> Estimate:
-    """Gauge length from the shape of what channels hear, relative to the stated one.
+    """By what share the gauge length is off, from the shape of what channels hear.
 
     Parameters
     ----------
@@ -109,7 +109,8 @@ def gauge_of(
     audible : whether it is heard on a leg [leg, channel]
     polarity : of the record
 
-    All channels of a stretch on a leg are as far beside the car as fits them best, and all are as deep as does.
+    For each gauge, distances from the car and depths are weighed: one distance for all channels of a stretch on a leg,
+    one depth for all.
     """
     hear = np.flatnonzero(audible.any(0))
     some = hear[np.linspace(0, len(hear) - 1, min(ASKED, len(hear))).astype(np.int64)]
