@@ -86,7 +86,7 @@ def test_the_colors_are_those_of_all_pages():
 def test_the_page_waits_for_what_it_shows(chromium, tmp_path):
     with served(tmp_path / "go", "shown") as (address, _):
         page = opened(chromium, address)
-        assert page.locator("#reading").inner_text() == "Reading <i>it</i> ..."
+        page.locator("#reading", has_text="Reading <i>it</i> ...").wait_for()
         (tmp_path / "go").touch()
         page.locator("#there").wait_for()
         later = opened(chromium, address)
@@ -98,7 +98,7 @@ def test_the_page_waits_for_what_it_shows(chromium, tmp_path):
 def test_the_page_says_why_there_is_nothing_to_show(chromium, tmp_path):
     with served(tmp_path / "go", "failed") as (address, process):
         page = opened(chromium, address)
-        page.locator("#reading", has_text="Reading").wait_for()
+        page.locator("#reading", has_text="Reading <i>it</i> ...").wait_for()
         (tmp_path / "go").touch()
         page.locator("#reading", has_text="data.npz: <b>none</b>").wait_for()
         page.locator("#roadfiber-lost").wait_for()
