@@ -1,6 +1,7 @@
 """Cable stage: the fiber's route, a curve in three dimensions parametrised by its length."""
 
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -121,8 +122,30 @@ class SplineBasis:
         return np.asarray(solveh_banded(band, matrix.T @ target, lower=True), float)
 
 
-#: Gauss-Legendre stations within a gauge: offsets in gauge lengths from its middle, and weights that sum to 1.
-STATION_OFFSETS, STATION_WEIGHTS = (x / 2 for x in np.polynomial.legendre.leggauss(4))
+#: Length of fiber, m, for which one station within a gauge stands: so a bend of a few meters within a long gauge is
+#: seen; and how many there are at least.
+PER_STATION, FEWEST_STATIONS = 2.5, 4
+
+
+def stations_within(gauge_length: float) -> int:
+    """How many stations an integral along a gauge takes.
+
+    >>> stations_within(10.0), stations_within(50.0)
+    (4, 20)
+    """
+    return max(FEWEST_STATIONS, round(gauge_length / PER_STATION))
+
+
+@lru_cache
+def stations(count: int) -> tuple[Tensor, Tensor]:
+    """Gauss-Legendre stations: offsets in gauge lengths from a gauge's middle, and weights that sum to 1, [station].
+
+    >>> offsets, weights = stations(4)
+    >>> round(float(weights @ offsets**2), 6)  # 1 / 12
+    0.083333
+    """
+    offsets, weights = np.polynomial.legendre.leggauss(count)
+    return torch.from_numpy(offsets / 2), torch.from_numpy(weights / 2)
 
 
 @dataclass(frozen=True)
@@ -197,8 +220,9 @@ class GaugeEnds(PerGauge):
         ahead, behind = distance + gauge_length / 2, distance - gauge_length / 2
         matrices = [basis.at(where, order) for order in (0, 1) for where in (ahead, behind)]
         if inner:
-            stations = distance[:, None] + STATION_OFFSETS * gauge_length
-            matrices += [basis.at(stations, order) for order in range(3)]
+            offsets, _ = stations(stations_within(gauge_length))
+            within = distance[:, None] + offsets.numpy() * gauge_length
+            matrices += [basis.at(within, order) for order in range(3)]
         return cls(*(torch.from_numpy(matrix) for matrix in matrices))
 
     @classmethod
@@ -207,10 +231,10 @@ class GaugeEnds(PerGauge):
         basis: SplineBasis,
         distance: Tensor,
         gauge_length: Tensor | float,
-        inner: bool,
+        inner: int,
         held: tuple[Tensor, Tensor] | None = None,
     ) -> "GaugeEnds":
-        """The same, differentiable by distances [channel] and gauge lengths, m; with the `inner` stations if wanted.
+        """The same, differentiable by distances [channel] and gauge lengths, m; with so many `inner` stations.
 
         `held` is where, along the route, m, both ends of a length that slips are.
         """
@@ -218,8 +242,8 @@ class GaugeEnds(PerGauge):
         ends = [basis.weights(where, order) for order in (0, 1) for where in (ahead, behind)]
         more: list[Tensor | None] = [None] * 3
         if inner:
-            stations = distance[:, None] + torch.from_numpy(STATION_OFFSETS) * torch.as_tensor(gauge_length)[..., None]
-            more = [basis.weights(stations, order) for order in range(3)]
+            within = distance[:, None] + stations(inner)[0] * torch.as_tensor(gauge_length)[..., None]
+            more = [basis.weights(within, order) for order in range(3)]
         if held is not None:
             more += [basis.weights(where[None], order) for order in (0, 1) for where in held]
         return cls(*ends, *more)

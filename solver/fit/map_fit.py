@@ -12,7 +12,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from solver.cable.fiber import Fiber, GaugeEnds, SplineBasis
+from solver.cable.fiber import Fiber, GaugeEnds, SplineBasis, stations_within
 from solver.fit.numbers import Numbers
 from solver.fit.parameter_layout import PER_PASS
 from solver.fit.parameter_prior import ParameterPrior
@@ -86,7 +86,8 @@ class MapFit(ParameterSpace):
         graded = stages.ground.compliance is not None
         within = path.curved or graded or isinstance(cable.path_integral, Tensor)
         held = None if cable.loose is None else (cable.loose.begin, cable.loose.end)
-        return GaugeEnds.at(self.basis, cable.distance, gauge, within, held)
+        inner = stations_within(self.problem.gauge_length) if within else 0
+        return GaugeEnds.at(self.basis, cable.distance, gauge, inner, held)
 
     def fiber(self, state: State, values: Values) -> Fiber:
         """The gauges' ends on the route of a state."""

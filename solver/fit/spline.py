@@ -9,7 +9,7 @@ import torch
 
 from solver.fit.carried import carried
 from solver.fit.chain import Chain
-from solver.fit.least_squares import solve
+from solver.fit.least_squares import Solution, solve
 from solver.fit.posterior import assemble
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
@@ -108,13 +108,18 @@ def fit_spline(
         if (again := elsewhere(chain, end.state)) is not None:
             other = solve(chain, again, advance=advance, hopeless=hopeless)
             end = min(end, other, key=lambda one: chain.cost(one.at))
+    return ended(chain, end, time.perf_counter() - begun)
+
+
+def ended(chain: Chain, end: Solution, seconds: float) -> FitResult:
+    """What a fit that took so many seconds comes to."""
     return assemble(
-        problem,
+        chain.problem,
         chain,
         end.state,
         method="spline",
         iterations=end.iterations,
-        seconds=time.perf_counter() - begun,
+        seconds=seconds,
         converged=end.converged,
         near=end.at,
     )

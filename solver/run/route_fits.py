@@ -1,16 +1,23 @@
-"""The fits that lead to a run's route: from every start, without bent ends, on finer knots, without wrong anchors."""
+"""The fits that lead to a run's route.
+
+From every start, without bent ends, with turns that long gauges sense, on finer knots, without wrong anchors.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 from solver.fit.anchor_check import contradiction
+from solver.fit.chain import Chain
+from solver.fit.least_squares import solve
 from solver.fit.pose import bent_ends, shortened
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
-from solver.fit.sides import best_of, hopeless, reopened
-from solver.fit.spline import fit_spline
+from solver.fit.sides import DECISIVE, best_of, hopeless, reopened
+from solver.fit.spline import ended, fit_spline
 from solver.fit.stretches import is_long
+from solver.fit.turned import tries, turned
 from solver.run.methods import METHODS
+from solver.start.regauge import LONG
 from solver.survey.das.record import DASRecord
 from vision.contract import progress
 
@@ -20,6 +27,8 @@ EXPLAINED = 1.03
 #: must explain: a fiber that dips under a culvert is beyond the usual knots, while most of what other physics leaves is
 #: beyond any route.
 LEFT_OVER, BY_ROUTE = 1.01, 0.6
+#: Times closer that the knots of a route are which can turn off the road within a few meters.
+FINER = 4
 
 
 def fit_route(
@@ -37,7 +46,7 @@ def fit_route(
     """
     recorded = int(record.channel[0]), int(record.channel[-1])
     result, problem = fit_straight(*fit_sides(problems, method), method, recorded, warnings)
-    result, problem = fit_finely(result, problem, method)
+    result, problem = fit_turns(result, problem, method) or fit_finely(result, problem, method)
     return fit_agreeing(result, problem, method, disputed)
 
 
@@ -86,6 +95,24 @@ def left_out(end: int, recorded: tuple[int, int], gauge: int) -> str:
     if min(end - recorded[0], recorded[1] - end) >= gauge:
         return f"the fiber turns off the road near channel {end}; it is not located there"
     return f"the model does not explain the end of the record near channel {end}; the fiber is not located there"
+
+
+def fit_turns(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem] | None:
+    """Fit a record of long gauges again with the turns off the road that they sense beyond the fitted channels.
+
+    None where gauges are not long, nothing is left over, or the fiber does not seem to turn.
+    """
+    if method != "spline" or is_long(problem) or problem.gauge_length <= LONG or result.chi2_per_dof <= LEFT_OVER:
+        return None
+    fine = replace(shortened(problem, slice(None), result), knot_spacing=problem.knot_spacing / FINER)
+    chain = Chain.of(fine)
+    with progress("looking for turns off the road", tries(problem.gauge_length) + METHODS[method][1]) as advance:
+        begun, off = turned(chain, chain.start(), advance)
+        end = solve(chain, begun, advance=advance)
+    if not off or chain.cost(end.at) >= result.cost - DECISIVE * max(1.0, result.chi2_per_dof):
+        return None
+    again = ended(chain, end, result.seconds)
+    return replace(again, ambiguous_side=result.ambiguous_side), fine
 
 
 def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem]:

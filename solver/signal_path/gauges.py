@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from solver.cable.fiber import STATION_OFFSETS, STATION_WEIGHTS, Fiber, GaugeEnds, turning, unit
+from solver.cable.fiber import Fiber, GaugeEnds, stations, turning, unit
 from solver.interrogator.interrogator import Interrogator
 from solver.signal_path.observation import BASE, Description
 
@@ -67,7 +67,7 @@ class Gauges:
             pieces = pieces * between(compliance)
         bends = None
         if fiber.inner_slope is not None and fiber.inner_bend is not None:
-            share = torch.from_numpy(STATION_WEIGHTS) * (1.0 if curved else cable.path_integral)
+            share = stations(fiber.inner_slope.shape[-2])[1] * (1.0 if curved else cable.path_integral)
             if compliance is not None:
                 share = share * compliance[:, 1:-1]
             bends = -share[..., None] * turning(fiber.inner_slope, fiber.inner_bend)
@@ -81,7 +81,8 @@ class Gauges:
         if cable.loose is not None:
             assert fiber.first is not None and fiber.first_slope is not None
             assert fiber.last is not None and fiber.last_slope is not None
-            reach = torch.tensor([-0.5, *([] if fiber.inner is None else STATION_OFFSETS), 0.5], dtype=torch.float64)
+            offsets = [] if fiber.inner is None else stations(fiber.inner.shape[-2])[0].tolist()
+            reach = torch.tensor([-0.5, *offsets, 0.5], dtype=torch.float64)
             at = cable.distance[:, None] + gauge[..., None] * reach
             held = torch.stack([fiber.first, fiber.last], -2).expand(len(points), -1, -1)
             tight = followed(torch.stack([fiber.first_slope, fiber.last_slope], -2), cable.vertical)
@@ -185,7 +186,7 @@ def _jacobian(ends: GaugeEnds, coefficients: Tensor, stages: Description, curved
     found = [torch.stack(gradients, 1) for gradients in zip(*each, strict=True)]
     total = torch.zeros(*every.shape, len(coefficients), 3, dtype=every.dtype)
     for basis, gradient in zip(bases.values(), found, strict=True):
-        by_field, stations = (x if gradient.ndim == 4 else x.unsqueeze(-2) for x in (gradient, basis))
-        total += torch.einsum("cqsk,csm->cqmk", by_field, stations)
+        by_field, by_station = (x if gradient.ndim == 4 else x.unsqueeze(-2) for x in (gradient, basis))
+        total += torch.einsum("cqsk,csm->cqmk", by_field, by_station)
     points = gauges.points.shape[1]
     return total[:, :points, :, 0].contiguous(), total[:, points:].flatten(2)

@@ -86,6 +86,17 @@ def test_a_fiber_that_bends_away_is_located_up_to_the_bend(tmp_path: Path, caplo
     print(caplog.text, found.result.route[-1])
 
 
+def test_turns_that_a_long_gauge_senses_beyond_its_channels_are_found(tmp_path: Path) -> None:
+    """The fiber turns off the road on either side of the view, within the gauges of channels in it."""
+    gauges = {"gauge_length": 50.0, "channel_spacing": 2.0, "channels": 130}
+    survey = simulate(Scenario(seed=3, passes=3, view=(0.0, 40.0), snr_db=20.0, **gauges))
+    result = locate(Read.read(write_survey(survey, tmp_path / "s"))).result
+    off = np.abs(result.route - survey.route[result.channel])[result.constrained]
+    turned = np.ptp(survey.route[result.channel[result.constrained], 1])
+    assert turned > 5.0 and off.max() < 1.2
+    assert (off < 4.5 * result.sigma[result.constrained]).all()
+
+
 def test_a_coil_is_seen_and_a_fit_with_it_begins_there(tmp_path: Path) -> None:
     effects = {"slack_spool": 18.0, "slack_spool_at": 0.5}
     small = {"passes": 5, "view": (0.0, 70.0), "channels": 200}

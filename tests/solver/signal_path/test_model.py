@@ -86,6 +86,28 @@ def test_against_brute_force(scene: tuple) -> None:
     np.testing.assert_allclose(model, expected, atol=1e-6 * np.abs(expected).max())
 
 
+def test_a_long_gauge_is_the_mean_of_the_short_ones_along_it_even_around_a_corner() -> None:
+    """Twenty gauges of 2.5 m, end to end, are one of 50 m; the fiber turns by a right angle at a radius of 4 m."""
+    long, short, basis = 50.0, 2.5, SplineBasis(0.0, 100.0, 1.25)
+    along = np.arange(0.0, 101.0, 0.5)
+    angle = np.clip((along - 52.0) / 4.0, 0, np.pi / 2)
+    steps = np.column_stack([np.cos(angle), np.sin(angle), 0 * along]) * 0.5
+    bent = np.array([0.0, 7.0, 0.9]) + np.cumsum(steps, axis=0)
+    coefficients = torch.from_numpy(basis.interpolate(along, bent))
+    passing = straight_pass("1", "car", 12.0, 0.0, 30.0, np.arange(0, 15))
+    vehicles, nu = Vehicles.of([passing]), torch.tensor(NU, dtype=torch.float64)
+    vehicles.amplitude = torch.ones(1, dtype=torch.float64)
+
+    def sensed(distance: np.ndarray, gauge: float) -> np.ndarray:
+        fiber = Fiber.of(GaugeEnds.of(basis, distance, gauge, inner=True), coefficients)
+        return SignalPath(Traffic.of([passing]), gauge, curved=True).strain_rate(fiber, vehicles, nu).numpy()
+
+    middles = np.arange(30.0, 75.0, 5.0)
+    apart = [sensed(middles + (k - 9.5) * short, short) for k in range(20)]
+    whole = np.mean(apart, axis=0)
+    assert np.abs(sensed(middles, long) - whole).max() < 0.3 * np.abs(whole).max()
+
+
 def test_vehicles_superpose(scene: tuple) -> None:
     path, fiber, vehicles, _, _ = scene
     nu = torch.tensor(NU, dtype=torch.float64)
