@@ -105,9 +105,12 @@ def fitted(run: "Run") -> "tuple[MapFit, State]":
     return fit, fit.state_of(torch.from_numpy(run.result.vector))
 
 
-def missed(fit: "MapFit", state: "State", chi2_per_dof: float) -> float:
-    """Misfit and what the fit pays to its priors, as for tracks that it shifts."""
-    return chi2_per_dof * fit.problem.strain_rate.numel() + float(fit.prior.total(state))
+def missed(fit: "MapFit", state: "State", chi2_per_dof: float, samples: int) -> float:
+    """Misfit of so many samples, and what the fit pays to its priors, as for tracks that it shifts.
+
+    Where something is hidden, other channels may be fitted than where nothing is: the samples are to be the same.
+    """
+    return chi2_per_dof * samples + float(fit.prior.total(state))
 
 
 def variance(fit: "MapFit", state: "State") -> float:
@@ -129,7 +132,8 @@ def beside(scenario: Scenario, located: "Run", named: str, first: str) -> float:
 
     _, alone, _ = surveyed(replace(scenario, effects={first: scenario.effects[first]}))
     ends = [grow(*fitted(run), named, built_in(), None) for run in (located, alone)]
-    both, one = (missed(end.fit, end.solution.state, end.result(0.0).chi2_per_dof) for end in ends)
+    samples = located.problem.strain_rate.numel()
+    both, one = (missed(end.fit, end.solution.state, end.result(0.0).chi2_per_dof, samples) for end in ends)
     return (both - one) / variance(ends[0].fit, ends[0].solution.state)
 
 
@@ -148,8 +152,9 @@ def tried(seed: int, wanted: str | None = None) -> dict[str, Any]:
     misfit, second, result = 0.0, None, located.result
     if scenario.effects:
         _, without, _ = surveyed(replace(scenario, effects={}))
-        more = missed(*fitted(located), result.chi2_per_dof) - missed(*fitted(without), without.result.chi2_per_dof)
-        misfit = more / variance(*fitted(located))
+        samples = located.problem.strain_rate.numel()
+        with_it, none = (missed(*fitted(run), run.result.chi2_per_dof, samples) for run in (located, without))
+        misfit = (with_it - none) / variance(*fitted(located))
     begun, (_, state) = time.process_time(), fitted(located)
     effects = list(built_in().values())
     found = diagnose(located.problem, state, effects=effects)
