@@ -73,6 +73,7 @@ class Bench:
         scorer = Scorer(fit, state, variance=variance)
         asked = scorable(fit.problem, effects)
         table = score_all(scorer, asked, advance, near)
+        scorer.forget()
         scored = {score.effect.name for score in table}
         idle = [one for one in asked if one.name not in scored]
         return cls(audit, scorer, table, idle)

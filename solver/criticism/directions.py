@@ -125,6 +125,10 @@ class Directions:
         self._seen = Seen(path, gauges, self._local[key])
         return self._seen
 
+    def forget(self) -> None:
+        """Let go of what candidates share, hundreds of MB; it is computed again where one is looked at once more."""
+        self._seen, self._local = None, {}
+
     def numbers(self, extension: Extension, shape: dict[str, float]) -> Tensor:
         """All effects' numbers: those of the fit, then the candidate's null and shape."""
         candidate = extension.effects[-1]

@@ -8,6 +8,8 @@ from torch import Tensor
 
 #: Columns are kept together where the rows between which they act are at most this many times as many as each's own.
 TOGETHER = 1.3
+#: Values of maps that are whitened at once.
+AT_ONCE = 1 << 21
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,13 @@ class Windowed:
         ----------
         memory : samples for which `linear` remembers
         """
+        # Whitening makes several copies: of all maps at once they would take as much memory as everything else.
+        few = max(1, AT_ONCE // (maps.shape[1] * maps.shape[2]))
+        parts = [cls._through(some, linear, memory) for some in maps.split(few)]
+        return parts[0] if len(parts) == 1 else cls.beside(parts)
+
+    @classmethod
+    def _through(cls, maps: Tensor, linear: Callable[[Tensor], Tensor], memory: int) -> "Windowed":
         count, samples, channels = maps.shape
         windows = acting(maps.ne(0).any(-1))
         acts = windows[:, 1] > windows[:, 0]

@@ -2,7 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import expm1
+from math import expm1, inf, log
+from sys import float_info
+
+#: Logarithm of the largest ratio that percent can tell.
+LARGEST = log(float_info.max) - log(100.0)
 
 
 @dataclass(frozen=True)
@@ -43,8 +47,13 @@ def percents(value: float, setting: Setting) -> float:
 
 
 def grown(value: float, setting: Setting) -> float:
-    """The logarithm of a ratio as percent more or less."""
-    return 100 * expm1(value)
+    """The logarithm of a ratio as percent more or less; infinity beyond any number, as of what no record could show.
+
+    >>> here = Setting(gauge_length=10.0, channel_spacing=1.0, x=50.0, along=120.0)
+    >>> grown(0.0, here), grown(1e4, here)
+    (0.0, inf)
+    """
+    return 100 * expm1(value) if value < LARGEST else inf
 
 
 def root(value: float, setting: Setting) -> float:

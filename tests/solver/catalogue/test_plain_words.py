@@ -52,6 +52,15 @@ def test_sigma_and_least_size_are_in_the_same_unit() -> None:
     assert said.sigma == pytest.approx(0.1, rel=1e-3)
 
 
+def test_what_no_record_could_show_is_infinite() -> None:
+    """A ratio whose logarithm is 2,000, of which a score alone may speak, is beyond any number."""
+    said = told(
+        EFFECTS["stiffness_contrast"], HERE, estimate=0.5, sigma=900.0, detectable=2000.0, shape={"place": 10.0}
+    )
+    assert said.size == pytest.approx(64.9, abs=0.1) and said.sigma == said.detectable == math.inf
+    assert said.sentence == "Beyond x = 58 m the ground is 64.9 % stiffer."
+
+
 def test_a_number_of_another_kind_is_reported_as_it_is() -> None:
     said = told(EFFECTS["wheel_layout"], HERE, estimate=0.1, sigma=0.01, detectable=0.05, unit="1")
     assert (said.size, said.unit, said.sentence) == (0.1, "", EFFECTS["wheel_layout"].physics)
