@@ -1,8 +1,9 @@
-"""Pictures of pages in README.md, drawn anew from two demos.
+"""Pictures of pages in README.md, drawn anew from two demos, and in the tutorial, from the run that it makes.
 
     roadfiber demo --out runs/demo
     roadfiber demo --hide any --seed 7 --out runs/demo-hidden
-    python docs/pictures.py runs/demo runs/demo-hidden
+    python docs/pictures.py --demos runs/demo runs/demo-hidden
+    python docs/pictures.py --tutorial run
 
 Needs Playwright and a Chromium on the PATH; a picture is the page from its top to the end of a section, or one section,
 in the light theme.
@@ -21,6 +22,11 @@ PICTURES = (
     ("report.png", 0, "run/report.html", 1011, 0, "Where the fiber is", True),
     ("diagnosis.png", 1, "run/diagnosis.html", 960, 16, "One vehicle, before and after", False),
     ("ladder.png", 1, "run-2/ladder.html", 960, 16, "What is left of one pass", False),
+)
+#: The same of the tutorial's run.
+TUTORIAL = (
+    ("tutorial_report.png", 0, "report.html", 1000, 0, "Where the fiber is", False),
+    ("tutorial_diagnosis.png", 0, "diagnosis.html", 1000, 0, "How probable each explanation is", False),
 )
 
 
@@ -46,17 +52,19 @@ def street(page: Page, url: str, out: Path) -> None:
 def main() -> None:
     """Draw all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("demo", type=Path)
-    parser.add_argument("hidden", type=Path)
+    parser.add_argument("--demos", type=Path, nargs=2, metavar=("DEMO", "HIDDEN"), default=())
+    parser.add_argument("--tutorial", type=Path, metavar="RUN")
     options = parser.parse_args()
-    demos = [one.resolve().as_uri() for one in (options.demo, options.hidden)]
+    pictures = [(one, options.demos) for one in PICTURES] if options.demos else []
+    pictures += [(one, [options.tutorial]) for one in TUTORIAL] if options.tutorial else []
     chromium = next(path for name in ("chromium", "google-chrome") if (path := shutil.which(name)))
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-gpu"])
         page = browser.new_page(color_scheme="light")
-        for name, which, file, width, margin, last, alone in PICTURES:
-            picture(page, f"{demos[which]}/{file}", width, margin, last, alone, IMAGES / name)
-        street(page, f"{demos[0]}/run/report.html", IMAGES / "street.png")
+        for (name, which, file, width, margin, last, alone), folders in pictures:
+            picture(page, f"{folders[which].resolve().as_uri()}/{file}", width, margin, last, alone, IMAGES / name)
+        if options.demos:
+            street(page, f"{options.demos[0].resolve().as_uri()}/run/report.html", IMAGES / "street.png")
         browser.close()
 
 
