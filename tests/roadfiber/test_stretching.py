@@ -114,6 +114,10 @@ def test_stretches_that_differ_are_told_one_by_one(found: rf.StretchDiagnosis) -
     vars(apart)["shared"] = Shared(found.shared.weighed, 0.1)
     assert apart.headline.startswith("Stretch by stretch. Channels ")
     assert apart.headline.count("Gauge length.") == 2 and apart.verdict == "missing-effect"
+    assert apart.lines()[-1].startswith("how probable, if so: Gauge length")
+    # What one cause would be is not said where there is none.
+    vars(apart)["shared"] = Shared(found.shared.weighed, 0.01)
+    assert apart.lines()[-1].startswith("that one cause, or none, acts along all of it is 1 % probable")
 
 
 def test_a_stretch_whose_noise_is_not_understood_is_not_among_those_told_of(found: rf.StretchDiagnosis) -> None:
