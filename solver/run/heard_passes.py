@@ -6,15 +6,18 @@ that drives close behind a louder one, and no vehicle has lobes.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from solver.fit.result import FitResult
 from solver.fit.stretches import TAIL
-from solver.run.passes_fit import Fitting, PassesFit, timed
 from solver.start.free_tracks import Unlisted, is_heard, unlisted, unlisted_line
 from solver.survey.das.record import DASRecord
 from solver.trajectory.vehicle_pass import Pass
+
+if TYPE_CHECKING:
+    from solver.run.passes_fit import Fitting, PassesFit
 
 #: How often what a fit leaves is listened to, at most.
 ROUNDS = 5
@@ -24,12 +27,12 @@ LIGHTEST, SURE = 0.1, 4.0
 
 
 def fit_hearing(
-    fitting: Fitting,
+    fitting: "Fitting",
     passes: Sequence[Pass],
     shown: Callable[[DASRecord], DASRecord],
     priors: Mapping[str, float],
     as_fitted: Callable[[Sequence[Pass]], list[Pass]],
-) -> PassesFit:
+) -> "PassesFit":
     """Fit the passes and, with free tracks, vehicles that nobody listed and that strain the fiber while they do.
 
     Parameters
@@ -44,7 +47,7 @@ def fit_hearing(
         return fitting.of(passes)
 
     def listened(record: DASRecord, listed: Sequence[Pass], late: float | None) -> Unlisted:
-        with timed(fitting.timings, "listen"):
+        with fitting.timed("listen"):
             return unlisted(shown(record), rough, listed, **priors, tail=TAIL, late=late)
 
     first = found = listened(fitting.record, passes, None)

@@ -13,12 +13,14 @@ from solver.fit.held_out import FOLDS, HeldOut, held_out
 from solver.fit.pose import shortened
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
+from solver.fit.room import require_room_to_fit
 from solver.processing import filtered
 from solver.run.chosen import choice_facts, choice_line
 from solver.run.heard_passes import fit_hearing
 from solver.run.methods import method_of
 from solver.run.passes_fit import Fitting, timed
 from solver.run.problems import as_points, matched, smoothed, untaken
+from solver.run.route_fits import fit_route
 from solver.run.run import Run, run_of
 from solver.start.free_tracks import is_heard
 from solver.start.regauge import shorter_gauges
@@ -107,7 +109,13 @@ def locate(
         passes = smoothed(survey.tracks, record, wheels, warnings)
     with timed(timings, "match"):
         found = matched(shown(heard), passes, anchors, priors, warnings, raw=record)
-    fitting = Fitting(survey, heard, found, asked, method, all_passes, timings)
+
+    def routed(problems: list[Problem], told: list[str], disputed: list[str]) -> tuple[FitResult, Problem]:
+        if method != "network":
+            require_room_to_fit(problems[0])
+        return fit_route(problems, method, record, told, disputed)
+
+    fitting = Fitting(survey, heard, found, asked, routed, all_passes, timings)
     laid_out = list if wheels else as_points
     fit = fit_hearing(fitting, passes, shown, priors, laid_out) if unlisted else fitting.of(passes)
     every, whole, choice, result, problem = fit.passes, fit.whole, fit.choice, fit.result, fit.problem

@@ -1,19 +1,17 @@
 """A survey with some of its vehicles: posed, and fitted from every rough route."""
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
 from solver.effect import Effect
 from solver.fit.choice import MANY, Choice, choose
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
-from solver.fit.room import require_room_to_fit
 from solver.fit.some_passes import only
 from solver.fit.stretches import is_long
 from solver.run.problems import problems_of
-from solver.run.route_fits import fit_route
 from solver.start.first_routes import FirstRoutes
 from solver.survey.das.record import DASRecord
 from solver.survey.survey import Survey
@@ -71,7 +69,7 @@ class Fitting:
     record : its record, rounded samples dithered
     found : channels, anchors and rough routes
     effects : of the model, parts of the base model among them
-    method : of the fit
+    route : fits problems, one for each start; adds lines for the user, and sentences on anchors, to two lists
     all_passes : fit them all; else of many those that tell most
     timings : how long steps took, s; added to
     """
@@ -80,9 +78,13 @@ class Fitting:
     record: DASRecord
     found: FirstRoutes
     effects: Sequence[Effect]
-    method: str
+    route: Callable[[list[Problem], list[str], list[str]], tuple[FitResult, Problem]]
     all_passes: bool
     timings: dict[str, float]
+
+    def timed(self, name: str) -> AbstractContextManager[None]:
+        """Note how long a step takes."""
+        return timed(self.timings, name)
 
     def of(self, passes: Sequence[Pass]) -> PassesFit:
         """Fit some vehicles."""
@@ -91,8 +93,6 @@ class Fitting:
         whole, choice = problems[0], None if self.all_passes else choice_of(problems[0], self.timings)
         if choice is not None:
             problems = [only(one, choice.numbers) for one in problems]
-        if self.method != "network":
-            require_room_to_fit(problems[0])
-        with timed(self.timings, "fit"):
-            result, problem = fit_route(problems, self.method, self.survey.record, warnings, disputed)
+        with self.timed("fit"):
+            result, problem = self.route(problems, warnings, disputed)
         return PassesFit(list(passes), whole, choice, result, problem, warnings, disputed)

@@ -49,7 +49,7 @@ def test_a_survey_that_does_not_fit_into_memory_is_refused_before_the_fit(
 ) -> None:
     for user in ("solver.survey.memory", "solver.fit.room"):
         monkeypatch.setattr(f"{user}.available", lambda: 1.5e8)
-    monkeypatch.setattr("solver.run.passes_fit.fit_route", lambda *given: pytest.fail("was fitted"))
+    monkeypatch.setattr("solver.run.locate.fit_route", lambda *given: pytest.fail("was fitted"))
     status, _, error = command(*LOCATE, folder, "--out", tmp_path / "run")
     assert status == 2 and error.count("\n") == 1
     assert " of memory, and 0.15 GB are free, enough for " in error and "channels at most, channels = [first" in error
