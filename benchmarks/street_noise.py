@@ -5,7 +5,8 @@
 Every survey is a street of `--passes` vehicles at `--snr` dB. Errors are those across the fiber and in depth, of the
 channels in view; `in sigmas` is the rms error in the route's own standard deviations, 1 where these are right, and
 `inside` the share of places in the 95 % interval. `--camera` adds a camera's errors: correlated fixes, and tracks that
-wander by 0.1 m. The same seed is the same street and the same tracks for kinds of one geometry.
+wander by 0.1 m. `--widened` judges besides what `roadfiber locate` gives: the corridor with what the model may lack.
+The same seed is the same street and the same tracks for kinds of one geometry.
 """
 
 import argparse
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from solver.criticism.quick_corridor import widened
 from solver.run.locate import locate
 from solver.simulator import Scenario, simulate, write_survey
 from solver.simulator.simulated_survey import Survey as Simulated
@@ -81,7 +83,12 @@ def row_of(kind: str, seed: int, options: argparse.Namespace) -> dict[str, Any]:
         except InputError as error:
             return row | {"refused": str(error)}
     row |= {"cpu s": time.process_time() - begun, "chi2/dof": run.result.chi2_per_dof, "says": run.headline}
-    return row | errors(made, run.result)
+    row |= errors(made, run.result)
+    if not options.widened:
+        return row
+    return row | {
+        f"{name}, widened": value for name, value in errors(made, widened(run).place).items() if "rms" not in name
+    }
 
 
 def main() -> None:
@@ -92,6 +99,7 @@ def main() -> None:
     parser.add_argument("--passes", type=int, default=8)
     parser.add_argument("--snr", type=float, default=15.0, help="dB")
     parser.add_argument("--camera", action="store_true")
+    parser.add_argument("--widened", action="store_true", help="judge the corridor of what the model may lack, too")
     options = parser.parse_args()
     rows = []
     for seed in options.seeds:

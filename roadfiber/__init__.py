@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from roadfiber.combining import combine as combine
     from roadfiber.comparing import Comparison as Comparison
     from roadfiber.comparing import compare as compare
+    from roadfiber.comparing_stretches import StretchComparison as StretchComparison
+    from roadfiber.comparing_stretches import compare_stretches as compare_stretches
     from roadfiber.diagnosing import Diagnosis as Diagnosis
     from roadfiber.diagnosing import diagnose as diagnose
     from roadfiber.growing import Ladder as Ladder
@@ -99,6 +101,7 @@ _HOMES = {
     "Run": "solver.run.run",
     "Simulated": "roadfiber.simulating",
     "Story": "roadfiber.growing",
+    "StretchComparison": "roadfiber.comparing_stretches",
     "StretchDiagnosis": "roadfiber.stretching",
     "Study": "roadfiber.studying",
     "Survey": "solver.survey.survey",
@@ -110,6 +113,7 @@ _HOMES = {
     "clock_offset": "roadfiber.growing",
     "combine": "roadfiber.combining",
     "compare": "roadfiber.comparing",
+    "compare_stretches": "roadfiber.comparing_stretches",
     "diagnose": "roadfiber.diagnosing",
     "diagnose_stretches": "roadfiber.stretching",
     "doctor": "roadfiber.checkup",

@@ -13,6 +13,7 @@ from solver.criticism.comparison.comparison_words import headline, region_words,
 from solver.criticism.comparison.figures import figures_of
 from solver.criticism.comparison.map_figure import map_figure
 from solver.run.run import Run
+from vision.contract import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,6 +62,10 @@ class Comparison:
         """The same in words, a line each."""
         return [region_words(region, self.run) for region in self.finding.regions]
 
+    def said(self) -> list[str]:
+        """What a terminal shows."""
+        return [self.headline, self.verdict, *(f"  {line}" for line in self.lines())]
+
     def plot(self, name: str = "maps") -> "Figure":
         """Draw one of its pictures.
 
@@ -79,6 +84,10 @@ class Comparison:
         """Write compare.html, compare.json and the pictures into a folder, all or none."""
         write_comparison(Path(folder), self.finding, self.run)
 
+    def pages(self, folder: Path | str) -> list[Path]:
+        """Where `save` puts its page."""
+        return [Path(folder) / "compare.html"]
+
     def __repr__(self) -> str:
         return f"<Comparison {self.run.name}: {self.headline}>"
 
@@ -95,10 +104,17 @@ def compare(run: Run) -> Comparison:
     ----------
     run : as `locate` returns or `open` reads it
 
+    Raises
+    ------
+    InputError
+        If the run is of a long fiber (see `compare_stretches`).
+
     Examples
     --------
     >>> comparison = rf.compare(run)
     >>> comparison.regions.columns[:3].tolist(), comparison.facts["noise_floor"] > 0.9
     (['words', 'x', 'time'], True)
     """
+    if run.too_long:
+        raise InputError(run.too_long)
     return Comparison(run, compare_run(run))

@@ -2,12 +2,9 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-
-if TYPE_CHECKING:
-    from solver.run.run import Run
 
 app = typer.Typer()
 
@@ -39,35 +36,13 @@ def compare(
 
     opened, folder = open_street(run), out or run
     require_writable(folder / "compare.html")
-    if opened.too_long:
-        return compare_stretches(opened, folder, as_json)
-    comparison = rf.compare(opened)
-    comparison.save(folder)
+    found = rf.compare_stretches(opened) if opened.too_long else rf.compare(opened)
+    found.save(folder)
     if as_json:
-        print(json.dumps(comparison.facts, allow_nan=False, indent=1))
+        print(json.dumps(found.facts, allow_nan=False, indent=1))
         return
-    said = [comparison.headline, comparison.verdict, *(f"  {line}" for line in comparison.lines())]
-    print("\n".join([*said, opened.trust.replace("RUN", str(run))]))
-    print(f"page: {folder / 'compare.html'}")
-
-
-def compare_stretches(run: "Run", folder: Path, as_json: bool) -> None:
-    """Compare each stretch of a long run, in a run folder of its own."""
-    import roadfiber as rf
-    from solver.run.stretch import saved, stretches_of
-
-    facts = []
-    for first, last in stretches_of(run):
-        part = rf.stretch(run, first, last)
-        comparison = rf.compare(part)
-        at = saved(part, folder)
-        comparison.save(at)
-        facts.append({"first": first, "last": last, **comparison.facts})
-        if not as_json:
-            print(f"channels {first} to {last}: {comparison.headline} {comparison.verdict}")
-            print(f"  page: {at / 'compare.html'}")
-    if as_json:
-        print(json.dumps(facts, allow_nan=False, indent=1))
+    print("\n".join([*found.said(), opened.trust.replace("RUN", str(run))]))
+    print("\n".join(f"page: {page}" for page in found.pages(folder)))
 
 
 @app.command()

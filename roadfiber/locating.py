@@ -119,7 +119,7 @@ def locate(
     all_passes : fit all vehicles; else of more than 30 those ten to twenty that tell most of route, depth and ground,
         and the rest test the route
     unlisted : fit vehicles, too, that the fiber hears while it records one of the trajectories, and that these lack;
-        their tracks are free
+        their tracks are free; it listens to what fits leave, too, until nothing more is heard
     corridor : "full" holds what the model may lack, too: every effect of the catalogue is tested on what the fit
         leaves; "fit" takes the model for granted, which is faster, and too narrow wherever something is missing
 

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 #: Steps that the fit of a stretch takes at most, and usually.
 STEPS = 40
+#: Probability of one cause along all of the fiber below which a terminal does not show which it would be.
+APART = 0.05
 
 
 def stretch(run: Run, first: int, last: int) -> Run:
@@ -212,6 +214,8 @@ class StretchDiagnosis:
         lines.append(
             f"that one cause, or none, acts along all of it is {alike} probable, if it was as likely as not before"
         )
+        if self.shared.alike < APART:
+            return lines
         return [*lines, f"how probable, if so: {probability_line(self.shared.weighed, self._listed)}"]
 
     def __repr__(self) -> str:

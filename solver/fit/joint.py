@@ -17,7 +17,7 @@ from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.state import State
-from solver.fit.stretches import looked_back_at, one_by_one
+from solver.fit.stretches import is_long, looked_back_at, one_by_one, parts
 from solver.signal_path.traffic import Traffic, Vehicles
 
 
@@ -49,20 +49,28 @@ def whole_of(problems: Sequence[Problem]) -> Problem:
 
 
 def joint_chain(problems: Sequence[Problem]) -> Chain:
-    """The crowds of all surveys along one route."""
+    """The crowds of all surveys along one route; on a long fiber those of each stretch, as its fits have them."""
     whole = whole_of(problems)
+    if is_long(whole):
+        return Chain.of(whole, groups=[stretch for one in problems for stretch in parts(one)])
     groups = [one_by_one(one) for one in problems]
     backs = [back for one, group in zip(problems, groups, strict=True) for back in looked_back_at(one, group)]
     return Chain(whole, *linked(whole, groups, whole.basis, False, backs))
 
 
+def fitted(problem: Problem) -> Chain | MapFit:
+    """What a survey was fitted as by itself."""
+    return Chain.of(problem) if is_long(problem) else MapFit(problem)
+
+
 def joint_start(chain: Chain, problems: Sequence[Problem], results: Sequence[FitResult]) -> State:
     """The mean route, and every vehicle as its own survey's fit left it; numbers of effects as they begin."""
-    parts = [MapFit(one).state_of(torch.from_numpy(found.vector)) for one, found in zip(problems, results, strict=True)]
+    ends = zip(problems, results, strict=True)
+    states = [fitted(one).state_of(torch.from_numpy(found.vector)) for one, found in ends]
     begun = torch.from_numpy(chain.basis.interpolate(chain.problem.distance, chain.problem.start))
     fields = Vehicles.of(chain.passes).__dict__
-    vehicles = Vehicles(**{name: torch.cat([getattr(one.vehicles, name) for one in parts]) for name in fields})
-    ratio = torch.stack([one.poisson_ratio for one in parts]).mean()
+    vehicles = Vehicles(**{name: torch.cat([getattr(one.vehicles, name) for one in states]) for name in fields})
+    ratio = torch.stack([one.poisson_ratio for one in states]).mean()
     return State(begun, vehicles, ratio, chain.prior.numbers.mean)
 
 

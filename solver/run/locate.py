@@ -1,8 +1,6 @@
 """From a survey to a located fiber: smooth, match, fit."""
 
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -11,23 +9,22 @@ from solver.catalogue.catalogue import built_in, find
 from solver.catalogue.plugins import catalogue
 from solver.effect import Effect
 from solver.fit.chain import Chain
-from solver.fit.choice import MANY, Choice, choose
 from solver.fit.held_out import FOLDS, HeldOut, held_out
 from solver.fit.pose import shortened
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.room import require_room_to_fit
-from solver.fit.some_passes import only
-from solver.fit.stretches import is_long
 from solver.processing import filtered
 from solver.run.chosen import choice_facts, choice_line
-from solver.run.heard_passes import with_unlisted
+from solver.run.heard_passes import fit_hearing
 from solver.run.methods import method_of
-from solver.run.problems import as_points, matched, problems_of, smoothed, untaken
+from solver.run.passes_fit import Fitting, timed
+from solver.run.problems import as_points, matched, smoothed, untaken
 from solver.run.route_fits import fit_route
 from solver.run.run import Run, run_of
 from solver.start.free_tracks import is_heard
 from solver.start.regauge import shorter_gauges
+from solver.survey.das.record import DASRecord
 from solver.survey.das.rounding import dithered
 from solver.survey.survey import Survey
 from solver.trajectory.agreement import check_apart, check_gauge, in_record
@@ -38,23 +35,6 @@ from vision.contract import InputError, progress
 EFFECTS = tuple(one.name for one in built_in().values() if one.base_part)
 #: Passes below which the user is told that they are few.
 FEW = 3
-
-
-@contextmanager
-def timed(timings: dict[str, float], name: str) -> Iterator[None]:
-    """Note how long a step takes, s."""
-    begun = time.perf_counter()
-    yield
-    timings[name] = time.perf_counter() - begun
-
-
-def choice_of(whole: Problem, timings: dict[str, float]) -> Choice | None:
-    """Which of many passes tell most; None where all are fitted."""
-    if len(whole.passes) <= MANY or is_long(whole):
-        return None
-    with timed(timings, "choose"), progress("choosing passes", len(whole.passes)) as advance:
-        choice = choose(whole, advance)
-    return choice if choice.taken else None
 
 
 def few_line(passes: Sequence[Pass]) -> str:
@@ -120,26 +100,26 @@ def locate(
     check_apart(survey.anchors, record.channel_spacing)
     anchors = in_record(survey.anchors, record, warnings)
     heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
-    shown = shorter_gauges(filtered(heard, filters))
+
+    def shown(record: DASRecord) -> DASRecord:
+        return shorter_gauges(filtered(record, filters))
+
     priors = {"depth": ground.depth[0], "poisson_ratio": ground.poisson_ratio}
     with timed(timings, "smooth"):
         passes = smoothed(survey.tracks, record, wheels, warnings)
     with timed(timings, "match"):
-        found = matched(shown, passes, anchors, priors, warnings, raw=record)
-    every = passes
-    if unlisted:
-        with timed(timings, "listen"):
-            every = with_unlisted(shown, found, passes, priors, warnings)
-        every = every if wheels else as_points(every)
-    problems = problems_of(survey, heard, every, found, asked, warnings)
-    whole, choice = problems[0], None if all_passes else choice_of(problems[0], timings)
-    if choice is not None:
-        problems = [only(one, choice.numbers) for one in problems]
-    if method != "network":
-        require_room_to_fit(problems[0])
-    disputed = list(found.disputed)
-    with timed(timings, "fit"):
-        result, problem = fit_route(problems, method, record, warnings, disputed)
+        found = matched(shown(heard), passes, anchors, priors, warnings, raw=record)
+
+    def routed(problems: list[Problem], told: list[str], disputed: list[str]) -> tuple[FitResult, Problem]:
+        if method != "network":
+            require_room_to_fit(problems[0])
+        return fit_route(problems, method, record, told, disputed)
+
+    fitting = Fitting(survey, heard, found, asked, routed, all_passes, timings)
+    laid_out = list if wheels else as_points
+    fit = fit_hearing(fitting, passes, shown, priors, laid_out) if unlisted else fitting.of(passes)
+    every, whole, choice, result, problem = fit.passes, fit.whole, fit.choice, fit.result, fit.problem
+    warnings += fit.warnings
     if few := few_line(problem.passes):
         warnings.append(few)
     again = shortened(problem, slice(None), result)
@@ -162,8 +142,8 @@ def locate(
         timings=timings,
         held_out=unseen,
         effects=[one.name for one in asked],
-        warnings=warnings + disputed,
-        disputed=disputed,
+        warnings=warnings + fit.disputed,
+        disputed=fit.disputed,
         known=known,
         choice=told_choice,
     )

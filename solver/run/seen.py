@@ -64,5 +64,5 @@ class Seen(LocatedFiber):
             return ""
         return (
             f"run of {length:.0f} m of fiber: a model is criticized over {ONE_STRETCH:.0f} m at most; "
-            "`roadfiber diagnose` looks at stretch after stretch, `roadfiber stretch` makes a run of one"
+            "`roadfiber diagnose` and `compare` look at stretch after stretch, `roadfiber stretch` makes a run of one"
         )

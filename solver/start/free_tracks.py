@@ -27,8 +27,9 @@ NOBODY_KNOWS = "unknown"
 REACH, GUESSED, OFFSET = 40.0, 0.3, 1.5
 #: m; sd of that shift where no listed vehicle drives the same way: the lane is not known.
 NO_LANE = 3.0
-#: m; what is heard so near to a listed vehicle that goes the same way is that vehicle.
-SAME_VEHICLE = 15.0
+#: m; what is heard so near to a listed vehicle that goes the same way is that vehicle, if it is over this share of the
+#: way: one that only catches up with it is another.
+SAME_VEHICLE, TOGETHER = 15.0, 0.5
 #: A ridge is followed to so many m from the middle at a time, within so many s of where it is expected; and beyond
 #: that by polynomials of these degrees.
 STEPS = ((20.0, 1.2, 1), (40.0, 0.8, 1), (np.inf, 0.8, 2), (np.inf, 0.4, 2))
@@ -150,7 +151,8 @@ def is_listed(found: Pass, listed: Sequence[Pass], late: float) -> bool:
         if (one.speed > 0) != (found.speed > 0):
             continue
         x = np.interp(found.rows, one.rows + late, one.position[:, 0], left=np.nan, right=np.nan)
-        if (np.abs(found.position[:, 0] - x) < SAME_VEHICLE).any():
+        both = np.isfinite(x)
+        if both.any() and (np.abs(found.position[both, 0] - x[both]) < SAME_VEHICLE).mean() > TOGETHER:
             return True
     return False
 
@@ -164,11 +166,13 @@ class Unlisted:
     beside : those that strain the fiber while a listed one does, with free tracks
     elsewhere : how many were heard at other times
     lost : how many were heard beside listed ones, and could not be followed
+    late : by how many rows the record's clock is ahead of the tracks'
     """
 
     beside: list[Pass]
     elsewhere: int
     lost: int
+    late: float = 0.0
 
 
 def is_heard(one: Pass) -> bool:
@@ -200,7 +204,14 @@ def unlisted_line(found: Unlisted, time: Array) -> str:
 
 
 def unlisted(
-    record: DASRecord, rough: Initialization, listed: Sequence[Pass], *, depth: float, poisson_ratio: float, tail: float
+    record: DASRecord,
+    rough: Initialization,
+    listed: Sequence[Pass],
+    *,
+    depth: float,
+    poisson_ratio: float,
+    tail: float,
+    late: float | None = None,
 ) -> Unlisted:
     """Find vehicles that the trajectories lack in the samples that a fit uses.
 
@@ -208,27 +219,26 @@ def unlisted(
     ----------
     record : strain rate
     rough : route
-    listed : vehicles of the trajectories
+    listed : vehicles that are known: of the trajectories, or heard before
     depth, poisson_ratio : prior means, m and 1
     tail : before and after each listed vehicle, s, that the fit looks at
+    late : by how many rows the record's clock is ahead of the tracks', where `record` is what the listed vehicles leave
+        of one; they are heard in it, and tell the clocks, where None
     """
     hearing = Hearing.of(record, rough, depth=depth, poisson_ratio=poisson_ratio)
     heard = hearing.vehicles()
-    middle = middle_times(listed, hearing.middle, record.time)
-    paired = pair(heard, middle, np.array([one.speed for one in listed]))
-    late = 0.0 if np.isnan(paired.offset) else paired.offset * record.sampling_rate
-    used = np.zeros(len(record.time) + 1)
-    margin = round(tail * record.sampling_rate)
-    for driven in listed:
-        used[max(0, driven.rows[0] - margin)] += 1
-        used[min(len(record.time), driven.rows[-1] + margin + 1)] -= 1
-    inside = used.cumsum() > 0
+    strange = heard
+    if late is None:
+        middle = middle_times(listed, hearing.middle, record.time)
+        paired = pair(heard, middle, np.array([one.speed for one in listed]))
+        late = 0.0 if np.isnan(paired.offset) else paired.offset * record.sampling_rate
+        strange = [one for one, seen in zip(heard, paired.seen, strict=True) if seen < 0]
+    inside = used(listed, len(record.time), round(tail * record.sampling_rate))
     beside, elsewhere, lost = list[Pass](), 0, 0
-    for one, seen in zip(heard, paired.seen, strict=True):
-        if seen >= 0:
-            continue
+    first = 1 + sum(is_heard(one) for one in listed)
+    for one in strange:
         line = ridge(hearing, one)
-        found = None if line is None else free_track(line, hearing, len(beside) + 1, listed, record.time)
+        found = None if line is None else free_track(line, hearing, first + len(beside), listed, record.time)
         if found is not None and is_listed(found, listed, late):
             continue
         at = found.rows if found is not None else [min(int(one.time * record.sampling_rate), len(record.time) - 1)]
@@ -238,4 +248,13 @@ def unlisted(
             lost += 1
         else:
             beside.append(found)
-    return Unlisted(beside, elsewhere, lost)
+    return Unlisted(beside, elsewhere, lost, late)
+
+
+def used(passes: Sequence[Pass], rows: int, margin: int) -> NDArray[np.bool_]:
+    """Whether a fit of some passes looks at each of so many rows: up to `margin` of them before and after a pass."""
+    steps = np.zeros(rows + 1)
+    for one in passes:
+        steps[max(0, one.rows[0] - margin)] += 1
+        steps[min(rows, one.rows[-1] + margin + 1)] -= 1
+    return steps.cumsum() > 0

@@ -82,13 +82,22 @@ def test_a_stretch_is_where_the_whole_run_has_it(run: rf.Run, folder: Path, tmp_
 
 
 def test_a_long_run_is_compared_stretch_by_stretch(run: rf.Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its pages are put beside those of the diagnosis, which stay."""
+    """By the door as by the command; its pages are put beside those of the diagnosis, which stay."""
     monkeypatch.setattr(seen, "is_one_stretch", lambda length: length <= 25)
+    with pytest.raises(rf.InputError, match="`roadfiber diagnose` and `compare` look at stretch after stretch"):
+        rf.compare(run)
+    compared, ends = rf.compare_stretches(run), stretches_of(run)
+    assert compared.channels == ends and len(ends) == 2
+    assert compared.table["first"].tolist() == [first for first, _ in ends]
+    # Gauges are longer than told along all of it.
+    assert compared.headline.startswith("Model and measurement differ in 2 of 2 stretches, most in channels ")
+    assert (compared.table["excess"] > 0.01).all() and set(compared.regions["first"]) == {first for first, _ in ends}
+    assert compared.regions["chi2"].is_monotonic_decreasing and compared.plot().get_axes()
     done = CliRunner().invoke(app, ["-q", "compare", str(folder)], catch_exceptions=False)
-    ends = stretches_of(run)
-    assert len(ends) == 2 and [f"channels {a} to {b}: " in done.output for a, b in ends] == [True] * 2
+    assert done.output.startswith("\n".join(compared.said())) and compared.headline in repr(compared)
+    assert "<table" in compared._repr_html_() and len(compared.facts) == 2
     pages = [folder / f"channels-{a}-{b}" / f"{name}.html" for a, b in ends for name in ("compare", "diagnosis")]
-    assert all(page.is_file() for page in pages)
+    assert all(page.is_file() for page in pages) and compared.pages(folder) == pages[::2]
 
 
 def test_a_stretch_that_cannot_be_is_one_line(run: rf.Run) -> None:
@@ -105,6 +114,10 @@ def test_stretches_that_differ_are_told_one_by_one(found: rf.StretchDiagnosis) -
     vars(apart)["shared"] = Shared(found.shared.weighed, 0.1)
     assert apart.headline.startswith("Stretch by stretch. Channels ")
     assert apart.headline.count("Gauge length.") == 2 and apart.verdict == "missing-effect"
+    assert apart.lines()[-1].startswith("how probable, if so: Gauge length")
+    # What one cause would be is not said where there is none.
+    vars(apart)["shared"] = Shared(found.shared.weighed, 0.01)
+    assert apart.lines()[-1].startswith("that one cause, or none, acts along all of it is 1 % probable")
 
 
 def test_a_stretch_whose_noise_is_not_understood_is_not_among_those_told_of(found: rf.StretchDiagnosis) -> None:

@@ -52,6 +52,24 @@ def test_the_route_is_that_of_one_fit_of_all(days) -> None:
     assert np.abs(average - every.route).max() > 10 * off.max()
 
 
+def test_runs_of_a_long_fiber_make_the_route_of_one_long_fit(case) -> None:
+    """With stretches of 15 m, each with vehicles of its own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("solver.fit.least_squares.ENOUGH", 0.01)
+        patch.setattr("solver.fit.longest.ONE_STRETCH", 30.0)
+        patch.setattr("solver.fit.stretches.STRETCH", 15.0)
+        whole = replace(case.problem, effects=())
+        parts = [part(whole, np.array(numbers)) for numbers in ([0, 1], [2, 3])]
+        runs = [made_run(fit_spline(few), few, 10 + day) for day, few in enumerate(parts)]
+        every, combined = fit_spline(whole), rf.combine(*runs)
+    assert len({name for name in every.parameters if name.startswith("amplitude[")}) > len(whole.passes)
+    assert combined.converged
+    # What is near a stretch is told from where a fit begins: some samples more or less.
+    off = np.abs(combined.place.route - every.route)
+    assert (off < 0.05 * every.sigma).all()
+    np.testing.assert_allclose(combined.place.sigma / combined.widened, every.sigma, rtol=0.005)
+
+
 def test_runs_that_agree_are_said_to(days) -> None:
     _, _, combined = days
     assert combined.headline.startswith("2 runs with 4 passes make one route") and "all agree" in combined.headline

@@ -2,11 +2,15 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from solver import simulator
+from solver.fit.result import FitResult, Parameter
+from solver.run.heard_passes import weighs
 from solver.run.locate import locate
 from solver.simulator.scenario import read_scenario
 from solver.start.free_tracks import (
@@ -80,6 +84,8 @@ def test_what_goes_along_with_a_listed_vehicle_is_that_vehicle() -> None:
     assert not is_listed(driven(12.5, 23.0, 1.0), listed, 0.0)
     # The clock of the tracks is 3 s behind.
     assert is_listed(driven(12.5, 23.0, 1.0), listed, 15.0)
+    # One that only catches up with it is another.
+    assert not is_listed(driven(24.0, 22.0, 1.0), listed, 0.0)
 
 
 def test_what_is_said_of_them() -> None:
@@ -88,6 +94,36 @@ def test_what_is_said_of_them() -> None:
     assert "8 fitted beside the others, their tracks free (heard#0 at 20 s, heard#1 at 21 s, " in line
     assert "heard#5 at 25 s, ...); 2 too faint to be followed, which stay in the residual" in line
     assert unlisted_line(Unlisted([], 0, 0), TIME) == ""
+
+
+def test_what_has_no_weight_is_no_vehicle() -> None:
+    listed = [driven(12.0, 20.0, 1.8, name) for name in ("1", "2", "3")]
+    sizes = {"1": 2.0, "2": 1.0, "3": 8.0, "heard#1": 0.5, "heard#2": 0.1, "heard#3": -3.0}
+    fitted = {f"amplitude[{name}]": Parameter(size, 0.01, "m^2", True) for name, size in sizes.items()}
+    fitted["amplitude[heard#4]"] = Parameter(0.5, 0.2, "m^2", True)
+    result = cast(FitResult, SimpleNamespace(parameters=fitted))
+    heard = [driven(12.0, 25.0, 1.8, f"heard#{number}") for number in range(1, 6)]
+    assert [weighs(result, one, listed) for one in heard] == [True, False, False, False, False]
+
+
+def test_vehicles_close_behind_louder_ones_are_heard_in_what_a_fit_leaves(tmp_path: Path) -> None:
+    """Twelve vehicles 2 to 7 s apart, every second of them not in the trajectories: one was heard before."""
+    small = {"view": (0.0, 80.0), "channels": 201, "passes": 12, "headway": (2.0, 7.0), "snr_db": 18.0}
+    made = simulator.simulate(read_scenario("street", seed=901, **small))
+    survey = Survey.read(simulator.write_survey(made, tmp_path / "survey"))
+    assert survey.tracks is not None
+    gone = made.vehicles[1::2]
+    some = survey.with_tracks(survey.tracks[~survey.tracks["track_id"].isin([one.track_id for one in gone])])
+    run = locate(some, unlisted=True)
+    time, heard = some.record.time, [one for one in run.passes if is_heard(one)]
+    nearest = []
+    for one in heard:
+        inside = (one.position[:, 0] > 0) & (one.position[:, 0] < 80)
+        off = [one.position[inside, 0] - each.position(time[one.rows[inside]])[:, 0] for each in gone]
+        nearest.append(int(np.argmin([np.abs(each).mean() for each in off])))
+        assert min(np.abs(each).mean() for each in off) < 1.5
+    assert sorted(nearest) == list(range(6)) and run.result.chi2_per_dof < 1.05
+    assert [line for line in run.warnings if line.endswith("at 61 s)")]
 
 
 def test_a_fit_carries_vehicles_that_nobody_listed(tmp_path: Path) -> None:
