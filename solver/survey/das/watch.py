@@ -99,7 +99,14 @@ class Watch:
         return np.asarray(self.smallest == self.largest)
 
     def clipped(self) -> str | None:
-        """As `solver.survey.das.values.clipped` of a whole record."""
+        """Say how many numbers are clipped at the ends of a range; None if none are.
+
+        >>> watch, noise = Watch(1), np.random.default_rng(0).normal(0, 1, (500, 6))
+        >>> watch.look(0, np.clip(noise, -9, 1.5))
+        >>> watch.clipped()
+        '190 samples of 6 channels stand at the same largest number, 1.5: the record is clipped, and vehicles seem \
+farther away than they are; record with a larger range'
+        """
         for end, which in zip(self.ends, ("largest", "smallest"), strict=True):
             if end.count is None:
                 continue
