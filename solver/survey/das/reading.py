@@ -88,7 +88,8 @@ class Reading:
         """Velocity [time, column] differenced to strain rate [time, channel]; anything else as it is."""
         if not self.known.pair:
             return values
-        return across_gauge(values, self.known.channel_spacing, self.known.gauge_length)[0]
+        velocity = values.astype(np.float64, copy=False)
+        return across_gauge(velocity, self.known.channel_spacing, self.known.gauge_length)[0]
 
     def paired(self, told: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """True for a channel [channel] if it is true for both columns [column] that the channel is made from."""

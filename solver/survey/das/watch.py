@@ -89,9 +89,9 @@ class Watch:
         self.kept.append(np.array(values[first :: self.every]))
 
     @property
-    def looked_at(self) -> NDArray[np.float64]:
-        """The rows kept [row, channel], evenly spaced."""
-        return np.concatenate(self.kept).astype(np.float64)
+    def looked_at(self) -> NDArray[Any]:
+        """The rows kept [row, channel], evenly spaced, as they are stored."""
+        return np.concatenate(self.kept)
 
     @property
     def still(self) -> NDArray[np.bool_]:
