@@ -39,7 +39,7 @@ KNOWN = 1.5
 
 def unexplained(fit: MapFit, state: State) -> Array:
     """Measured less model [row, channel] over the whole record, 1/s; spikes and what was not measured are 0."""
-    rest = np.nan_to_num(fit.problem.record)
+    rest = np.nan_to_num(fit.problem.record.astype(np.float64))
     rest[fit.problem.traffic.samples] = fit.unexplained(fit.model(state)).numpy()
     return np.where(np.abs(rest) < 50 * fit.problem.noise.numpy(), rest, 0.0)
 

@@ -162,9 +162,12 @@ def whitened(record: DASRecord) -> Quiet:
 
 def levels(rate: NDArray[Any]) -> tuple[Array, NDArray[np.bool_]]:
     """Noise [channel], 1/s, of a record [time, channel], and which channels measure nothing."""
-    some = rate[:: max(1, len(rate) // 4000)]
-    some = some[np.isfinite(some).any(axis=1)]
-    level = MAD * np.median(np.abs(np.nan_to_num(some.astype(np.float64))), axis=0)
+    step = max(1, len(rate) // 4000)
+    level = np.zeros(rate.shape[1])
+    rows = step * np.flatnonzero(np.isfinite(rate[::step]).any(axis=1))
+    for first in range(0, len(level), SOME):
+        some = rate[rows, first : first + SOME].astype(np.float64)
+        level[first : first + SOME] = MAD * np.median(np.abs(np.nan_to_num(some)), axis=0)
     alive = np.isfinite(level) & (level > 0)
     return np.where(alive, level, 1.0), ~alive
 

@@ -55,9 +55,8 @@ def pose(
     """State the fitting problem over the active `channel` numbers but for `dead` ones, from `route` [channel, 3] on."""
     column = np.searchsorted(record.channel, channel)
     whole = column[-1] - column[0] == len(column) - 1
-    # A view where it can be: on a long fiber a copy is a large part of the memory. Fits take double precision.
+    # A view where it can be: on a long fiber, or in hours of record, a copy is a large part of the memory.
     strain_rate = record.strain_rate[:, slice(column[0], column[-1] + 1) if whole else column]
-    strain_rate = strain_rate.astype(np.float64, copy=False)
     still = quiet(len(strain_rate), route, passes)
     rounding = record.rounding and record.rounding.at(column)
     noise = rounded_level(noise_level(strain_rate, still), strain_rate, still, rounding)

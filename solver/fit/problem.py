@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import torch
@@ -34,7 +35,8 @@ class Problem:
 
     Parameters
     ----------
-    record : [row, channel], the whole record of the fitted channels, 1/s; NaN where there is none
+    record : [row, channel], the whole record of the fitted channels, 1/s; NaN where there is none; in single precision
+        where it was read so, of which fits take the samples that they need in double
     noise : [channel], standard deviation of the noise, 1/s
     channel : [channel], numbers of the fitted channels
     recorded : how many channels the whole record has
@@ -53,7 +55,7 @@ class Problem:
     coil : fiber that the matched filter takes to lie coiled; no model has it before it is added
     """
 
-    record: NDArray[np.float64]
+    record: NDArray[Any]
     noise: Tensor
     channel: NDArray[np.int64]
     recorded: int
@@ -78,7 +80,7 @@ class Problem:
         """Measured strain rate [sample, channel] at the traffic's samples, 1/s."""
         samples = self.traffic.samples
         whole = samples[-1] - samples[0] == len(samples) - 1
-        return torch.from_numpy(self.record[slice(samples[0], samples[-1] + 1) if whole else samples])
+        return torch.from_numpy(self.record[slice(samples[0], samples[-1] + 1) if whole else samples]).double()
 
     def distance_of(self, channel: ArrayLike) -> NDArray[np.float64]:
         """Distance along the fiber, m, of channel numbers."""

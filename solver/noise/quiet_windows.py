@@ -58,8 +58,10 @@ def noise_level(strain_rate: NDArray[np.float64], still: NDArray[np.bool_]) -> N
     level = np.full(strain_rate.shape[1], np.nan)
     for first in range(0, len(level), CHANNELS):
         part = strain_rate[:, first : first + CHANNELS]
-        finite = np.isfinite(part)
-        use = still[:, first : first + CHANNELS] & finite
+        measured = np.isfinite(part).any(1)
+        measured[:1] = True  # there may be none
+        part, finite = part[measured], np.isfinite(part[measured])
+        use = still[measured, first : first + CHANNELS] & finite
         use = np.where(use.sum(0) >= ENOUGH, use, finite)
         # NaN sorts last, so that the middle of the first `count` values is the median.
         ordered = np.sort(np.where(use, np.abs(part), np.nan), axis=0)
@@ -126,7 +128,7 @@ def whitened_noise(
     """
     level = whiten.level.numpy()
     noise = still & np.isfinite(strain_rate) & (np.abs(np.nan_to_num(strain_rate)) < 7 * level)
-    white = whiten(torch.from_numpy(np.where(noise, strain_rate, 0.0))).numpy()
+    white = whiten(torch.from_numpy(np.where(noise, strain_rate, 0.0)).double()).numpy()
     gone = np.cumsum(np.vstack([np.zeros((1, noise.shape[1])), ~noise]), 0)
     # The oldest samples weigh least: a quarter of the filter's memory holds nearly all of its weight.
     first = np.maximum(np.arange(1, len(noise) + 1) - max(1, len(whiten.law.own) // 4), 0)

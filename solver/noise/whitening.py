@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: Longest correlation of the noise in time that is estimated, s, and samples.
 MEMORY, LONGEST = 8.0, 40
+#: A record with a larger share of rows near a sample is taken as it is, gaps included.
+DENSE = 0.8
 #: Correlations between channels below this are within the scatter of their estimate.
 SPATIAL_FLOOR = 0.04
 #: Range of correlated neighbors: at least so many channels, and so many gauge lengths. The noise of overlapping gauges
@@ -60,11 +62,13 @@ def noise_law(
     Products of quiet samples are averaged over pairs of channels at every lag: pairs of distant channels contain the
     common mode alone, pairs within one channel contain both parts. Samples beyond 5 sigma are left out.
     """
+    lags = int(np.clip(round(MEMORY * sampling_rate), 4, LONGEST)) + 1
+    lags = min(lags, max(1, len(record) // 8))
+    some = measured_rows(record, lags)
+    record, still = record[some], still[some]
     use = still & np.isfinite(record) & (np.abs(np.nan_to_num(record)) < 5)
     value = np.where(use, np.nan_to_num(record), 0.0)
     count = use.astype(float)
-    lags = int(np.clip(round(MEMORY * sampling_rate), 4, LONGEST)) + 1
-    lags = min(lags, max(1, len(record) // 8))
     number = count.sum(1)
     reach = reach_of(value.shape[1], gauge)
     far, far_count = beyond_neighbors(value, reach), beyond_neighbors(count, reach)
@@ -87,6 +91,21 @@ def noise_law(
     own[: len(hidden)] += hidden
     common = positive(common) if common[0] > 0 else common
     return NoiseLaw(positive(own), common, across(value, count, common[0], reach), hidden)
+
+
+def measured_rows(record: Array, lags: int) -> slice | NDArray[np.int64]:
+    """Rows of a record [row, channel] with samples, and `lags` more after them; a slice of all if few have none.
+
+    Between what is kept of two spans, gaps stay longer than any lag, so that no product reaches across one.
+
+    >>> measured_rows(np.array([1.0, np.nan, np.nan, np.nan, np.nan, np.nan, 2.0, 3.0])[:, None], 2).tolist()
+    [0, 1, 2, 6, 7]
+    """
+    measured = np.isfinite(record).any(1)
+    number = np.arange(len(record))
+    since = number - np.maximum.accumulate(np.where(measured, number, -len(record)))
+    near = since <= lags
+    return slice(None) if near.mean() > DENSE else np.flatnonzero(near)
 
 
 def reach_of(channels: int, gauge: float) -> int:

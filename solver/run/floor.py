@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from solver.fit.problem import Problem
 from solver.fit.robust import HUBER
 from solver.noise.quiet_windows import quiet, whitened_noise
-from solver.noise.whitening import Whitener
+from solver.noise.whitening import Whitener, measured_rows
 
 CHANNELS = 400  # whose quiet samples are whitened at once
 ENOUGH_QUIET = 200  # samples; the mean square of fewer is uncertain by more than 10 %
 BLOCKS = 32  # that the scatter is estimated from at least
+
+Rows = slice | NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,10 @@ class Floor:
 
 def noise_floor(problem: Problem) -> Floor | None:
     """Measure the noise floor on samples with no vehicle near, with the fit's own Huber weights; None if too few."""
-    square, count = np.zeros(len(problem.record)), np.zeros(len(problem.record))
+    rows = measured_rows(problem.record, len(problem.law.own))
+    square, count = np.zeros(len(problem.record))[rows], np.zeros(len(problem.record))[rows]
     for first in range(0, len(problem.channel), CHANNELS):
-        white, alone = quiet_whitened(problem, slice(first, first + CHANNELS))
+        white, alone = quiet_whitened(problem, slice(first, first + CHANNELS), rows)
         size = np.where(alone, np.abs(white), 0.0)
         square += (size * np.minimum(size, HUBER)).sum(1)
         count += alone.sum(1)
@@ -72,20 +75,20 @@ def block_variance(row: NDArray[np.float64]) -> float:
     return largest
 
 
-def quiet_whitened(problem: Problem, part: slice) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """The whitened record of some channels, and where it is noise alone, [sample, channel]."""
-    still = quiet(len(problem.record), problem.start[part], problem.passes)
-    samples = np.arange(len(problem.record))
-    whiten = Whitener(problem.noise[part], samples, problem.channel[part], problem.law)
-    return whitened_noise(with_hidden(problem, part), still, whiten)
+def quiet_whitened(problem: Problem, part: slice, rows: Rows) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The whitened record of some channels and rows, and where it is noise alone, [sample, channel]."""
+    still = quiet(len(problem.record), problem.start[part], problem.passes)[rows]
+    record = with_hidden(problem, part, rows)
+    whiten = Whitener(problem.noise[part], np.arange(len(record)), problem.channel[part], problem.law)
+    return whitened_noise(record, still, whiten)
 
 
-def with_hidden(problem: Problem, part: slice) -> NDArray[np.float64]:
-    """The record [sample, channel] of some channels with errors drawn as large as rounding leaves beside vehicles.
+def with_hidden(problem: Problem, part: slice, rows: Rows) -> NDArray[np.float64]:
+    """The record [sample, channel] of some channels and rows with errors as large as rounding leaves beside vehicles.
 
     Quiet that was rounded to zero lacks them, and the misfit of the fitted samples does not.
     """
-    record, hidden = problem.record[:, part], problem.law.hidden
+    record, hidden = problem.record[:, part][rows], problem.law.hidden
     if not hidden[0] > 0:
         return record
     law = np.zeros(len(record))

@@ -58,7 +58,7 @@ def problem_from(
         name: tuple(value) if isinstance(value, list) else value for name, value in facts["prior"].items()
     }
     return Problem(
-        record=arrays["record"].astype(np.float64),
+        record=arrays["record"],
         noise=torch.from_numpy(arrays["noise"]),
         channel=arrays["fitted_channel"],
         passes=passes,

@@ -15,6 +15,7 @@ THRESHOLD_DB = 7.0
 FRAME_RATE = 10.0  # Hz; a vehicle moves less than its response is wide between two frames
 SPIKE = 6.0  # noise standard deviations off its neighbors
 ROWS_FOR_NOISE = 2000
+TOGETHER = 1000  # frames that are averaged at once
 #: Multiple of the usual level above which a channel is scaled down to that.
 LOUD = 4.0
 
@@ -51,23 +52,44 @@ class Detections:
         return replace(self, **{f.name: getattr(self, f.name)[keep] for f in fields(self)})
 
 
-def thinned(strain_rate: Array, passes: Sequence[Pass], stride: int) -> tuple[Array, list[Pass]]:
-    """Average `stride` rows into a frame: strain rate [frame, channel], and passes whose rows count frames.
+@dataclass(frozen=True)
+class Frames:
+    """A record averaged in time, at the frames that are asked for: all of them would take twice the record's memory.
 
-    NaN samples do not count; a frame without any sample is NaN.
+    Parameters
+    ----------
+    strain_rate : [row, channel], 1/s; NaN samples do not count
+    stride : rows of a frame
 
-    >>> thinned(np.array([[1.0], [3.0], [np.nan], [4.0], [9.0]]), [], 2)[0].tolist()
+    `frames[which]` is strain rate [frame, channel] in double precision; a frame without any sample is NaN.
+
+    >>> Frames(np.array([[1.0], [3.0], [np.nan], [4.0], [9.0]]), 2)[:].tolist()
     [[2.0], [4.0]]
     """
-    if stride == 1:
-        return strain_rate.astype(np.float64, copy=False), list(passes)
-    frames = len(strain_rate) // stride
-    blocks = strain_rate[: frames * stride].reshape(frames, stride, -1)
-    finite = np.isfinite(blocks)
-    count = finite.sum(1)
-    total = np.where(finite, blocks, 0.0).sum(1, dtype=np.float64)
-    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
-    return mean, [thinned_pass(one, stride, frames) for one in passes]
+
+    strain_rate: NDArray[Any]
+    stride: int
+
+    def __len__(self) -> int:
+        return len(self.strain_rate) // self.stride
+
+    def __getitem__(self, which: slice | NDArray[np.int64]) -> Array:
+        number = np.arange(len(self))[which]
+        mean = np.full((len(number), self.strain_rate.shape[1]), np.nan)
+        for first in range(0, len(number), TOGETHER):
+            part = slice(first, first + TOGETHER)
+            blocks = self.strain_rate[number[part, None] * self.stride + np.arange(self.stride)]
+            finite = np.isfinite(blocks)
+            count = finite.sum(1)
+            total = np.where(finite, blocks, 0.0).sum(1, dtype=np.float64)
+            np.divide(total, count, out=mean[part], where=count > 0)
+        return mean
+
+
+def thinned(strain_rate: NDArray[Any], passes: Sequence[Pass], stride: int) -> tuple[Frames, list[Pass]]:
+    """Average `stride` rows into a frame: the frames, and passes whose rows count frames."""
+    frames = Frames(strain_rate, stride)
+    return frames, [thinned_pass(one, stride, len(frames)) if stride > 1 else one for one in passes]
 
 
 def thinned_pass(one: Pass, stride: int, frames: int) -> Pass:
@@ -109,22 +131,22 @@ def mended(strain_rate: Array) -> Array:
     return interpolated(np.where(spike, np.nan, filled))
 
 
-def quieted(strain_rate: Array) -> Array:
-    """Strain rate [frame, channel] whose loudest channels are brought down to the usual level.
+def excess(strain_rate: Frames | Array) -> Array:
+    """By how much the loudest channels [channel] of strain rate [frame, channel] exceed the usual level; 1 elsewhere.
 
-    Otherwise a machine beside the fiber, a splice or a fading point would be the detection of every frame.
+    Brought down by that, a machine beside the fiber, a splice or a fading point is not the detection of every frame.
 
     >>> loud = np.random.default_rng(0).normal(size=(300, 20)) * np.where(np.arange(20) == 3, 30.0, 1.0)
-    >>> [round(float(one.std())) for one in (loud[:, 3], quieted(loud)[:, 3], quieted(loud)[:, 4])]
-    [30, 1, 1]
+    >>> [round(float(one)) for one in excess(loud)[2:5]]
+    [1, 28, 1]
     """
     some = np.abs(strain_rate[:: max(1, len(strain_rate) // ROWS_FOR_NOISE)])
     heard = np.isfinite(some).any(0)
-    level = np.zeros(strain_rate.shape[1])
+    level = np.zeros(some.shape[1])
     level[heard] = np.nanmedian(some[:, heard], axis=0)
     usual = float(np.median(level[level > 0])) if (level > 0).any() else 0.0
     loud = level > LOUD * usual
-    return strain_rate / np.where(loud, level / usual, 1.0) if loud.any() else strain_rate
+    return np.where(loud, level, usual) / usual if loud.any() else np.ones(len(level))
 
 
 def scale_maps(strain_rate: Array, scales: Array, heard: NDArray[np.bool_] | None = None) -> Iterator[Array]:
@@ -198,20 +220,22 @@ class MatchedFilter:
     strain_rate : [frame, channel], 1/s, NaN where not measured
     passes : with rows that count frames
     scales : of the bank, in channels, equidistant
+    level : by which each channel is divided first [channel]; none if not given
     """
 
-    def __init__(self, strain_rate: Array, passes: Sequence[Pass], scales: Array):
+    def __init__(self, strain_rate: Frames | Array, passes: Sequence[Pass], scales: Array, level: Array | None = None):
         self.scales = scales
         self.wavelets = bank(scales)
         half = len(self.wavelets) // 2
         self.frames = np.unique(np.concatenate([one.rows for one in passes]))
-        self.measured = np.isfinite(strain_rate[self.frames])
-        data = mended(strain_rate[self.frames])
+        data = strain_rate[self.frames] / (1.0 if level is None else level)
+        self.measured = np.isfinite(data)
+        data = mended(data)
         self.padded = np.pad(data, ((0, 0), (half, half)), mode="edge")
         # Frames and channels that measured nothing must not make the noise look small.
         rows = self.measured.any(1)
         self.positive, self.negative = np.zeros((2, *data.shape))
-        self.positive[rows], self.negative[rows] = snr_maps(data[rows], scales, self.measured.any(0))
+        self.positive[rows], self.negative[rows] = snr_maps(data[rows], scales, np.asarray(self.measured.any(0)))
 
     def detect(self, one: Pass, polarity: int, expected: Array | None = None, gate: int = 0) -> Detections:
         """Best channel and scale in every frame of a pass that is in view, where the SNR is above 7 dB.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.start.coupling_curve import coupling_curve
-from solver.start.detections import FRAME_RATE, THRESHOLD_DB, decibel, mended, quieted, snr_maps, thinned
+from solver.start.detections import FRAME_RATE, THRESHOLD_DB, decibel, excess, mended, snr_maps, thinned
 from solver.start.initialization import Initialization, bank_scales
 from solver.survey.das.record import DASRecord
 from solver.trajectory.vehicle_pass import Pass
@@ -159,10 +159,11 @@ class Hearing:
     def of(cls, record: DASRecord, rough: Initialization, *, depth: float, poisson_ratio: float) -> "Hearing":
         """Of a whole record; `depth`, m, and `poisson_ratio` are prior means."""
         stride = max(1, int(record.sampling_rate / FRAME_RATE))
-        frames, _ = thinned(record.strain_rate, [], stride)
+        thin, _ = thinned(record.strain_rate, [], stride)
+        frames = thin[:]
         curve = coupling_curve("car", depth=depth, gauge_length=record.gauge_length, poisson_ratio=poisson_ratio)
         scales = bank_scales([curve], record.channel_spacing)
-        both = snr_maps(mended(quieted(frames)), scales, np.asarray(np.isfinite(frames).any(0)))
+        both = snr_maps(mended(frames / excess(frames)), scales, np.asarray(np.isfinite(frames).any(0)))
         x0, slope = rough.x_of_channel
         columns = np.searchsorted(record.channel, rough.channel)
         maps = {way: decibel(both[0 if rough.polarity * way > 0 else 1][:, columns]) for way in (1, -1)}

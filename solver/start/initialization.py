@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from solver.start.alignment import align, direction_residual
 from solver.start.coupling_curve import CouplingCurve, coupling_curve
-from solver.start.detections import FRAME_RATE, Detections, MatchedFilter, quieted, thinned
+from solver.start.detections import FRAME_RATE, Detections, MatchedFilter, excess, thinned
 from solver.start.fiber_line import FiberLine
 from solver.start.lateral import binned_widths, locate_sides
 from solver.start.wavelets import SCALES, Array
@@ -154,11 +154,11 @@ def initialize(
     """
     stride, spacing = max(1, int(record.sampling_rate / FRAME_RATE)), record.channel_spacing
     frames, thin = thinned(record.strain_rate, passes, stride)
-    seen = visible(thin, frames.shape[1])
+    seen = visible(thin, len(record.channel))
     thin = [thin[index] for index in seen]
     curves = [curves_by_depth(one.vehicle_class, depth, record.gauge_length, poisson_ratio) for one in thin]
     expected = [curve[1.0] for curve in curves]
-    matched = MatchedFilter(quieted(frames), thin, bank_scales(expected, spacing))
+    matched = MatchedFilter(frames, thin, bank_scales(expected, spacing), excess(frames))
     gauge = record.gauge_length / spacing
     found = align(matched, thin, spacing, gauge)
     check_clocks(found.line)

@@ -9,41 +9,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.survey.das.description import Description
+from solver.survey.das.grid import FELT
 from solver.survey.das.lowpass import taps_of
 from solver.survey.das.record import ranges
-from solver.survey.das.reduced import Values, filter_of, gain_of, reduce, slabs
+from solver.survey.das.reduced import DERIVED, Values, filter_of, gain_of, overlapping, reduce, slabs
 from solver.survey.das.rounding import Rounding, rounding_of
 from solver.survey.das.setting import logger
 from solver.survey.das.size import require_room_for_record
 from solver.survey.das.units import Unit, across_gauge, to_strain_rate
-from solver.survey.das.values import check_size, clipped
+from solver.survey.das.values import check_size
 from solver.survey.das.watch import Watch
 from vision.contract import InputError, progress
 
 Array = NDArray[np.float64]
 
-AT_ONCE = 64  # channels converted together
+AT_ONCE = 32  # channels converted together
 LOOKED_AT = 4000  # fewest rows from which rounding is estimated
-
-
-def converted(values: Array, unit: Unit, sampling_rate: float, gauge_length: float) -> Array:
-    """Convert `values` [time, channel], NaN rows in gaps, in place to strain rate, 1/s; each run between gaps alone."""
-    rows = np.flatnonzero(np.isfinite(values).all(axis=1))
-    for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
-        span = slice(run[0], run[-1] + 1)
-        # A derivative takes ten times the memory of its input.
-        for first in range(0, values.shape[1], AT_ONCE):
-            part = slice(first, first + AT_ONCE)
-            values[span, part] = to_strain_rate(values[span, part], unit, sampling_rate, gauge_length)
-    return values
 
 
 def without_dead(strain_rate: NDArray[Any], still: NDArray[np.bool_], told: Sequence[int], where: Path) -> None:
     """Set channels that never change, `still`, to NaN, in place: they measure nothing."""
     if still.all():
         raise InputError(f"{where}: no channel holds a signal; check channels and exclude in [das] of site.toml")
-    swing = np.nanmax(strain_rate[:, ~still], axis=0) - np.nanmin(strain_rate[:, ~still], axis=0)
-    check_size(swing.astype(np.float64), where)
+    # Not numpy.nanmax: of some channels it takes a copy of the record.
+    swing = np.fmax.reduce(strain_rate, axis=0) - np.fmin.reduce(strain_rate, axis=0)
+    check_size(swing[~still].astype(np.float64), where)
     if len(told):
         logger.warning(
             "%s: %d channels never change, so they are left out: %s", where, len(told), ranges(np.asarray(told))
@@ -98,36 +88,43 @@ class Reading:
         """Velocity [time, column] differenced to strain rate [time, channel]; anything else as it is."""
         if not self.known.pair:
             return values
-        return across_gauge(values, self.known.channel_spacing, self.known.gauge_length)[0]
+        velocity = values.astype(np.float64, copy=False)
+        return across_gauge(velocity, self.known.channel_spacing, self.known.gauge_length)[0]
 
     def paired(self, told: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """True for a channel [channel] if it is true for both columns [column] that the channel is made from."""
         n = self.known.pair
         return told[2 * n :] & told[: len(told) - 2 * n] if n else told
 
+    def convert(self, values: NDArray[Any], own: slice, rate: NDArray[np.float32]) -> None:
+        """Write strain rate [time, channel], 1/s, at the rows `own` of gapless stored numbers [time, column]."""
+        sampling_rate, gauge_length, n = self.known.grid.sampling_rate, self.known.gauge_length, self.known.pair
+        # In double precision, and a derivative takes ten times the memory of its input: few channels at once.
+        for first in range(0, rate.shape[1], AT_ONCE):
+            some = self.narrowed(values[:, first : first + AT_ONCE + 2 * n].astype(np.float64))
+            some[~np.isfinite(some)] = 0.0  # of an excluded channel; else `checked` refuses the record
+            rate[:, first : first + AT_ONCE] = to_strain_rate(some, self.stored(), sampling_rate, gauge_length)[own]
+
+    def empty(self, rows: int, factor: int = 1) -> tuple[NDArray[np.float32], Watch]:
+        """Strain rate [row, channel] of NaN, to be filled, and a watch for `factor` times as many rows."""
+        require_room_for_record(rows, len(self.channel), self.known.where)
+        return np.full((rows, len(self.channel)), np.nan, np.float32), Watch(max(1, rows * factor // LOOKED_AT))
+
     def whole(self) -> Found:
-        """Every sample, in double precision."""
-        known, grid = self.known, self.known.grid
+        """Every sample, in single precision."""
+        grid, stored = self.known.grid, self.stored()
         begin, end = self.spans[0][0], self.spans[-1][1]
         grid.check_dense(begin, end)
-        require_room_for_record(end - begin, len(self.channel), known.where)
-        values, faults = np.full((end - begin, len(self.channel)), np.nan), list[str]()
+        rate, watch, faults = *self.empty(end - begin), list[str]()
+        felt = FELT if stored.quantity in DERIVED else 0
         with progress("reading DAS", end - begin) as advance:
             for low, high in self.spans:
-                for row, some in slabs(grid, self.columns, low, high, faults):
-                    part = self.narrowed(some.astype(np.float64))
-                    part[:, self.excluded] = 0.0
-                    check_finite((~np.isfinite(part)).sum(0), self.channel, known.where)
-                    values[row - begin : row - begin + len(part)] = part
-                    advance(len(part))
-        if not np.isfinite(values).any():
-            raise InputError(faults[0] if faults else f"{known.where}: no samples; check the clocks")
-        cut_off = clipped(values)
-        rounding = rounding_of(values, self.stored(), grid.sampling_rate, known.gauge_length)
-        rate = converted(values, self.stored(), grid.sampling_rate, known.gauge_length)
-        still = np.nanmax(rate, axis=0) == np.nanmin(rate, axis=0)
-        without_dead(rate, still, self.channel[still & ~self.excluded].tolist(), known.where)
-        return Found(rate, begin, end, 1, rounding, (*([cut_off] if cut_off else []), *faults))
+                for row, values, own in overlapping(slabs(grid, self.columns, low, high, faults), felt, watch.look):
+                    first, count = row + own.start - begin, own.stop - own.start
+                    self.convert(values, own, rate[first : first + count])
+                    advance(count)
+        rounding, cautions = self.checked(rate, watch, faults)
+        return Found(rate, begin, end, 1, rounding, cautions)
 
     def reduced(self, factor: int) -> Found:
         """Filtered, every `factor`-th sample, in single precision."""
@@ -136,10 +133,8 @@ class Reading:
         spans = [(-(-begin // factor), (end - 1) // factor + 1) for begin, end in self.spans]
         begin, end = spans[0][0], spans[-1][1]
         grid.check_dense(begin * factor, end * factor)
-        require_room_for_record(end - begin, len(self.channel), known.where)
-        rate = np.full((end - begin, len(self.channel)), np.nan, np.float32)
+        rate, watch, faults = *self.empty(end - begin, factor), list[str]()
         gain = gain_of(stored, grid.sampling_rate, known.gauge_length)
-        watch, faults = Watch(max(1, (end - begin) * factor // LOOKED_AT)), list[str]()
         with progress("reading DAS", end - begin) as advance:
 
             def take(row: int, values: Values) -> None:
@@ -148,23 +143,24 @@ class Reading:
 
             for span in spans:
                 reduce(grid, self.columns, low, span, watch.look, take, faults)
+        rounding, cautions = self.checked(rate, watch, faults)
+        taps = taps_of(factor)
+        rounding = rounding and rounding.filtered(taps / taps.sum(), factor)
+        return Found(rate, begin * factor, min((end - 1) * factor + 1, grid.rows), factor, rounding, cautions)
+
+    def checked(
+        self, rate: NDArray[np.float32], watch: Watch, faults: Sequence[str]
+    ) -> tuple[Rounding | None, tuple[str, ...]]:
+        """Refuse numbers that no fiber makes, and set dead channels of `rate` to NaN; its rounding, and cautions."""
+        known, stored, n = self.known, self.stored(), self.known.pair
         if watch.bad is None or not len(watch.kept):
             raise InputError(faults[0] if faults else f"{known.where}: no samples; check the clocks")
-        n = known.pair
         bad = watch.bad[n : len(watch.bad) - n] + (watch.bad[2 * n :] + watch.bad[: len(watch.bad) - 2 * n]) * (n > 0)
         check_finite(np.where(self.excluded, 0, bad), self.channel, known.where)
         if not np.isfinite(rate).any():
-            raise InputError(f"{known.where}: too few samples without a gap to reduce; give a longer record")
+            raise InputError(f"{known.where}: too few samples without a gap; give a longer record")
         cut_off = watch.clipped()
-        rounding = rounding_of(self.narrowed(watch.looked_at), stored, grid.sampling_rate, known.gauge_length)
+        rounding = rounding_of(self.narrowed(watch.looked_at), stored, known.grid.sampling_rate, known.gauge_length)
         still = self.paired(watch.still) | self.excluded
         without_dead(rate, still, self.channel[still & ~self.excluded].tolist(), known.where)
-        taps = taps_of(factor)
-        return Found(
-            rate,
-            begin * factor,
-            min((end - 1) * factor + 1, grid.rows),
-            factor,
-            rounding and rounding.filtered(taps / taps.sum(), factor),
-            (*([cut_off] if cut_off else []), *faults),
-        )
+        return rounding, (*([cut_off] if cut_off else []), *faults)

@@ -1,6 +1,6 @@
 """Samples of a record in slabs of rows: unchanged, or filtered and decimated in a single pass."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,41 @@ def slabs(grid: Grid, columns: slice, begin: int, end: int, faults: list[str]) -
             except InputError as error:
                 faults.append(str(error))
                 break
+
+
+def overlapping(parts: Iterable[tuple[int, Values]], felt: int, look: Take) -> Iterator[tuple[int, Values, slice]]:
+    """Slabs joined with their neighbors: each with up to `felt` rows more of its run on either side.
+
+    Parameters
+    ----------
+    parts : first row of the grid, and values [row, column], of slabs in order; a run ends where rows are missing
+    felt : rows that influence one
+    look : called with each slab of `parts`
+
+    Yields
+    ------
+    first row, values [row, column], and which of these rows are the slab's own: every row is in one slab's own
+
+    >>> parts = [(0, np.zeros((3, 1))), (3, np.ones((2, 1))), (9, np.ones((1, 1)))]
+    >>> [(row, len(values), own) for row, values, own in overlapping(parts, 1, lambda row, values: None)]
+    [(0, 3, slice(0, 2, None)), (1, 4, slice(1, 3, None)), (3, 2, slice(1, 2, None)), (9, 1, slice(0, 1, None))]
+    """
+    held, start, done = np.empty((0, 0)), 0, 0
+    for row, values in parts:
+        look(row, values)
+        if len(held) and row == start + len(held):
+            held = np.concatenate([held, values])
+        else:
+            if done < start + len(held):
+                yield start, held, slice(done - start, len(held))
+            held, start, done = values, row, row
+        stop = start + len(held) - felt
+        if stop > done:
+            yield start, held, slice(done - start, stop - start)
+            cut = max(0, stop - felt - start)
+            held, start, done = held[cut:].copy(), start + cut, stop
+    if done < start + len(held):
+        yield start, held, slice(done - start, len(held))
 
 
 def filter_of(grid: Grid, factor: int, unit: Unit) -> Lowpass:

@@ -1,6 +1,7 @@
 """Numbers that were rounded before they were stored: the rounding step and its error."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,10 +106,11 @@ def refined(step: float, several: Array) -> float:
     return step
 
 
-def steps_of(values: Array) -> Array:
+def steps_of(values: NDArray[Any]) -> Array:
     """Rounding step [channel] of stored values [time, channel]; 0 where nothing was rounded."""
     some = values[:: max(1, len(values) // LOOKED_AT)]
-    some = some[np.isfinite(some).all(axis=1)]
+    finite = np.isfinite(some).all(axis=1)
+    some = some if finite.all() else some[finite]
     # All channels come from one instrument: if none of many is rounded, none is.
     first = np.unique(np.linspace(0, some.shape[1] - 1, FIRST).astype(int))
     if some.shape[1] > FIRST and not any(step_of(some[:, column]) for column in first):
@@ -120,7 +122,7 @@ def steps_of(values: Array) -> Array:
     return np.where((step == 0) & few & alike, np.median(step[step > 0]) if alike else 0.0, step)
 
 
-def rounding_of(values: Array, unit: Unit, sampling_rate: float, gauge_length: float) -> Rounding | None:
+def rounding_of(values: NDArray[Any], unit: Unit, sampling_rate: float, gauge_length: float) -> Rounding | None:
     """Rounding of a record from its stored values [time, channel]; None if no channel was rounded.
 
     >>> strain = 1e-9 * np.rint(np.random.default_rng(0).normal(0, 3, (500, 1)))

@@ -38,35 +38,6 @@ def check_size(swing: Array, where: Path) -> None:
     raise InputError(f"{where}: {fault}; check the file's unit, and quantity and scale in [das] of site.toml")
 
 
-def clipped(values: Array) -> str | None:
-    """Say how many stored values [time, channel], NaN in gaps, are clipped at the ends of a range; None if none are.
-
-    >>> rng = np.random.default_rng(0)
-    >>> noise = rng.normal(0, 1, (500, 6))
-    >>> clipped(noise), clipped(np.rint(noise))
-    (None, None)
-    >>> clipped(np.clip(noise, -9, 1.5))
-    '190 samples of 6 channels stand at the same largest number, 1.5: the record is clipped, and vehicles seem \
-farther away than they are; record with a larger range'
-    """
-    for which, extreme, inward, none in (
-        ("largest", np.nanmax, np.max, -np.inf),
-        ("smallest", np.nanmin, np.min, np.inf),
-    ):
-        end = float(extreme(values))
-        at_end = values == end
-        # A channel that never changes is dead, not clipped.
-        at_end[:, at_end.sum(0) == np.isfinite(values).sum(0)] = False
-        count, channels = int(at_end.sum()), int(at_end.any(0).sum())
-        if count < CLIPPED or channels < CLIPPED_CHANNELS:
-            continue
-        within = values < end if which == "largest" else values > end
-        beside = inward(values, where=within, initial=none)
-        if line := clipped_line(count, channels, which, end, int(np.count_nonzero(values == beside))):
-            return line
-    return None
-
-
 def clipped_line(count: int, channels: int, which: str, end: float, beside: int) -> str | None:
     """Say that `count` samples are at an end of the range, if few are at the number next to it; else None."""
     if count <= THINNER * beside:

@@ -89,9 +89,9 @@ class Watch:
         self.kept.append(np.array(values[first :: self.every]))
 
     @property
-    def looked_at(self) -> NDArray[np.float64]:
-        """The rows kept [row, channel], evenly spaced."""
-        return np.concatenate(self.kept).astype(np.float64)
+    def looked_at(self) -> NDArray[Any]:
+        """The rows kept [row, channel], evenly spaced, as they are stored."""
+        return np.concatenate(self.kept)
 
     @property
     def still(self) -> NDArray[np.bool_]:
@@ -99,7 +99,14 @@ class Watch:
         return np.asarray(self.smallest == self.largest)
 
     def clipped(self) -> str | None:
-        """As `solver.survey.das.values.clipped` of a whole record."""
+        """Say how many numbers are clipped at the ends of a range; None if none are.
+
+        >>> watch, noise = Watch(1), np.random.default_rng(0).normal(0, 1, (500, 6))
+        >>> watch.look(0, np.clip(noise, -9, 1.5))
+        >>> watch.clipped()
+        '190 samples of 6 channels stand at the same largest number, 1.5: the record is clipped, and vehicles seem \
+farther away than they are; record with a larger range'
+        """
         for end, which in zip(self.ends, ("largest", "smallest"), strict=True):
             if end.count is None:
                 continue

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from solver.fit.map_fit import MapFit
 from solver.fit.pose import bent_ends, pose, with_slow_errors
@@ -133,3 +134,15 @@ def test_a_gap_is_not_channels_that_record_nothing(survey) -> None:
     assert silent(record, fitted[[0, -1]]) == silent(survey.record, fitted[[0, -1]])
     assert "channels 70 record nothing" in str(silent(record, fitted[[0, -1]]))
     assert not len(dead_channels(record, fitted))
+
+
+def test_the_record_is_not_copied_and_what_is_fitted_of_it_is_in_double_precision(survey):
+    problem = survey.problem
+    single = problem.record.astype(np.float32)
+    record = replace(survey.record, strain_rate=single, channel=problem.channel, distance=problem.distance)
+    given = problem.passes, problem.anchors, problem.start, problem.channel, problem.prior
+    posed, double = pose(record, *given), pose(replace(record, strain_rate=single.astype(float)), *given)
+    assert np.shares_memory(posed.record, single)
+    assert posed.strain_rate.dtype == double.strain_rate.dtype == torch.float64
+    assert torch.equal(posed.strain_rate.nan_to_num(), double.strain_rate.nan_to_num())
+    assert np.allclose(posed.law.own, double.law.own, rtol=1e-5)

@@ -1,5 +1,7 @@
 """Whitening of noise that another generator made: colored in time, shared by all channels, overlapping gauges."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import torch
@@ -7,6 +9,7 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from solver.noise.law import NoiseLaw
+from solver.noise.quiet_windows import noise_level
 from solver.noise.sample_runs import blocks_of
 from solver.noise.whitening import Whitener, noise_law, positive
 
@@ -141,3 +144,22 @@ def test_vehicles_and_gaps_are_not_noise():
 def test_too_few_samples_tell_nothing():
     noise = street_noise()[:20, :3]
     assert noise_law(noise, np.ones(noise.shape, bool), 5.0).own.tolist() == [1.0]
+
+
+def test_hours_between_two_spans_change_no_law_and_cost_no_memory():
+    noise = street_noise()
+    gap = np.full((40 * SAMPLES, CHANNELS), np.nan)
+    apart = np.concatenate([noise[: SAMPLES // 2], gap, noise[SAMPLES // 2 :]])
+    short = np.concatenate([noise[: SAMPLES // 2], gap[:200], noise[SAMPLES // 2 :]])
+    still = np.ones(apart.shape, bool)
+    tracemalloc.start()
+    try:
+        law, level = noise_law(apart, still, sampling_rate=5.0), noise_level(apart, still)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    wanted = law_of(short)
+    assert np.allclose(law.own, wanted.own, rtol=1e-12)
+    assert np.allclose(law.common, wanted.common, rtol=1e-12)
+    assert np.allclose(level, noise_level(noise, np.ones(noise.shape, bool)), rtol=1e-12)
+    assert peak < 0.6 * apart.nbytes

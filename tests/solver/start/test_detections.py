@@ -1,10 +1,11 @@
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from drive_by import a_street, drive
 
-from solver.start.detections import MatchedFilter, mended, snr_maps, thinned
+from solver.start.detections import MatchedFilter, excess, mended, snr_maps, thinned
 from solver.start.wavelets import SCALES, bank
 
 
@@ -61,7 +62,7 @@ def test_thinned_passes_count_frames(stride: int):
     time = np.arange(one.rows[-1] + 5) / 50.0
     frames, (thin,) = thinned(np.column_stack([time, time]), [one], stride)
     # The mean place belongs to the mean time of the frame.
-    np.testing.assert_allclose(frames[thin.rows, 0], 8.0 + (thin.position[:, 0] - 30.0) / 12.0)
+    np.testing.assert_allclose(frames[thin.rows][:, 0], 8.0 + (thin.position[:, 0] - 30.0) / 12.0)
     assert (np.diff(thin.rows) == 1).all()
     assert len(thin.rows) >= len(one.rows) // stride - 1
 
@@ -107,3 +108,20 @@ def test_nothing_is_detected_where_nothing_is_measured():
     seen = MatchedFilter(strain_rate, passes, SCALES).detect(passes[0], 1)
     assert not np.isin(gap, seen.row).any()
     assert len(seen) == passes[0].in_view.sum() - 4
+
+
+def test_the_matched_filter_takes_the_memory_of_the_frames_that_passes_fill():
+    record, passes, _ = a_street(noise=0.05, rate=20.0)
+    hours = np.full((60 * len(record.strain_rate), record.strain_rate.shape[1]), np.nan, np.float32)
+    hours[: len(record.strain_rate)] = record.strain_rate
+    wanted, thin = thinned(record.strain_rate.astype(np.float32), passes, 2)
+    seen = MatchedFilter(wanted, thin, SCALES, excess(wanted)).positive
+    tracemalloc.start()
+    try:
+        frames, thin = thinned(hours, passes, 2)
+        again = MatchedFilter(frames, thin, SCALES, excess(frames)).positive
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert np.array_equal(again, seen)
+    assert peak < 0.5 * hours.nbytes

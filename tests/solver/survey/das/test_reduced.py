@@ -1,16 +1,20 @@
 """Reading a part of a record, and reducing it as it is read, give what reading all and reducing that gives."""
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from solver.survey.das import decimated, read_das
 from solver.survey.das.array_files import LARGE
 from solver.survey.das.description import describe
 from solver.survey.das.prodml import write_prodml
 from solver.survey.das.reader import record_from
+from solver.survey.das.reduced import SLAB
 from solver.survey.das.samples import OnDisk
+from solver.survey.das.units import strain_per_radian
 from vision.contract import InputError
 
 START = np.datetime64("2025-08-11T06:00:00", "ns")
@@ -170,3 +174,35 @@ def test_parts_of_real_files_are_what_they_are_in_the_whole(shared_data, name):
     assert block.data.dtype == whole.dtype
     rows, columns = slice(7, len(whole) - 3), slice(2, 11)
     assert np.array_equal(block.data[rows, columns], whole[rows, columns])
+
+
+@pytest.mark.parametrize("unit", ["strain", "rad"])
+def test_a_derivative_of_slabs_is_that_of_the_whole_run(tmp_path, monkeypatch, unit):
+    paths = array_files(tmp_path, unit, [0, 1, 3], rate=10.0)
+    whole = read_das(paths).strain_rate
+    monkeypatch.setattr("solver.survey.das.reduced.SLAB", 4 * 30 * 37)
+    assert np.allclose(
+        read_das(paths).strain_rate, whole, rtol=1e-6, atol=1e-9 * np.nanmax(np.abs(whole)), equal_nan=True
+    )
+    stored = np.concatenate([np.load(path) for path in paths[:2]]).astype(np.float64)
+    rate = CubicSpline(np.arange(1400) / 10.0, stored, axis=0)(np.arange(1400) / 10.0, 1)
+    rate *= strain_per_radian(4.0) if unit == "rad" else 1.0
+    assert np.abs(whole[:1400] - rate).max() < 1e-6 * np.abs(rate).max()
+    assert np.isfinite(whole).all(1).tolist() == [True] * 1400 + [False] * 700 + [True] * 700
+
+
+@pytest.mark.parametrize(("unit", "slabs"), [("1/s", 1.5), ("strain", 6)])
+def test_a_record_that_need_not_be_decimated_is_read_in_single_precision_without_copies(tmp_path, unit, slabs):
+    rows, channels = 60_000, 300
+    (path,) = array_files(tmp_path, unit, [0], rate=6.25, rows=rows, channels=channels)
+    known = describe([path])
+    tracemalloc.start()
+    try:
+        record = record_from(known, rate=6.0)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert record.strain_rate.dtype == np.float32
+    assert record.strain_rate.shape == (rows, channels)
+    # Slabs do not grow with the record; in double precision it takes twice as much, and was copied besides.
+    assert peak < 4 * rows * channels + slabs * SLAB
