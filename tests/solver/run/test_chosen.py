@@ -19,8 +19,8 @@ from solver.survey.survey import Survey
 def test_of_many_passes_a_few_are_fitted_and_told(
     street: simulator.Survey, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("solver.run.locate.MANY", 3)
-    monkeypatch.setattr("solver.run.locate.choose", partial(choose, fewest=3, most=3))
+    monkeypatch.setattr("solver.run.passes_fit.MANY", 3)
+    monkeypatch.setattr("solver.run.passes_fit.choose", partial(choose, fewest=3, most=3))
     survey = Survey.read(simulator.write_survey(street, tmp_path / "survey"))
     run = locate(survey)
     choice = run.facts["choice"]
