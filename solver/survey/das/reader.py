@@ -98,7 +98,7 @@ def record_from(
 
     Returns
     -------
-    record : in single precision if it was decimated
+    record : in single precision
 
     Raises
     ------

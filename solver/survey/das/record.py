@@ -28,7 +28,7 @@ class DASRecord:
     Parameters
     ----------
     strain_rate : [time, channel], 1/s; NaN = not measured, or not read: rows in a gap between files, dead or excluded
-        channels; single precision if it was decimated
+        channels; in single precision where it was read
     time : s since `start` [time], regular, gaps included
     start : UTC, datetime64[ns]
     distance : m along the fiber [channel]
