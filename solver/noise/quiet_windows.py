@@ -58,7 +58,7 @@ def noise_level(strain_rate: NDArray[np.float64], still: NDArray[np.bool_]) -> N
     level = np.full(strain_rate.shape[1], np.nan)
     for first in range(0, len(level), CHANNELS):
         part = strain_rate[:, first : first + CHANNELS]
-        measured = np.asarray(np.isfinite(part).any(1))
+        measured: NDArray[np.bool_] = np.asarray(np.isfinite(part).any(1), np.bool_)
         measured[:1] = True  # there may be none
         part, finite = part[measured], np.isfinite(part[measured])
         use = still[measured, first : first + CHANNELS] & finite
