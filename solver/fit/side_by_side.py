@@ -3,9 +3,11 @@
 import multiprocessing
 import pickle
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import TypeVar
 
 import torch
@@ -19,6 +21,8 @@ T = TypeVar("T")
 
 #: Processes at most, and bytes that each holds of its own.
 MOST, EACH = 8, 1e9
+#: How long Ctrl-C may go unheard, s.
+UNHEARD = 0.1
 
 _task: Callable[[int], bytes]
 
@@ -66,16 +70,37 @@ def forked(function: Callable[[S], T], of: Sequence[S], workers: int) -> Iterato
     with forward_ad.dual_level():
         forward_ad.make_dual(torch.zeros(1), torch.zeros(1))
     context = multiprocessing.get_context("fork")
-    with ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(task,)) as pool:
-        numbers = {pool.submit(_run, number): number for number in range(len(of))}
+    with held_back() as interrupted, ProcessPoolExecutor(workers, context, _begin, (task,)) as pool:
         try:
-            for one in as_completed(numbers):
-                yield numbers[one], pickle.loads(one.result())
+            numbers = {pool.submit(_run, number): number for number in range(len(of))}
+            pending = set(numbers)
+            while pending:
+                done, pending = wait(pending, UNHEARD, FIRST_COMPLETED)
+                if interrupted:
+                    raise KeyboardInterrupt
+                for one in done:
+                    yield numbers[one], pickle.loads(one.result())
         except BrokenProcessPool as error:
-            raise MemoryError("the system ended a process") from error
+            # Ctrl-C in a terminal ends the processes, too.
+            raise KeyboardInterrupt if interrupted else MemoryError("the system ended a process") from error
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
+
+
+@contextmanager
+def held_back() -> Iterator[list[int]]:
+    """Note Ctrl-C in a list and go on: raised within a pool, it may leave a lock held, for which all wait for ever."""
+    noted: list[int] = []
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        yield noted
+        return
+    signal.signal(signal.SIGINT, lambda number, _: noted.append(number))
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _begin(task: Callable[[int], bytes]) -> None:

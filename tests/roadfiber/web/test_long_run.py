@@ -46,7 +46,10 @@ def test_a_residual_of_one_channel_is_on_the_map(page):
 
 def test_what_cannot_be_added_is_said_and_nothing_is_asked_for_it(page, bench):
     assert [one.task for one in bench.looker.asked[3:]] == ["compare"]
-    assert "200 m at most; <code>roadfiber diagnose</code> looks at stretch after stretch" in page.controls.about.object
+    assert (
+        "200 m at most; <code>roadfiber diagnose</code> and <code>compare</code> look at stretch after stretch"
+        in page.controls.about.object
+    )
     assert page.controls.effects.label.endswith("not asked, the fiber is too long")
     assert all(page.controls.button[name].disabled for name in ("add", "diagnose", "check"))
 

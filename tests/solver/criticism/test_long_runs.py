@@ -15,6 +15,6 @@ def test_a_long_run_is_refused_with_what_to_do():
     result = SimpleNamespace(fitted_channel=channel, channel=channel, distance=channel.astype(float))
     run = SimpleNamespace(too_long=Seen.too_long.fget(SimpleNamespace(result=result)))
     with pytest.raises(
-        InputError, match=r"299 m of fiber: .* 200 m at most; `roadfiber diagnose` looks at stretch after"
+        InputError, match=r"299 m of fiber: .* 200 m at most; `roadfiber diagnose` and `compare` look at stretch"
     ):
         fitted(run)

@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
@@ -75,6 +76,30 @@ def test_ctrl_c_ends_all_processes_at_once(capfd, tmp_path, interruptible):
     time.sleep(0.5)
     assert len(list(tmp_path.iterdir())) == begun, "a process outlives the interruption"
     assert capfd.readouterr() == ("", "")
+
+
+@forks
+@pytest.mark.usefixtures("two_threads", "interruptible")
+def test_ctrl_c_while_tasks_are_handed_out_cancels_them(tmp_path, monkeypatch):
+    handed, submit = [], ProcessPoolExecutor.submit
+
+    def submitted(pool, *task):
+        handed.append(task)
+        if len(handed) == 150:
+            os.kill(os.getpid(), signal.SIGINT)
+        return submit(pool, *task)
+
+    def task(number):
+        (tmp_path / str(number)).touch()
+        time.sleep(0.05)
+
+    monkeypatch.setattr(ProcessPoolExecutor, "submit", submitted)
+    with pytest.raises(KeyboardInterrupt):
+        side_by_side(task, range(300))
+    assert len(list(tmp_path.iterdir())) < 100
+    with pytest.raises(KeyboardInterrupt):  # as it was before
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1.0)
 
 
 @forks
