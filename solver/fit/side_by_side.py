@@ -90,7 +90,13 @@ def forked(function: Callable[[S], T], of: Sequence[S], workers: int) -> Iterato
 
 @contextmanager
 def held_back() -> Iterator[list[int]]:
-    """Note Ctrl-C in a list and go on: raised within a pool, it may leave a lock held, for which all wait for ever."""
+    """Note Ctrl-C in a list and go on: raised within a pool, it may leave a lock held, for which all wait for ever.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        At the end, if it came and nothing else is raised.
+    """
     noted: list[int] = []
     before = signal.getsignal(signal.SIGINT)
     if before is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
@@ -101,6 +107,8 @@ def held_back() -> Iterator[list[int]]:
         yield noted
     finally:
         signal.signal(signal.SIGINT, before)
+    if noted:
+        raise KeyboardInterrupt
 
 
 def _begin(task: Callable[[int], bytes]) -> None:

@@ -103,6 +103,22 @@ def test_ctrl_c_while_tasks_are_handed_out_cancels_them(tmp_path, monkeypatch):
 
 
 @forks
+@pytest.mark.usefixtures("two_threads", "interruptible")
+def test_ctrl_c_after_the_last_task_is_not_lost():
+    advanced = []
+
+    def advance(number):
+        advanced.append(number)
+        if len(advanced) == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        side_by_side(lambda number: number, range(3), advance)
+    assert advanced == [1] * 3
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@forks
 def test_scores_are_those_of_one_process(two_threads):
     fit = MapFit(trial_survey()[0].problem)
     scorer = Scorer(fit, solve(fit, fit.start()).state)
