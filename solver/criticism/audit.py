@@ -83,7 +83,7 @@ def audit(problem: Problem, residual: NDArray[np.float64], model: NDArray[np.flo
     problem : the survey
     residual, model : [sample, channel], in noise sigmas, of the fit; where noise grows with the signal it shows here
     """
-    still = quiet(len(problem.record), problem.start, problem.passes)
+    still = quiet(len(problem.record), problem.start, problem.passes, problem.gauge_length)
     whiten = Whitener(problem.noise, np.arange(len(problem.record)), problem.channel, problem.law)
     white, use = whitened_noise(problem.record, still, whiten)
     count = int(use.sum())

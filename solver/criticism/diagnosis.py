@@ -162,7 +162,7 @@ def unranked(bench: Bench) -> Diagnosis:
     listed = [replace(score_candidate(s, None), verdict="inconclusive") for s in bench.table]
     listed += map(idle_candidate, bench.idle)
     survey = bench.scorer.fit.problem
-    still = quiet(len(survey.record), survey.start, survey.passes)
+    still = quiet(len(survey.record), survey.start, survey.passes, survey.gauge_length)
     recorded = Recorded(survey.record / survey.noise.numpy(), still, survey.sampling_rate, survey.channel_spacing)
     for candidate in listed:
         trace = bench.effect(candidate).trace

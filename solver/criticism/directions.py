@@ -78,10 +78,24 @@ class Directions:
     def _with_slow_errors(self, matrix: Tensor, right: Tensor, columns: Windowed) -> tuple[Tensor, Tensor]:
         """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
         crossed, own = self.jacobian.transposed_times(columns).split([self.fitted, columns.width])
-        expected = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2 / SPLINE_VARIANCE
-        own = own + torch.eye(len(own), dtype=torch.float64) / expected
+        own = own + torch.diag(SPLINE_VARIANCE / self._slow_variance())
         whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
         return whole, torch.cat([right, columns.along(self.residual)])
+
+    def _slow_variance(self) -> Tensor:
+        """Variance [number], m^2, of the tracks' slow errors along and then across travel, as the tracks have it there.
+
+        Out of view, where a vehicle may slow down or speed up, that is far more than in view.
+        """
+        extension = self.fit.problem.extension([*self.fit.extension.effects, SLOW_ERROR])
+        assert extension.scopes is not None
+        spread, traffic = extension.scopes.along("track"), self.fit.path.with_effects(extension).traffic
+        cosine, sine = (traffic.heading**2).unbind(-1)
+        x, y = (traffic.sigma**2).unbind(-1)
+        rows = torch.stack([cosine * x + sine * y, sine * x + cosine * y])
+        total = spread.sum(0)
+        usual = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2
+        return (rows @ spread / total.where(total > 0, 1.0)).clamp_min(usual).flatten()
 
     @cached_property
     def _anchors(self) -> Rows:

@@ -18,6 +18,7 @@ from solver.fit.side_by_side import side_by_side
 from solver.fit.state import State
 from solver.fit.stretches import FIRST, is_long, nearby, part, parts, some
 from solver.fit.track_trust import strict_tracks, track_spread
+from solver.survey.limits import vehicle_reach
 from solver.trajectory.vehicle_pass import Pass
 
 FOLDS = 2
@@ -51,7 +52,8 @@ class HeldOut:
 def own_samples(link: Link, others: Sequence[Pass]) -> torch.Tensor:
     """Samples [sample] of a link in which no other vehicle is within reach."""
     problem = link.fit.problem
-    near = [found.rows for one in others if (found := nearby(one, problem.start)) is not None]
+    reach = vehicle_reach(problem.gauge_length)
+    near = [found.rows for one in others if (found := nearby(one, problem.start, reach)) is not None]
     mine = np.unique(np.concatenate([one.rows for one in problem.passes]))
     rest = np.concatenate([np.setdiff1d(problem.traffic.samples, mine), *near])
     return torch.from_numpy(~np.isin(problem.traffic.samples, rest))

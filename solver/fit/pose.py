@@ -19,7 +19,7 @@ from solver.start.rough_route import TYPICAL
 from solver.survey.anchors import Anchor
 from solver.survey.das.record import DASRecord
 from solver.survey.das.rounding import Rounding
-from solver.survey.limits import VEHICLE_REACH
+from solver.survey.limits import vehicle_reach
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import Pass, track_sigma
 from vision.contract import InputError
@@ -57,7 +57,7 @@ def pose(
     whole = column[-1] - column[0] == len(column) - 1
     # A view where it can be: on a long fiber, or in hours of record, a copy is a large part of the memory.
     strain_rate = record.strain_rate[:, slice(column[0], column[-1] + 1) if whole else column]
-    still = quiet(len(strain_rate), route, passes)
+    still = quiet(len(strain_rate), route, passes, record.gauge_length)
     rounding = record.rounding and record.rounding.at(column)
     noise = rounded_level(noise_level(strain_rate, still), strain_rate, still, rounding)
     alive = np.isfinite(noise) & (noise > 0) & ~np.isin(channel, dead)
@@ -67,10 +67,11 @@ def pose(
             "more and heavier vehicles, or a record with more digits (roadfiber locate --filter fk finds fainter ones)"
         )
     kept = strain_rate if alive.all() else strain_rate[:, alive]
-    passes = [guessed_less(part) for one in passes if (part := nearby(one, route)) is not None]
+    reach = vehicle_reach(record.gauge_length)
+    passes = [guessed_less(part) for one in passes if (part := nearby(one, route, reach)) is not None]
     if not passes:
         raise InputError(
-            f"trajectories: no vehicle comes within {VEHICLE_REACH:g} m of channels {channel[0]} to {channel[-1]}, "
+            f"trajectories: no vehicle comes within {reach:g} m of channels {channel[0]} to {channel[-1]}, "
             "where the DAS records vehicles; check the frame (origin, x_azimuth) and the clocks"
         )
     traffic = Traffic.of(passes, around(passes, len(strain_rate), round(TAIL * record.sampling_rate)))

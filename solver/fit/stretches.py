@@ -11,7 +11,7 @@ from solver.fit.longest import is_one_stretch
 from solver.fit.problem import MARGIN, Problem
 from solver.noise.sample_runs import blocks_of
 from solver.signal_path.traffic import Traffic
-from solver.survey.limits import VEHICLE_REACH
+from solver.survey.limits import vehicle_reach
 from solver.trajectory.vehicle_pass import Pass
 
 #: How long before and after each pass the record is looked at, s: what filters leave behind shows there.
@@ -25,7 +25,7 @@ FIRST = 12
 TOGETHER = 60
 
 
-def nearby(one: Pass, route: NDArray[np.float64], reach: float = VEHICLE_REACH) -> Pass | None:
+def nearby(one: Pass, route: NDArray[np.float64], reach: float) -> Pass | None:
     """The part of a pass within `reach` of the route [channel, 3], m; None where it never comes that near."""
     low, high = route[:, :2].min(0) - reach, route[:, :2].max(0) + reach
     boxed = np.flatnonzero(((one.position >= low) & (one.position <= high)).all(1))
@@ -165,7 +165,7 @@ def parts(problem: Problem) -> list[list[Problem]]:
     cuts = stretches(problem)
     if len(cuts) == 1:
         return [one_by_one(problem)]
-    found = []
+    found, reach = [], vehicle_reach(problem.gauge_length)
     for cut in cuts:
         start = problem.start[cut]
         here = replace(
@@ -176,7 +176,7 @@ def parts(problem: Problem) -> list[list[Problem]]:
             start=start,
             anchors=(),
         )
-        near = [part for one in problem.passes if (part := nearby(one, start)) is not None]
+        near = [part for one in problem.passes if (part := nearby(one, start, reach)) is not None]
         groups = [list(near)] if near and problem.effects else crowds(near)
         found.append([replace(here, passes=group, traffic=Traffic.of(group)) for group in groups])
     return [stretch for stretch in found if stretch]

@@ -9,8 +9,10 @@ from scipy.special import ndtri
 
 from solver.noise.whitening import Whitener
 from solver.survey.das.rounding import Rounding
+from solver.survey.limits import farther
 from solver.trajectory.vehicle_pass import Pass
 
+#: m; how far from the middle of a gauge of 10 m a vehicle must be.
 REACH = 35.0
 ENOUGH = 20
 #: Channels that are processed together.
@@ -20,15 +22,15 @@ CHANNELS = 100
 FINE, LARGEST = 0.02, 1000
 
 
-def quiet(samples: int, route: NDArray[np.float64], passes: Sequence[Pass], reach: float = REACH) -> NDArray[np.bool_]:
-    """Samples [sample, channel] with every known vehicle more than `reach` meters from the channel.
+def quiet(samples: int, route: NDArray[np.float64], passes: Sequence[Pass], gauge_length: float) -> NDArray[np.bool_]:
+    """Samples [sample, channel] with every known vehicle too far from the channel to be sensed, by its gauge length, m.
 
     Parameters
     ----------
     samples : number of rows of the record
     route : [channel, 2 or 3], rough positions, m
     """
-    far = np.ones((samples, len(route)), bool)
+    far, reach = np.ones((samples, len(route)), bool), REACH + farther(gauge_length)
     for first in range(0, len(route), CHANNELS):
         part = route[first : first + CHANNELS, :2]
         low, high = part.min(0) - reach, part.max(0) + reach

@@ -77,7 +77,7 @@ def block_variance(row: NDArray[np.float64]) -> float:
 
 def quiet_whitened(problem: Problem, part: slice, rows: Rows) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """The whitened record of some channels and rows, and where it is noise alone, [sample, channel]."""
-    still = quiet(len(problem.record), problem.start[part], problem.passes)[rows]
+    still = quiet(len(problem.record), problem.start[part], problem.passes, problem.gauge_length)[rows]
     record = with_hidden(problem, part, rows)
     whiten = Whitener(problem.noise[part], np.arange(len(record)), problem.channel[part], problem.law)
     return whitened_noise(record, still, whiten)

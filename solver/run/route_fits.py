@@ -6,7 +6,10 @@ From every start, without bent ends, with turns that long gauges sense, on finer
 from collections.abc import Sequence
 from dataclasses import replace
 
+import torch
+
 from solver.fit.anchor_check import contradiction
+from solver.fit.carried import carried_with_vehicles
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.pose import bent_ends, shortened
@@ -14,6 +17,7 @@ from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.sides import DECISIVE, best_of, hopeless, reopened
 from solver.fit.spline import ended, fit_spline
+from solver.fit.state import State
 from solver.fit.stretches import is_long
 from solver.fit.turned import tries, turned
 from solver.run.methods import METHODS
@@ -21,7 +25,8 @@ from solver.start.regauge import LONG
 from solver.survey.das.record import DASRecord
 from vision.contract import progress
 
-#: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it.
+#: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it, and not to look
+#: for turns.
 EXPLAINED = 1.03
 #: Chi2 per degree of freedom from which a route is tried on more knots, and the share of what is beyond 1 that they
 #: must explain: a fiber that dips under a culvert is beyond the usual knots, while most of what other physics leaves is
@@ -98,21 +103,33 @@ def left_out(end: int, recorded: tuple[int, int], gauge: int) -> str:
 
 
 def fit_turns(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem] | None:
-    """Fit a record of long gauges again with the turns off the road that they sense beyond the fitted channels.
+    """Fit a record of long gauges again with knots as close as the turns off the road that they sense need them.
 
-    None where gauges are not long, nothing is left over, or the fiber does not seem to turn.
+    Such turns are looked for beyond the fitted channels where these do not explain the data. None where gauges are
+    not long.
     """
-    if method != "spline" or is_long(problem) or problem.gauge_length <= LONG or result.chi2_per_dof <= LEFT_OVER:
+    if method != "spline" or is_long(problem) or problem.gauge_length <= LONG:
         return None
     fine = replace(shortened(problem, slice(None), result), knot_spacing=problem.knot_spacing / FINER)
-    chain = Chain.of(fine)
-    with progress("looking for turns off the road", tries(problem.gauge_length) + METHODS[method][1]) as advance:
-        begun, off = turned(chain, chain.start(), advance)
-        end = solve(chain, begun, advance=advance)
-    if not off or chain.cost(end.at) >= result.cost - DECISIVE * max(1.0, result.chi2_per_dof):
-        return None
+    chain, steps = Chain.of(fine), METHODS[method][1]
+    with progress("fitting the route on finer knots", steps) as advance:
+        end = solve(chain, laid_again(chain, result, problem), advance=advance)
     again = ended(chain, end, result.seconds)
+    if again.chi2_per_dof > EXPLAINED:
+        with progress("looking for turns off the road", tries(problem.gauge_length) + steps) as advance:
+            begun, off = turned(chain, chain.start(), advance)
+            other = solve(chain, begun, advance=advance) if off else end
+        if chain.cost(other.at) < chain.cost(end.at) - DECISIVE * max(1.0, again.chi2_per_dof):
+            again = ended(chain, other, result.seconds)
     return replace(again, ambiguous_side=result.ambiguous_side), fine
+
+
+def laid_again(chain: Chain, result: FitResult, problem: Problem) -> State:
+    """The end of a fit of a problem as a start on the other knots of a chain."""
+    before = Chain.of(problem)
+    begun = carried_with_vehicles((before, before.state_of(torch.from_numpy(result.vector))), chain)
+    route = chain.basis.interpolate(problem.distance_of(result.channel), result.route)
+    return replace(begun, coefficients=torch.from_numpy(route))
 
 
 def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem]:

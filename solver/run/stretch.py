@@ -20,6 +20,7 @@ from solver.run.report.report_words import told
 from solver.run.run import Run
 from solver.run.strict_json import strict
 from solver.signal_path.traffic import Traffic
+from solver.survey.limits import vehicle_reach
 from vision.contract import InputError
 
 
@@ -103,7 +104,8 @@ def shorter(run: Run, first: int, last: int) -> Problem:
     if cut.distance[-1] - cut.distance[0] > ONE_STRETCH:
         length = cut.distance[-1] - cut.distance[0]
         raise InputError(f"{name}: {length:.0f} m of fiber, and {ONE_STRETCH:.0f} m can be fitted as one; give fewer")
-    passes = [part for one in whole.passes if (part := nearby(one, cut.start)) is not None]
+    reach = vehicle_reach(whole.gauge_length)
+    passes = [part for one in whole.passes if (part := nearby(one, cut.start, reach)) is not None]
     if not passes:
         raise InputError(f"{name}: no vehicle comes near; give channels beside the road that was driven")
     traffic = Traffic.of(passes, around(passes, len(cut.record), round(TAIL * cut.sampling_rate)))

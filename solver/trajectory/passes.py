@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.survey.das.record import DASRecord
-from solver.survey.limits import FASTEST
+from solver.survey.limits import FASTEST, farther
 from solver.trajectory.agreement import check_clocks
 from solver.trajectory.kalman import Array, Fixes, Smoothed, between, beyond, first_guess, likelihood, smooth
 from solver.trajectory.tracks import (
@@ -179,8 +179,9 @@ def smooth_passes(
     Parameters
     ----------
     table : trajectory table, as `read_trajectories` returns it
-    record : DAS; only its `time`, `start` and gaps are looked at
-    reach : how far beyond its first and last fix a vehicle is followed, m: out of view it still bends the ground
+    record : DAS; only its `time`, `start`, gaps and gauge length are looked at
+    reach : how far beyond its first and last fix a vehicle is followed, m: out of view it still bends the ground; long
+        gauges sense it farther, and it is followed so much farther
     warnings : lines for the user are added: tracks that one vehicle cannot have driven
 
     Returns
@@ -215,7 +216,7 @@ def smooth_passes(
     with progress("smoothing tracks", len(moving)) as advance:
         for begin in range(0, len(moving), BATCH):
             batch = moving[begin : begin + BATCH]
-            passes += smoothed_passes(batch, record.time, reach)
+            passes += smoothed_passes(batch, record.time, reach + farther(record.gauge_length))
             advance(len(batch))
     seen = [one for one in passes if len(one.rows) and record.measured[one.rows].any()]
     if not seen:

@@ -19,6 +19,7 @@ from solver.signal_path.traffic import Traffic
 from solver.survey.anchors import Anchor
 from solver.survey.das.lowpass import FIT_RATE
 from solver.survey.das.record import DASRecord
+from solver.survey.limits import vehicle_reach
 from solver.survey.plan_section import MASSES, LaneSection, PlanSection
 from solver.trajectory.passes import smooth_passes
 from solver.trajectory.vehicle_pass import Pass
@@ -122,7 +123,7 @@ def driven(plan: PlanSection, made: list[Drive], record: DASRecord, route: Array
     both = enumerate(zip(made, times(plan, made), strict=True))
     table = pd.concat([fixes(plan, number, *one) for number, one in both])
     smoothed = {one.track_id: one for one in smooth_passes(table, record, reach=BEYOND)}
-    near = [nearby(smoothed[str(number)], route) for number in range(len(made))]
+    near = [nearby(smoothed[str(number)], route, vehicle_reach(record.gauge_length)) for number in range(len(made))]
     return [guessed_less(one) for one in near if one is not None]
 
 

@@ -1,5 +1,6 @@
 """Whitened directions at the end of a fit, against dense matrices of the same small survey."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -17,8 +18,10 @@ from solver.criticism.policy import POLICY
 from solver.criticism.windowed import Windowed
 from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
+from solver.signal_path.traffic import Traffic
 from solver.survey.anchors import Anchor
 from solver.trajectory.trajectory_effects import SLOW_ERROR
+from solver.trajectory.vehicle_pass import Pass
 
 KNOWN = built_in()
 SPOOL = KNOWN["slack_spool"]
@@ -194,14 +197,43 @@ def test_slow_errors_are_open_unless_they_are_fitted_or_all_is_held(at: Directio
     assert Directions(grown, state).jacobian.width == int(grown.free.sum())
 
 
+def told(at: Directions, sigma: Callable[[Pass], np.ndarray]) -> Directions:
+    """The same where the tracks say of themselves that they are so sure, m [row, 2]."""
+    problem = at.fit.problem
+    passes = [replace(one, sigma=sigma(one), in_view=sigma(one)[:, 0] < 0.5) for one in problem.passes]
+    fit = MapFit(replace(problem, passes=passes, traffic=Traffic.of(passes, problem.traffic.samples)))
+    return Directions(fit, at.state)
+
+
+def slow_prior(found: Directions) -> Tensor:
+    """What is known of the tracks' slow errors before the data speak, [number, number], 1/m^2."""
+    jacobian = dense(found.jacobian)[:, found.fitted :]
+    return (found.factor @ found.factor.T)[found.fitted :, found.fitted :] - jacobian.T @ jacobian
+
+
 def test_tracks_that_are_sure_of_themselves_may_still_be_off(at: Directions) -> None:
     """By a centimeter: what is open is no less than that."""
-    passes = [replace(one, sigma=np.full(one.sigma.shape, 1e-6)) for one in at.fit.problem.passes]
-    fit = MapFit(replace(at.fit.problem, passes=passes))
-    sure = Directions(fit, at.state)
-    jacobian = dense(sure.jacobian)[:, sure.fitted :]
-    prior = (sure.factor @ sure.factor.T)[sure.fitted :, sure.fitted :] - jacobian.T @ jacobian
+    prior = slow_prior(told(at, lambda one: np.full(one.sigma.shape, 1e-6)))
     assert float(prior.diagonal().mean()) == pytest.approx(SPLINE_VARIANCE / SMALLEST**2, rel=1e-3)
+
+
+def test_where_a_track_is_less_sure_more_of_its_slow_error_is_open(at: Directions) -> None:
+    """As where it goes on out of view: what a vehicle did there is no fault of the model."""
+
+    def vaguer_at_the_end(one: Pass) -> np.ndarray:
+        late = np.arange(len(one.rows)) > 0.8 * len(one.rows)
+        return np.where(late[:, None], [1.0, 1.0], [0.05, 0.05])
+
+    found = told(at, vaguer_at_the_end)
+    extension = found.fit.problem.extension([SLOW_ERROR])
+    assert extension.scopes is not None
+    spread = extension.scopes.along("track")
+    late = torch.from_numpy(found.fit.problem.traffic.sigma[:, 0].numpy() > 0.5)
+    sd = (SPLINE_VARIANCE / slow_prior(found).diagonal()).sqrt()[: spread.shape[1]]
+    share = (spread * late[:, None]).sum(0) / spread.sum(0)
+    torch.testing.assert_close(sd[share == 0], torch.full_like(sd[share == 0], 0.05), rtol=1e-3, atol=0)
+    torch.testing.assert_close(sd, (share + (1 - share) * 0.05**2).sqrt(), rtol=1e-3, atol=0)
+    assert float(sd.max()) > 0.8
 
 
 def test_what_candidates_share_is_computed_once(at: Directions) -> None:

@@ -15,7 +15,7 @@ def passing(rows: np.ndarray) -> Pass:
 def test_quiet_follows_the_vehicle() -> None:
     route = np.column_stack([np.linspace(0, 100, 11), np.full(11, 4.0), np.full(11, 0.9)])
     one = passing(np.arange(100, 301))
-    still = quiet(400, route, [one], reach=35.0)
+    still = quiet(400, route, [one], 10.0)
     assert still[:100].all() and still[301:].all()
     nearest = 100 + np.abs(one.position[:, 0][:, None] - route[:, 0]).argmin(0)
     assert not still[nearest, np.arange(11)].any()
