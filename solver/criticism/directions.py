@@ -82,6 +82,19 @@ class Directions:
         whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
         return whole, torch.cat([right, columns.along(self.residual)])
 
+    @cached_property
+    def slow_left(self) -> Projected | None:
+        """What all that was fitted leaves of the tracks' slow errors; None where these are fitted, or all is held."""
+        if self._slow is None:
+            return None
+        columns, count = self._slow[0], self.fitted
+        own, right = self.factor[:count, :count], (self.factor @ (self.factor.T @ self.step))[:count]
+        crossed = self.jacobian.transposed_times(columns)[:count]
+        half = torch.linalg.solve_triangular(own, crossed, upper=False)
+        step = torch.cholesky_solve(right[:, None], own)[:, 0]
+        gram = columns.transposed_times(columns)
+        return Projected(columns.along(self.residual) - crossed.T @ step, gram - half.T @ half, gram)
+
     def _slow_variance(self) -> Tensor:
         """Variance [number], m^2, of the tracks' slow errors along and then across travel, as the tracks have it there.
 

@@ -161,6 +161,12 @@ def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[in
 
 def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) -> Run:
     """The run as it is with more in its model, one rung up its ladder."""
+    grown_run = regrown(run, grown, effects, seconds)
+    return replace(with_plugins(grown_run), rungs=climbed(run, grown_run))
+
+
+def regrown(run: Run, grown: Grown, effects: Sequence[str], seconds: float) -> Run:
+    """The run as it is with more in its model, `effects` those of its model by name."""
     result = grown.result(seconds)
     result = replace(result, ambiguous_side=reopened(run.result.ambiguous_side, result, grown.fit.problem))
     at = np.isin(result.channel, grown.fit.problem.channel)
@@ -171,8 +177,7 @@ def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) 
     passes = run.passes + [one for one in problem.passes if one.track_id not in known]
     time = times_of(result.samples, run.result.samples, run.time, problem.sampling_rate)
     grown_run = replace(run, result=result, problem=problem, time=time, facts=strict(facts), passes=passes)
-    grown_run = told(replace(grown_run, added=None, folder=None))
-    return replace(with_plugins(grown_run), rungs=climbed(run, grown_run))
+    return told(replace(grown_run, added=None, folder=None))
 
 
 def times_of(

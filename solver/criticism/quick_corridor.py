@@ -24,6 +24,7 @@ from solver.criticism.route_change import moved_by, moves, route_of
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
 from solver.criticism.verdict_words import ADVICE, MORE
+from solver.criticism.wandering import allowed_for, explains_best, wander_of
 from solver.effect import Effect
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
@@ -70,7 +71,17 @@ def widened(run: Run, advance: Advance = lambda n: None) -> Run:
     if not check.passed:
         return plain(run, f"the noise is not understood, so what it may lack cannot be told: {check.faults[0]}")
     effects = list(run.known.values())
-    return told(run, *weighed(scorer, check, effects, run.result.sigma[at], advance), effects)
+    bench = scored(scorer, check, effects, advance)
+    wander = wander_of(scorer)
+    if wander is not None and explains_best(wander, bench) and (again := allowed_for(run, wander)) is not run:
+        run, (scorer, check) = again, strict_scorer(again)
+        bench = scored(scorer, check, effects)
+    return told(run, *weighed(bench, effects, run.result.sigma[at], advance), effects)
+
+
+def scored(scorer: Scorer, check: NoiseAudit, effects: Sequence[Effect], advance: Advance = lambda n: None) -> Bench:
+    """The fast score of a catalogue at the end of a fit whose noise was checked."""
+    return Bench(check, scorer, quick_scores(scorer, scorable(scorer.fit.problem, effects), advance), [])
 
 
 def strict_scorer(run: Run) -> tuple[Scorer, NoiseAudit]:
@@ -117,26 +128,23 @@ def plain(run: Run, why: str) -> Run:
     return replace(run, added=None, facts=run.facts | {"corridor": strict(corridor_facts(run.result, why=why))})
 
 
-def weighed(
-    scorer: Scorer, check: NoiseAudit, effects: Sequence[Effect], sigma: Array, advance: Advance
-) -> tuple[Corridor, Posterior]:
+def weighed(bench: Bench, effects: Sequence[Effect], sigma: Array, advance: Advance) -> tuple[Corridor, Posterior]:
     """The corridor of the posterior over explanations of what a fit leaves, and that posterior.
 
     Parameters
     ----------
-    scorer : as of `strict_scorer`
-    check : of the noise
+    bench : as of `scored`
     effects : the catalogue
     sigma : of the run's route, [fitted channel, 3], m
     advance : as of `widened`
     """
-    fit, route = scorer.fit, route_of(scorer.fit, scorer.state)
-    bench = Bench(check, scorer, quick_scores(scorer, scorable(fit.problem, effects), advance), [])
+    scorer, fit = bench.scorer, bench.scorer.fit
+    route = route_of(fit, scorer.state)
     far, tried = far_moving(bench, sigma), dict[str, Refit]()
     if far:
         # Falls of the misfit compare where both fits have ended.
         base = solve(fit, scorer.state, iterations=STEPS).state
-        bench = Bench(check, Scorer(fit, base, variance=scorer.variance), bench.table, [])
+        bench = Bench(bench.audit, Scorer(fit, base, variance=scorer.variance), bench.table, [])
         away = route_of(fit, base) - route
     else:
         away = moved_by(scorer, scorer.step[: scorer.fitted])

@@ -211,6 +211,18 @@ def slow_prior(found: Directions) -> Tensor:
     return (found.factor @ found.factor.T)[found.fitted :, found.fitted :] - jacobian.T @ jacobian
 
 
+def test_what_the_fit_leaves_of_slow_errors_is_left_by_what_was_fitted_alone(at: Directions) -> None:
+    matrix, right = Chain.single(at.fit).dense(at.state, [at.at])
+    fitted, slow = dense(at.jacobian).split([at.fitted, at.slow_errors()[0].width], 1)
+    led = torch.linalg.solve(matrix, fitted.T @ slow)
+    left = at.slow_left
+    assert left is not None
+    torch.testing.assert_close(left.gram, slow.T @ slow)
+    torch.testing.assert_close(left.information, slow.T @ slow - slow.T @ fitted @ led, rtol=1e-6, atol=1e-6)
+    torch.testing.assert_close(left.score, slow.T @ at.residual - led.T @ right, rtol=1e-6, atol=1e-6)
+    assert Directions(at.fit, at.state, alone=True).slow_left is None
+
+
 def test_tracks_that_are_sure_of_themselves_may_still_be_off(at: Directions) -> None:
     """By a centimeter: what is open is no less than that."""
     prior = slow_prior(told(at, lambda one: np.full(one.sigma.shape, 1e-6)))

@@ -1,0 +1,88 @@
+"""How far the tracks wander, by what a fit leaves: a camera's tracks are surer of themselves than they are.
+
+A slow error that lasts for seconds leaves no trace in a track, for a vehicle may have moved so; the fiber tells. Before
+the data speak any size is as likely as any other, on a scale of logarithms (Jeffreys 1946, Proc. R. Soc. A 186, 453).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from solver.criticism.bench import Bench
+from solver.criticism.candidate import fault_candidate
+from solver.criticism.growth import Grown, regrown
+from solver.criticism.marginal import Spectrum, mixture
+from solver.criticism.policy import POLICY
+from solver.criticism.scorer import Scorer
+from solver.effect import Effect
+from solver.fit.carried import carried_with_vehicles
+from solver.fit.held_out import held_out
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
+from solver.run.fitted import fitted
+from solver.run.run import Run
+from solver.trajectory.trajectory_effects import SLOW_ERROR
+
+#: Sizes that tracks may wander by, m.
+SIZES = np.geomspace(0.01, 0.3, 11)
+#: Sizes, m, that a fit allows for by itself: less does no harm, and more is to be told as an effect.
+LEAST, MOST = 0.03, 0.15
+
+
+@dataclass(frozen=True)
+class Wander:
+    """How far the tracks of a survey wander.
+
+    Parameters
+    ----------
+    size : standard deviation, m: the root mean square of what it may be
+    evidence : ln of the Bayes factor that they wander, at whatever size
+    """
+
+    size: float
+    evidence: float
+
+    @classmethod
+    def of(cls, spectrum: Callable[[float], Spectrum], variance: float) -> "Wander":
+        """By what the fit leaves of slow errors of a size, m, at a noise variance.
+
+        >>> loud = Wander.of(lambda size: Spectrum(1e4 * np.full(9, size**2), 1e8 * np.full(9, size**2 * 0.01)), 1.0)
+        >>> round(loud.size, 2), loud.evidence > 10
+        (0.11, True)
+        """
+        logs = np.array([spectrum(float(size)).evidence(variance) for size in SIZES])
+        likely = np.exp(logs - logs.max())
+        return cls(float(np.sqrt((likely * SIZES**2).sum() / likely.sum())), mixture(logs.tolist()))
+
+
+def wander_of(scorer: Scorer) -> Wander | None:
+    """How far tracks wander at the end of a fit; None where the fit has their slow errors in it."""
+    left = scorer.slow_left
+    if left is None:
+        return None
+    per_size = torch.full((len(left.score),), SPLINE_VARIANCE**-0.5, dtype=torch.float64)
+    return Wander.of(lambda size: Spectrum.of(left.information, left.score, size * per_size), scorer.variance)
+
+
+def explains_best(found: Wander, bench: Bench) -> bool:
+    """Whether tracks may well wander by more than they say, and nothing else that shows explains more."""
+    others = [score.evidence for score in bench.table[:1]]
+    others += [fault_candidate(fault, bench.scorer.variance).evidence for fault in bench.faults]
+    return LEAST <= found.size <= MOST and max(others, default=0.0) < max(found.evidence, POLICY.found)
+
+
+def allowed_for(run: Run, found: Wander) -> Run:
+    """The run fitted again with tracks that may wander so far; as it was where that fit does not converge."""
+    before, state = fitted(run)
+    effects: Sequence[Effect] = (*run.problem.effects, SLOW_ERROR)
+    prior = replace(run.problem.prior, jitter=found.size / SPLINE_VARIANCE**0.5)
+    fit = MapFit(replace(run.problem, effects=effects, prior=prior))
+    end = solve(fit, carried_with_vehicles((before, state), fit), iterations=60)
+    if not end.converged:
+        return run
+    grown = Grown(fit, end, None, held_out(fit.problem, at=(fit, end.state)))
+    line = f"tracks wander by about {100 * found.size:.0f} cm for some seconds at a time; the fit allows for it"
+    noted = replace(run, facts=run.facts | {"notes": [*run.facts["notes"], line]})
+    return regrown(noted, grown, list(run.effects), run.result.seconds)
