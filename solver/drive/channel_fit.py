@@ -135,7 +135,7 @@ def estimates(
         drive.sigma,
     )
     errors = (car.memory, car.sigma)
-    free = smoothed_along(one.picks, one.legs, steps, FREE_LENGTH, errors, quiet.channel_spacing, FREE_DRIFT)
+    free = smoothed_along(one.picks, one.legs, steps, FREE_LENGTH, errors, quiet.channel_spacing, FREE_DRIFT, one.told)
     heard = np.flatnonzero(one.picks.audible[: one.legs.count].any(0))
     way = max(1.0, float(np.ptp(free.cell[heard])))
     stretch = float(free.stretch[heard].mean())
@@ -143,7 +143,7 @@ def estimates(
     return {
         GAUGE: Estimate(longer * (1 + gauge.value) - 1, longer * gauge.sigma),
         SPACING: Estimate(stretch, float(np.hypot(*free.sigma[heard[[0, -1]]])) / way),
-        DRIFT: Estimate(done.clock.drift + free.drift, one.less_sure * free.drift_sigma),
+        DRIFT: Estimate(done.clock.drift + free.drift, free.drift_sigma),
     }
 
 
@@ -167,7 +167,6 @@ def fitted(
     number = np.clip(np.round(one.along.cell).astype(np.int64), 0, len(coarse.path.points) - 1)
     heading = coarse.path.spread_of_heading(drive.sigma)[number]
     askew = heading * np.hypot(aside.far, aside.sigma) / STEP
-    clock = np.sqrt(one.less_sure**2 - 1) * one.along.clock_sigma * one.along.lean
     return Fit(
         quiet=quiet,
         path=coarse.path,
@@ -180,11 +179,11 @@ def fitted(
         loops=confirmed(one.loops, np.asarray(one.picks.audible.any(0)), quiet.channel_spacing),
         polarity=polarity,
         clock=done.clock,
-        clock_sigma=one.less_sure * one.along.clock_sigma,
+        clock_sigma=one.along.clock_sigma,
         misstated=wrong,
         stated=stated,
         cell=one.along.cell,
-        sigma=np.sqrt(one.along.sigma**2 + clock**2 + several**2 + askew**2 + (FINEST / STEP) ** 2),
+        sigma=np.sqrt(one.along.sigma**2 + several**2 + askew**2 + (FINEST / STEP) ** 2),
         aside=aside,
         beside=beside_car(coarse.path, legs, one.along.cell),
         rounds=done.count,

@@ -19,6 +19,7 @@ from solver.drive.path import BESIDE, STEP, Path
 from solver.drive.picks import AUDIBLE, Picks, pick
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs, Responses, legs_of, responses
+from solver.drive.timing import clock_of_shapes
 from vision.contract import InputError
 
 Array = NDArray[np.float64]
@@ -27,8 +28,9 @@ Advance = Callable[[int], None]
 #: Cells to either side of where a channel is expected: in the first round, when a first look may have followed another
 #: vehicle for some loops' lengths, and later.
 FIRST, LATER = 700, 40
-#: Rounds at most; s, or of its standard deviation, by which the clock moves in the last.
-ROUNDS, STILL, SHARE = 8, 0.01, 0.25
+#: Rounds at most; s, or of its standard deviation, by which the clock moves in the last; and how many last ones: on its
+#: way a clock may halt once where loops change.
+ROUNDS, STILL, SHARE, TWICE = 12, 0.01, 0.25, 2
 #: Cells to either side in which the car's loudness is looked for.
 LOOKED = 25
 #: Channels over which an amplitude is typical.
@@ -39,24 +41,18 @@ FOUND = 0.2
 UNSURE, CLEAR = 0.45, 1.15
 #: Probability of another vehicle beyond which a channel has no pick.
 OTHER = 0.5
-#: How much less sure the clock of a drive that is heard one way is than its model has it, on simulated drives.
-ONCE = 2.3
 
 
 @dataclass(frozen=True)
 class Round:
-    """One round of a fit."""
+    """One round of a fit; `told` is what the shapes of picks say of the clock, and the standard deviation of that, s."""
 
     legs: Legs
     channels: ChannelMap
     picks: Picks
     along: Along
     loops: list[Loop]
-
-    @property
-    def less_sure(self) -> float:
-        """Times its standard deviation that the clock is sure to."""
-        return 1.0 if self.picks.both_ways else ONCE
+    told: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -73,18 +69,19 @@ def settled(
     drive: Drive, quiet: Quiet, coarse: Coarse, car: Car, clock: Clock, expected: Array, side: int, advance: Advance
 ) -> Settled:
     """Rounds from a clock and expected cells [channel], sought within `side` at first, until the clock stands still."""
-    half, rounds, still = quiet.time[-1] / 2, 0, False
-    while rounds < ROUNDS and not still:
+    half, rounds, still = quiet.time[-1] / 2, 0, 0
+    while rounds < ROUNDS and still < TWICE:
         one = one_round(drive, quiet, coarse.path, car, clock, expected, coarse.polarity, side)
         check_found(drive, quiet, coarse, one)
         along, drifts = one.along, DRIFT in drive.effects
         expected, side = along.cell, LATER
         clock = Clock(clock.offset + along.clock, clock.drift + along.drift * drifts)
         moved = abs(along.clock) <= max(STILL, SHARE * along.clock_sigma)
-        still = moved and (not drifts or abs(along.drift) <= max(STILL / half, SHARE * along.drift_sigma))
+        moved = moved and (not drifts or abs(along.drift) <= max(STILL / half, SHARE * along.drift_sigma))
+        still = still + 1 if moved else 0
         rounds += 1
         advance(1)
-    return Settled(one, clock, rounds, still)
+    return Settled(one, clock, rounds, still == TWICE)
 
 
 def one_round(
@@ -109,15 +106,19 @@ def one_round(
     bend = bends_of(path, expected, spacing, drive.sigma)
     channels = map_channels(found, quiet.dead, spacing, factor, bend)
     flags, middle = sure(channels), channels.best.astype(float)
-    for _ in range(2):
+    for again in range(2):
         picks = pick(quiet, of, legs, middle, polarity, floor, quiet.dead | flags | (channels.other > OTHER))
         picks = beside_loops(picks, flags, quiet.gauge_length, spacing)
+        if not again:
+            # Heard both ways, places tell the clock so much better that shapes are not worth their time.
+            shapes = (0.0, np.inf) if picks.both_ways else None
+            told = shapes or clock_of_shapes(quiet, path, car, legs, clock, picks, polarity, floor)
         picks = anchored(picks, drive.anchors, quiet, path)
         steps = steps_of(path, middle, flags, channels.in_loop, spacing, factor, drive.sigma)
-        along = smoothed_along(picks, legs, steps, factor_sigma, (car.memory, car.sigma), spacing, drift)
+        along = smoothed_along(picks, legs, steps, factor_sigma, (car.memory, car.sigma), spacing, drift, told)
         loops = loops_of(channels, along, spacing, factor, quiet.gauge_length)
         flags = flags_of(loops, len(flags))
-    return Round(legs, channels, picks, along, loops)
+    return Round(legs, channels, picks, along, loops, told)
 
 
 def loudness(quiet: Quiet, of: Responses, legs: Legs, expected: Array, polarity: int) -> Array:
