@@ -9,7 +9,7 @@ from solver.drive.along import Along, smoothed_along, steps_of
 from solver.drive.aside import Aside, beside
 from solver.drive.car import Car, car_of
 from solver.drive.channel_map import ChannelMap
-from solver.drive.coarse import Coarse, first_look
+from solver.drive.coarse import Coarse, looks
 from solver.drive.drive import Drive
 from solver.drive.loops import Loop, confirmed, flags_of
 from solver.drive.misstated import DRIFT, GAUGE, SPACING, Estimate, Misstated, gauge_of, misstated
@@ -17,7 +17,7 @@ from solver.drive.path import STEP, Path, path_of
 from solver.drive.picks import Picks
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs
-from solver.drive.rounds import FIRST, LATER, ROUNDS, Settled, beside_car, settled
+from solver.drive.rounds import FIRST, LATER, ROUNDS, Settled, beside_car, one_round, settled
 from vision.contract import progress
 
 Array = NDArray[np.float64]
@@ -100,7 +100,8 @@ def fit_drive(drive: Drive) -> Fit:
     car = car_of(drive.tracks, quiet.start)
     fits = GAUGE_FITS if GAUGE in drive.effects else 0
     with progress("locating channels", (1 + fits) * (ROUNDS + 2)) as advance:
-        coarse = first_look(quiet, path_of(drive.vertices), car, drive.length_factor[0])
+        several = looks(quiet, path_of(drive.vertices), car, drive.length_factor[0])
+        coarse = likeliest(drive, quiet, car, several)
         advance(1)
         begun = Clock(coarse.clock_offset)
         done = settled(drive, quiet, coarse, car, begun, coarse.cell, FIRST, advance)
@@ -111,6 +112,22 @@ def fit_drive(drive: Drive) -> Fit:
         advance(1)
     length_sigma = drive.length_factor[1] / drive.length_factor[0]
     return fitted(drive, quiet, coarse, car, done, stated, misstated(found, length_sigma, drive.effects))
+
+
+def likeliest(drive: Drive, quiet: Quiet, car: Car, several: list[Coarse]) -> Coarse:
+    """The look, of some that score alike, with which a round of the fit makes the record most probable."""
+    if len(several) == 1:
+        return several[0]
+    evidence = np.array(
+        [
+            one_round(
+                drive, quiet, one.path, car, Clock(one.clock_offset), one.cell, one.polarity, FIRST
+            ).channels.evidence
+            for one in several
+        ]
+    )
+    second, first = np.argsort(evidence)[-2:]
+    return replace(several[first], lead=float(evidence[first] - evidence[second]))
 
 
 def gauge_in(quiet: Quiet, coarse: Coarse, car: Car, done: Settled) -> Estimate:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.drive.astray import others, others_of, places
+from solver.drive.coarse import LEAD
 from solver.drive.misstated_words import as_stated
 from solver.drive.path import STEP
 from solver.run.trust import Gate
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 MOST = 0.5
 #: s; a clock less sure than this moves channels by more than a car's length.
 CLOCK = 0.3
-#: How much better the best clock offset is than any other, as a ratio of scores.
-CLEAR = 1.1
 #: Share of picks that disagree with their neighbors at most.
 STRAY = 0.25
 #: Sigmas of the length factor.
@@ -186,8 +185,7 @@ def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
 
 def rival(fit: "Fit") -> Gate:
     """Whether any other clock offset explains the record nearly as well."""
-    ratio = fit.coarse.score / max(fit.coarse.rival, 1e-9)
-    clear = ratio >= CLEAR
+    clear, lead = fit.coarse.told_apart, fit.coarse.lead
     return Gate(
         "other offsets",
         "passed" if clear else "failed",
@@ -195,8 +193,8 @@ def rival(fit: "Fit") -> Gate:
         if clear
         else "another clock offset explains the record nearly as well",
         ("drive again with less traffic, with stops and a U-turn; or give an anchor",),
-        found=ratio,
-        expected=CLEAR,
+        found=lead if np.isfinite(lead) else float("nan"),
+        expected=LEAD,
     )
 
 

@@ -20,6 +20,8 @@ from solver.drive.picks import AUDIBLE, Picks, pick
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs, Responses, legs_of, responses
 from solver.drive.timing import clock_of_shapes
+from solver.drive.waterfall import SeenDrive
+from solver.start.alignment import NotFollowingError
 from vision.contract import InputError
 
 Array = NDArray[np.float64]
@@ -37,8 +39,8 @@ LOOKED = 25
 NEIGHBORS = 40
 #: Share of the channels beside which the car drove that hear it; below it, the drive is not found.
 FOUND = 0.2
-#: The same where another clock offset explains the record nearly as well, and how much better is clear.
-UNSURE, CLEAR = 0.45, 1.15
+#: The same where another clock offset explains the record nearly as well.
+UNSURE = 0.45
 #: Probability of another vehicle beyond which a channel has no pick.
 OTHER = 0.5
 
@@ -165,11 +167,21 @@ def beside_car(path: Path, legs: Legs, cell: Array) -> NDArray[np.bool_]:
 
 
 def check_found(drive: Drive, quiet: Quiet, coarse: Coarse, one: Round) -> None:
-    """Raise InputError where too few of the channels beside which the car drove hear it."""
+    """Raise NotFollowingError where too few of the channels beside which the car drove hear it."""
     there = beside_car(coarse.path, one.legs, one.along.cell) & ~quiet.dead & ~one.channels.best_loop
-    share = float(one.picks.audible[: one.legs.count, there].any(0).mean()) if there.any() else 0.0
-    if share < FOUND or (share < UNSURE and coarse.score < CLEAR * coarse.rival):
-        raise InputError(
-            f"{drive.name}: only {100 * share:.0f} % of the channels beside which the car drove hear it: the record "
-            "does not follow this drive; check the times, the map, and which cable is recorded"
-        )
+    heard = one.picks.audible[: one.legs.count, there].any(0)
+    share, needed = float(heard.mean()) if there.any() else 0.0, FOUND if coarse.told_apart else UNSURE
+    if share >= needed:
+        return
+    why = "" if coarse.told_apart else ", as another clock offset explains the record nearly as well"
+    words = (
+        f"{int(heard.sum())} of the {int(there.sum())} channels beside which the car drove hear it, "
+        f"{100 * needed:.0f} % are needed{why}; the car as expected with the best clock offset, "
+        f"{coarse.clock_offset:+.1f} s, is the line"
+    )
+    raise NotFollowingError(
+        f"{drive.name}: only {100 * share:.0f} % of the channels beside which the car drove hear it "
+        f"({100 * needed:.0f} % are needed{why}): the record does not follow this drive; check the times, the map, and "
+        "which cable is recorded",
+        SeenDrive.of(words, quiet, one.legs, one.along.cell),
+    )

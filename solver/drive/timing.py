@@ -46,7 +46,10 @@ def clock_of_shapes(
     asked[channel[np.linspace(0, len(channel) - 1, min(ASKED, len(channel))).astype(np.int64)]] = True
     audible = audible & asked
     offset = np.arange(-round(WINDOW / BETWEEN), round(WINDOW / BETWEEN) + 1) * BETWEEN
-    found = [heights(quiet, path, car, Clock(clock.offset + d, clock.drift), d, picks, audible, polarity, floor) for d in offset]
+    found = [
+        heights(quiet, path, car, Clock(clock.offset + d, clock.drift), d, picks, audible, polarity, floor)
+        for d in offset
+    ]
     log = np.array([one.sum() if len(one) else -np.inf for one in found]) * COUNTED
     weight = np.exp(log - log.max())
     weight /= weight.sum()
