@@ -56,7 +56,6 @@ class Along:
     stretch : meters of cable per meter of path less the factor, relative [channel]
     clock, clock_sigma : s to add to the clock offset, and its standard deviation
     drift, drift_sigma : share of the time that the record's clock gains on the GPS's, and its standard deviation
-    lean : how far the cell goes with the clock offset, cells per second [channel]
     weight : of each pick, 0 to 1 [leg, channel]
     residual : of each pick, cells, after clock and errors of the car [leg, channel]
     error : of the car along the path as it passes, cells [leg, channel]
@@ -69,7 +68,6 @@ class Along:
     clock_sigma: float
     drift: float
     drift_sigma: float
-    lean: Array
     weight: Array
     residual: Array
     error: Array
@@ -168,7 +166,6 @@ def smoothed_along(
         clock_sigma=float(np.sqrt(covariance[0, 2, 2])),
         drift=float(mean[0, 3]) / model.half,
         drift_sigma=float(np.sqrt(covariance[0, 3, 3])) / model.half,
-        lean=covariance[:, 0, 2] / covariance[:, 2, 2],
         weight=weight,
         residual=picks.cell - fitted,
         error=error,
@@ -214,7 +211,7 @@ class Model:
         gps: tuple[float, float],
         spacing: float,
         drift_sigma: float,
-        clock: tuple[float, float],
+        clock: tuple[float, float] = (0.0, np.inf),
     ) -> "Model":
         """The model of some picks."""
         there = picks.row >= 0  # anchors have no car

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 #: m, standard deviation that every channel has at least: load of the car off its middle, bends of the map.
 FINEST = 0.4
-#: m, spread of the channel map beyond which it holds more than one place.
+#: m, spread of the channel map, or its distance from the smoothed place, beyond which it holds more than one place.
 SEVERAL = 3.0
 #: Fits with a gauge length that is part of the model, each with the one that the fit before tells.
 GAUGE_FITS = 2
@@ -179,7 +179,9 @@ def fitted(
     aside = beside(
         quiet, coarse.path, car, legs, one.along.cell, one.picks.audible[: legs.count], polarity, drive.sigma
     )
-    several = np.where(one.channels.spread * STEP > SEVERAL, one.channels.spread, 0.0)
+    # The two estimates of a place differ where a loop ends elsewhere than the smoother has it, or picks are of others.
+    apart = np.abs(one.channels.cell - one.along.cell)
+    several = np.hypot(*(np.where(size * STEP > SEVERAL, size, 0.0) for size in (one.channels.spread, apart)))
     # Where the map bends the cable's heading is not sure, nor what lies square to the car.
     number = np.clip(np.round(one.along.cell).astype(np.int64), 0, len(coarse.path.points) - 1)
     heading = coarse.path.spread_of_heading(drive.sigma)[number]

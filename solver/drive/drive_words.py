@@ -25,6 +25,8 @@ STRAY = 0.25
 FAR = 3.5
 #: m of path without the car that are worth a word, and stretches that are named.
 GAP, NAMED = 60.0, 6
+#: Probability of slack beyond which a channel lies in some.
+COILED = 0.5
 #: Standard deviations by which slack is told; share of a way by which cable beside it may be longer.
 SURE, LOOSE = 3.0, 0.02
 
@@ -50,7 +52,7 @@ class Unheard:
 
 
 def constrained_of(fit: "Fit") -> NDArray[np.bool_]:
-    """Which channels the drive decides: those that hear the car within two gauges, and loops among them."""
+    """Which channels the drive decides: those that hear the car within two gauges, and confirmed loops among them."""
     loop = np.zeros(len(fit.cell), bool)
     for one in fit.loops:
         loop[one.first : one.last + 1] = True
@@ -63,6 +65,8 @@ def constrained_of(fit: "Fit") -> NDArray[np.bool_]:
         away = np.minimum(np.abs(order[after] - fit.cell), np.abs(fit.cell - order[np.maximum(after - 1, 0)]))
         inside = (np.arange(len(found)) >= heard[0]) & (np.arange(len(found)) <= heard[-1])
         found = (away * STEP <= 2 * fit.quiet.gauge_length) & (inside | ~loop)
+    # Slack that no channel beside it confirms may lie anywhere, or be cable beyond the drive.
+    found &= loop | (fit.channels.in_loop <= COILED)
     return np.asarray(found & (fit.sigma * STEP < 10.0))
 
 

@@ -30,9 +30,9 @@ Advance = Callable[[int], None]
 #: Cells to either side of where a channel is expected: in the first round, when a first look may have followed another
 #: vehicle for some loops' lengths, and later.
 FIRST, LATER = 700, 40
-#: Rounds at most; s, or of its standard deviation, by which the clock moves in the last; and how many last ones: on its
-#: way a clock may halt once where loops change.
-ROUNDS, STILL, SHARE, TWICE = 12, 0.01, 0.25, 2
+#: Rounds at most; s, or of its standard deviation, by which the clock moves in the last two: it may halt once where
+#: loops change, and may go to and fro between two ways to have them.
+ROUNDS, STILL, SHARE = 12, 0.02, 0.3
 #: Cells to either side in which the car's loudness is looked for.
 LOOKED = 25
 #: Channels over which an amplitude is typical.
@@ -47,7 +47,7 @@ OTHER = 0.5
 
 @dataclass(frozen=True)
 class Round:
-    """One round of a fit; `told` is what the shapes of picks say of the clock, and the standard deviation of that, s."""
+    """One round of a fit; `told` is what shapes of picks say of the clock, and the standard deviation of that, s."""
 
     legs: Legs
     channels: ChannelMap
@@ -71,19 +71,21 @@ def settled(
     drive: Drive, quiet: Quiet, coarse: Coarse, car: Car, clock: Clock, expected: Array, side: int, advance: Advance
 ) -> Settled:
     """Rounds from a clock and expected cells [channel], sought within `side` at first, until the clock stands still."""
-    half, rounds, still = quiet.time[-1] / 2, 0, 0
-    while rounds < ROUNDS and still < TWICE:
+    half, rounds, still = quiet.time[-1] / 2, 0, False
+    last = (np.inf, np.inf)
+    while rounds < ROUNDS and not still:
         one = one_round(drive, quiet, coarse.path, car, clock, expected, coarse.polarity, side)
         check_found(drive, quiet, coarse, one)
         along, drifts = one.along, DRIFT in drive.effects
         expected, side = along.cell, LATER
         clock = Clock(clock.offset + along.clock, clock.drift + along.drift * drifts)
-        moved = abs(along.clock) <= max(STILL, SHARE * along.clock_sigma)
-        moved = moved and (not drifts or abs(along.drift) <= max(STILL / half, SHARE * along.drift_sigma))
-        still = still + 1 if moved else 0
+        still = abs(last[0] + along.clock) <= max(STILL, SHARE * along.clock_sigma)
+        if drifts:
+            still &= abs(last[1] + along.drift) <= max(STILL / half, SHARE * along.drift_sigma)
+        last = along.clock, along.drift
         rounds += 1
         advance(1)
-    return Settled(one, clock, rounds, still == TWICE)
+    return Settled(one, clock, rounds, bool(still))
 
 
 def one_round(
@@ -183,5 +185,5 @@ def check_found(drive: Drive, quiet: Quiet, coarse: Coarse, one: Round) -> None:
         f"{drive.name}: only {100 * share:.0f} % of the channels beside which the car drove hear it "
         f"({100 * needed:.0f} % are needed{why}): the record does not follow this drive; check the times, the map, and "
         "which cable is recorded",
-        SeenDrive.of(words, quiet, one.legs, one.along.cell),
+        SeenDrive.of(words, quiet, one.legs, coarse.cell),
     )

@@ -69,7 +69,7 @@ def heights(
     polarity: int,
     floor: Array,
 ) -> Array:
-    """Log likelihood ratios of the `audible` [leg, channel] picks with another clock, `moved` by s; none where it has other legs."""
+    """Log likelihood ratios of `audible` picks [leg, channel] at a clock `moved` by s; none with other legs."""
     legs = legs_of(quiet, path, car, clock)
     if legs.count != len(audible):
         return np.zeros(0)

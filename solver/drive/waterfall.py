@@ -1,6 +1,7 @@
 """The record of a drive as a picture, with the car as located or as expected; and one of a drive that is refused."""
 
 from dataclasses import dataclass
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +20,8 @@ Array = NDArray[np.float64]
 ROWS, COLUMNS, MOMENTS = 600, 1000, 4000
 #: CSS pixels of the picture of a drive that is refused.
 WIDTH, HEIGHT = 900, 420
+#: Letters in a line of its title.
+LINE = 110
 
 
 @dataclass(frozen=True)
@@ -45,16 +48,18 @@ class SeenDrive:
     def of(cls, words: str, quiet: Quiet, legs: Legs, cell: Array) -> "SeenDrive":
         """What was seen of a record, with a car that goes by cells [channel] of the path."""
         ends = int(quiet.channel[0]), int(quiet.channel[-1])
-        return cls(words, picture_of(quiet), ends, float(quiet.time[-1]), *track_of(quiet, legs, cell))
+        time, channel = track_of(quiet, legs, cell)
+        inside = (channel > ends[0]) & (channel < ends[1])
+        return cls(words, picture_of(quiet), ends, float(quiet.time[-1]), time[inside], channel[inside])
 
     @styled
     def figure(self) -> Figure:
         """The record, black where it is loud; the car is one of the dark lines, or it is not in there."""
-        figure = canvas(WIDTH, HEIGHT + 120)
-        axes = place(figure, "record", 70, 56, WIDTH - 90, HEIGHT)
+        figure = canvas(WIDTH, HEIGHT + 130)
+        axes = place(figure, "record", 70, 66, WIDTH - 90, HEIGHT)
         draw_record(axes, self.picture, self.channels, self.seconds)
         draw_car(axes, self.time, self.channel)
-        axes.set_title(self.words.replace("; ", ";\n", 1), loc="left", fontsize=10)
+        axes.set_title(fill(self.words, LINE), loc="left", fontsize=10)
         return figure
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from solver.drive.astray import others, places
-from solver.drive.drive_words import Unheard, advice, slack_of
+from solver.drive.drive_words import Unheard, advice, constrained_of, slack_of
 
 CHANNELS = 60
 
@@ -77,3 +77,14 @@ def test_slack_that_cannot_be_placed_is_told() -> None:
     assert slack == 80.0
     assert sigma == np.hypot(np.sqrt(2.0), 0.02 * 130.0)
     assert advice(fit, [stretch])[0].endswith(". 80 ± 3 m of slack lie somewhere on them")
+
+
+def test_slack_that_nothing_confirms_is_not_constrained() -> None:
+    """Twenty channels at one place, one of which hears something: cable before the drive, not a loop at a manhole."""
+    fit = fit_of(path=SimpleNamespace(first=0, length=600.0))
+    fit.channels.in_loop = np.where(np.arange(CHANNELS) < 20, 0.99, 0.0)
+    fit.cell[:20] = fit.cell[20]
+    fit.audible[20:] = True
+    assert constrained_of(fit).tolist() == [False] * 20 + [True] * 40
+    fit.loops.append(SimpleNamespace(first=10, last=19))
+    assert constrained_of(fit)[9:20].tolist() == [False] + [True] * 10
