@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.drive.astray import others, others_of, places
+from solver.drive.astray import companions, others, others_of, places
 from solver.drive.coarse import LEAD
 from solver.drive.misstated_words import as_stated
 from solver.drive.path import STEP
@@ -183,6 +183,7 @@ def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
         rival(fit),
         places(fit),
         others(fit),
+        companions(fit),
         as_stated(fit.misstated, fit.stated),
     ]
 
