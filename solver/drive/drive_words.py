@@ -116,7 +116,7 @@ def clock_words(fit: "Fit") -> str:
     """How far the clocks are apart."""
     way = "ahead of" if fit.clock.offset > 0 else "behind"
     once = (
-        "" if fit.both_ways else "; the car was heard one way only, so that only its stops and speeds tell it from a shift"
+        "" if fit.both_ways else "; the car was heard one way, so that only its stops and speeds tell it from a shift"
     )
     return f"the record's clock is {abs(fit.clock.offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's{once}"
 
