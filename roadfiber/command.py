@@ -158,7 +158,6 @@ def locate(
 def pictured(error: InputError, out: Path) -> str:
     """Draw what was seen of a record that is refused, beside the run folder; where, as the end of a sentence."""
     from solver.start.alignment import NotFollowingError
-    from solver.start.refused_figure import refused_figure
     from vision.contract import writing
 
     seen = next((one.seen for one in (error, error.__cause__) if isinstance(one, NotFollowingError)), None)
@@ -166,7 +165,7 @@ def pictured(error: InputError, out: Path) -> str:
         return ""
     path = out.with_name(f"{out.name}-refused.png")
     with writing(path) as temporary:
-        refused_figure(seen).savefig(temporary, format="png", dpi=150)
+        seen.figure().savefig(temporary, format="png", dpi=150)
     return f"; what was seen: {path}"
 
 

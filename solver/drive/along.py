@@ -56,7 +56,6 @@ class Along:
     stretch : meters of cable per meter of path less the factor, relative [channel]
     clock, clock_sigma : s to add to the clock offset, and its standard deviation
     drift, drift_sigma : share of the time that the record's clock gains on the GPS's, and its standard deviation
-    lean : how far the cell goes with the clock offset, cells per second [channel]
     weight : of each pick, 0 to 1 [leg, channel]
     residual : of each pick, cells, after clock and errors of the car [leg, channel]
     error : of the car along the path as it passes, cells [leg, channel]
@@ -69,7 +68,6 @@ class Along:
     clock_sigma: float
     drift: float
     drift_sigma: float
-    lean: Array
     weight: Array
     residual: Array
     error: Array
@@ -137,6 +135,7 @@ def smoothed_along(
     gps: tuple[float, float],
     spacing: float,
     drift_sigma: float = QUARTZ,
+    clock: tuple[float, float] = (0.0, np.inf),
 ) -> Along:
     """Smooth the picks along the channels.
 
@@ -146,9 +145,10 @@ def smoothed_along(
     gps : time over which errors of the fixes are correlated, s, and their sigma, m
     spacing : of the channels, m
     drift_sigma : standard deviation of the clock's drift, a share of the time
+    clock : what else tells of the clock offset that is left, and the standard deviation of that, s
     """
     weight = np.where(picks.audible, 1.0, 0.0)
-    model = Model.of(picks, legs, steps, factor_sigma, gps, spacing, drift_sigma)
+    model = Model.of(picks, legs, steps, factor_sigma, gps, spacing, drift_sigma, clock)
     for number in range(ROUNDS + 1):
         mean, covariance = model.smooth(weight)
         error, fitted = model.fitted(mean)
@@ -166,7 +166,6 @@ def smoothed_along(
         clock_sigma=float(np.sqrt(covariance[0, 2, 2])),
         drift=float(mean[0, 3]) / model.half,
         drift_sigma=float(np.sqrt(covariance[0, 3, 3])) / model.half,
-        lean=covariance[:, 0, 2] / covariance[:, 2, 2],
         weight=weight,
         residual=picks.cell - fitted,
         error=error,
@@ -185,6 +184,7 @@ class Model:
     wander : variance of the stretch from channel to channel
     half : of the record, s: the clock's drift counts from its middle
     drift_sigma : standard deviation of the clock's drift, a share of the time
+    clock : what else tells of the clock offset that is left, and the standard deviation of that, s
     rate : samples per second
     """
 
@@ -198,6 +198,7 @@ class Model:
     wander: float
     half: float
     drift_sigma: float
+    clock: tuple[float, float]
     rate: float
 
     @classmethod
@@ -210,6 +211,7 @@ class Model:
         gps: tuple[float, float],
         spacing: float,
         drift_sigma: float,
+        clock: tuple[float, float] = (0.0, np.inf),
     ) -> "Model":
         """The model of some picks."""
         there = picks.row >= 0  # anchors have no car
@@ -226,6 +228,7 @@ class Model:
             wander=WANDER**2 * spacing / 100,
             half=len(legs.cell) / legs.rate / 2,
             drift_sigma=drift_sigma,
+            clock=clock,
             rate=legs.rate,
         )
 
@@ -258,7 +261,9 @@ class Model:
         mean, covariance = np.zeros(size), np.eye(size)
         mean[0] = begun - self.steps.advance[1 : first + 1].sum()
         drift = (self.drift_sigma * self.half) ** 2
-        covariance[range(ERRORS), range(ERRORS)] = [WIDE**2, self.factor_sigma**2, CLOCK**2, drift]
+        told = 1 / (1 / CLOCK**2 + 1 / self.clock[1] ** 2)
+        mean[2] = told * self.clock[0] / self.clock[1] ** 2
+        covariance[range(ERRORS), range(ERRORS)] = [WIDE**2, self.factor_sigma**2, told, drift]
         channel, leg = np.nonzero(weight.T > 0)
         taken = [np.ascontiguousarray(one[leg, channel]) for one in (self.picks.cell, self.picks.sigma, weight)]
         speed, lever = self.picks.speed[leg, channel], self.lever[leg, channel]

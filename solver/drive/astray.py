@@ -18,6 +18,10 @@ Array = NDArray[np.float64]
 FAR, RUN = 10.0, 6
 #: Probability beyond which a channel hears another vehicle in place of the car; their share at most.
 LIKELY, MANY = 0.5, 0.15
+#: Channels in a row that hear another vehicle, and m of path between two such runs, so that it may be one vehicle.
+SOME, COMPANY = 3, 400.0
+#: Standard deviations of the car's log amplitude by which it is louder than the car.
+LOUDER = 1.5
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,47 @@ def places(fit: "Fit") -> Gate:
         (f"do not rely on channels {first} to {last}: another vehicle was taken for the car, or slack was missed",),
         found=worst.size,
         expected=FAR,
+    )
+
+
+def between_others(fit: "Fit") -> list[tuple[int, int]]:
+    """Runs of channels, first and last index, that may hear the vehicle that is heard before and behind them.
+
+    A vehicle that keeps its distance is not told from the car by its place on one leg; on two, that agree, it is. The
+    car is about as loud all the way.
+    """
+    other, audible = others_of(fit), fit.picks.audible[: fit.legs.count]
+    count, loud = audible.sum(0), np.log(np.maximum(fit.picks.amplitude[: fit.legs.count], 1e-9))
+    index = np.flatnonzero((other | (count > 0)) & ~fit.channels.best_loop & ~fit.quiet.dead)
+    if not len(index):
+        return []
+    runs = np.split(index, np.flatnonzero(np.diff(other[index].astype(int))) + 1)
+    found = []
+    for before, one, after in zip(runs[:-2], runs[1:-1], runs[2:], strict=True):
+        way = float(np.ptp(fit.cell[one])) * STEP
+        alone = float(np.median(count[one])) < 2 and not other[one[0]]
+        if alone and way <= COMPANY and len(one) >= RUN and min(len(before), len(after)) >= SOME:
+            inside = np.zeros(len(count), bool)
+            inside[one] = True
+            mine, rest = loud[audible & inside], loud[audible & ~inside]
+            if len(rest) > len(mine) and np.median(mine) - np.median(rest) > LOUDER * rest.std():
+                found.append((int(one[0]), int(one[-1])))
+    return found
+
+
+def companions(fit: "Fit") -> Gate:
+    """Whether no stretch lies between channels that hear another vehicle."""
+    runs = between_others(fit)
+    if not runs:
+        return Gate("companions", "passed", "no stretch lies between channels that hear another vehicle")
+    names = ", ".join(f"{fit.quiet.channel[first]} to {fit.quiet.channel[last]}" for first, last in runs)
+    return Gate(
+        "companions",
+        "failed",
+        f"before and behind channels {names} another vehicle is heard: it may have been taken for the car between, too",
+        (f"do not rely on channels {names}; drive there again, or tap",),
+        found=float(len(runs)),
+        expected=0.0,
     )
 
 

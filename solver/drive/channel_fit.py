@@ -9,7 +9,7 @@ from solver.drive.along import Along, smoothed_along, steps_of
 from solver.drive.aside import Aside, beside
 from solver.drive.car import Car, car_of
 from solver.drive.channel_map import ChannelMap
-from solver.drive.coarse import Coarse, first_look
+from solver.drive.coarse import Coarse, looks
 from solver.drive.drive import Drive
 from solver.drive.loops import Loop, confirmed, flags_of
 from solver.drive.misstated import DRIFT, GAUGE, SPACING, Estimate, Misstated, gauge_of, misstated
@@ -17,14 +17,14 @@ from solver.drive.path import STEP, Path, path_of
 from solver.drive.picks import Picks
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs
-from solver.drive.rounds import FIRST, LATER, ROUNDS, Settled, beside_car, settled
+from solver.drive.rounds import FIRST, LATER, ROUNDS, Settled, beside_car, one_round, settled
 from vision.contract import progress
 
 Array = NDArray[np.float64]
 
 #: m, standard deviation that every channel has at least: load of the car off its middle, bends of the map.
 FINEST = 0.4
-#: m, spread of the channel map beyond which it holds more than one place.
+#: m, spread of the channel map, or its distance from the smoothed place, beyond which it holds more than one place.
 SEVERAL = 3.0
 #: Fits with a gauge length that is part of the model, each with the one that the fit before tells.
 GAUGE_FITS = 2
@@ -100,7 +100,8 @@ def fit_drive(drive: Drive) -> Fit:
     car = car_of(drive.tracks, quiet.start)
     fits = GAUGE_FITS if GAUGE in drive.effects else 0
     with progress("locating channels", (1 + fits) * (ROUNDS + 2)) as advance:
-        coarse = first_look(quiet, path_of(drive.vertices), car, drive.length_factor[0])
+        several = looks(quiet, path_of(drive.vertices), car, drive.length_factor[0])
+        coarse = likeliest(drive, quiet, car, several)
         advance(1)
         begun = Clock(coarse.clock_offset)
         done = settled(drive, quiet, coarse, car, begun, coarse.cell, FIRST, advance)
@@ -111,6 +112,22 @@ def fit_drive(drive: Drive) -> Fit:
         advance(1)
     length_sigma = drive.length_factor[1] / drive.length_factor[0]
     return fitted(drive, quiet, coarse, car, done, stated, misstated(found, length_sigma, drive.effects))
+
+
+def likeliest(drive: Drive, quiet: Quiet, car: Car, several: list[Coarse]) -> Coarse:
+    """The look, of some that score alike, with which a round of the fit makes the record most probable."""
+    if len(several) == 1:
+        return several[0]
+    evidence = np.array(
+        [
+            one_round(
+                drive, quiet, one.path, car, Clock(one.clock_offset), one.cell, one.polarity, FIRST
+            ).channels.evidence
+            for one in several
+        ]
+    )
+    second, first = np.argsort(evidence)[-2:]
+    return replace(several[first], lead=float(evidence[first] - evidence[second]))
 
 
 def gauge_in(quiet: Quiet, coarse: Coarse, car: Car, done: Settled) -> Estimate:
@@ -135,7 +152,7 @@ def estimates(
         drive.sigma,
     )
     errors = (car.memory, car.sigma)
-    free = smoothed_along(one.picks, one.legs, steps, FREE_LENGTH, errors, quiet.channel_spacing, FREE_DRIFT)
+    free = smoothed_along(one.picks, one.legs, steps, FREE_LENGTH, errors, quiet.channel_spacing, FREE_DRIFT, one.told)
     heard = np.flatnonzero(one.picks.audible[: one.legs.count].any(0))
     way = max(1.0, float(np.ptp(free.cell[heard])))
     stretch = float(free.stretch[heard].mean())
@@ -143,7 +160,7 @@ def estimates(
     return {
         GAUGE: Estimate(longer * (1 + gauge.value) - 1, longer * gauge.sigma),
         SPACING: Estimate(stretch, float(np.hypot(*free.sigma[heard[[0, -1]]])) / way),
-        DRIFT: Estimate(done.clock.drift + free.drift, one.less_sure * free.drift_sigma),
+        DRIFT: Estimate(done.clock.drift + free.drift, free.drift_sigma),
     }
 
 
@@ -162,12 +179,13 @@ def fitted(
     aside = beside(
         quiet, coarse.path, car, legs, one.along.cell, one.picks.audible[: legs.count], polarity, drive.sigma
     )
-    several = np.where(one.channels.spread * STEP > SEVERAL, one.channels.spread, 0.0)
+    # The two estimates of a place differ where a loop ends elsewhere than the smoother has it, or picks are of others.
+    apart = np.abs(one.channels.cell - one.along.cell)
+    several = np.hypot(*(np.where(size * STEP > SEVERAL, size, 0.0) for size in (one.channels.spread, apart)))
     # Where the map bends the cable's heading is not sure, nor what lies square to the car.
     number = np.clip(np.round(one.along.cell).astype(np.int64), 0, len(coarse.path.points) - 1)
     heading = coarse.path.spread_of_heading(drive.sigma)[number]
     askew = heading * np.hypot(aside.far, aside.sigma) / STEP
-    clock = np.sqrt(one.less_sure**2 - 1) * one.along.clock_sigma * one.along.lean
     return Fit(
         quiet=quiet,
         path=coarse.path,
@@ -180,11 +198,11 @@ def fitted(
         loops=confirmed(one.loops, np.asarray(one.picks.audible.any(0)), quiet.channel_spacing),
         polarity=polarity,
         clock=done.clock,
-        clock_sigma=one.less_sure * one.along.clock_sigma,
+        clock_sigma=one.along.clock_sigma,
         misstated=wrong,
         stated=stated,
         cell=one.along.cell,
-        sigma=np.sqrt(one.along.sigma**2 + clock**2 + several**2 + askew**2 + (FINEST / STEP) ** 2),
+        sigma=np.sqrt(one.along.sigma**2 + several**2 + askew**2 + (FINEST / STEP) ** 2),
         aside=aside,
         beside=beside_car(coarse.path, legs, one.along.cell),
         rounds=done.count,

@@ -33,6 +33,10 @@ COST, LEAST, MOST = 4.0, -1.0, 2.0
 #: Pieces of map that clock offsets are told by, in so many stretches of a longer drive; how many offsets are then tried
 #: on all of it; and s apart from which they are others.
 TOLD, STRETCHES, TRIED, APART = 400, 2, 6, 3.0
+#: Offsets that are looked at closely at most, and by how much less than the best, per piece, others score that are.
+MOST_LOOKS, NEARLY = 3, 0.15
+#: By how much more probable, as log likelihood, one of them is that is told apart from the others.
+LEAD = 25.0
 
 
 @dataclass(frozen=True)
@@ -44,19 +48,23 @@ class Coarse:
     clock_offset : the record's clock less the GPS's, s
     path : turned as the channels run
     cell : [channel], about which cell of the path each lies at
-    score : of the best offset, per piece that the car passed
-    rival : score of the best offset 3 s or more away
     reversed : whether the map runs against the channels
     polarity : 1, or -1 where the record has the opposite sign
+    lead : how much more probable a close look makes it than the next that was looked at, as log likelihood; infinite
+        where none was
     """
 
     clock_offset: float
     path: Path
     cell: Array
-    score: float
-    rival: float
     reversed: bool
     polarity: int
+    lead: float = np.inf
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether no other clock offset explains the record nearly as well."""
+        return self.lead >= LEAD
 
 
 def piece_of(quiet: Quiet) -> int:
@@ -177,8 +185,10 @@ def tried(
     return found
 
 
-def first_look(quiet: Quiet, path: Path, car: Car, factor: float) -> Coarse:
-    """Find the clock offset within `WINDOW`, the map's direction, and about where each channel lies.
+def looks(quiet: Quiet, path: Path, car: Car, factor: float) -> list[Coarse]:
+    """Clock offsets within `WINDOW`, with the map's direction and about where each channel lies; the best first.
+
+    Others follow that score so nearly as well that they are to be told apart by more than scores.
 
     Parameters
     ----------
@@ -205,22 +215,39 @@ def first_look(quiet: Quiet, path: Path, car: Car, factor: float) -> Coarse:
         arrays = (when.begin, when.bins, when.share)
         each[some] = [best(scores, *arrays, int(at) + offset, NEVER, nothing)[0] for at in shifts[some]]
         ways.append(Way(one, when, each))
-    turned = bool(ways[1].scores.max() > ways[0].scores.max())
-    way, other = ways[turned], ways[not turned]
-    index = int(way.scores.argmax())
-    trace = np.zeros((len(scores), len(way.visits.begin) - 1, 2), np.int8)
-    _, end, mode = best(scores, *way.arrays, int(shifts[index]) + offset, NEVER, trace)
-    passed = max(1, int((np.diff(way.visits.begin) > 0).sum()))
-    away = np.abs(np.arange(len(shifts)) - index) >= apart
-    return Coarse(
-        clock_offset=float(shifts[index] * step),
-        path=way.path,
-        cell=cells_of(quiet, traced(trace, end, mode), count, width, factor),
-        score=float(way.scores[index]) / passed,
-        rival=max(float(way.scores[away].max()), float(other.scores.max())) / passed,
-        reversed=turned,
-        polarity=polarity,
-    )
+    passed = max(1, int((np.diff(ways[0].visits.begin) > 0).sum()))
+    tops = peaks_of(np.stack([one.scores for one in ways]) / passed, apart)
+    found = []
+    for number, (turned, index, _) in enumerate(tops[:MOST_LOOKS]):
+        way = ways[turned]
+        trace = np.zeros((len(scores), len(way.visits.begin) - 1, 2), np.int8)
+        _, end, mode = best(scores, *way.arrays, int(shifts[index]) + offset, NEVER, trace)
+        found.append(
+            Coarse(
+                clock_offset=float(shifts[index] * step),
+                path=way.path,
+                cell=cells_of(quiet, traced(trace, end, mode), count, width, factor),
+                reversed=bool(turned),
+                polarity=polarity,
+            )
+        )
+        if tops[number + 1][2] < tops[0][2] - NEARLY:
+            break
+    return found
+
+
+def peaks_of(scores: Array, apart: int) -> list[tuple[int, int, float]]:
+    """Way, index and score of the highest scores [way, shift], each `apart` shifts from those before; the best first.
+
+    >>> peaks_of(np.array([[0.0, 5.0, 4.0, 0.0, 3.0], [1.0, 0.0, 0.0, 0.0, 2.0]]), 2)[:3]
+    [(0, 1, 5.0), (0, 4, 3.0), (1, 4, 2.0)]
+    """
+    left, found = scores.copy(), []
+    for _ in range(MOST_LOOKS + 1):
+        way, index = divmod(int(left.argmax()), left.shape[1])
+        found.append((way, index, float(left[way, index])))
+        left[way, max(0, index - apart + 1) : index + apart] = NEVER
+    return found
 
 
 def cells_of(quiet: Quiet, place: NDArray[np.int64], count: int, width: float, factor: float) -> Array:

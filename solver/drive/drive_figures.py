@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from solver.drive.waterfall import draw_car, draw_record
 from solver.run.geojson import Z95, runs
 from vision.contract.drawing import canvas, place
 from vision.contract.figures import INK, MUTED, RULE, styled
@@ -39,25 +40,11 @@ def waterfall_figure(run: "DriveRun", width: int) -> Figure:
     figure = canvas(width, TOP + height + UNDER)
     axes = place(figure, "record", LEFT, TOP, width - LEFT - RIGHT, height)
     channel = run.arrays["channel"]
-    picture = np.asarray(run.arrays["picture"], float)
-    end = run.facts["seconds_shown"] / 60
-    extent = (0.0, end, float(channel[0]) - 0.5, float(channel[-1]) + 0.5)
-    axes.imshow(
-        np.log10(np.maximum(picture, 0.3)),
-        aspect="auto",
-        origin="lower",
-        extent=extent,
-        cmap="Greys",
-        vmin=-0.1,
-        vmax=1.3,
-    )
-    time, where = run.arrays["car_time"] / 60, run.arrays["car_channel"].astype(float)
-    gap = np.flatnonzero(np.diff(time) > 0.5) + 1
-    time, where = np.insert(time, gap, np.nan), np.insert(where, gap, np.nan)
-    axes.plot(time, where, color=ROUTE, lw=1.0, alpha=0.8)
+    ends = int(channel[0]), int(channel[-1])
+    draw_record(axes, np.asarray(run.arrays["picture"], np.float32), ends, float(run.facts["seconds_shown"]))
+    draw_car(axes, run.arrays["car_time"], run.arrays["car_channel"])
     for one in run.facts["loops"]:
         axes.axhspan(one["first_channel"] - 0.5, one["last_channel"] + 0.5, xmax=0.012, color=LOOP, lw=0)
-    axes.set(xlim=(0, end), xlabel="minutes since the start of the record", ylabel="channel")
     axes.set_title("The record, in sigmas of its noise: black is loud; the car as located; loops at the left edge")
     return figure
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.drive.astray import others, others_of, places
+from solver.drive.astray import companions, others, others_of, places
+from solver.drive.coarse import LEAD
 from solver.drive.misstated_words import as_stated
 from solver.drive.path import STEP
 from solver.run.trust import Gate
@@ -18,14 +19,14 @@ if TYPE_CHECKING:
 MOST = 0.5
 #: s; a clock less sure than this moves channels by more than a car's length.
 CLOCK = 0.3
-#: How much better the best clock offset is than any other, as a ratio of scores.
-CLEAR = 1.1
 #: Share of picks that disagree with their neighbors at most.
 STRAY = 0.25
 #: Sigmas of the length factor.
 FAR = 3.5
 #: m of path without the car that are worth a word, and stretches that are named.
 GAP, NAMED = 60.0, 6
+#: Probability of slack beyond which a channel lies in some.
+COILED = 0.5
 #: Standard deviations by which slack is told; share of a way by which cable beside it may be longer.
 SURE, LOOSE = 3.0, 0.02
 
@@ -51,7 +52,7 @@ class Unheard:
 
 
 def constrained_of(fit: "Fit") -> NDArray[np.bool_]:
-    """Which channels the drive decides: those that hear the car within two gauges, and loops among them."""
+    """Which channels the drive decides: those that hear the car within two gauges, and confirmed loops among them."""
     loop = np.zeros(len(fit.cell), bool)
     for one in fit.loops:
         loop[one.first : one.last + 1] = True
@@ -64,6 +65,8 @@ def constrained_of(fit: "Fit") -> NDArray[np.bool_]:
         away = np.minimum(np.abs(order[after] - fit.cell), np.abs(fit.cell - order[np.maximum(after - 1, 0)]))
         inside = (np.arange(len(found)) >= heard[0]) & (np.arange(len(found)) <= heard[-1])
         found = (away * STEP <= 2 * fit.quiet.gauge_length) & (inside | ~loop)
+    # Slack that no channel beside it confirms may lie anywhere, or be cable beyond the drive.
+    found &= loop | (fit.channels.in_loop <= COILED)
     return np.asarray(found & (fit.sigma * STEP < 10.0))
 
 
@@ -113,7 +116,7 @@ def clock_words(fit: "Fit") -> str:
     """How far the clocks are apart."""
     way = "ahead of" if fit.clock.offset > 0 else "behind"
     once = (
-        "" if fit.both_ways else "; the car was heard one way only, so that changes of speed alone tell it from a shift"
+        "" if fit.both_ways else "; the car was heard one way, so that only its stops and speeds tell it from a shift"
     )
     return f"the record's clock is {abs(fit.clock.offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's{once}"
 
@@ -180,14 +183,14 @@ def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
         rival(fit),
         places(fit),
         others(fit),
+        companions(fit),
         as_stated(fit.misstated, fit.stated),
     ]
 
 
 def rival(fit: "Fit") -> Gate:
     """Whether any other clock offset explains the record nearly as well."""
-    ratio = fit.coarse.score / max(fit.coarse.rival, 1e-9)
-    clear = ratio >= CLEAR
+    clear, lead = fit.coarse.told_apart, fit.coarse.lead
     return Gate(
         "other offsets",
         "passed" if clear else "failed",
@@ -195,8 +198,8 @@ def rival(fit: "Fit") -> Gate:
         if clear
         else "another clock offset explains the record nearly as well",
         ("drive again with less traffic, with stops and a U-turn; or give an anchor",),
-        found=ratio,
-        expected=CLEAR,
+        found=lead if np.isfinite(lead) else float("nan"),
+        expected=LEAD,
     )
 
 

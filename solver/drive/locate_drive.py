@@ -17,12 +17,10 @@ from solver.drive.loops import flags_of
 from solver.drive.misstated import GAUGE, SPACING
 from solver.drive.misstated_words import facts_of
 from solver.drive.path import STEP
+from solver.drive.waterfall import moments_of, picture_of, track_of
 from solver.run.facts import versions
 from solver.run.strict_json import strict
 from solver.run.trust import Trust
-
-#: Rows and columns of the picture of the record.
-ROWS, COLUMNS = 600, 1000
 
 
 def locate_drive(drive: Drive) -> DriveRun:
@@ -142,8 +140,7 @@ def arrays_of(drive: Drive, fit: Fit) -> dict[str, NDArray[Any]]:
     covariance[:, 2, 2] = depth_sigma**2
     legs = fit.legs.count
     residual = np.where(fit.picks.audible[:legs], fit.along.residual[:legs], np.nan) * STEP
-    near = np.flatnonzero(fit.legs.near)[:: max(1, int(fit.legs.near.sum()) // 4000)]
-    order = np.maximum.accumulate(cell)
+    car_time, car_channel = track_of(fit.quiet, fit.legs, cell)
     return {
         "channel": fit.quiet.channel.astype(np.int64),
         "distance": fit.quiet.distance,
@@ -157,23 +154,10 @@ def arrays_of(drive: Drive, fit: Fit) -> dict[str, NDArray[Any]]:
         "heard": fit.audible,
         "beside": fit.beside,
         "residual": residual.astype(np.float32),
-        "picture": picture(fit),
-        "car_time": fit.quiet.time[near],
-        "car_channel": np.interp(fit.legs.cell[near], order, fit.quiet.channel),
-        "car": fit.legs.driven.position[near],
+        "picture": picture_of(fit.quiet),
+        "car_time": car_time,
+        "car_channel": car_channel,
+        "car": fit.legs.driven.position[moments_of(fit.legs)],
         "map": drive.vertices,
         "noise": np.nan_to_num(fit.quiet.noise),
     }
-
-
-def picture(fit: Fit) -> NDArray[np.float32]:
-    """The record [row, column] for the page: the loudest of each few channels and samples, noise sigmas."""
-    values = fit.quiet.values
-    rows = np.arange(0, values.shape[0], max(1, -(-values.shape[0] // ROWS)))
-    columns = np.arange(0, values.shape[1], max(1, -(-values.shape[1] // COLUMNS)))
-    found = np.empty((len(rows), len(columns)), np.float32)
-    for index, row in enumerate(rows):
-        stop = rows[index + 1] if index + 1 < len(rows) else values.shape[0]
-        energy = np.add.reduceat((values[row:stop] ** 2).mean(0), columns)
-        found[index] = np.sqrt(energy / np.diff(np.append(columns, values.shape[1])))
-    return found

@@ -89,9 +89,10 @@ def pick(
 
 @dataclass(frozen=True)
 class Top:
-    """Height and width [channel] of peaks."""
+    """Peaks [channel]: their largest value, the height of the parabola through it, and their width."""
 
     ratio: Array
+    height: Array
     width: Array
 
 
@@ -105,8 +106,10 @@ def peaks(ratio: Array) -> tuple[Top, Array]:
     slope = around @ np.array([-2.0, -1.0, 0.0, 1.0, 2.0]) / 10
     bend = around @ np.array([2.0, -1.0, -2.0, -1.0, 2.0]) / 7
     down = np.maximum(-bend, 1e-3)
+    level = around @ np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35
     shift = np.clip(slope / down, -1.5, 1.5)
-    return Top(ratio[channel, best], 1 / np.sqrt(down)), middle + shift
+    height = level + slope * shift - down * shift**2 / 2
+    return Top(ratio[channel, best], height, 1 / np.sqrt(down)), middle + shift
 
 
 def passing(legs: Legs, leg: int, cell: Array) -> tuple[NDArray[np.int64], Array]:

@@ -19,6 +19,9 @@ from solver.drive.path import BESIDE, STEP, Path
 from solver.drive.picks import AUDIBLE, Picks, pick
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs, Responses, legs_of, responses
+from solver.drive.timing import clock_of_shapes
+from solver.drive.waterfall import SeenDrive
+from solver.start.alignment import NotFollowingError
 from vision.contract import InputError
 
 Array = NDArray[np.float64]
@@ -27,36 +30,31 @@ Advance = Callable[[int], None]
 #: Cells to either side of where a channel is expected: in the first round, when a first look may have followed another
 #: vehicle for some loops' lengths, and later.
 FIRST, LATER = 700, 40
-#: Rounds at most; s, or of its standard deviation, by which the clock moves in the last.
-ROUNDS, STILL, SHARE = 8, 0.01, 0.25
+#: Rounds at most; s, or of its standard deviation, by which the clock moves in the last two: it may halt once where
+#: loops change, and may go to and fro between two ways to have them.
+ROUNDS, STILL, SHARE = 12, 0.02, 0.3
 #: Cells to either side in which the car's loudness is looked for.
 LOOKED = 25
 #: Channels over which an amplitude is typical.
 NEIGHBORS = 40
 #: Share of the channels beside which the car drove that hear it; below it, the drive is not found.
 FOUND = 0.2
-#: The same where another clock offset explains the record nearly as well, and how much better is clear.
-UNSURE, CLEAR = 0.45, 1.15
+#: The same where another clock offset explains the record nearly as well.
+UNSURE = 0.45
 #: Probability of another vehicle beyond which a channel has no pick.
 OTHER = 0.5
-#: How much less sure the clock of a drive that is heard one way is than its model has it, on simulated drives.
-ONCE = 2.3
 
 
 @dataclass(frozen=True)
 class Round:
-    """One round of a fit."""
+    """One round of a fit; `told` is what shapes of picks say of the clock, and the standard deviation of that, s."""
 
     legs: Legs
     channels: ChannelMap
     picks: Picks
     along: Along
     loops: list[Loop]
-
-    @property
-    def less_sure(self) -> float:
-        """Times its standard deviation that the clock is sure to."""
-        return 1.0 if self.picks.both_ways else ONCE
+    told: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -74,17 +72,20 @@ def settled(
 ) -> Settled:
     """Rounds from a clock and expected cells [channel], sought within `side` at first, until the clock stands still."""
     half, rounds, still = quiet.time[-1] / 2, 0, False
+    last = (np.inf, np.inf)
     while rounds < ROUNDS and not still:
         one = one_round(drive, quiet, coarse.path, car, clock, expected, coarse.polarity, side)
         check_found(drive, quiet, coarse, one)
         along, drifts = one.along, DRIFT in drive.effects
         expected, side = along.cell, LATER
         clock = Clock(clock.offset + along.clock, clock.drift + along.drift * drifts)
-        moved = abs(along.clock) <= max(STILL, SHARE * along.clock_sigma)
-        still = moved and (not drifts or abs(along.drift) <= max(STILL / half, SHARE * along.drift_sigma))
+        still = abs(last[0] + along.clock) <= max(STILL, SHARE * along.clock_sigma)
+        if drifts:
+            still &= abs(last[1] + along.drift) <= max(STILL / half, SHARE * along.drift_sigma)
+        last = along.clock, along.drift
         rounds += 1
         advance(1)
-    return Settled(one, clock, rounds, still)
+    return Settled(one, clock, rounds, bool(still))
 
 
 def one_round(
@@ -109,15 +110,19 @@ def one_round(
     bend = bends_of(path, expected, spacing, drive.sigma)
     channels = map_channels(found, quiet.dead, spacing, factor, bend)
     flags, middle = sure(channels), channels.best.astype(float)
-    for _ in range(2):
+    for again in range(2):
         picks = pick(quiet, of, legs, middle, polarity, floor, quiet.dead | flags | (channels.other > OTHER))
         picks = beside_loops(picks, flags, quiet.gauge_length, spacing)
+        if not again:
+            # Heard both ways, places tell the clock so much better that shapes are not worth their time.
+            shapes = (0.0, np.inf) if picks.both_ways else None
+            told = shapes or clock_of_shapes(quiet, path, car, legs, clock, picks, polarity, floor)
         picks = anchored(picks, drive.anchors, quiet, path)
         steps = steps_of(path, middle, flags, channels.in_loop, spacing, factor, drive.sigma)
-        along = smoothed_along(picks, legs, steps, factor_sigma, (car.memory, car.sigma), spacing, drift)
+        along = smoothed_along(picks, legs, steps, factor_sigma, (car.memory, car.sigma), spacing, drift, told)
         loops = loops_of(channels, along, spacing, factor, quiet.gauge_length)
         flags = flags_of(loops, len(flags))
-    return Round(legs, channels, picks, along, loops)
+    return Round(legs, channels, picks, along, loops, told)
 
 
 def loudness(quiet: Quiet, of: Responses, legs: Legs, expected: Array, polarity: int) -> Array:
@@ -164,11 +169,21 @@ def beside_car(path: Path, legs: Legs, cell: Array) -> NDArray[np.bool_]:
 
 
 def check_found(drive: Drive, quiet: Quiet, coarse: Coarse, one: Round) -> None:
-    """Raise InputError where too few of the channels beside which the car drove hear it."""
+    """Raise NotFollowingError where too few of the channels beside which the car drove hear it."""
     there = beside_car(coarse.path, one.legs, one.along.cell) & ~quiet.dead & ~one.channels.best_loop
-    share = float(one.picks.audible[: one.legs.count, there].any(0).mean()) if there.any() else 0.0
-    if share < FOUND or (share < UNSURE and coarse.score < CLEAR * coarse.rival):
-        raise InputError(
-            f"{drive.name}: only {100 * share:.0f} % of the channels beside which the car drove hear it: the record "
-            "does not follow this drive; check the times, the map, and which cable is recorded"
-        )
+    heard = one.picks.audible[: one.legs.count, there].any(0)
+    share, needed = float(heard.mean()) if there.any() else 0.0, FOUND if coarse.told_apart else UNSURE
+    if share >= needed:
+        return
+    why = "" if coarse.told_apart else ", as another clock offset explains the record nearly as well"
+    words = (
+        f"{int(heard.sum())} of the {int(there.sum())} channels beside which the car drove hear it, "
+        f"{100 * needed:.0f} % are needed{why}; the car as expected with the best clock offset, "
+        f"{coarse.clock_offset:+.1f} s, is the line"
+    )
+    raise NotFollowingError(
+        f"{drive.name}: only {100 * share:.0f} % of the channels beside which the car drove hear it "
+        f"({100 * needed:.0f} % are needed{why}): the record does not follow this drive; check the times, the map, and "
+        "which cable is recorded",
+        SeenDrive.of(words, quiet, one.legs, coarse.cell),
+    )

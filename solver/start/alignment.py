@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from solver.start.fiber_line import TOLERANCE, FiberLine, ransac_line, tolerance
 from solver.start.wavelets import Array
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 GATE = 0.5  # gauge lengths to either side of where a vehicle is expected
 SEEN = 0.5  # share of the frames in which a channel must see its vehicle
@@ -69,11 +73,24 @@ class Seen:
             f"{np.ceil(self.needed):.0f} are needed; half of them are under {self.snr_db:.0f} dB"
         )
 
+    def figure(self) -> "Figure":
+        """Where vehicles were said to be and which channel was loudest then."""
+        from solver.start.refused_figure import refused_figure
+
+        return refused_figure(self)
+
+
+class Drawn(Protocol):
+    """What was seen of a record, to be drawn."""
+
+    def figure(self) -> "Figure":
+        """The picture."""
+
 
 class NotFollowingError(InputError):
     """Nothing in a record follows the trajectories; `seen` is what was there instead."""
 
-    def __init__(self, message: str, seen: Seen):
+    def __init__(self, message: str, seen: Drawn):
         super().__init__(message)
         self.seen = seen
 

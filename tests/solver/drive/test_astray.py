@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from solver.drive.astray import others, places
-from solver.drive.drive_words import Unheard, advice, slack_of
+from solver.drive.astray import between_others, companions, others, places
+from solver.drive.drive_words import Unheard, advice, constrained_of, slack_of
 
 CHANNELS = 60
 
@@ -18,7 +18,7 @@ def fit_of(**changed: Any) -> SimpleNamespace:
     audible[0, 20:40] = False
     one = {
         "legs": SimpleNamespace(count=1),
-        "picks": SimpleNamespace(audible=audible),
+        "picks": SimpleNamespace(audible=audible, amplitude=np.tile(np.array([9.0, 11.0]), (1, CHANNELS // 2))),
         "channels": SimpleNamespace(cell=cell.copy(), best_loop=np.zeros(CHANNELS, bool), other=np.zeros(CHANNELS)),
         "along": SimpleNamespace(cell=cell, error=np.zeros((1, CHANNELS)), stretch=np.zeros(CHANNELS)),
         "quiet": SimpleNamespace(
@@ -77,3 +77,29 @@ def test_slack_that_cannot_be_placed_is_told() -> None:
     assert slack == 80.0
     assert sigma == np.hypot(np.sqrt(2.0), 0.02 * 130.0)
     assert advice(fit, [stretch])[0].endswith(". 80 ± 3 m of slack lie somewhere on them")
+
+
+def test_slack_that_nothing_confirms_is_not_constrained() -> None:
+    """Twenty channels at one place, one of which hears something: cable before the drive, not a loop at a manhole."""
+    fit = fit_of(path=SimpleNamespace(first=0, length=600.0))
+    fit.channels.in_loop = np.where(np.arange(CHANNELS) < 20, 0.99, 0.0)
+    fit.cell[:20] = fit.cell[20]
+    fit.audible[20:] = True
+    assert constrained_of(fit).tolist() == [False] * 20 + [True] * 40
+    fit.loops.append(SimpleNamespace(first=10, last=19))
+    assert constrained_of(fit)[9:20].tolist() == [False] + [True] * 10
+
+
+def test_louder_stretch_between_channels_that_hear_another_vehicle_is_told() -> None:
+    fit = fit_of()
+    fit.picks.audible[:] = True
+    fit.picks.audible[0, [10, 11, 12, 30, 31, 32]] = False
+    fit.channels.other[[10, 11, 12, 30, 31, 32]] = 0.9
+    assert companions(fit).verdict == "passed"  # as loud as the car
+    fit.picks.amplitude[0, 13:30] *= 2.0
+    gate = companions(fit)
+    assert gate.verdict == "failed"
+    assert gate.words.startswith("before and behind channels 113 to 129 another vehicle is heard")
+    fit.channels.other[30:33] = 0.0  # heard before it only
+    assert companions(fit).verdict == "passed"
+    assert between_others(fit_of(beside=np.zeros(CHANNELS, bool))) == []

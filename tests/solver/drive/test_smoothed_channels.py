@@ -126,12 +126,16 @@ def test_step_is_none_with_the_probability_of_slack() -> None:
     assert not picks.both_ways
 
 
-def test_cells_lean_on_the_clock_as_the_car_goes_by() -> None:
-    """A single pass at one speed: a later clock is a shift."""
+def test_what_else_tells_the_clock_moves_a_single_pass() -> None:
+    """A single pass at one speed: a later clock is a shift, and only what else tells of it says how far."""
     picks = forth_and_back(0.0)
     picks.cell[1] = np.nan
     legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
     step = np.full(CHANNELS, SPACING)
     steps = Steps(step, step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
-    along = smoothed_along(picks, legs, steps, 0.02, (1.0, 1.5), SPACING)
-    assert np.abs(along.lean + 10.0).max() < 0.05
+    alone, told = (
+        smoothed_along(picks, legs, steps, 0.02, (1.0, 1.5), SPACING, clock=one) for one in ((0.0, np.inf), (0.5, 0.1))
+    )
+    assert abs(alone.clock) < 1e-6 and alone.clock_sigma > 1.9
+    assert abs(told.clock - 0.5) < 0.01 and abs(told.clock_sigma - 0.1) < 0.001
+    assert np.abs(told.cell - alone.cell + 5.0).max() < 0.1

@@ -1,15 +1,22 @@
 """What of a drive cannot be used is one line: what, where, how to mend it."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import roadfiber as rf
+from roadfiber.command import pictured
 from solver.drive.car import car_of
 from solver.drive.operator_map import read_operator_map
+from solver.drive.path import path_of
+from solver.drive.response import Clock, legs_of
+from solver.drive.waterfall import SeenDrive
+from solver.start.alignment import NotFollowingError
 from vision.contract import LocalFrame
 
 FRAME = LocalFrame((32.113, 34.804), 78.0)
@@ -37,7 +44,7 @@ def test_map_of_another_place(drive: rf.Drive) -> None:
         rf.locate(replace(drive, vertices=drive.vertices + 5000.0))
 
 
-def test_record_of_another_cable(drive: rf.Drive) -> None:
+def test_record_of_another_cable_and_what_was_seen(drive: rf.Drive, tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     start, _ = drive.span()
     time = start + np.arange(3000) * np.timedelta64(100, "ms")
@@ -46,8 +53,24 @@ def test_record_of_another_cable(drive: rf.Drive) -> None:
         *(rng.normal(0, 1e-9, (3000, 150)), drive.tracks, drive.vertices),
         **{"frame": drive.frame, "time": time, "distance": 8.0 * np.arange(150), **stated},
     )
-    with pytest.raises(rf.InputError, match="does not follow this drive"):
+    with pytest.raises(NotFollowingError, match="does not follow this drive") as caught:
         rf.locate(silent)
+    seen: Any = caught.value.seen
+    title = seen.figure().axes[0].get_title(loc="left").replace("\n", " ")
+    assert re.match(r"\d+ of the \d+ channels beside which the car drove hear it, \d+ % are needed", title)
+    assert seen.channels == (0, 149)
+    assert pictured(caught.value, tmp_path / "run") == f"; what was seen: {tmp_path / 'run-refused.png'}"
+    assert (tmp_path / "run-refused.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_car_is_drawn_where_it_is_expected(drive: rf.Drive, run: rf.DriveRun) -> None:
+    quiet, path = drive.quiet(), path_of(drive.vertices)
+    legs = legs_of(quiet, path, car_of(drive.tracks, quiet.start), Clock(run.clock_offset))
+    seen = SeenDrive.of("no channel hears it", quiet, legs, run.arrays["along"] + path.first)
+    known = np.interp(seen.time, run.arrays["car_time"], run.arrays["car_channel"])
+    assert len(seen.time) > 500 and np.abs(seen.channel - known).max() < 2.0
+    axes = seen.figure().axes[0]
+    assert axes.get_title(loc="left") == "no channel hears it" and len(axes.lines) == 1
 
 
 def test_car_that_stays(drive: rf.Drive) -> None:

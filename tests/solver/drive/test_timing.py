@@ -1,0 +1,71 @@
+"""The clock of a drive: what shapes tell of it, which of several offsets is taken, and when its rounds end."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import roadfiber as rf
+from solver.drive import rounds
+from solver.drive.car import car_of
+from solver.drive.channel_fit import likeliest
+from solver.drive.coarse import LEAD, looks
+from solver.drive.path import path_of
+from solver.drive.response import Clock, legs_of
+from solver.drive.rounds import LATER, ROUNDS, loudness, one_round, responses, settled
+from solver.drive.timing import clock_of_shapes
+
+
+@pytest.mark.parametrize("off", [-0.6, 0.4])
+def test_shapes_tell_the_clock(drive: rf.Drive, run: rf.DriveRun, truth: dict[str, Any], off: float) -> None:
+    quiet, path = drive.quiet(), path_of(drive.vertices)
+    car, cell = car_of(drive.tracks, quiet.start), run.arrays["along"] + path.first
+    polarity = int(run.facts["parameters"]["polarity"]["value"])
+    one = one_round(drive, quiet, path, car, Clock(truth["clock_offset"]), cell, polarity, LATER)
+    clock = Clock(truth["clock_offset"] + off)
+    legs = legs_of(quiet, path, car, clock)
+    floor = loudness(quiet, responses(quiet, path, car, legs), legs, cell, polarity)
+    picks = replace(one.picks, cell=one.picks.cell - off * one.picks.speed)
+    told, sigma = clock_of_shapes(quiet, path, car, legs, clock, picks, polarity, floor)
+    assert 0.1 < sigma < 0.4
+    assert abs(told + off) < 2 * sigma < abs(off) + 0.3
+
+
+def test_offsets_that_score_alike_are_told_apart(drive: rf.Drive) -> None:
+    quiet, path = drive.quiet(), path_of(drive.vertices)
+    car = car_of(drive.tracks, quiet.start)
+    right = looks(quiet, path, car, 1.0)[0]
+    wrong = replace(right, clock_offset=right.clock_offset + 40.0)
+    found = likeliest(drive, quiet, car, [wrong, right])
+    assert found.clock_offset == right.clock_offset
+    assert found.lead > LEAD and found.told_apart
+    assert not replace(found, lead=LEAD / 2).told_apart
+    assert likeliest(drive, quiet, car, [wrong]) is wrong
+
+
+@pytest.mark.parametrize(
+    ("moves", "count", "still"),
+    [
+        ((0.3, 0.001, 0.0), 3, True),
+        ((0.3, 0.001, 0.1, 0.1, 0.01, 0.0), 6, True),  # it halts once on its way
+        ((0.3, 0.05, -0.05, 0.05), 3, True),  # to and fro
+        ((0.1,) * ROUNDS, ROUNDS, False),
+    ],
+)
+def test_rounds_end_when_the_clock_stands_still(
+    monkeypatch: pytest.MonkeyPatch, moves: tuple[float, ...], count: int, still: bool
+) -> None:
+    left = iter(moves)
+
+    def made(*_: Any) -> Any:
+        return SimpleNamespace(along=SimpleNamespace(clock=next(left), clock_sigma=0.05, drift=0.0, cell=np.zeros(3)))
+
+    monkeypatch.setattr(rounds, "one_round", made)
+    monkeypatch.setattr(rounds, "check_found", lambda *_: None)
+    drive, quiet = SimpleNamespace(effects=()), SimpleNamespace(time=np.arange(10.0))
+    coarse: Any = SimpleNamespace(path=None, polarity=1)
+    done = settled(drive, quiet, coarse, None, Clock(1.0), np.zeros(3), 5, lambda _: None)  # type: ignore[arg-type]
+    assert (done.count, done.still) == (count, still)
+    assert done.clock.offset == pytest.approx(1.0 + sum(moves[:count]))
