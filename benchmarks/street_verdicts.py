@@ -58,6 +58,7 @@ def tried(seed: int) -> dict[str, Any]:
     """What is said of one survey: verdict, names, probabilities; or that it was refused."""
     from solver.catalogue.catalogue import built_in
     from solver.criticism.diagnosis import diagnose
+    from solver.criticism.quick_corridor import widened
     from solver.fit.map_fit import MapFit
 
     kind, scenario = draw(seed)
@@ -71,7 +72,7 @@ def tried(seed: int) -> dict[str, Any]:
     }
     begun = time.process_time()
     try:
-        _, located, _ = surveyed(scenario)
+        located = widened(surveyed(scenario)[1])
     except InputError as error:
         return row | {"verdict": "refused", "named": [], "says": str(error)}
     state = MapFit(located.problem).state_of(torch.from_numpy(located.result.vector))
