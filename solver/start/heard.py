@@ -43,7 +43,7 @@ class Heard:
 
     Parameters
     ----------
-    time : of passing the middle of the channels, s since the record's start
+    time : of passing the middle of the channels, s of the record's rows (`DASRecord.row_time`)
     speed : along x, m/s; negative against +x
     snr_db : mean along its line, dB
     share : of the channels that heard it over 7 dB
