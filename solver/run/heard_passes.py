@@ -16,6 +16,7 @@ from solver.fit.stretches import TAIL
 from solver.start.free_tracks import SAME_VEHICLE, Unlisted, is_heard, unlisted, unlisted_line
 from solver.start.heard import Heard, Hearing, middle_times, pair
 from solver.start.initialization import Initialization
+from solver.start.section_tracks import unlisted_along
 from solver.survey.das.record import DASRecord
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
@@ -52,12 +53,12 @@ def fit_hearing(
     priors : prior means of depth, m, and Poisson's ratio
     as_fitted : passes with the wheels that the model has
     """
-    rough = fitting.found.rough
-    if rough is None:
-        return fitting.of(passes)
+    rough, sections = fitting.found.rough, fitting.found.sections
 
     def listened(record: DASRecord, listed: Sequence[Pass], late: float | None) -> Unlisted:
         with fitting.timed("listen"):
+            if rough is None:
+                return unlisted_along(shown(record), sections, listed, **priors, tail=TAIL, late=late)
             return unlisted(shown(record), rough, listed, **priors, tail=TAIL, late=late)
 
     first = found = listened(fitting.record, passes, None)
