@@ -35,8 +35,10 @@ FEWEST = 4
 #: Positions out of view go on from the last ones in view: they err alike over many samples, which weigh as one.
 UNSEEN = 3.0
 
-#: Where tracks in view are this uncertain, m, their slow errors are fitted too.
-UNCERTAIN = 0.05
+#: Where tracks in view are this uncertain, m, their slow errors are fitted too; of so many passes they are where tracks
+#: are less uncertain, too: with errors of positions a smoother model fits best, that of a deeper fiber, however many
+#: passes there are, while the sigmas fall with their number.
+UNCERTAIN, MANY, LESS = 0.05, 20, 0.01
 
 
 def guessed_less(one: Pass) -> Pass:
@@ -116,8 +118,8 @@ def with_slow_errors(problem: Problem) -> Problem:
 
     On a long fiber each track has a shift of its own every few seconds already.
     """
-    sigma = track_sigma(problem.passes)
-    if is_long(problem) or sigma < UNCERTAIN or any(one.slow_error for one in problem.effects):
+    sigma, least = track_sigma(problem.passes), UNCERTAIN if len(problem.passes) < MANY else LESS
+    if is_long(problem) or sigma < least or any(one.slow_error for one in problem.effects):
         return problem
     prior = replace(problem.prior, jitter=sigma / SPLINE_VARIANCE**0.5)
     return replace(problem, effects=(*problem.effects, SLOW_ERROR), prior=prior)
