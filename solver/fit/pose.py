@@ -19,7 +19,7 @@ from solver.start.rough_route import TYPICAL
 from solver.survey.anchors import Anchor
 from solver.survey.das.record import DASRecord
 from solver.survey.das.rounding import Rounding
-from solver.survey.das.windows import jumps
+from solver.survey.das.time_windows import jumps
 from solver.survey.limits import VEHICLE_REACH
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import Pass, track_sigma

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.fit.result import FitResult
+from solver.fit.result import FitResult, Parameter
 from solver.fit.stretches import TAIL
 from solver.start.free_tracks import SAME_VEHICLE, Unlisted, is_heard, unlisted, unlisted_line
 from solver.start.heard import Heard, Hearing, middle_times, pair
@@ -127,6 +127,8 @@ def heard_with(run: "Run", record: DASRecord, rough: Initialization, shown: Show
         there = hearing.along(when if is_heard(one) else when + ahead, one.speed)
         near = [other for other in raw if together(there, other)]
         found.append(min(near, key=lambda other: abs(other.time - there.time), default=there))
+    inside = np.isin(np.rint([one.time * record.sampling_rate for one in raw]), fitted)
+    found += [one for one, fit in zip(raw, inside, strict=True) if not fit and not any(together(one, o) for o in found)]
     return sorted((one for one in found if np.isfinite(one.time)), key=lambda one: one.time)
 
 
@@ -152,9 +154,14 @@ def together(one: Heard, other: Heard) -> bool:
 
 def weighs(result: FitResult, one: Pass, listed: Sequence[Pass]) -> bool:
     """Whether a pass has the weight of a vehicle, by that of the listed ones."""
-    fitted = {name: size for each in listed if (size := result.parameters.get(name := f"amplitude[{each.track_id}]"))}
-    mine = result.parameters.get(f"amplitude[{one.track_id}]")
-    if mine is None or not fitted:
-        return mine is not None
-    usual = float(np.median([each.value for each in fitted.values()]))
-    return mine.value > max(LIGHTEST * usual, SURE * mine.sigma)
+    mine, others = sizes(result, one), [size for each in listed for size in sizes(result, each)]
+    if not mine or not others:
+        return bool(mine)
+    usual = float(np.median([each.value for each in others]))
+    return any(each.value > max(LIGHTEST * usual, SURE * each.sigma) for each in mine)
+
+
+def sizes(result: FitResult, one: Pass) -> list[Parameter]:
+    """Amplitudes of a pass: one, or on a long fiber one for each stretch."""
+    name = f"amplitude[{one.track_id}"
+    return [size for key, size in result.parameters.items() if key == f"{name}]" or key.startswith(f"{name} at x ")]

@@ -16,10 +16,10 @@ from solver.survey.das.reduced import DERIVED, Values, filter_of, gain_of, overl
 from solver.survey.das.rounding import Rounding, rounding_of
 from solver.survey.das.setting import logger
 from solver.survey.das.size import require_room_for_record
+from solver.survey.das.time_windows import Windows
 from solver.survey.das.units import Unit, across_gauge, to_strain_rate
 from solver.survey.das.values import check_size
 from solver.survey.das.watch import Watch
-from solver.survey.das.windows import Windows
 from vision.contract import InputError, progress
 
 Array = NDArray[np.float64]

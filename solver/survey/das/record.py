@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.survey.das.rounding import Rounding
-from solver.survey.das.windows import stretches
+from solver.survey.das.time_windows import stretches
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class DASRecord:
     strain_rate : [time, channel], 1/s; NaN = not measured, or not read: rows in a gap between files, dead or excluded
         channels; in single precision where it was read
     time : s since `start` [time], regular, gaps included; where only some times were read, it jumps from one window to
-        the next, with empty rows on both sides (`solver.survey.das.windows`)
+        the next, with empty rows on both sides (`solver.survey.das.time_windows`)
     start : UTC, datetime64[ns]
     distance : m along the fiber [channel]
     channel : number of each channel as the file counts; anchors refer to it [channel]

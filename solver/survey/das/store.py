@@ -27,7 +27,7 @@ from solver.survey.das.block import fingerprint
 from solver.survey.das.prodml import STORED
 from solver.survey.das.record import DASRecord, Extent, gap_line
 from solver.survey.das.rounding import Rounding
-from solver.survey.das.windows import Windows
+from solver.survey.das.time_windows import Windows
 from vision.contract import InputError, progress, read_text
 
 Format = Literal["roadfiber store 1"]

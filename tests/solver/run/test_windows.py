@@ -13,7 +13,7 @@ from solver.survey.das.ingest import ingest
 from solver.survey.das.opened import Raw, opened
 from solver.survey.das.prodml import write_prodml
 from solver.survey.das.store import Store
-from solver.survey.das.windows import APART
+from solver.survey.das.time_windows import APART
 
 LATER = 3600.0
 
