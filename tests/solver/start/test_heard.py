@@ -90,7 +90,7 @@ def test_a_survey_without_tracks_is_told_to_track_first(made) -> None:
         rf.vehicles(bare)
 
 
-def test_a_run_takes_apart_vehicles_that_hide_each_other(tmp_path: Path) -> None:
+def test_a_run_takes_apart_vehicles_that_hide_each_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Twelve vehicles 2 to 7 s apart, every second of them not in the trajectories."""
     small = {"view": (0.0, 80.0), "channels": 201, "passes": 12, "headway": (2.0, 7.0), "snr_db": 18.0}
     made = simulator.simulate(read_scenario("street", seed=902, **small))
@@ -106,6 +106,9 @@ def test_a_run_takes_apart_vehicles_that_hide_each_other(tmp_path: Path) -> None
     heard = np.array([one.time for one in found.paired.heard])
     assert len(heard) == 12 and np.abs(heard - middle).max() < 1.0
     assert found.unheard == [] and (found.table["track_id"] != "").sum() == 6
+    run.save(tmp_path / "run")
+    listed(tmp_path / "survey", run=tmp_path / "run")
+    assert "heard 12 vehicles; 12 of them are in the trajectories" in capsys.readouterr().out
     other = simulator.simulate(read_scenario("street-short", seed=1))
     with pytest.raises(InputError, match="the run is of another record"):
         rf.vehicles(rf.read(simulator.write_survey(other, tmp_path / "other")), run)
