@@ -113,12 +113,12 @@ def law_of(
     return noise_law(strain_rate[:, middle] / noise[middle], still[:, middle], record.sampling_rate, gauge, error)
 
 
-def with_slow_errors(problem: Problem) -> Problem:
+def with_slow_errors(problem: Problem, many: float = MANY) -> Problem:
     """The problem with each track's slow error among what is fitted, where the tracks are uncertain enough.
 
-    On a long fiber each track has a shift of its own every few seconds already.
+    On a long fiber each track has a shift of its own every few seconds already. `many` is how many passes are many.
     """
-    sigma, least = track_sigma(problem.passes), UNCERTAIN if len(problem.passes) < MANY else LESS
+    sigma, least = track_sigma(problem.passes), UNCERTAIN if len(problem.passes) < many else LESS
     if is_long(problem) or sigma < least or any(one.slow_error for one in problem.effects):
         return problem
     prior = replace(problem.prior, jitter=sigma / SPLINE_VARIANCE**0.5)
