@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from solver.run.heard_passes import heard_with
+from solver.run.run import Run
 from solver.run.strict_json import strict
 from solver.start.heard import Hearing, Paired, middle_times, pair
 from solver.start.initialization import initialize
@@ -109,15 +111,19 @@ class Vehicles:
         return f"<p>{self.headline}</p>{self.table.to_html(index=False)}"
 
 
-def vehicles(survey: Survey | Path | str) -> Vehicles:
+def vehicles(survey: Survey | Path | str, run: Run | None = None) -> Vehicles:
     """List the vehicles that the fiber heard, matched with those that the camera saw.
 
     The matched filter's map of place and time is searched for straight lines, at all times of the record: vehicles that
     nobody listed are found too. Pairs of what was heard and seen tell how far the clocks are apart.
 
+    On a busy street vehicles hide each other. With a run of the survey, its vehicles are those that have a weight in
+    its fit, and others are listened for in what it leaves; `locate` with `unlisted` fits them, too, which finds most.
+
     Parameters
     ----------
     survey : as `read` returns it or built in memory, with trajectories; or the path of a site.toml
+    run : of this survey, as `locate` returns it
 
     Returns
     -------
@@ -126,7 +132,7 @@ def vehicles(survey: Survey | Path | str) -> Vehicles:
     Raises
     ------
     InputError
-        If the survey cannot be used, or no vehicle of the trajectories is seen in the record.
+        If the survey cannot be used, no vehicle of the trajectories is seen in the record, or the run is of another.
 
     Examples
     --------
@@ -143,6 +149,10 @@ def vehicles(survey: Survey | Path | str) -> Vehicles:
     rough = initialize(shorter_gauges(whole.record), passes, **believed)
     record = whole.at_all_times().record
     passes = smooth_passes(whole.tracks, record)
-    hearing = Hearing.of(shorter_gauges(record), rough, **believed)
-    middle = middle_times(passes, hearing.middle, record.time)
-    return Vehicles(pair(hearing.vehicles(), middle, np.array([one.speed for one in passes])), passes, record.start)
+    if run is None:
+        heard = Hearing.of(shorter_gauges(record), rough, **believed).vehicles()
+    else:
+        heard = heard_with(run, record, rough, shorter_gauges, believed)
+    x0, slope = rough.x_of_channel
+    middle = middle_times(passes, x0 + slope * float(rough.channel.mean()), record.time)
+    return Vehicles(pair(heard, middle, np.array([one.speed for one in passes])), passes, record.start)

@@ -58,6 +58,7 @@ def simulate(
 @app.command()
 def vehicles(
     site: Annotated[Path, typer.Argument(help="The survey's site.toml, or its folder.")],
+    run: Annotated[Path | None, typer.Option(help="A run of this survey: listen to what it leaves, too.")] = None,
     out: Annotated[Path | None, typer.Option(help="Write the list as csv.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")] = False,
 ) -> None:
@@ -66,16 +67,19 @@ def vehicles(
     The whole record is searched, so that vehicles that nobody listed are found too: time, speed along x, SNR and, where
     it was seen, its track.
 
-    Example: `roadfiber vehicles surveys/main-street/site.toml --out heard.csv`
+    On a busy street vehicles hide each other; a run that `roadfiber locate --unlisted` made takes them apart.
+
+    Example: `roadfiber vehicles surveys/main-street/site.toml --run runs/main-street --out heard.csv`
     """
     import json
 
     import roadfiber as rf
+    from roadfiber.locating import open_street
     from vision.contract import require_writable, writing
 
     if out is not None:
         require_writable(out)
-    found = rf.vehicles(site)
+    found = rf.vehicles(site, None if run is None else open_street(run))
     if out is not None:
         with writing(out) as temporary:
             found.table.to_csv(temporary, index=False)

@@ -9,6 +9,7 @@ from benchmarks.long_fiber import LongSurvey, made, written
 from solver.run.folder import read_run
 from solver.run.locate import locate
 from solver.run.run import Run
+from solver.start.free_tracks import is_heard
 from solver.start.joined_sections import joined, sides_of
 from solver.start.sections import extent, heard, initialize_sections, sections_of, sought
 from solver.survey.survey import Survey
@@ -87,3 +88,22 @@ def test_a_long_run_is_written_and_read(located: Run, tmp_path: Path) -> None:
     np.testing.assert_allclose(run.result.measured, located.result.measured, rtol=1e-5, atol=1e-12)
     assert run.facts["noise_floor"] == pytest.approx(1.0, abs=0.05)
     assert (tmp_path / "run" / "report.html").stat().st_size < 8e6
+
+
+def test_vehicles_that_nobody_listed_are_heard_along_all_of_a_long_road(survey: LongSurvey, tmp_path: Path) -> None:
+    """Each as one vehicle, though it is heard in section after section."""
+    whole = Survey.read(written(survey, tmp_path / "survey"))
+    assert whole.tracks is not None
+    gone = ["1", "4"]
+    some = whole.with_tracks(whole.tracks[~whole.tracks["track_id"].isin(gone)])
+    run = locate(some, unlisted=True)
+    heard_only = [one for one in run.passes if is_heard(one)]
+    assert len(heard_only) == 2 and run.result.chi2_per_dof < 1.05
+    for one, name in zip(heard_only, gone, strict=True):
+        track = whole.tracks[whole.tracks["track_id"] == name]
+        seconds = (track["time"].dt.tz_convert(None) - some.record.start).dt.total_seconds().to_numpy()
+        time = some.record.time[one.rows]
+        inside = (time > seconds[0]) & (time < seconds[-1])
+        off = [np.interp(time[inside], seconds, track[axis]) - one.position[inside, i] for i, axis in enumerate("xy")]
+        assert np.ptp(one.position[inside, 0]) > 550
+        assert np.hypot(*off).mean() < 2.0

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solver.catalogue.catalogue import find
 from solver.criticism.race import elsewhere, race
@@ -175,18 +174,6 @@ def regrown(run: Run, grown: Grown, effects: Sequence[str], seconds: float) -> R
     facts |= fitted_facts(result, problem, grown.after, run.facts["disputed_anchors"])
     known = {one.track_id for one in run.passes}
     passes = run.passes + [one for one in problem.passes if one.track_id not in known]
-    time = times_of(result.samples, run.result.samples, run.time, problem.sampling_rate)
+    time = problem.time_of(result.samples)
     grown_run = replace(run, result=result, problem=problem, time=time, facts=strict(facts), passes=passes)
     return told(replace(grown_run, added=None, folder=None))
-
-
-def times_of(
-    samples: NDArray[np.int64], known: NDArray[np.int64], time: NDArray[np.float64], sampling_rate: float
-) -> NDArray[np.float64]:
-    """Times [sample], s, of rows of a record, of which some are known: a vehicle more may pass where none had.
-
-    >>> times_of(np.array([8, 10, 11, 12, 15]), np.array([10, 12]), np.array([2.0, 2.4]), 5.0).round(9).tolist()
-    [1.6, 2.0, 2.2, 2.4, 3.0]
-    """
-    beyond = samples - np.clip(samples, known[0], known[-1])
-    return np.asarray(np.interp(samples, known, time) + beyond / sampling_rate)

@@ -45,7 +45,7 @@ def unexplained(fit: MapFit, state: State) -> Array:
 
 
 def straight(problem: Problem, speed: float, way: int, y: float, start: float, rows: int) -> Pass:
-    """A car at constant speed, m/s, that passes the middle of the channels `start` s after the record's first row."""
+    """A car at constant speed, m/s, that passes the middle of the channels `start` s of rows after the first one."""
     time = np.arange(rows) / problem.sampling_rate - start
     x = float(problem.start[:, 0].mean()) + way * speed * time
     keep = np.flatnonzero(np.abs(speed * time) <= REACH)
@@ -81,7 +81,7 @@ def template(fit: MapFit, state: State, speed: float, way: int, y: float) -> Arr
 
 
 def passing_times(problem: Problem) -> list[tuple[int, float]]:
-    """Direction and time, s since the first row, at which known vehicles pass the middle of the channels."""
+    """Direction and time, s of rows since the first, at which known vehicles pass the middle of the channels."""
     middle = float(problem.start[:, 0].mean())
     times = []
     for one in problem.passes:
@@ -97,7 +97,7 @@ class Peak(NamedTuple):
     ----------
     snr : sigmas
     weight, sigma : relative to a typical car
-    time : of passing the middle of the channels, s since the first row
+    time : of passing the middle of the channels, s of rows since the first, without the jumps between windows
     way, speed, y : direction (+1, -1 along x), m/s, lateral position, m
     free : moments at which no known vehicle passes
     """
@@ -145,7 +145,8 @@ def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
         return with_pass(survey, straight(survey, found.speed, found.way, found.y, found.time, len(survey.record)))
 
     speed_x = found.way * found.speed * 3.6
-    words = f"a vehicle the trajectories lack passes the middle at {found.time:.1f} s, {speed_x:+.0f} km/h along x"
+    when = float(problem.time_of(found.time * problem.sampling_rate))
+    words = f"a vehicle the trajectories lack passes the middle at {when:.1f} s, {speed_x:+.0f} km/h along x"
     fall, least = max(found.snr, 0.0) ** 2, 6 * found.sigma
     trials = sum(one.free for one in coarse)
     return Fault("unseen_vehicle", "load", fall, 4, trials, found.weight, found.sigma, "1", least, words, mend)

@@ -19,6 +19,7 @@ from solver.start.rough_route import TYPICAL
 from solver.survey.anchors import Anchor
 from solver.survey.das.record import DASRecord
 from solver.survey.das.rounding import Rounding
+from solver.survey.das.time_windows import jumps
 from solver.survey.limits import vehicle_reach
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import Pass, track_sigma
@@ -34,8 +35,10 @@ FEWEST = 4
 #: Positions out of view go on from the last ones in view: they err alike over many samples, which weigh as one.
 UNSEEN = 3.0
 
-#: Where tracks in view are this uncertain, m, their slow errors are fitted too.
-UNCERTAIN = 0.05
+#: Where tracks in view are this uncertain, m, their slow errors are fitted too; of so many passes they are where tracks
+#: are less uncertain, too: with errors of positions a smoother model fits best, that of a deeper fiber, however many
+#: passes there are, while the sigmas fall with their number.
+UNCERTAIN, MANY, LESS = 0.05, 20, 0.01
 
 
 def guessed_less(one: Pass) -> Pass:
@@ -90,6 +93,7 @@ def pose(
         prior=prior,
         sampling_rate=record.sampling_rate,
         law=law_of(record, kept, still[:, alive], noise[alive], rounding and rounding.at(alive)),
+        windows=jumps(record.time, record.sampling_rate),
     )
 
 
@@ -110,13 +114,13 @@ def law_of(
     return noise_law(strain_rate[:, middle] / noise[middle], still[:, middle], record.sampling_rate, gauge, error)
 
 
-def with_slow_errors(problem: Problem) -> Problem:
+def with_slow_errors(problem: Problem, many: float = MANY) -> Problem:
     """The problem with each track's slow error among what is fitted, where the tracks are uncertain enough.
 
-    On a long fiber each track has a shift of its own every few seconds already.
+    On a long fiber each track has a shift of its own every few seconds already. `many` is how many passes are many.
     """
-    sigma = track_sigma(problem.passes)
-    if is_long(problem) or sigma < UNCERTAIN or any(one.slow_error for one in problem.effects):
+    sigma, least = track_sigma(problem.passes), UNCERTAIN if len(problem.passes) < many else LESS
+    if is_long(problem) or sigma < least or any(one.slow_error for one in problem.effects):
         return problem
     prior = replace(problem.prior, jitter=sigma / SPLINE_VARIANCE**0.5)
     return replace(problem, effects=(*problem.effects, SLOW_ERROR), prior=prior)

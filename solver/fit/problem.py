@@ -53,6 +53,8 @@ class Problem:
     curved : whether strain is the integral along the fiber's path, see `SignalPath`
     knot_spacing : of the route, m
     coil : fiber that the matched filter takes to lie coiled; no model has it before it is added
+    windows : row and time, s since the record's start, at which each window of the record after the first begins: where
+        only some times were read, time jumps there
     """
 
     record: NDArray[Any]
@@ -74,6 +76,13 @@ class Problem:
     signal_noise: float = 0.0
     knot_spacing: float = KNOT_SPACING
     coil: Coil | None = None
+    windows: tuple[tuple[int, float], ...] = ()
+
+    def time_of(self, row: ArrayLike) -> NDArray[np.float64]:
+        """Time of rows of the record, or of places between two of them, s since its start."""
+        first, begin = np.array([(0, 0.0), *self.windows]).T
+        window = np.searchsorted(first, row, side="right") - 1
+        return np.asarray(begin[window] + (np.asarray(row, float) - first[window]) / self.sampling_rate)
 
     @cached_property
     def strain_rate(self) -> Tensor:
@@ -167,7 +176,7 @@ class Problem:
             middle=torch.from_numpy((inside.min(0) + inside.max(0)) / 2),
             largest=self.largest,
         )
-        sampled = torch.from_numpy(traffic.samples).double() / (self.sampling_rate * traffic.over)
+        sampled = torch.from_numpy(self.time_of(traffic.samples / traffic.over))
         bare = Extension(time=sampled[traffic.sample_index])
         road = float(self.start[:, 0].min()), float(self.start[:, 0].max())
         scopes = Scopes.of(traffic, torch.from_numpy(distance), bare.clock(traffic)[1], sampled, road)

@@ -42,4 +42,5 @@ def by_itself(problem: Problem, one: Pass, rows: NDArray[np.bool_]) -> Problem:
     """A survey of some rows of a pass and nothing else."""
     parts = {name: getattr(one, name)[rows] for name in ("position", "velocity", "sigma", "in_view")}
     mine = [replace(one, rows=np.arange(rows.sum()), **parts)]
-    return replace(problem, record=problem.record[one.rows[rows]], passes=mine, traffic=Traffic.of(mine))
+    here = problem.record[one.rows[rows]]
+    return replace(problem, record=here, passes=mine, traffic=Traffic.of(mine), windows=())

@@ -233,13 +233,7 @@ def require_one_fiber(runs: Sequence[Run]) -> None:
 def moments(run: Run) -> list[tuple[float, float]]:
     """When, s since 1970, and how fast, m/s, each pass of a run went by the middle of its way."""
     start = run.start.astype("datetime64[ns]").astype(np.int64) / 1e9
-    row = dict(zip(run.result.samples.tolist(), run.time.tolist(), strict=True))
-    step = 1 / run.problem.sampling_rate
-    found = []
-    for one in run.problem.passes:
-        middle = int(one.rows[len(one.rows) // 2])
-        found.append((start + row.get(middle, middle * step), one.speed))
-    return found
+    return [(start + float(run.problem.time_of(one.rows[len(one.rows) // 2])), one.speed) for one in run.problem.passes]
 
 
 def combine(*runs: Run) -> Combined:

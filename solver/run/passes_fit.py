@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from solver.effect import Effect
 from solver.fit.choice import MANY, Choice, choose
+from solver.fit.pose import with_slow_errors
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.some_passes import only
@@ -93,6 +94,7 @@ class Fitting:
         whole, choice = problems[0], None if self.all_passes else choice_of(problems[0], self.timings)
         if choice is not None:
             problems = [only(one, choice.numbers) for one in problems]
+        problems = [with_slow_errors(one) for one in problems]
         with self.timed("fit"):
             result, problem = self.route(problems, warnings, disputed)
         return PassesFit(list(passes), whole, choice, result, problem, warnings, disputed)

@@ -38,7 +38,7 @@ def problem_facts(problem: Problem) -> dict[str, Any]:
     return (
         scalars
         | {"prior": asdict(problem.prior), "added": [one.name for one in problem.effects]}
-        | {"coil": problem.coil and asdict(problem.coil)}
+        | {"coil": problem.coil and asdict(problem.coil), "windows": [list(one) for one in problem.windows]}
     )
 
 
@@ -69,5 +69,6 @@ def problem_from(
         law=law_from(arrays),
         effects=tuple(look_up(name) for name in facts["added"]),
         coil=facts["coil"] and Coil(**facts["coil"]),
+        windows=tuple((row, time) for row, time in facts["windows"]),
         **{name: facts[name] for name in SCALARS},
     )

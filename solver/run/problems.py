@@ -141,7 +141,8 @@ def problems_of(
         curved=any(one.base_part == "bends" for one in effects),
         coil=found.coil,
     )
-    return [with_slow_errors(replace(begun, start=start[alive])) for start in found.routes]
+    # Of many passes, a few may be chosen.
+    return [with_slow_errors(replace(begun, start=start[alive]), many=np.inf) for start in found.routes]
 
 
 def untaken(problem: Problem, whole: Problem, choice: Choice | None) -> Problem | None:

@@ -132,5 +132,5 @@ def check_agreement(problem: "Problem", arrays: Arrays, anchors: Sequence[Anchor
     require(problem.sampling_rate == sampling_rate, "the sampling rates of settings and problem differ")
     samples = arrays["samples"]
     if len(samples) > 1:
-        lasted = (samples[-1] - samples[0]) / sampling_rate
+        lasted = float(np.ptp(problem.time_of(samples)))
         require(abs(np.ptp(arrays["time"]) - lasted) <= 0.01 * lasted, "time does not go with the sampling rate")

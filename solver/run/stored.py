@@ -3,6 +3,7 @@
 The models below are all that a run folder's JSON may hold: a key, type or size that they do not have is an error.
 """
 
+from itertools import pairwise
 from typing import Annotated, Literal, get_args
 
 import numpy as np
@@ -118,12 +119,16 @@ class ProblemFile(Stored):
     prior: PriorFile
     added: Annotated[tuple[Text, ...], Field(max_length=1000)]
     coil: CoilFile | None
+    windows: Annotated[tuple[tuple[Count, Size], ...], Field(max_length=10**5)] = ()
 
     @model_validator(mode="after")
     def distinct(self) -> "ProblemFile":
-        """Refuse a model that has an effect twice."""
+        """Refuse a model that has an effect twice, and windows that are not one after the other from the start."""
         if len(set(self.added)) < len(self.added):
             raise ValueError("an effect is there twice")
+        for (first, begin), (row, time) in pairwise([(0, 0.0), *self.windows]):
+            if row <= first or row - first > (time - begin + 1.0) * self.sampling_rate:
+                raise ValueError("windows are not one after the other")
         return self
 
 

@@ -33,6 +33,7 @@ class FirstRoutes:
     disputed : sentences on anchors that are left out because vehicles are recorded elsewhere
     coil : fiber that seems to lie coiled; None where none does
     rough : what the matched filter made of the passes; None along kilometers
+    sections : what it made of them there, section by section
     """
 
     channel: NDArray[np.int64]
@@ -41,6 +42,7 @@ class FirstRoutes:
     disputed: list[str]
     coil: Coil | None = None
     rough: Initialization | None = None
+    sections: Sequence[Found] = ()
 
 
 def find_first_routes(
@@ -138,4 +140,5 @@ def along_road(
             "from the rest alone"
         )
     routes = [route] if used or evidence > TOLD * len(found) else [route, joined(found, other)[1]]
-    return FirstRoutes(channel, routes, used, [misplaced_line(one, channel, route[:, 0]) for one in wrong])
+    disputed = [misplaced_line(one, channel, route[:, 0]) for one in wrong]
+    return FirstRoutes(channel, routes, used, disputed, sections=found)

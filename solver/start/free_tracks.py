@@ -225,23 +225,23 @@ def unlisted(
     late : by how many rows the record's clock is ahead of the tracks', where `record` is what the listed vehicles leave
         of one; they are heard in it, and tell the clocks, where None
     """
-    hearing = Hearing.of(record, rough, depth=depth, poisson_ratio=poisson_ratio)
+    hearing, time = Hearing.of(record, rough, depth=depth, poisson_ratio=poisson_ratio), record.row_time
     heard = hearing.vehicles()
     strange = heard
     if late is None:
-        middle = middle_times(listed, hearing.middle, record.time)
+        middle = middle_times(listed, hearing.middle, time)
         paired = pair(heard, middle, np.array([one.speed for one in listed]))
         late = 0.0 if np.isnan(paired.offset) else paired.offset * record.sampling_rate
         strange = [one for one, seen in zip(heard, paired.seen, strict=True) if seen < 0]
-    inside = used(listed, len(record.time), round(tail * record.sampling_rate))
+    inside = used(listed, len(time), round(tail * record.sampling_rate))
     beside, elsewhere, lost = list[Pass](), 0, 0
     first = 1 + sum(is_heard(one) for one in listed)
     for one in strange:
         line = ridge(hearing, one)
-        found = None if line is None else free_track(line, hearing, first + len(beside), listed, record.time)
+        found = None if line is None else free_track(line, hearing, first + len(beside), listed, time)
         if found is not None and is_listed(found, listed, late):
             continue
-        at = found.rows if found is not None else [min(int(one.time * record.sampling_rate), len(record.time) - 1)]
+        at = found.rows if found is not None else [min(int(one.time * record.sampling_rate), len(time) - 1)]
         if not inside[at].any():
             elsewhere += 1
         elif found is None:

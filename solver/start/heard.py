@@ -43,7 +43,7 @@ class Heard:
 
     Parameters
     ----------
-    time : of passing the middle of the channels, s since the record's start
+    time : of passing the middle of the channels, s of the record's rows (`DASRecord.row_time`)
     speed : along x, m/s; negative against +x
     snr_db : mean along its line, dB
     share : of the channels that heard it over 7 dB
@@ -173,6 +173,16 @@ class Hearing:
     def middle(self) -> float:
         """Place along x of the middle of the channels, m."""
         return float(self.x.mean())
+
+    def along(self, time: float, speed: float) -> Heard:
+        """What is heard along the line of a vehicle at a constant speed, m/s, that passes the middle at a time, s."""
+        snr, frame = self.snr_db[1 if speed > 0 else -1], np.rint((time + (self.x - self.middle) / speed) * self.rate)
+        inside = (frame >= 0) & (frame < len(snr))
+        level = snr[frame[inside].astype(int), np.flatnonzero(inside)]
+        if not len(level):
+            return Heard(time, speed, 0.0, 0.0)
+        mean, share = np.clip(level, 0.0, LOUDEST).mean(), (level > THRESHOLD_DB).mean()
+        return Heard(time, speed, float(mean), float(share))
 
     def vehicles(self) -> list[Heard]:
         """All that were heard, in the order of time."""

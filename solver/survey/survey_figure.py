@@ -65,18 +65,22 @@ def left_out(survey: "Survey") -> list[str]:
 
 def draw_record(axes: Axes, record: "DASRecord", sigmas: Array) -> None:
     """The waterfall of a record [time, channel] in sigmas of its noise: time to the right, channels upward."""
-    step = float(np.median(np.diff(record.time)))
-    extent = (record.time[0], record.time[-1] + step, float(record.channel[0]) - 0.5, float(record.channel[-1]) + 0.5)
-    image = axes.imshow(
-        coarse(sigmas, CELLS).T,
-        aspect="auto",
-        origin="lower",
-        extent=extent,
-        cmap=color_map(),
-        norm=color_scale(sigmas),
-        interpolation="nearest",
-    )
+    step, scale, colors = float(np.median(np.diff(record.time))), color_scale(sigmas), color_map()
+    # Time that was not read looks like samples that were not measured.
+    axes.set_facecolor(tuple(colors.get_bad().tolist()))
+    ends = (float(record.channel[0]) - 0.5, float(record.channel[-1]) + 0.5)
+    for rows in record.windows:
+        image = axes.imshow(
+            coarse(sigmas[rows], CELLS).T,
+            aspect="auto",
+            origin="lower",
+            extent=(record.time[rows][0], record.time[rows][-1] + step, *ends),
+            cmap=colors,
+            norm=scale,
+            interpolation="nearest",
+        )
     axes.set(ylabel="channel", title="Strain rate, in sigmas of each channel's noise")
+    axes.set_xlim(record.time[0], record.time[-1] + step)
     figure = axes.get_figure()
     assert figure is not None
     figure.colorbar(image, ax=axes, fraction=0.03, pad=0.01, ticks=[-10, -3, 0, 3, 10], format="%g")

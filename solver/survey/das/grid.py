@@ -179,11 +179,11 @@ class Grid:
         """UTC of a row."""
         return np.datetime64(self.origin + round(row * self.interval), "ns")
 
-    def check_dense(self, begin: int, end: int) -> None:
-        """Raise InputError if nearly all of the rows `begin` to `end` are gaps."""
-        measured = self.measured(begin, end)
-        if end - begin > SPARSEST * measured:
+    def check_dense(self, spans: Sequence[tuple[int, int]]) -> None:
+        """Raise InputError if nearly all of the rows of spans (first, one after the last) are gaps."""
+        measured = sum(self.measured(*span) for span in spans)
+        if sum(end - begin for begin, end in spans) > SPARSEST * measured:
             raise InputError(
                 f"{self.placed[-1].block.path}: {measured * self.interval * 1e-9:.0f} s of samples spread over "
-                f"{(end - begin) * self.interval * 1e-9 / 3600:.1f} h; locate each part on its own"
+                f"{(spans[-1][1] - spans[0][0]) * self.interval * 1e-9 / 3600:.1f} h; locate each part on its own"
             )

@@ -92,8 +92,8 @@ def record_from(
     ----------
     known : the record
     channels : first and last channel wanted, out of those of `known`; all by default
-    times : (start, end) of the spans wanted, UTC, in order; all by default. The record runs from the first to the last
-        span, and is NaN between them
+    times : (start, end) of the spans wanted, UTC, in order; all by default. The record holds a window for each, or for
+        several that are near each other, NaN between them
     rate : sampling rate, Hz, to which it is filtered and decimated while it is read, or a little above. None: unchanged
 
     Returns
@@ -116,8 +116,9 @@ def record_from(
     part = Reading(known, channel, columns, excluded, spans)
     found = part.whole() if factor == 1 else part.reduced(factor)
     files = list({one.block.path: one.block for one in used}.values())
-    interval, begin = grid.interval * found.factor, found.begin
-    holes = [(max(a, begin), min(b, found.end - 1)) for a, b in grid.holes if a < found.end and b >= begin]
+    interval, begin = grid.interval * found.factor, found.windows.begin * found.factor
+    end = min((found.windows.end - 1) * found.factor + 1, grid.rows)
+    holes = [(max(a, begin), min(b, end - 1)) for a, b in grid.holes if a < end and b >= begin]
     gaps = tuple(((a - begin) * grid.interval * 1e-9, (b - begin) * grid.interval * 1e-9) for a, b in holes)
     start = grid.time_of(begin)
     said = list(known.lines)
@@ -130,7 +131,7 @@ def record_from(
     partly = spans != [(0, grid.rows)] or (first, last) != known.held
     return DASRecord(
         strain_rate=found.values,
-        time=np.arange(len(found.values), dtype=np.float64) * (interval * 1e-9),
+        time=(found.windows.grid_rows - found.windows.begin).astype(np.float64) * (interval * 1e-9),
         start=start,
         distance=distance_of(known.blocks[0], channel, known.channel_spacing, known.spaced),
         channel=channel,

@@ -16,6 +16,7 @@ from solver.survey.das.reduced import DERIVED, Values, filter_of, gain_of, overl
 from solver.survey.das.rounding import Rounding, rounding_of
 from solver.survey.das.setting import logger
 from solver.survey.das.size import require_room_for_record
+from solver.survey.das.time_windows import Windows
 from solver.survey.das.units import Unit, across_gauge, to_strain_rate
 from solver.survey.das.values import check_size
 from solver.survey.das.watch import Watch
@@ -53,11 +54,10 @@ def check_finite(bad: NDArray[np.int64], channel: NDArray[np.int64], where: Path
 
 @dataclass(frozen=True)
 class Found:
-    """The result: strain rate [row, channel] at every `factor`-th of the grid's rows `begin` to `end`."""
+    """The result: strain rate [row, channel] at windows of every `factor`-th row of the grid."""
 
     values: NDArray[Any]
-    begin: int
-    end: int
+    windows: Windows
     factor: int
     rounding: Rounding | None
     cautions: tuple[str, ...]
@@ -113,32 +113,33 @@ class Reading:
     def whole(self) -> Found:
         """Every sample, in single precision."""
         grid, stored = self.known.grid, self.stored()
-        begin, end = self.spans[0][0], self.spans[-1][1]
-        grid.check_dense(begin, end)
-        rate, watch, faults = *self.empty(end - begin), list[str]()
+        windows = Windows.of(self.spans, grid.sampling_rate)
+        grid.check_dense(windows.spans)
+        rate, watch, faults = *self.empty(windows.rows), list[str]()
         felt = FELT if stored.quantity in DERIVED else 0
-        with progress("reading DAS", end - begin) as advance:
+        with progress("reading DAS", windows.rows) as advance:
             for low, high in self.spans:
                 for row, values, own in overlapping(slabs(grid, self.columns, low, high, faults), felt, watch.look):
-                    first, count = row + own.start - begin, own.stop - own.start
+                    first, count = windows.place(row + own.start), own.stop - own.start
                     self.convert(values, own, rate[first : first + count])
                     advance(count)
         rounding, cautions = self.checked(rate, watch, faults)
-        return Found(rate, begin, end, 1, rounding, cautions)
+        return Found(rate, windows, 1, rounding, cautions)
 
     def reduced(self, factor: int) -> Found:
         """Filtered, every `factor`-th sample, in single precision."""
         known, grid, stored = self.known, self.known.grid, self.stored()
         low = filter_of(grid, factor, stored)
         spans = [(-(-begin // factor), (end - 1) // factor + 1) for begin, end in self.spans]
-        begin, end = spans[0][0], spans[-1][1]
-        grid.check_dense(begin * factor, end * factor)
-        rate, watch, faults = *self.empty(end - begin, factor), list[str]()
+        windows = Windows.of(spans, grid.sampling_rate / factor)
+        grid.check_dense([(begin * factor, end * factor) for begin, end in windows.spans])
+        rate, watch, faults = *self.empty(windows.rows, factor), list[str]()
         gain = gain_of(stored, grid.sampling_rate, known.gauge_length)
-        with progress("reading DAS", end - begin) as advance:
+        with progress("reading DAS", windows.rows) as advance:
 
             def take(row: int, values: Values) -> None:
-                rate[row - begin : row - begin + len(values)] = gain * self.narrowed(values)
+                first = windows.place(row)
+                rate[first : first + len(values)] = gain * self.narrowed(values)
                 advance(len(values))
 
             for span in spans:
@@ -146,7 +147,7 @@ class Reading:
         rounding, cautions = self.checked(rate, watch, faults)
         taps = taps_of(factor)
         rounding = rounding and rounding.filtered(taps / taps.sum(), factor)
-        return Found(rate, begin * factor, min((end - 1) * factor + 1, grid.rows), factor, rounding, cautions)
+        return Found(rate, windows, factor, rounding, cautions)
 
     def checked(
         self, rate: NDArray[np.float32], watch: Watch, faults: Sequence[str]

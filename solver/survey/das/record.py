@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.survey.das.rounding import Rounding
+from solver.survey.das.time_windows import stretches
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,8 @@ class DASRecord:
     ----------
     strain_rate : [time, channel], 1/s; NaN = not measured, or not read: rows in a gap between files, dead or excluded
         channels; in single precision where it was read
-    time : s since `start` [time], regular, gaps included
+    time : s since `start` [time], regular, gaps included; where only some times were read, it jumps from one window to
+        the next, with empty rows on both sides (`solver.survey.das.time_windows`)
     start : UTC, datetime64[ns]
     distance : m along the fiber [channel]
     channel : number of each channel as the file counts; anchors refer to it [channel]
@@ -61,6 +63,16 @@ class DASRecord:
         """The extent of the files, however much was read."""
         end = self.start + np.timedelta64(round(float(self.time[-1]) * 1e9), "ns")
         return self.extent or Extent(self.start, end, (int(self.channel[0]), int(self.channel[-1])))
+
+    @property
+    def windows(self) -> list[slice]:
+        """Rows between jumps of time."""
+        return stretches(self.time, self.sampling_rate)
+
+    @property
+    def row_time(self) -> Array:
+        """Time that passes while rows do, s [time]: without the jumps of `time`."""
+        return np.arange(len(self.time)) / self.sampling_rate
 
     @cached_property
     def measured(self) -> NDArray[np.bool_]:

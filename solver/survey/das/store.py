@@ -27,6 +27,7 @@ from solver.survey.das.block import fingerprint
 from solver.survey.das.prodml import STORED
 from solver.survey.das.record import DASRecord, Extent, gap_line
 from solver.survey.das.rounding import Rounding
+from solver.survey.das.time_windows import Windows
 from vision.contract import InputError, progress, read_text
 
 Format = Literal["roadfiber store 1"]
@@ -219,8 +220,9 @@ class Store:
         first, last = said.channels if channels is None else channels
         columns = slice(first - said.channels[0], last - said.channels[0] + 1)
         spans = self.rows_of(times)
-        begin, end = spans[0][0], spans[-1][1]
-        rate: NDArray[Any] = np.full((end - begin, last - first + 1), np.nan, np.float32)
+        windows = Windows.of(spans, 1e9 / self.interval)
+        begin, end = windows.begin, windows.end
+        rate: NDArray[Any] = np.full((windows.rows, last - first + 1), np.nan, np.float32)
         wanted = [(part, span) for part in said.parts for span in spans if part[0] < span[1] and part[1] > span[0]]
         with progress("reading the store", len(wanted)) as advance:
             for part, span in wanted:
@@ -229,7 +231,8 @@ class Store:
                 try:
                     with h5py.File(path) as file:
                         rows = slice(low - part[0], high - part[0])
-                        rate[low - begin : high - begin] = file["Acquisition/Raw[0]/RawData"][rows, columns]
+                        there = windows.place(low)
+                        rate[there : there + high - low] = file["Acquisition/Raw[0]/RawData"][rows, columns]
                 except (OSError, KeyError, TypeError, ValueError) as error:
                     raise InputError(f"{path}: cannot be read ({error}); run roadfiber ingest again") from error
                 advance(1)
@@ -244,7 +247,7 @@ class Store:
         partly = spans != [(0, said.rows)] or (first, last) != said.held
         return DASRecord(
             strain_rate=rate,
-            time=np.arange(len(rate), dtype=np.float64) * (self.interval * 1e-9),
+            time=(windows.grid_rows - begin).astype(np.float64) * (self.interval * 1e-9),
             start=start,
             distance=self.table["distance"][columns],
             channel=np.arange(first, last + 1),

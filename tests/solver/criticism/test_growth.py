@@ -3,14 +3,13 @@
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
 
 from solver.catalogue.catalogue import built_in
 from solver.criticism import growth
 from solver.criticism.fault import Fault
-from solver.criticism.growth import CHANCE, Grown, check_names, fitted_with, grow, held_out_before, times_of
+from solver.criticism.growth import CHANCE, Grown, check_names, fitted_with, grow, held_out_before
 from solver.criticism.repairs import SEARCHES, TAKEN_OUT
 from vision.contract import InputError
 
@@ -150,13 +149,3 @@ def test_the_best_of_its_shapes_is_fitted(monkeypatch):
     found = fitted_with(SimpleNamespace(), SimpleNamespace(), CAMBER, lambda n: None)  # type: ignore[arg-type]
     assert raced == [[shapes[1]], [("elsewhere", [CAMBER])]]
     assert found.solution == "fit, on from near"
-
-
-def test_samples_that_were_fitted_before_keep_their_times():
-    """Those of a vehicle more, between and beyond, lie evenly at the record's rate."""
-    known = np.array([20, 21, 22, 40, 41])
-    time = known / 5.0 + 0.003
-    samples = np.arange(10, 50)
-    found = times_of(samples, known, time, 5.0)
-    np.testing.assert_array_equal(found[np.isin(samples, known)], time)
-    np.testing.assert_allclose(found, samples / 5.0 + 0.003, atol=1e-12)

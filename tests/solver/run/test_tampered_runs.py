@@ -81,6 +81,8 @@ def test_every_key_of_fit_json_is_checked(run, key):
         for wrong in ({"x": {"y": 1}}, "delete", [[]], "\x1b[2J", float("nan"), -1e400, True, None):
             if place == ("choice",) and wrong in ("delete", None):
                 continue  # a run of all its passes has none
+            if place == ("problem", "windows") and wrong == "delete":
+                continue  # then the record is one window
             changed = deepcopy(facts)
             holder = changed
             for part in place[:-1]:

@@ -104,6 +104,14 @@ def test_what_has_no_weight_is_no_vehicle() -> None:
     result = cast(FitResult, SimpleNamespace(parameters=fitted))
     heard = [driven(12.0, 25.0, 1.8, f"heard#{number}") for number in range(1, 6)]
     assert [weighs(result, one, listed) for one in heard] == [True, False, False, False, False]
+    # On a long fiber a vehicle has an amplitude in each stretch.
+    legs = {
+        f"amplitude[{name} at x {x} m]": Parameter(size, 0.01, "m^2", True)
+        for name, size in sizes.items()
+        for x in (30, 90)
+    }
+    along = cast(FitResult, SimpleNamespace(parameters=legs))
+    assert [weighs(along, one, listed) for one in heard] == [True, False, False, False, False]
 
 
 def test_vehicles_close_behind_louder_ones_are_heard_in_what_a_fit_leaves(tmp_path: Path) -> None:

@@ -88,3 +88,27 @@ def test_a_survey_without_tracks_is_told_to_track_first(made) -> None:
     bare = type(whole).of(**vars(whole) | {"tracks": None})
     with pytest.raises(InputError, match="track its video first"):
         rf.vehicles(bare)
+
+
+def test_a_run_takes_apart_vehicles_that_hide_each_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Twelve vehicles 2 to 7 s apart, every second of them not in the trajectories."""
+    small = {"view": (0.0, 80.0), "channels": 201, "passes": 12, "headway": (2.0, 7.0), "snr_db": 18.0}
+    made = simulator.simulate(read_scenario("street", seed=902, **small))
+    survey = rf.read(simulator.write_survey(made, tmp_path / "survey"))
+    gone = {one.track_id for one in made.vehicles[1::2]}
+    some = survey.with_tracks(survey.tracks[~survey.tracks["track_id"].isin(gone)])
+    alone = rf.vehicles(some)
+    assert len(alone.table) < 8 and len(alone.unheard) > 2
+    run = rf.locate(some, corridor="fit")
+    found = rf.vehicles(some, run)
+    time = np.arange(0.0, survey.record.time[-1], 0.02)
+    middle = np.sort([time[np.abs(one.position(time)[:, 0] - 40).argmin()] for one in made.vehicles])
+    heard = np.array([one.time for one in found.paired.heard])
+    assert len(heard) == 12 and np.abs(heard - middle).max() < 1.0
+    assert found.unheard == [] and (found.table["track_id"] != "").sum() == 6
+    run.save(tmp_path / "run")
+    listed(tmp_path / "survey", run=tmp_path / "run")
+    assert "heard 12 vehicles; 12 of them are in the trajectories" in capsys.readouterr().out
+    other = simulator.simulate(read_scenario("street-short", seed=1))
+    with pytest.raises(InputError, match="the run is of another record"):
+        rf.vehicles(rf.read(simulator.write_survey(other, tmp_path / "other")), run)

@@ -73,5 +73,5 @@ def test_samples_near_the_grid_stay():
 def test_parts_days_apart_are_refused():
     grid = grid_of(part(0, 50), part(86_400 * 10**9, 50))
     with pytest.raises(InputError, match=r"20 s of samples spread over 24.0 h"):
-        grid.check_dense(0, grid.rows)
-    grid.check_dense(0, 100)
+        grid.check_dense([(0, grid.rows)])
+    grid.check_dense([(0, 100)])
