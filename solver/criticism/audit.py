@@ -8,7 +8,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
+from solver.fit.state import State
 from solver.noise.quiet_windows import quiet, whitened_noise
 from solver.noise.whitening import Whitener, reach_of
 
@@ -175,3 +177,9 @@ def signal_growth(
     if abs(excess) < max(0.15, 4 * scatter):
         return 0.0, 1.0
     return max(growth, 0.0), 1 + excess
+
+
+def audit_of(fit: MapFit, state: State) -> NoiseAudit:
+    """Audit the noise that a fit leaves at a state."""
+    model, noise = fit.model(state), fit.problem.noise
+    return audit(fit.problem, (fit.unexplained(model) / noise).numpy(), (model / noise).numpy())

@@ -7,7 +7,7 @@ discrepancy models, the best few are fitted in full, a posterior weighs all expl
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from solver.criticism.audit import NoiseAudit, audit
+from solver.criticism.audit import NoiseAudit, audit_of
 from solver.criticism.bench import Advance, Asked, Bench, racers, scorable
 from solver.criticism.beside import Beside, akin, shown
 from solver.criticism.candidate import fault_candidate, idle_candidate, score_candidate
@@ -71,9 +71,7 @@ def diagnose(
     fit, state = converged(strict_tracks(problem), state)
     problem = strict_tracks(problem, track_spread(problem.passes, state.vehicles.along.numpy()))
     fit, state = converged(problem, state)
-    at = fit.linearized(state)
-    noise = fit.problem.noise
-    check = audit(problem, fit.residual(state).numpy(), (at.model / noise).numpy())
+    check = audit_of(fit, state)
     if check.signal_noise > 0:
         problem = replace(problem, signal_noise=check.signal_noise)
         fit, state = converged(problem, state)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.catalogue.catalogue import FAULTS
-from solver.criticism.audit import NoiseAudit, audit
+from solver.criticism.audit import NoiseAudit, audit_of
 from solver.criticism.bench import Bench, scorable
 from solver.criticism.candidate import fault_candidate
 from solver.criticism.corridor import Corridor
@@ -90,8 +90,7 @@ def strict_scorer(run: Run) -> tuple[Scorer, NoiseAudit]:
     The fit is not repeated with such tracks: the score test takes the step to its end as linear.
     """
     fit, state = fitted(run)
-    at = fit.linearized(state)
-    check = audit(fit.problem, fit.residual(state).numpy(), (at.model / fit.problem.noise).numpy())
+    check = audit_of(fit, state)
     spread = track_spread(fit.problem.passes, state.vehicles.along.numpy())
     problem = replace(strict_tracks(fit.problem, spread), signal_noise=check.signal_noise)
     return Scorer(MapFit(problem), state), check

@@ -29,6 +29,8 @@ from solver.signal_path.sensitivities import Sensitivities
 from solver.signal_path.signal_path import SignalPath
 from solver.signal_path.traffic import Vehicles
 
+#: Derivatives that are whitened at once.
+AT_ONCE = 16
 #: Variance of a cubic spline of unit coefficients.
 SPLINE_VARIANCE = 0.48
 
@@ -241,7 +243,8 @@ class MapFit(ParameterSpace):
         weights, residual = self.weighted(evaluation)
         scale = weights.soft.sqrt()
         columns = self.jacobian(state, evaluation.local, evaluation.values).mul_(weights.good)
-        columns = self.whiten(columns).mul_(scale)
+        for some in columns.split(AT_ONCE):  # Whitening makes several copies of what it is given.
+            some.copy_(self.whiten(some).mul_(scale))
         return Linearized(
             columns.flatten(1).T, (residual * scale).flatten(), weights, evaluation.model, evaluation.local
         )
