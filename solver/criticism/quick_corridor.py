@@ -13,6 +13,7 @@ from solver.criticism.candidate import fault_candidate
 from solver.criticism.corridor import Corridor
 from solver.criticism.explaining import Explainer
 from solver.criticism.explanations import Posterior
+from solver.criticism.growth import Grown, regrown
 from solver.criticism.law_tolerance import law_errors
 from solver.criticism.policy import POLICY
 from solver.criticism.probability_figure import title_of_explanation
@@ -24,10 +25,12 @@ from solver.criticism.route_change import moved_by, moves, route_of
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
 from solver.criticism.verdict_words import ADVICE, MORE
-from solver.criticism.wandering import allowed_for, explains_best, wander_of
+from solver.criticism.wandering import Wander, explains_best, wander_of
 from solver.effect import Effect
+from solver.fit.carried import carried_with_vehicles
+from solver.fit.held_out import held_out
 from solver.fit.least_squares import solve
-from solver.fit.map_fit import MapFit
+from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.state import Weights
 from solver.fit.stretches import is_long
 from solver.fit.track_trust import strict_tracks, track_spread
@@ -36,6 +39,7 @@ from solver.run.run import Run
 from solver.run.run_corridor import corridor_facts
 from solver.run.strict_json import strict
 from solver.run.titles import lower
+from solver.trajectory.trajectory_effects import SLOW_ERROR
 
 Array = NDArray[np.float64]
 Advance = Callable[[int], None]
@@ -77,6 +81,20 @@ def widened(run: Run, advance: Advance = lambda n: None) -> Run:
         run, (scorer, check) = again, strict_scorer(again)
         bench = scored(scorer, check, effects)
     return told(run, *weighed(bench, effects, run.result.sigma[at], advance), effects)
+
+
+def allowed_for(run: Run, found: Wander) -> Run:
+    """The run fitted again with tracks that may wander so far; as it was where that fit does not converge."""
+    before, state = fitted(run)
+    prior = replace(run.problem.prior, jitter=found.size / SPLINE_VARIANCE**0.5)
+    fit = MapFit(replace(with_effect(run.problem, SLOW_ERROR), prior=prior))
+    end = solve(fit, carried_with_vehicles((before, state), fit), iterations=60)
+    if not end.converged:
+        return run
+    grown = Grown(fit, end, None, held_out(fit.problem, at=(fit, end.state)))
+    line = f"tracks wander by about {100 * found.size:.0f} cm for some seconds at a time; the fit allows for it"
+    noted = replace(run, facts=run.facts | {"notes": [*run.facts["notes"], line]})
+    return regrown(noted, grown, list(run.effects), run.result.seconds)
 
 
 def scored(scorer: Scorer, check: NoiseAudit, effects: Sequence[Effect], advance: Advance = lambda n: None) -> Bench:

@@ -4,26 +4,18 @@ A slow error that lasts for seconds leaves no trace in a track, for a vehicle ma
 the data speak any size is as likely as any other, on a scale of logarithms (Jeffreys 1946, Proc. R. Soc. A 186, 453).
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 
 from solver.criticism.bench import Bench
 from solver.criticism.candidate import fault_candidate
-from solver.criticism.growth import Grown, regrown
 from solver.criticism.marginal import Spectrum, mixture
 from solver.criticism.policy import POLICY
 from solver.criticism.scorer import Scorer
-from solver.effect import Effect
-from solver.fit.carried import carried_with_vehicles
-from solver.fit.held_out import held_out
-from solver.fit.least_squares import solve
-from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
-from solver.run.fitted import fitted
-from solver.run.run import Run
-from solver.trajectory.trajectory_effects import SLOW_ERROR
+from solver.fit.map_fit import SPLINE_VARIANCE
 
 #: Sizes that tracks may wander by, m.
 SIZES = np.geomspace(0.01, 0.3, 11)
@@ -71,18 +63,3 @@ def explains_best(found: Wander, bench: Bench) -> bool:
     others = [score.evidence for score in bench.table[:1]]
     others += [fault_candidate(fault, bench.scorer.variance).evidence for fault in bench.faults]
     return LEAST <= found.size <= MOST and max(others, default=0.0) < max(found.evidence, POLICY.found)
-
-
-def allowed_for(run: Run, found: Wander) -> Run:
-    """The run fitted again with tracks that may wander so far; as it was where that fit does not converge."""
-    before, state = fitted(run)
-    effects: Sequence[Effect] = (*run.problem.effects, SLOW_ERROR)
-    prior = replace(run.problem.prior, jitter=found.size / SPLINE_VARIANCE**0.5)
-    fit = MapFit(replace(run.problem, effects=effects, prior=prior))
-    end = solve(fit, carried_with_vehicles((before, state), fit), iterations=60)
-    if not end.converged:
-        return run
-    grown = Grown(fit, end, None, held_out(fit.problem, at=(fit, end.state)))
-    line = f"tracks wander by about {100 * found.size:.0f} cm for some seconds at a time; the fit allows for it"
-    noted = replace(run, facts=run.facts | {"notes": [*run.facts["notes"], line]})
-    return regrown(noted, grown, list(run.effects), run.result.seconds)

@@ -9,8 +9,8 @@ import pytest
 
 from solver import simulator
 from solver.criticism import wandering
-from solver.criticism.quick_corridor import strict_scorer
-from solver.criticism.wandering import LEAST, MOST, Wander, allowed_for, explains_best, wander_of
+from solver.criticism.quick_corridor import allowed_for, strict_scorer
+from solver.criticism.wandering import LEAST, MOST, Wander, explains_best, wander_of
 from solver.run.locate import locate
 from solver.run.run import Run
 from solver.simulator.scenario import Scenario
