@@ -33,6 +33,8 @@ REACH = 90.0
 GUESSED, OFFSET = 0.3, 1.5
 #: How far from the known vehicles' course an unseen one may drive, m.
 LANE = 1.0
+#: Share of a vehicle's signal that must be measured, and certain, for it to be found.
+LEAST = 0.1
 #: s; a vehicle of the trajectories that passes the middle within this time is not unseen.
 KNOWN = 1.5
 
@@ -42,6 +44,18 @@ def unexplained(fit: MapFit, state: State) -> Array:
     rest = np.nan_to_num(fit.problem.record.astype(np.float64))
     rest[fit.problem.traffic.samples] = fit.unexplained(fit.model(state)).numpy()
     return np.where(np.abs(rest) < 50 * fit.problem.noise.numpy(), rest, 0.0)
+
+
+def certain(fit: MapFit, state: State) -> Array:
+    """Share of the noise in the variance of each sample [row, channel] of the whole record; 0 where not measured.
+
+    Less than 1 where a known vehicle's track is uncertain: out of view the rest of a heavy one is no other vehicle.
+    """
+    counts = np.isfinite(fit.problem.record).astype(float)
+    evaluation = fit.evaluate(state)
+    variance = 1 + fit.added_variance(evaluation.local, evaluation.model)
+    counts[fit.problem.traffic.samples] /= variance.numpy()
+    return counts
 
 
 def straight(problem: Problem, speed: float, way: int, y: float, start: float, rows: int) -> Pass:
@@ -119,21 +133,21 @@ def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
     rows = len(rest)
     whiten = Whitener(problem.noise, np.arange(rows), problem.channel, problem.law)
     white = whiten(torch.from_numpy(rest)).numpy()
-    white = np.clip(white, -8, 8)
+    counts = certain(fit, state)
+    white = np.clip(white, -8, 8) * counts
     known = passing_times(problem)
 
     def match(speed: float, way: int, y: float) -> Peak:
         shape = template(fit, state, speed, way, y)
         shape = replace(whiten, samples=np.arange(len(shape)))(torch.from_numpy(shape)).numpy()
-        product = correlate(white, shape)
-        energy = float((shape**2).sum())
+        product, energy = correlate(white, shape), correlate(counts, shape**2).clip(LEAST * (shape**2).sum())
         time = (np.arange(len(product)) - (len(shape) - 1) + len(shape) // 2) / problem.sampling_rate
         free = (time > 0) & (time < rows / problem.sampling_rate)
         for other, at in known:
             free &= (np.abs(time - at) > KNOWN) | (other != way)
         snr = np.where(free, product / np.sqrt(energy), -np.inf)
         peak = int(snr.argmax())
-        size, sigma = float(product[peak] / energy), energy**-0.5
+        size, sigma = float(product[peak] / energy[peak]), float(energy[peak]) ** -0.5
         return Peak(float(snr[peak]), size, sigma, float(time[peak]), way, speed, y, int(free.sum()))
 
     coarse = [match(speed, way, y) for way, y in lanes(problem) for speed in SPEEDS]
