@@ -10,7 +10,7 @@ from solver.catalogue.catalogue import FAULTS
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.audit import NoiseAudit, audit, signal_growth
 from solver.criticism.left_out import find_cycle_skips, find_faded_channels
-from solver.criticism.repairs import SEARCHES, find_unseen_vehicle, mended
+from solver.criticism.repairs import SEARCHES, certain, find_unseen_vehicle, mended
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
@@ -109,6 +109,24 @@ def test_an_unseen_vehicle_is_found_at_its_own_speed(survey: Problem) -> None:
     new, end = mended(fit, state, fault)
     assert new.problem.passes[-1].speed == pytest.approx(missing.speed, rel=0.05)
     assert misfit(new, end.state) < 0.7 * misfit(fit, state)
+
+
+def test_samples_count_as_far_as_they_are_measured_and_tracks_certain_there(survey: Problem) -> None:
+    """What a vehicle leaves that slowed down out of view is no other vehicle."""
+    one, *rest = survey.passes
+    late = np.arange(len(one.rows)) > 0.6 * len(one.rows)
+    vague = replace(one, sigma=np.where(late[:, None], 2.0, one.sigma), in_view=~late)
+    record = survey.record.copy()
+    record[-30:, 5] = np.nan
+    traffic = Traffic.of([vague, *rest], survey.traffic.samples)
+    fit, state = fitted(replace(survey, record=record, passes=[vague, *rest], traffic=traffic))
+    counts = certain(fit, state)
+    assert (counts[-30:, 5] == 0).all() and (counts[-30:, :5] == 1).all()
+    heard = np.abs(fit.model(state).numpy()) > 5 * survey.noise.numpy()
+    loud = np.zeros_like(counts, bool)
+    loud[fit.problem.traffic.samples] = heard
+    out_of_view = loud & np.isin(np.arange(len(record)), one.rows[late])[:, None]
+    assert np.median(counts[out_of_view]) < 0.2 < 0.9 < np.median(counts[loud & ~out_of_view])
 
 
 def audited(problem: Problem, record: np.ndarray) -> NoiseAudit:
