@@ -30,7 +30,8 @@ from solver.effect import Effect
 from solver.fit.carried import carried_with_vehicles
 from solver.fit.held_out import held_out
 from solver.fit.least_squares import solve
-from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
+from solver.fit.map_fit import MapFit
+from solver.fit.pose import with_slow_errors_of
 from solver.fit.state import Weights
 from solver.fit.stretches import is_long
 from solver.fit.track_trust import strict_tracks, track_spread
@@ -39,7 +40,6 @@ from solver.run.run import Run
 from solver.run.run_corridor import corridor_facts
 from solver.run.strict_json import strict
 from solver.run.titles import lower
-from solver.trajectory.trajectory_effects import SLOW_ERROR
 
 Array = NDArray[np.float64]
 Advance = Callable[[int], None]
@@ -86,8 +86,7 @@ def widened(run: Run, advance: Advance = lambda n: None) -> Run:
 def allowed_for(run: Run, found: Wander) -> Run:
     """The run fitted again with tracks that may wander so far; as it was where that fit does not converge."""
     before, state = fitted(run)
-    prior = replace(run.problem.prior, jitter=found.size / SPLINE_VARIANCE**0.5)
-    fit = MapFit(replace(with_effect(run.problem, SLOW_ERROR), prior=prior))
+    fit = MapFit(with_slow_errors_of(run.problem, found.size))
     end = solve(fit, carried_with_vehicles((before, state), fit), iterations=60)
     if not end.converged:
         return run

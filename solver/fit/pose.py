@@ -122,6 +122,11 @@ def with_slow_errors(problem: Problem, many: float = MANY) -> Problem:
     sigma, least = track_sigma(problem.passes), UNCERTAIN if len(problem.passes) < many else LESS
     if is_long(problem) or sigma < least or any(one.slow_error for one in problem.effects):
         return problem
+    return with_slow_errors_of(problem, sigma)
+
+
+def with_slow_errors_of(problem: Problem, sigma: float) -> Problem:
+    """The problem with each track's slow error, of standard deviation `sigma`, m, among what is fitted."""
     prior = replace(problem.prior, jitter=sigma / SPLINE_VARIANCE**0.5)
     return replace(problem, effects=(*problem.effects, SLOW_ERROR), prior=prior)
 
