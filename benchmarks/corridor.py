@@ -46,9 +46,12 @@ def draw(seed: int) -> Scenario:
 
 def off_its_law(survey: Survey) -> Survey:
     """The survey with what its hidden effect changes in the signal off by a smooth random share."""
-    without = simulate(replace(survey.scenario, effects={}))
+    without = simulate(replace(survey.scenario, effects={})).signal
     field = gaussian_filter(np.random.default_rng(survey.scenario.seed).normal(size=survey.signal.shape), ALIKE)
-    more = LAW_OFF * field / field.std() * (survey.signal - without.signal)
+    # A clock that runs differently may end a record a sample earlier or later.
+    late = len(survey.signal) - len(without)
+    without = np.pad(without, ((0, max(late, 0)), (0, 0)), mode="edge")[: len(survey.signal)]
+    more = LAW_OFF * field / field.std() * (survey.signal - without)
     return replace(survey, strain_rate=survey.strain_rate + more)
 
 

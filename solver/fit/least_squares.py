@@ -8,6 +8,7 @@ import numpy as np
 
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
+from solver.fit.mixing import Taken, mixed
 from solver.fit.state import State
 from solver.fit.visit import Visit
 
@@ -15,7 +16,7 @@ log = logging.getLogger("roadfiber.fit")
 
 #: A step that would gain less than this in sigmas, over all parameters together, is not worth taking.
 ENOUGH = 0.2
-#: Of the first step, as a share of the normal matrix's diagonal.
+#: Of the first step, as a share of the normal matrix's diagonal, and of one after a step that failed, at least.
 DAMPING = 1e-3
 #: Numbers that a fit of a camera's view has, about.
 USUAL = 100
@@ -33,12 +34,14 @@ class Solution:
     converged : nothing is left to gain
     at : the problem there
     damping : of the next step
+    last : the step that led there
     """
 
     iterations: int
     converged: bool
     at: Visit
     damping: float
+    last: Taken | None = None
 
     @property
     def state(self) -> State:
@@ -57,6 +60,7 @@ def solve(
 
     The decrement, sqrt(g' H^-1 g) with gradient g and normal matrix H, is the length of the next step in posterior
     sigmas and the norm of what is left of the residual along all that is fitted: nothing else is called converged.
+    Where steps converge slowly each is mixed with the one before, see `mixed`.
 
     Parameters
     ----------
@@ -67,9 +71,9 @@ def solve(
     """
     chain = fit if isinstance(fit, Chain) else Chain.single(fit)
     if isinstance(start, Solution):
-        at, damping = start.at, start.damping
+        at, damping, last = start.at, start.damping, start.last
     else:
-        at, damping = chain.visit(start, chain.unsettled(start)), DAMPING
+        at, damping, last = chain.visit(start, chain.unsettled(start)), DAMPING, None
     taken = 0
     cost = at.misfit + chain.prior.total(at.state)
     # On a long fiber the steps of thousands of numbers add up: each may be as far from its end as a short fiber's.
@@ -80,17 +84,19 @@ def solve(
             break
         taken += 1
         advance(1)
-        candidate = chain.stepped(at.state, at.open.step(damping))
+        step = at.open.step(damping)
+        better = mixed(at.open, step, last)
+        candidate = chain.stepped(at.state, better or step)
         new = chain.visit(candidate, at.weights) if chain.buried(candidate) else None
         # Where a route nearly stands still, equations are singular to rounding: from there no step leads on.
         if new is None or new.cost > cost or not np.isfinite(new.open.decrement):
-            damping *= 8
+            damping, last = damping if better else max(8 * damping, DAMPING), None
             continue
-        damping = max(damping / 8, 1e-9)
+        damping, last = max(damping / 8, 1e-9), Taken.of(at.open, step, better or step)
         at, cost = new, new.misfit + chain.prior.total(new.state)
         told = names(chain), len(chain.problem.passes), taken, at.misfit / samples(chain)
         log.debug("fit with %s, %d passes: step %d, chi2 per sample %.4f", *told)
-    return Solution(taken, converged, at, damping)
+    return Solution(taken, converged, at, damping, last)
 
 
 def names(chain: Chain) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from solver.effect import Parameter, Plain, Setting, Surroundings, effect, grown, percent
+from solver.effect import Fitted, Parameter, Plain, Setting, Start, Surroundings, effect, grown, percent
 from solver.ground.gibson import gibson_response
 from solver.ground.ground import Ground
 from solver.ground.layered import layered_response, pavement_response
@@ -94,6 +94,14 @@ def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Groun
     return replace(ground, compliance=compliance)
 
 
+def soft_on_stiff(fitted: Fitted) -> Start:
+    """Two meters three times softer than what is below, as ground is that stiffens with depth.
+
+    Once the route has followed such a layer, a stiff one may seem to explain the rest: no step leads back from there.
+    """
+    return Start((np.array([-np.log(3.0)]),), {"thickness": 2.0})
+
+
 @effect(
     "layered_ground",
     "ground",
@@ -112,6 +120,7 @@ def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Groun
     source="Burmister 1945, J. Appl. Phys. 16, 89; Kausel and Roesset 1981, BSSA 71, 1743.",
     confounders="whatever blurs; several speeds, lanes and distances separate them",
     families=("blur",),
+    start=soft_on_stiff,
 )
 def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Shear modulus of the layer over that below is exp(log_ratio)."""

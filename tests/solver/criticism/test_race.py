@@ -19,6 +19,9 @@ from solver.effect import Start
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.state import Weights
+from solver.fit.track_trust import strict_tracks
+from solver.simulator import Scenario, simulate
+from tests.solver.simulated import case_of
 
 KNOWN = built_in()
 GAUGE, CLOCK = KNOWN["gauge_length"], KNOWN["clock_offset"]
@@ -103,6 +106,18 @@ def test_an_effect_may_say_where_its_fit_starts(scorer: Scorer) -> None:
     assert started_elsewhere(scorer, GAUGE) is None
     silent = replace(GAUGE, start=lambda known: None)
     assert started_elsewhere(scorer, silent) is None and elsewhere(scorer, [silent]) == unshifted(scorer, [silent])
+
+
+def test_a_soft_layer_is_found_where_the_score_takes_it_for_a_stiff_one() -> None:
+    """The route has followed the layer; what it could not follow looks like a layer of the other sign."""
+    layer = KNOWN["layered_ground"]
+    told = {"passes": 4, "snr_db": 18.2, "noise": "street", "view": (0.0, 54.5), "effects": {"layered_ground": 1.3}}
+    fit = MapFit(strict_tracks(case_of(simulate(Scenario(name="layer", seed=9477, **told))).problem))
+    scorer = Scorer(fit, solve(fit, fit.start()).state)
+    score = scorer.reaching(max(scorer.scores(layer), key=lambda one: one.evidence))
+    assert score.estimate[0] > 0
+    found = race(scorer, [score], others=elsewhere(scorer, [layer]))["layered_ground"]
+    assert found.solution.converged and found.estimate[0] == pytest.approx(-1.3, abs=5 * float(found.sigma[0]))
 
 
 def test_the_race_finds_the_size_and_the_winner(scorer: Scorer, score: Any) -> None:

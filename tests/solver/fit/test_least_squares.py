@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from solver import simulator
 from solver.cable.fiber import SplineBasis
 from solver.fit.chain import Chain
 from solver.fit.least_squares import PATIENCE, solve
@@ -14,6 +15,7 @@ from solver.fit.prior import Prior, anchor_rows, shape_rows, track_cost, track_p
 from solver.fit.robust import huber
 from solver.fit.spline import fit_spline
 from solver.signal_path.traffic import Traffic
+from tests.solver.simulated import case_of
 
 
 def test_jacobian_by_finite_differences(case) -> None:
@@ -75,6 +77,13 @@ def test_a_route_that_is_pulled_out_of_the_ground_converges(case) -> None:
     fit = MapFit(replace(case.problem, prior=shallow, anchors=case.problem.anchors[:0]))
     end = solve(fit, fit.start())
     assert end.converged and fit.buried(end.state)
+
+
+def test_steps_that_swing_about_their_end_are_mixed() -> None:
+    """Of loads on wheels as of points much is left: each whole step goes too far and the next one takes it back."""
+    point_loads = simulator.Scenario(name="points", seed=2, passes=4, snr_db=18.0, effects={"wheel_layout": 1.0})
+    fit = MapFit(case_of(simulator.simulate(point_loads)).problem)
+    assert solve(fit, fit.start()).converged  # after 50 steps that know nothing of one another
 
 
 def test_out_of_steps_is_not_converged(case) -> None:
