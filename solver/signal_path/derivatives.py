@@ -161,7 +161,7 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
     """
     path, extension = seen.path, seen.path.extension
     values = extension.local(numbers)
-    effect, p, scope = slot.effect, slot.parameter, slot.parameter.scope
+    effect, p, scope = slot.effect, slot.parameter, slot.spread
 
     def changed(name: str, value: Tensor) -> dict[str, dict[str, Tensor]]:
         return {**values, effect.name: {**values[effect.name], name: value}}

@@ -35,6 +35,10 @@ STAGE_VALUES: dict[str, type] = {
 }
 
 
+#: The road's splines, which go on straight beyond it.
+STRAIGHT_ON = "road, straight on"
+
+
 @dataclass(frozen=True)
 class Scopes:
     """Spline weights that spread the numbers of each scope over rows and channels.
@@ -59,15 +63,16 @@ class Scopes:
         one_hot = torch.nn.functional.one_hot(traffic.pass_index, traffic.passes).double()
         x, time = traffic.position[:, 0].numpy(), since[:, 0].numpy()
         along_road, inside = _smooth(*road, SMOOTH_ROAD), np.clip(x, *road)
-        speed = traffic.velocity[:, :1] * torch.from_numpy(inside == x)[:, None]
+        at, slope = (torch.from_numpy(along_road.at(inside, order)) for order in (0, 1))
+        speed, beyond = traffic.velocity[:, :1], torch.from_numpy(x - inside)[:, None]
         tracks, faster = [one_hot[:, :0]], [one_hot[:, :0]]
         for number in range(traffic.passes):
             mine = traffic.pass_index == number
             basis = _smooth(0.0, float(time[mine.numpy()].max(initial=0.0)), SMOOTH_TIME)
             tracks.append(torch.from_numpy(basis.at(time)) * mine[:, None])
             faster.append(torch.from_numpy(basis.at(time, 1)) * mine[:, None])
-        rows = {"pass": one_hot, "road": torch.from_numpy(along_road.at(inside)), "track": torch.cat(tracks, 1)}
-        rates = {"road": speed * torch.from_numpy(along_road.at(inside, 1)), "track": torch.cat(faster, 1)}
+        rows = {"pass": one_hot, "road": at, STRAIGHT_ON: at + beyond * slope, "track": torch.cat(tracks, 1)}
+        rates = {"road": speed * (beyond == 0) * slope, STRAIGHT_ON: speed * slope, "track": torch.cat(faster, 1)}
         swings = _spread(sampled, SMOOTH_TIME)
         return cls(rows, rates, _spread(distance, SMOOTH), swings[:, swings.any(0)])
 
@@ -104,6 +109,15 @@ class Slot:
     effect: Effect
     parameter: Parameter
     where: slice
+
+    @property
+    def spread(self) -> str:
+        """Scope by whose splines its numbers are spread.
+
+        What tracks are off by along the road goes on straight beyond it, as tracks do where nobody saw the vehicle.
+        """
+        straight_on = self.parameter.scope == "road" and self.effect.stage == "trajectory"
+        return STRAIGHT_ON if straight_on else self.parameter.scope
 
 
 @dataclass(frozen=True)
@@ -158,9 +172,9 @@ class Extension:
         for slot in self.slots:
             assert self.scopes is not None
             p, here = slot.parameter, values[slot.effect.name]
-            here[p.name] = self.scopes.local(p.scope, numbers[slot.where])
+            here[p.name] = self.scopes.local(slot.spread, numbers[slot.where])
             if p.rated:
-                here[p.rate_name] = (self.scopes.rates[p.scope] @ numbers[slot.where])[:, None]
+                here[p.rate_name] = (self.scopes.rates[slot.spread] @ numbers[slot.where])[:, None]
         return values
 
     def part(self, values: Values, rows: slice) -> Values:

@@ -11,6 +11,9 @@ from solver.trajectory.trajectory import Trajectory
 
 Values = Mapping[str, Tensor]
 
+#: m/s; a vehicle that is slower keeps the heading of its track.
+STANDING = 0.1
+
 
 @effect(
     "clock_offset",
@@ -143,7 +146,10 @@ def track_scale(driven: Trajectory, p: Values, survey: Surroundings) -> Trajecto
 def track_bend(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
     """The lateral position changes smoothly with x, alike for all vehicles, and with it the way they drive."""
     moved, faster = (torch.stack([torch.zeros_like(y), y], -1) for y in (p["y"], p["y_rate"]))
-    return replace(driven, position=driven.position + moved, velocity=driven.velocity + faster)
+    velocity = driven.velocity + faster
+    heading = driven.heading + faster / driven.speed.clamp_min(STANDING)[..., None]
+    heading = heading / heading.norm(dim=-1, keepdim=True)
+    return replace(driven, position=driven.position + moved, velocity=velocity, heading=heading)
 
 
 @effect(

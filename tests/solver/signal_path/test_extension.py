@@ -47,9 +47,9 @@ def test_smooth_numbers_are_splines_that_can_be_constant_and_straight(traffic):
 
 
 def test_road_numbers_depend_on_the_place_alone(traffic):
-    one = extension("track_bend")
+    one = extension("generic_road")
     numbers = torch.from_numpy(np.random.default_rng(0).normal(size=one.size))
-    y = one.local(numbers)["track_bend"]["y"][:, 0].numpy()
+    y = one.local(numbers)["generic_road"]["change"][:, 0].numpy()
     x = traffic.position[:, 0].numpy()
     order = np.argsort(x)
     # Vehicles that pass one another are given one value there, and beyond the fiber that at its end.
