@@ -12,7 +12,7 @@ from solver.criticism.race import race
 from solver.criticism.refit import Refit
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
-from solver.criticism.windowed import Windowed
+from solver.fit.windowed import Windowed
 from solver.effect import Effect
 
 

@@ -9,13 +9,13 @@ from torch.nn.functional import pad
 
 from solver.criticism.policy import POLICY
 from solver.criticism.score import Projected, Score
-from solver.criticism.windowed import Windowed
+from solver.fit.windowed import Windowed
 from solver.effect import Effect, Heard
 from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
-from solver.signal_path.derivatives import Local, Seen, acts_on_rows, derivative
+from solver.signal_path.derivatives import Local, Seen, acts_on_rows, derivatives
 from solver.signal_path.extension import Extension
 from solver.signal_path.signal_path import columns
 from solver.trajectory.trajectory_effects import SLOW_ERROR
@@ -54,9 +54,8 @@ class Directions:
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
         #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.
         self.residual = torch.cat([self.at.residual, self._below(-self._anchors.residual[:, None])[:, 0]])
-        fitted = Windowed.of(self.at.jacobian[:, fit.free], fit.data.shape[1])
         #: What was fitted, and then the tracks' slow errors [sample * channel + anchor, column].
-        self.jacobian = fitted.above(self._below(self._anchors.jacobian[:, fit.free]))
+        self.jacobian = self.at.jacobian.above(self._below(self._anchors.jacobian[:, fit.free]))
         if not alone and not any(one.slow_error for one in fit.extension.effects):
             self._slow = self.slow_errors()
             self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
@@ -174,9 +173,10 @@ class Directions:
             return self._slow
         seen, numbers = seen or self.seen(extension), self.numbers(extension, shape)
         slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
-        maps = [derivative(seen, slot, numbers) for slot in slots]
-        white = Windowed.through(torch.cat(maps), self._white, self.fit.whiten.memory)
-        return white.above(self._anchor_columns(effect, numbers, extension)), [len(m) for m in maps]
+        maps = (some for slot in slots for some in derivatives(seen, slot, numbers))
+        white = Windowed.through_each(maps, self._white, self.fit.whiten.memory)
+        counts = [slot.where.stop - slot.where.start for slot in slots]
+        return white.above(self._anchor_columns(effect, numbers, extension)), counts
 
     def _white(self, maps: Tensor) -> Tensor:
         """Whitened, weighted maps [column, sample, channel]."""

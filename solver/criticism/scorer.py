@@ -13,7 +13,7 @@ from solver.criticism.directions import Directions
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
 from solver.criticism.score import Outcome, Score, mixes, one_sided, outcome
-from solver.criticism.windowed import Windowed
+from solver.fit.windowed import Windowed
 from solver.effect import Effect
 from solver.fit.side_by_side import side_by_side
 from solver.signal_path.derivatives import Seen

@@ -4,7 +4,7 @@ The effect of a parameter on loads or gauges is differentiated automatically, fo
 of strain rate with respect to them come from `solver.signal_path.sensitivities`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -25,6 +25,8 @@ from solver.signal_path.traffic import Vehicles
 
 #: Columns that are filtered together.
 COLUMNS = 16
+#: Values of maps that are computed at once: of all numbers of an effect they may take gigabytes.
+AT_ONCE = 1 << 21
 #: Numbers of the cable that a parameter may change: per channel, common to all, and of a loose length.
 EACH, ALIKE, LOOSE = ("shift", "slack", "gain"), ("vertical", "path_integral"), ("begin", "end", "share")
 
@@ -153,8 +155,18 @@ def observed_tangents(path: SignalPath, alone: Tensor, tangents: Tensor, values:
     return torch.cat([seen(some) for some in tangents.split(COLUMNS)])
 
 
+def few_of(cells: int) -> int:
+    """How many maps of so many values are computed at once."""
+    return max(1, AT_ONCE // max(cells, 1))
+
+
 def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
-    """Derivative of the observed map with respect to the numbers of one parameter, [number, sample, channel].
+    """Derivative of the observed map with respect to the numbers of one parameter, [number, sample, channel]."""
+    return torch.cat(list(derivatives(seen, slot, numbers)))
+
+
+def derivatives(seen: Seen, slot: Slot, numbers: Tensor) -> Iterator[Tensor]:
+    """The same, a few numbers at a time.
 
     A row depends only on the parameter's value at that row, so a single tangent, 1 everywhere, holds the derivatives
     with respect to all numbers.
@@ -163,38 +175,55 @@ def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:
     values = extension.local(numbers)
     effect, p, scope = slot.effect, slot.parameter, slot.parameter.scope
 
-    def changed(name: str, value: Tensor) -> dict[str, dict[str, Tensor]]:
-        return {**values, effect.name: {**values[effect.name], name: value}}
+    def change(value: Tensor) -> Values:
+        return {**values, effect.name: {**values[effect.name], p.name: value}}
 
-    def tangent(name: str) -> Tensor:
-        return by_rows(seen, slot, partial(changed, name), values[effect.name][name])
-
-    def spread(by_row: Tensor, matrix: Tensor) -> Tensor:
-        return torch.stack([path.traffic.superpose(by_row * c[:, None]) for c in matrix.unbind(1)])
-
-    here, change = values[effect.name][p.name], partial(changed, p.name)
     assert extension.scopes is not None
-    ways = [torch.ones_like(here)]
-    if scope != "one":
-        ways = [way.reshape(here.shape) for way in extension.scopes.along(scope).unbind(1)]
-    parts = []
-    if acts_on_rows(seen, slot, values):
-        if effect.stage in ("cable", "interrogator"):
-            columns = by_gauges(seen, change, here, ways)
-        elif scope == "one":
-            columns = path.traffic.superpose(tangent(p.name))[None]
-        elif scope == "fiber":
-            columns = path.traffic.superpose(tangent(p.name))[None] * extension.scopes.fiber.T[:, None, :]
-        else:
-            columns = spread(tangent(p.name), extension.scopes.rows[scope])
-            if p.rated:
-                columns = columns + spread(tangent(p.rate_name), extension.scopes.rates[scope])
-        parts.append(observed_tangents(path, seen.local.alone, columns, values))
-    if acts_on_map(seen, slot, values):
-        alone = seen.local.alone
-        found = pushed_ways(lambda v: (path.observed(alone, change(v)),), here, ways)
-        parts.append(torch.stack([moved for (moved,) in found]))
-    return sum(parts[1:], parts[0])
+    here, alone = values[effect.name][p.name], seen.local.alone
+    weights = torch.ones(here.numel(), 1).double() if scope == "one" else extension.scopes.along(scope)
+    in_rows = acts_on_rows(seen, slot, values)
+    by_gauge = in_rows and effect.stage in ("cable", "interrogator")
+    by_row = tangents(seen, slot, values) if in_rows and not by_gauge else []
+    for some in torch.arange(weights.shape[1]).split(few_of(alone.numel())):
+        ways = [way.reshape(here.shape) for way in weights[:, some].unbind(1)]
+        parts = []
+        if in_rows:
+            columns = by_gauges(seen, change, here, ways) if by_gauge else spread(seen, slot, by_row, some)
+            parts.append(observed_tangents(path, alone, columns, values))
+        if acts_on_map(seen, slot, values):
+            found = pushed_ways(lambda v: (path.observed(alone, change(v)),), here, ways)
+            parts.append(torch.stack([moved for (moved,) in found]))
+        yield sum(parts[1:], parts[0])
+
+
+def tangents(seen: Seen, slot: Slot, values: Values) -> list[Tensor]:
+    """Derivatives [row, channel] with respect to a parameter of loads or ground at its row, and to its rate."""
+    p, name = slot.parameter, slot.effect.name
+
+    def along(which: str) -> Tensor:
+        def changed(value: Tensor) -> Values:
+            return {**values, name: {**values[name], which: value}}
+
+        return by_rows(seen, slot, changed, values[name][which])
+
+    rated = p.rated and p.scope not in ("one", "fiber")
+    return [along(p.name), *([along(p.rate_name)] if rated else [])]
+
+
+def spread(seen: Seen, slot: Slot, by_row: Sequence[Tensor], some: Tensor) -> Tensor:
+    """Derivatives [some, sample, channel] with respect to some of a parameter's numbers, from those of `tangents`."""
+    path, scopes, scope = seen.path, seen.path.extension.scopes, slot.parameter.scope
+    assert scopes is not None
+    if scope in ("one", "fiber"):
+        whole = path.traffic.superpose(by_row[0])[None]
+        return whole if scope == "one" else whole * scopes.fiber.T[some, None, :]
+    matrices = (scopes.rows[scope], scopes.rates[scope]) if len(by_row) > 1 else (scopes.rows[scope],)
+    out = torch.zeros(len(some), len(path.traffic.samples), by_row[0].shape[1], dtype=torch.float64)
+    for rows, matrix in zip(by_row, matrices, strict=True):
+        for one, share in zip(out, matrix[:, some].unbind(1), strict=True):
+            acts = share.nonzero()[:, 0]
+            one.index_add_(0, path.traffic.sample_index[acts], rows[acts] * share[acts, None])
+    return out
 
 
 def by_rows(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:

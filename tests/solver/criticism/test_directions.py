@@ -15,7 +15,7 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.directions import SMALLEST, Directions
 from solver.criticism.policy import POLICY
-from solver.criticism.windowed import Windowed
+from solver.fit.windowed import Windowed
 from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.signal_path.traffic import Traffic

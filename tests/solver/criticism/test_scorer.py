@@ -13,7 +13,7 @@ from solver.criticism.candidate import score_candidate
 from solver.criticism.policy import POLICY
 from solver.criticism.score import one_sided, outcome
 from solver.criticism.scorer import FEEBLE, Made, Scorer, figures, score_all, similarity, sizes_of
-from solver.criticism.windowed import Windowed
+from solver.fit.windowed import Windowed
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.signal_path.derivatives import derivative
