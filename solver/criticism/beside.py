@@ -107,8 +107,7 @@ def shown(table: Sequence[Score]) -> list[Score]:
 def beyond(scorer: Scorer, first: Score, others: Sequence[Score]) -> list[Score]:
     """Of some scores those whose signals the residual still holds once that of a first one is taken out of it."""
     rest = [one for one in others if one.effect.name != first.effect.name]
-    signals = torch.stack([first.signal, *(one.signal for one in rest)], 1)
-    left = scorer.project([Windowed.of(signals, scorer.fit.data.shape[1])])[0]
+    left = scorer.project([Windowed.beside([first.signal, *(one.signal for one in rest)])])[0]
     own, score = left.information.diagonal(), left.score
     along = left.information[0] / own[0].clamp_min(1e-300)
     falls = (score - along * score[0]).square() / (own - along * left.information[0]).clamp_min(1e-12 * own)

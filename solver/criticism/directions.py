@@ -1,6 +1,6 @@
 """Whitened directions at the end of a fit: what was fitted, what an effect would change, what the fit leaves of it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 
 import torch
@@ -16,8 +16,11 @@ from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
 from solver.signal_path.derivatives import Local, Seen, acts_on_rows, derivatives
-from solver.signal_path.extension import Extension
-from solver.signal_path.signal_path import columns
+from solver.signal_path.extension import Extension, Values
+from solver.signal_path.gauges import Gauges
+from solver.signal_path.observation import Description
+from solver.signal_path.signal_path import SignalPath, columns
+from solver.survey.memory import give_back
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import track_sigma
 
@@ -25,6 +28,11 @@ from solver.trajectory.vehicle_pass import track_sigma
 SMALLEST = 0.01
 #: Share of its diagonal that is added to a normal matrix that is singular to rounding.
 RIDGE = 1e-10
+#: Bytes of what candidates share that are kept, about.
+SHARED = 2e8
+#: What candidates must have in common to share: shape of the gauges' points, a ratio that is the same at all of them,
+#: moments per sample.
+Key = tuple[torch.Size, bool, int]
 
 
 class Directions:
@@ -43,10 +51,14 @@ class Directions:
 
     def __init__(self, fit: MapFit, state: State, alone: bool = False, variance: float | None = None):
         self.fit, self.state, self.alone = fit, state, alone
-        self.at: Linearized = fit.linearized(state)
-        matrix, right = Chain.single(fit).dense(state, [self.at])
+        at = fit.linearized(state)
+        #: The problem there, its derivatives left to `jacobian`, and to `seen`.
+        self.at: Linearized = at.bare
+        matrix, right = Chain.single(fit).dense(state, [at])
         self.fitted = len(matrix)
-        self._local: dict[tuple[torch.Size, bool, int], Local] = {}
+        own = at.local.gauges
+        self._own: Key = own.points.shape, own.change is None, fit.path.traffic.over
+        self._local: dict[Key, Local] = {}
         self._seen: Seen | None = None
         self._slow: tuple[Windowed, list[int]] | None = None
         factor = factor_of(matrix)
@@ -55,9 +67,10 @@ class Directions:
         #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.
         self.residual = torch.cat([self.at.residual, self._below(-self._anchors.residual[:, None])[:, 0]])
         #: What was fitted, and then the tracks' slow errors [sample * channel + anchor, column].
-        self.jacobian = self.at.jacobian.above(self._below(self._anchors.jacobian[:, fit.free]))
+        self.jacobian = at.jacobian.above(self._below(self._anchors.jacobian[:, fit.free]))
         if not alone and not any(one.slow_error for one in fit.extension.effects):
             self._slow = self.slow_errors()
+            del at
             self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
             matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
         self.factor = factor_of(matrix)
@@ -140,16 +153,24 @@ class Directions:
         """The model with a candidate at its null; what candidates share is computed once."""
         if self._seen is not None and self._seen.path.extension is extension:
             return self._seen
-        path = self.fit.path.with_effects(extension)
+        path, self._seen = self.fit.path.with_effects(extension), None
         gauges = partial(self.fit.gauges_at, path, self.state.coefficients)
         values = extension.local(self.numbers(extension, {}))
         here = gauges(path.described(values))
         key = here.points.shape, here.change is None, path.traffic.over
         if key not in self._local:
+            self._make_room()
             vehicles = self.state.vehicles.rows(path.traffic)
-            self._local[key] = Local.of(path, gauges, vehicles, self.state.poisson_ratio, values)
+            local = Local.of(path, gauges, vehicles, self.state.poisson_ratio, values)
+            self._local[key] = local if key == self._own else local.by_gauges_alone
         self._seen = Seen(path, gauges, self._local[key])
         return self._seen
+
+    def _make_room(self) -> None:
+        """Let go of what candidates shared first, where all would take too much memory."""
+        while self._local and sum(local.bytes for local in self._local.values()) > SHARED / 2:
+            del self._local[next(iter(self._local))]
+            give_back()
 
     def forget(self) -> None:
         """Let go of what candidates share, hundreds of MB; it is computed again where one is looked at once more."""
@@ -240,13 +261,13 @@ class Directions:
         """How all that was fitted [free] moves with a score's estimate."""
         if self.alone:
             return torch.zeros(self.fitted, dtype=torch.float64)
-        return self._led(self.jacobian.along(score.signal)[:, None])[:, 0]
+        return self._led(self.jacobian.transposed_times(score.signal))[:, 0]
 
     def changed(self, score: Score) -> Tensor:
         """What a score's estimate changes [sample, channel], whitened, with all that was fitted following."""
-        change = score.signal
+        change = score.signal.times(torch.ones(1, dtype=torch.float64))
         if not self.alone:
-            crossed = self.jacobian.along(change)[:, None]
+            crossed = self.jacobian.transposed_times(score.signal)
             change = change - self.jacobian.times(torch.cholesky_solve(crossed, self.factor)[:, 0])
         return change[: self.fit.data.numel()].reshape(self.fit.data.shape)
 

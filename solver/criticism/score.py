@@ -17,6 +17,7 @@ from torch import Tensor
 
 from solver.criticism.marginal import Spectrum
 from solver.effect import Effect
+from solver.fit.windowed import Windowed
 
 Array = NDArray[np.float64]
 
@@ -58,7 +59,7 @@ class Score:
     estimate: Array
     sigma: Array
     retained: float
-    signal: Tensor
+    signal: Windowed
     spectrum: Spectrum
     variance: float
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.criticism.directions import Directions
@@ -19,12 +20,14 @@ from solver.fit.side_by_side import side_by_side
 from solver.signal_path.derivatives import Seen
 from solver.signal_path.extension import Extension
 
+Array = NDArray[np.float64]
+
 #: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
 FAR, FAR_ALONE = (1.0, 3.0), (0.5, 1.0, 2.0, 3.0)
 #: What an effect of plausible size must change at least, sigmas over all samples, to be more than rounding.
 FEEBLE = 0.1
-#: Directions that act all the while, or as much of others, that are projected at once: few take as long as that many.
-BATCH = 36
+#: Values of directions that are projected at once: few take as long as that many.
+BATCH = 1 << 23
 #: Stages whose effects are in proportion to their numbers, once tracks may shift.
 NEAR_STAGES = ("trajectory", "load")
 #: Shapes of a grid above which the best few are refined, how many, and in how many rounds: full fits refine the rest.
@@ -86,7 +89,7 @@ class Scorer(Directions):
             columns, counts = self.columns(effect, shape, extension, seen)
             if columns.norm * max(p.plausible for p in effect.amplitudes) > FEEBLE:
                 made.append(Made(shape, columns, counts))
-            if last or sum(one.columns.extent for one in made) >= BATCH:
+            if last or sum(one.columns.extent for one in made) * columns.rows >= BATCH:
                 yield from self.of_made(effect, made, trials)
                 made = []
 
@@ -98,7 +101,7 @@ class Scorer(Directions):
                 found = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]), sizes_of(effect, one, mix))
                 of = mix.argmax(1).numpy()
                 estimate, sigma = found.estimate[of], np.where(heard, found.sigma[of], np.nan)
-                signal = one.columns.times(torch.from_numpy(estimate))
+                signal = self._signal(one.columns, estimate)
                 found = found._replace(estimate=estimate, sigma=sigma)
                 yield self._score(effect, found, one.shape, shared, tuple(one.counts), trials, signal)
 
@@ -110,12 +113,15 @@ class Scorer(Directions):
         shared: bool,
         counts: tuple[int, ...],
         trials: int,
-        signal: Tensor,
+        signal: Windowed,
     ) -> Score:
         numbers = counts, found.estimate, found.sigma, found.retained
         return Score(
             effect, shape, shared, found.fall, found.freedom, trials, *numbers, signal, found.spectrum, self.variance
         )
+
+    def _signal(self, columns: Windowed, estimate: Array) -> Windowed:
+        return Windowed.of(columns.times(torch.from_numpy(estimate))[:, None], self.fit.data.shape[1])
 
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
         """A better shape near a score's: steps along each shape parameter, from half the grid's spacing down."""
@@ -150,7 +156,7 @@ class Scorer(Directions):
             step = float(numbers[where] - p.null)
             found = outcome(self.project([column])[0], 1, torch.tensor([p.plausible / abs(step)]).double())
             if found.fall > score.fall:
-                signal = column.times(torch.from_numpy(found.estimate))
+                signal = self._signal(column, found.estimate)
                 found = found._replace(estimate=step * found.estimate, sigma=abs(step) * found.sigma)
                 score = self._score(effect, found, score.shape, False, score.counts, score.trials, signal)
         return score
@@ -213,6 +219,6 @@ def figures(score: Score) -> dict[str, Any]:
 
 def similarity(scorer: Scorer, one: Score, other: Score) -> float:
     """Correlation of what the fit leaves of two effects' signals, 0 to 1."""
-    pair = Windowed.of(torch.stack([one.signal, other.signal], 1), 1)
+    pair = Windowed.beside([one.signal, other.signal])
     left = scorer.project([pair])[0].information
     return float(left[0, 1].abs() / (left[0, 0] * left[1, 1]).clamp_min(1e-300).sqrt())

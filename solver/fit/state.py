@@ -96,6 +96,11 @@ class Linearized:
     local: Sensitivities
 
     @property
+    def bare(self) -> "Linearized":
+        """Without derivatives by what is fitted; of the local ones, with those that the weights need."""
+        return replace(self, jacobian=Windowed((), self.jacobian.rows, 0), local=self.local.shifts)
+
+    @property
     def misfit(self) -> float:
         """Chi2 of the whitened, weighted residual."""
         return float((self.residual**2).sum())

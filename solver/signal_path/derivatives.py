@@ -27,6 +27,8 @@ from solver.signal_path.traffic import Vehicles
 COLUMNS = 16
 #: Values of maps that are computed at once: of all numbers of an effect they may take gigabytes.
 AT_ONCE = 1 << 21
+#: Bytes of derivatives by other loads that are kept.
+OTHERS = 1e8
 #: Numbers of the cable that a parameter may change: per channel, common to all, and of a loose length.
 EACH, ALIKE, LOOSE = ("shift", "slack", "gain"), ("vertical", "path_integral"), ("begin", "end", "share")
 
@@ -70,6 +72,11 @@ class Local:
         by = path.sensitivities_of(load, here, vehicles, poisson_ratio, values)
         return cls(path, gauges, vehicles, poisson_ratio, values, by)
 
+    @property
+    def by_gauges_alone(self) -> "Local":
+        """Without derivatives by the loads: few candidates that change gauges ask for those."""
+        return replace(self, by=replace(self.by, by_load={}, by_vehicle={}))
+
     @cached_property
     def alone(self) -> Tensor:
         """Map [sample, computed channel], 1/s, before stages that act on the whole map."""
@@ -78,11 +85,19 @@ class Local:
     def by_load(self, load: Load) -> ByLoad:
         """Derivatives with respect to a load that may have other wheels than `by`, or further forces that are zero."""
         for known, by in ((self.by.load, self.by.by_load), *self._by_load):
-            if known.alike(load):
+            if by and known.alike(load):
                 return by
+        if self._by_load and self.bytes - self.by.bytes > OTHERS:
+            self._by_load.pop(0)
         by = self.path.by_load(load, self.by.gauges, self.poisson_ratio, self.values)
         self._by_load.append((load, by))
         return by
+
+    @property
+    def bytes(self) -> int:
+        """Their size in memory."""
+        every = [one for _, by in self._by_load for one in by.values()] + list(self._by_number.values())
+        return self.by.bytes + sum(one.numel() * one.element_size() for one in every)
 
     def along_gauges(self, here: Gauges, change: Gauges) -> Tensor:
         """Derivative [row, channel] by what changes gauges so; some of their points may lie elsewhere than in `by`."""
