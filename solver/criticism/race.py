@@ -113,7 +113,8 @@ def started_elsewhere(scorer: Scorer, effect: Effect) -> tuple[Scorer, Score] | 
     # A score in form only: nothing is predicted.
     at = Scorer(fit, begun, alone=True, variance=scorer.variance)
     signal, sigma = Windowed((), len(at.residual), 1), np.ones(len(numbers))
-    told = counts, numbers, sigma, 1.0, signal, at.spectrum(effect, dict(start.shape)), at.variance
+    nothing = torch.zeros(at.fitted, dtype=torch.float64)
+    told = counts, numbers, sigma, 1.0, signal, nothing, at.spectrum(effect, dict(start.shape)), at.variance
     return at, Score(effect, dict(start.shape), False, 0.0, len(numbers), 1, *told)
 
 

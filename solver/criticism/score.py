@@ -44,7 +44,9 @@ class Score:
     counts : how many numbers each amplitude has
     estimate, sigma : [number], those of passes that share one the same; sigma is nan where a number changes nothing
     retained : share of the effect's signal that the fit leaves visible
-    signal : [sample * channel + anchor], whitened, what the estimate would change
+    signal : [sample * channel + anchor, 1], whitened, what the estimate would change; None where too much of it was
+        looked at to keep
+    crossed : [fitted], products of that with all that was fitted
     spectrum : what the fit leaves of plausible sizes
     variance : that the noise counts as, as the base model is not exact
     """
@@ -59,7 +61,8 @@ class Score:
     estimate: Array
     sigma: Array
     retained: float
-    signal: Windowed
+    signal: Windowed | None
+    crossed: Tensor
     spectrum: Spectrum
     variance: float
 

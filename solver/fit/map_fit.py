@@ -22,9 +22,11 @@ from solver.fit.residual import unexplained
 from solver.fit.robust import huber, near_noise, scale_of, solved_amplitudes
 from solver.fit.state import Evaluation, Linearized, State, Weights
 from solver.fit.windowed import Windowed
-from solver.signal_path.derivatives import Local, Seen, derivatives, few_of, observed_tangents
+from solver.signal_path.derivatives import derivatives, observed_tangents
 from solver.signal_path.extension import Values
+from solver.signal_path.few import few_of
 from solver.signal_path.gauges import Gauges, route_jacobian
+from solver.signal_path.local import Local, Seen
 from solver.signal_path.observation import Description
 from solver.signal_path.sensitivities import Sensitivities
 from solver.signal_path.signal_path import SignalPath
@@ -183,10 +185,10 @@ class MapFit(ParameterSpace):
             at, other = places[:, :, some], others[:, :, some]
             near = (at.any(2).any(1) | other.flatten(1).any(1)).nonzero()[:, 0]
             columns = torch.bmm(moved[near], at[near]).reshape(len(near), 3, rows, -1).permute(3, 1, 2, 0)
-            columns = columns + torch.bmm(gauges[near], other[near].flatten(2)).unflatten(2, (-1, 3)).permute(2, 3, 1, 0)
+            turned = torch.bmm(gauges[near], other[near].flatten(2)).unflatten(2, (-1, 3)).permute(2, 3, 1, 0)
             out = torch.zeros(3 * len(some), len(traffic.samples), channels, dtype=torch.float64)
             found = torch.zeros(3 * len(some), len(traffic.samples), len(near), dtype=torch.float64)
-            out[:, :, near] = found.index_add_(1, traffic.sample_index, columns.flatten(0, 1))
+            out[:, :, near] = found.index_add_(1, traffic.sample_index, (columns + turned).flatten(0, 1))
             yield out
 
     def base_columns(self, state: State, local: Sensitivities, values: Values) -> Iterator[Tensor]:
@@ -210,14 +212,14 @@ class MapFit(ParameterSpace):
         if not self.extension.effects:
             yield from base
             return
-        alone = self.path.traffic.superpose(local.rate)
-        for some in base:
-            yield observed_tangents(self.path, alone, some, values)
         gauges = partial(self.gauges_at, self.path, state.coefficients)
         rows = state.vehicles.rows(self.path.traffic)
-        here = Seen(self.path, gauges, Local(self.path, gauges, rows, state.poisson_ratio, values, local))
+        here = Local(self.path, gauges, rows, state.poisson_ratio, values, known=local)
+        stages, alone = self.path.described(values), here.alone
+        for some in base:
+            yield observed_tangents(stages, alone, some, lambda maps: self.path.observed(maps, values))
         for slot in self.extension.slots:
-            yield from derivatives(here, slot, state.numbers)
+            yield from derivatives(Seen(self.path, gauges, here), slot, state.numbers)
 
     def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
         """The same, all at once."""
@@ -232,7 +234,8 @@ class MapFit(ParameterSpace):
             for some in self.columns(state, evaluation.local, evaluation.values):
                 free = self.free[first : first + len(some)]
                 first += len(some)
-                yield (some if bool(free.all()) else some[free]).mul_(weights.good)
+                if bool(free.any()):
+                    yield (some if bool(free.all()) else some[free]).mul_(weights.good)
 
         return Windowed.through_each(fitted(), lambda maps: self.whiten(maps).mul_(scale), self.whiten.memory)
 

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from solver.signal_path.derivatives import few_of
+from solver.signal_path.few import few_of
 
 #: Columns are kept together where the rows between which they act are at most this many times as many as each's own.
 TOGETHER = 1.3
@@ -69,7 +69,7 @@ class Windowed:
 
         Parameters
         ----------
-        memory : samples for which `linear` remembers
+        memory : samples for which `linear` remembers; it may leave out the first ones
         """
         # Whitening makes several copies: of all maps at once they would take as much memory as everything else.
         return cls.through_each(maps.split(few_of(maps.shape[1] * maps.shape[2])), linear, memory)
@@ -82,8 +82,19 @@ class Windowed:
     @classmethod
     def _through(cls, maps: Tensor, linear: Callable[[Tensor], Tensor], memory: int) -> "Windowed":
         count, samples, channels = maps.shape
-        acts = remembered(maps.ne(0).any(-1), memory)
-        return cls(parts_of(linear(maps).flatten(1), acts, channels), samples * channels, count)
+        white = linear(maps)
+        acts = remembered(maps.ne(0).any(-1), memory)[:, samples - white.shape[1] :]
+        return cls(parts_of(white.flatten(1), acts, channels), white.shape[1] * channels, count)
+
+    @classmethod
+    def stacked(cls, pieces: "Iterable[tuple[int, Windowed]]", rows: int, width: int) -> "Windowed":
+        """Pieces of a matrix, each from some row on."""
+        parts = [
+            Part(part.columns, first + part.first, first + part.last, part.values)
+            for first, piece in pieces
+            for part in piece.parts
+        ]
+        return cls(tuple(parts), rows, width)
 
     @classmethod
     def beside(cls, matrices: "Iterable[Windowed]") -> "Windowed":
