@@ -19,18 +19,21 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from roadfiber.widening import FIT, FULL, with_corridor
 from solver.run.locate import locate
 from solver.simulator import simulate, write_survey
 from solver.simulator.scenario import read_scenario
+from solver.survey.memory import reuse_freed_memory
 from solver.survey.survey import Survey
 
 
-def measured(site: Path, out: Path, all_passes: bool) -> None:
-    """Locate in this process and print what it took as one line of JSON."""
+def measured(site: Path, out: Path, all_passes: bool, corridor: str) -> None:
+    """Locate in this process, as the command does, and print what it took as one line of JSON."""
+    reuse_freed_memory()
     begun = time.perf_counter()
     survey = Survey.read(site)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    located = locate(survey, all_passes=all_passes)
+    located = with_corridor(locate(survey, all_passes=all_passes), corridor)
     seconds, cpu = time.perf_counter() - begun, time.process_time()
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     result = located.result
@@ -49,7 +52,7 @@ def row_of(passes: int, options: argparse.Namespace) -> dict[str, object]:
         site, truth, active = write_survey(survey, folder / "survey"), survey.route, survey.active
         del survey
         command = [sys.executable, __file__, "--locate", str(site), "--out", str(folder / "route.npz")]
-        command += ["--all-passes"] if options.all_passes else []
+        command += ["--corridor", options.corridor, *(["--all-passes"] if options.all_passes else [])]
         ended = subprocess.run(command, check=True, capture_output=True, text=True)
         facts = json.loads(ended.stdout.splitlines()[-1])
         with np.load(folder / "route.npz") as found:
@@ -74,10 +77,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--locate", type=Path, help="a site.toml: locate it and say what that took")
     parser.add_argument("--all-passes", action="store_true", help="fit all, and not those that tell most")
+    parser.add_argument("--corridor", choices=(FULL, FIT), default=FULL, help="as of `roadfiber locate`")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     if options.locate:
-        measured(options.locate, options.out, options.all_passes)
+        measured(options.locate, options.out, options.all_passes, options.corridor)
         return
     rows: list[dict[str, object]] = []
     for passes in options.passes:

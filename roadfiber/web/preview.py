@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.catalogue.plain_words import told
-from solver.criticism.directions import factor_of
 from solver.criticism.plain_verdict import setting_of
 from solver.criticism.refit import with_effect
 from solver.criticism.route_change import route_of
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
+from solver.criticism.sums import factor_of
 from solver.effect import Effect, Parameter
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit

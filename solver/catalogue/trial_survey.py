@@ -16,10 +16,10 @@ from solver.fit.map_fit import MapFit
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
 from solver.fit.state import State
-from solver.signal_path.derivatives import Local, Seen, derivative
+from solver.signal_path.derivatives import derivative
 from solver.signal_path.extension import Extension, Values
-from solver.signal_path.signal_path import columns
-from solver.signal_path.traffic import Traffic
+from solver.signal_path.local import Local, Seen
+from solver.signal_path.traffic import Traffic, columns
 from solver.trajectory.vehicle_pass import Pass
 
 CHANNELS, SPACING, RATE = 24, 3.0, 2.5
@@ -127,7 +127,7 @@ class Trial:
         """The model with the effect, for derivatives."""
         values, state = self.extension.local(numbers), self.state
         gauges = partial(self.fit.gauges_at, self.path, state.coefficients)
-        local = Local.of(self.path, gauges, state.vehicles.rows(self.path.traffic), state.poisson_ratio, values)
+        local = Local(self.path, gauges, state.vehicles.rows(self.path.traffic), state.poisson_ratio, values)
         return Seen(self.path, gauges, local)
 
     def derivatives(self, numbers: Tensor) -> dict[str, Tensor]:

@@ -3,8 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import torch
-
 from solver.criticism.bench import Asked, Bench, racers, scorable
 from solver.criticism.marginal import mixture
 from solver.criticism.policy import POLICY
@@ -12,8 +10,8 @@ from solver.criticism.race import race
 from solver.criticism.refit import Refit
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
-from solver.criticism.windowed import Windowed
 from solver.effect import Effect
+from solver.fit.windowed import Windowed
 
 
 @dataclass(frozen=True)
@@ -107,8 +105,8 @@ def shown(table: Sequence[Score]) -> list[Score]:
 def beyond(scorer: Scorer, first: Score, others: Sequence[Score]) -> list[Score]:
     """Of some scores those whose signals the residual still holds once that of a first one is taken out of it."""
     rest = [one for one in others if one.effect.name != first.effect.name]
-    signals = torch.stack([first.signal, *(one.signal for one in rest)], 1)
-    left = scorer.project([Windowed.of(signals, scorer.fit.data.shape[1])])[0]
+    signals = [one.signal for one in (first, *rest) if one.signal is not None]
+    left = scorer.project([Windowed.beside(signals)])[0]
     own, score = left.information.diagonal(), left.score
     along = left.information[0] / own[0].clamp_min(1e-300)
     falls = (score - along * score[0]).square() / (own - along * left.information[0]).clamp_min(1e-12 * own)

@@ -1,6 +1,6 @@
 """Whitened directions at the end of a fit: what was fitted, what an effect would change, what the fit leaves of it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 
 import torch
@@ -8,23 +8,30 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from solver.criticism.policy import POLICY
+from solver.criticism.record_parts import RecordPart, apart, record_parts
 from solver.criticism.score import Projected, Score
-from solver.criticism.windowed import Windowed
+from solver.criticism.sums import Sums, factor_of
 from solver.effect import Effect, Heard
 from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
-from solver.signal_path.derivatives import Local, Seen, acts_on_rows, derivative
+from solver.fit.windowed import Windowed
+from solver.signal_path.derivatives import acts_on_rows, derivatives
 from solver.signal_path.extension import Extension
-from solver.signal_path.signal_path import columns
+from solver.signal_path.local import Local, Section, Seen
+from solver.signal_path.traffic import columns
+from solver.survey.memory import give_back
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import track_sigma
 
 #: Least slow error of a track, m, however small it says that it is.
 SMALLEST = 0.01
-#: Share of its diagonal that is added to a normal matrix that is singular to rounding.
-RIDGE = 1e-10
+#: Bytes of what candidates share that are kept, about, and of a long record.
+SHARED, SHARED_LONG = 2e8, 5e7
+#: What candidates must have in common to share: shape of the gauges' points, a ratio that is the same at all of them,
+#: moments per sample, and part of the record.
+Key = tuple[torch.Size, bool, int, int | None]
 
 
 class Directions:
@@ -43,10 +50,14 @@ class Directions:
 
     def __init__(self, fit: MapFit, state: State, alone: bool = False, variance: float | None = None):
         self.fit, self.state, self.alone = fit, state, alone
-        self.at: Linearized = fit.linearized(state)
-        matrix, right = Chain.single(fit).dense(state, [self.at])
+        at = fit.linearized(state)
+        #: The problem there, its derivatives left to `jacobian`, and to `seen`.
+        self.at: Linearized = at.bare
+        matrix, right = Chain.single(fit).dense(state, [at])
         self.fitted = len(matrix)
-        self._local: dict[tuple[torch.Size, bool, int], Local] = {}
+        #: Parts of the record, one after the other, and last the whole of it, for what cannot be told part by part.
+        self.parts = record_parts(fit, self.at.weights, at.local.bytes)
+        self._local: dict[Key, Local] = {}
         self._seen: Seen | None = None
         self._slow: tuple[Windowed, list[int]] | None = None
         factor = factor_of(matrix)
@@ -54,11 +65,12 @@ class Directions:
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
         #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.
         self.residual = torch.cat([self.at.residual, self._below(-self._anchors.residual[:, None])[:, 0]])
-        fitted = Windowed.of(self.at.jacobian[:, fit.free], fit.data.shape[1])
         #: What was fitted, and then the tracks' slow errors [sample * channel + anchor, column].
-        self.jacobian = fitted.above(self._below(self._anchors.jacobian[:, fit.free]))
+        self.jacobian = at.jacobian.above(self._below(self._anchors.jacobian[:, fit.free]))
         if not alone and not any(one.slow_error for one in fit.extension.effects):
+            del at
             self._slow = self.slow_errors()
+            self.forget()
             self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
             matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
         self.factor = factor_of(matrix)
@@ -137,24 +149,32 @@ class Directions:
         rows = anchor_rows(self.fit.basis, self.fit.prior.anchors, place, by_amplitude, self.state.coefficients)
         return self._below(rows.jacobian[:, self.fit.layout["route"].stop :])
 
-    def seen(self, extension: Extension) -> Seen:
-        """The model with a candidate at its null; what candidates share is computed once."""
-        if self._seen is not None and self._seen.path.extension is extension:
-            return self._seen
-        path = self.fit.path.with_effects(extension)
+    def seen(self, extension: Extension, section: Section | None = None) -> Seen:
+        """The model with a candidate at its null, at a section; what candidates share is computed once."""
+        seen = self._seen
+        if seen is not None and seen.path.extension is extension and seen.local.section is section:
+            return seen
+        path, self._seen = self.fit.path.with_effects(extension), None
         gauges = partial(self.fit.gauges_at, path, self.state.coefficients)
         values = extension.local(self.numbers(extension, {}))
         here = gauges(path.described(values))
-        key = here.points.shape, here.change is None, path.traffic.over
+        begin = None if section is None else section.samples.start
+        key = here.points.shape, here.change is None, path.traffic.over, begin
         if key not in self._local:
+            most = SHARED if len(self.parts) == 1 else SHARED_LONG
+            while self._local and sum(local.bytes for local in self._local.values()) > most:
+                del self._local[next(iter(self._local))]
+                give_back()
             vehicles = self.state.vehicles.rows(path.traffic)
-            self._local[key] = Local.of(path, gauges, vehicles, self.state.poisson_ratio, values)
+            self._local[key] = Local(path, gauges, vehicles, self.state.poisson_ratio, values, section)
         self._seen = Seen(path, gauges, self._local[key])
         return self._seen
 
     def forget(self) -> None:
         """Let go of what candidates share, hundreds of MB; it is computed again where one is looked at once more."""
         self._seen, self._local = None, {}
+        if len(self.parts) > 1:
+            give_back()
 
     def numbers(self, extension: Extension, shape: dict[str, float]) -> Tensor:
         """All effects' numbers: those of the fit, then the candidate's null and shape."""
@@ -164,19 +184,41 @@ class Directions:
         return numbers
 
     def columns(
-        self, effect: Effect, shape: dict[str, float], extension: Extension, seen: Seen | None = None
+        self,
+        effect: Effect,
+        shape: dict[str, float],
+        extension: Extension,
+        part: RecordPart | None = None,
+        like: Callable[[Seen], Seen] = lambda seen: seen,
     ) -> tuple[Windowed, list[int]]:
         """Whitened derivatives [sample * channel + anchor, number] by an effect's amplitudes, how many each has.
 
-        `seen` is the model, where it is not as `self.seen` has it.
+        Parameters
+        ----------
+        part : of the record, of `parts`: what cannot be told part by part, and the anchors' rows, are the last one's;
+            all of them where None
+        like : makes of the model as `seen` has it that which is differentiated
         """
-        if effect == SLOW_ERROR and self._slow is not None:
-            return self._slow
-        seen, numbers = seen or self.seen(extension), self.numbers(extension, shape)
+        last, rows = part is None or part is self.parts[-1], self.fit.data.numel()
+        numbers = self.numbers(extension, shape)
         slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
-        maps = [derivative(seen, slot, numbers) for slot in slots]
-        white = Windowed.through(torch.cat(maps), self._white, self.fit.whiten.memory)
-        return white.above(self._anchor_columns(effect, numbers, extension)), [len(m) for m in maps]
+        counts = [slot.where.stop - slot.where.start for slot in slots]
+        none = Windowed((), len(self.residual), sum(counts))
+        if effect == SLOW_ERROR and self._slow is not None:
+            return (self._slow[0] if last else none), counts
+        parts = [one for one in self.parts if part in (None, one)]
+        if len(self.parts) > 1:
+            told = apart(self.fit.path.with_effects(extension), extension.local(numbers))
+            parts = [one for one in parts if told == (one.section is not None)]
+        channels, pieces = self.fit.data.shape[1], list[tuple[int, Windowed]]()
+        for one in parts:
+            seen = like(self.seen(extension, one.section))
+            maps = (some for slot in slots for some in derivatives(seen, slot, numbers))
+            pieces.append((one.first * channels, Windowed.through_each(maps, one.white, self.fit.whiten.memory)))
+        if not last:
+            return Windowed.stacked(pieces, none.rows, none.width), counts
+        whole = Windowed.stacked(pieces, rows, none.width)
+        return whole.above(self._anchor_columns(effect, numbers, extension)), counts
 
     def _white(self, maps: Tensor) -> Tensor:
         """Whitened, weighted maps [column, sample, channel]."""
@@ -209,27 +251,34 @@ class Directions:
 
     def heard(self, extension: Extension) -> Heard:
         """What the fit leaves, for effects that seek their shapes in it."""
-        seen, numbers = self.seen(extension), self.numbers(extension, {})
-        values = extension.local(numbers)
-        load = seen.path.loads(columns(seen.local.vehicles), values)
+        path, values = self.fit.path.with_effects(extension), extension.local(self.numbers(extension, {}))
+        load = path.loads(columns(self.state.vehicles.rows(path.traffic)), values)
         fiber = self.fit.fiber(self.state, self.fit.values(self.state))
         residual = self.at.residual.reshape(self.fit.data.shape)
         middle, slope = (fiber.ahead + fiber.behind) / 2, fiber.ahead - fiber.behind
         if (chosen := self.fit.extension.chosen) is not None:
             middle, slope = middle[chosen], slope[chosen]
-        return Heard(residual, load, seen.path.traffic.record_sample, middle, slope)
+        return Heard(residual, load, path.traffic.record_sample, middle, slope)
 
-    def project(self, parts: Sequence[Windowed]) -> list[Projected]:
+    def project(self, columns: Sequence[Windowed]) -> list[Projected]:
         """What the fit leaves of directions, as `columns` gives them; several shapes at once are faster."""
-        grams, scores = [one.transposed_times(one) for one in parts], [one.along(self.residual) for one in parts]
-        if self.alone or not parts:
-            return [Projected(score, gram, gram) for score, gram in zip(scores, grams, strict=True)]
-        crossed = self.jacobian.transposed_times(Windowed.beside(parts)).split([one.width for one in parts], 1)
-        halves = [torch.linalg.solve_triangular(self.factor, one, upper=False) for one in crossed]
-        return [
-            Projected(score - cross.T @ self.step, gram - half.T @ half, gram)
-            for score, cross, gram, half in zip(scores, crossed, grams, halves, strict=True)
-        ]
+        return [self.left(one) for one in self.summed(columns)]
+
+    def summed(self, columns: Sequence[Windowed]) -> list[Sums]:
+        """Products of directions with one another, with the residual and with all that was fitted."""
+        own = [(one.along(self.residual), one.transposed_times(one)) for one in columns]
+        if self.alone or not columns:
+            return [Sums(score, gram, gram[:0]) for score, gram in own]
+        crossed = self.jacobian.transposed_times(Windowed.beside(columns)).split([one.width for one in columns], 1)
+        return [Sums(score, gram, cross) for (score, gram), cross in zip(own, crossed, strict=True)]
+
+    def left(self, sums: Sums) -> Projected:
+        """What the fit leaves of directions."""
+        score, gram, cross = sums
+        if self.alone:
+            return Projected(score, gram, gram)
+        half = torch.linalg.solve_triangular(self.factor, cross, upper=False)
+        return Projected(score - cross.T @ self.step, gram - half.T @ half, gram)
 
     def whitened(self, maps: Tensor) -> Windowed:
         """Whitened changes [sample * channel + anchor, number] of the record by maps [number, sample, channel], 1/s."""
@@ -240,13 +289,15 @@ class Directions:
         """How all that was fitted [free] moves with a score's estimate."""
         if self.alone:
             return torch.zeros(self.fitted, dtype=torch.float64)
-        return self._led(self.jacobian.along(score.signal)[:, None])[:, 0]
+        signal = score.signal
+        return self._led(score.crossed[:, None] if signal is None else self.jacobian.transposed_times(signal))[:, 0]
 
     def changed(self, score: Score) -> Tensor:
         """What a score's estimate changes [sample, channel], whitened, with all that was fitted following."""
-        change = score.signal
+        assert score.signal is not None
+        change = score.signal.times(torch.ones(1, dtype=torch.float64))
         if not self.alone:
-            crossed = self.jacobian.along(change)[:, None]
+            crossed = self.jacobian.transposed_times(score.signal)
             change = change - self.jacobian.times(torch.cholesky_solve(crossed, self.factor)[:, 0])
         return change[: self.fit.data.numel()].reshape(self.fit.data.shape)
 
@@ -256,15 +307,3 @@ class Directions:
 
     def _led(self, crossed: Tensor) -> Tensor:
         return -torch.cholesky_solve(crossed, self.factor)[: self.fitted]
-
-
-def factor_of(matrix: Tensor) -> Tensor:
-    """Cholesky factor of a normal matrix, with a ridge where rounding has left it indefinite.
-
-    Along a coil that the model lacks the route nearly stands still, and its direction is hardly determined.
-
-    >>> factor_of(torch.ones(2, 2, dtype=torch.float64)).diagonal()
-    tensor([1.0000e+00, 1.4142e-05], dtype=torch.float64)
-    """
-    factor, failed = torch.linalg.cholesky_ex(matrix)
-    return torch.linalg.cholesky(matrix + RIDGE * torch.diag(matrix.diagonal())) if int(failed) else factor

@@ -17,7 +17,7 @@ from solver.criticism.growth import Grown, regrown
 from solver.criticism.law_tolerance import law_errors
 from solver.criticism.policy import POLICY
 from solver.criticism.probability_figure import title_of_explanation
-from solver.criticism.quick_scores import quick_scores
+from solver.criticism.quick_scores import quick_scores, with_signals
 from solver.criticism.race import UNSOLVED, started
 from solver.criticism.refit import Refit, counted, loss, with_effect
 from solver.criticism.repairs import mended
@@ -40,6 +40,7 @@ from solver.run.run import Run
 from solver.run.run_corridor import corridor_facts
 from solver.run.strict_json import strict
 from solver.run.titles import lower
+from solver.survey.memory import give_back
 
 Array = NDArray[np.float64]
 Advance = Callable[[int], None]
@@ -71,6 +72,7 @@ def widened(run: Run, advance: Advance = lambda n: None) -> Run:
     if not run.result.converged:
         return plain(run, "the fit has not converged, so what it may lack cannot be told")
     at = np.isin(run.result.channel, run.problem.channel)
+    give_back()
     scorer, check = strict_scorer(run)
     if not check.passed:
         return plain(run, f"the noise is not understood, so what it may lack cannot be told: {check.faults[0]}")
@@ -78,7 +80,9 @@ def widened(run: Run, advance: Advance = lambda n: None) -> Run:
     bench = scored(scorer, check, effects, advance)
     wander = wander_of(scorer)
     if wander is not None and explains_best(wander, bench) and (again := allowed_for(run, wander)) is not run:
-        run, (scorer, check) = again, strict_scorer(again)
+        run = again
+        del scorer, bench
+        scorer, check = strict_scorer(run)
         bench = scored(scorer, check, effects)
     return told(run, *weighed(bench, effects, run.result.sigma[at], advance), effects)
 
@@ -160,7 +164,8 @@ def weighed(bench: Bench, effects: Sequence[Effect], sigma: Array, advance: Adva
     if far:
         # Falls of the misfit compare where both fits have ended.
         base = solve(fit, scorer.state, iterations=STEPS).state
-        bench = Bench(bench.audit, Scorer(fit, base, variance=scorer.variance), bench.table, [])
+        table = with_signals(scorer, bench.table)
+        bench = Bench(bench.audit, Scorer(fit, base, variance=scorer.variance), table, [])
         away = route_of(fit, base) - route
     else:
         away = moved_by(scorer, scorer.step[: scorer.fitted])

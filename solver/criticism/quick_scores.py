@@ -1,16 +1,23 @@
 """The fast score of a catalogue: a few shapes of each effect, and the whole change of those that show most."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
+import torch
+
 from solver.criticism.policy import POLICY
+from solver.criticism.record_parts import RecordPart
 from solver.criticism.score import Score
-from solver.criticism.scorer import Scorer, figures
+from solver.criticism.scorer import Made, Scorer, feeble, figures
+from solver.criticism.sums import Sums
 from solver.effect import Effect
 from solver.fit.side_by_side import side_by_side
-from solver.signal_path.derivatives import Seen, described_alone
+from solver.signal_path.derivatives import described_alone
 from solver.signal_path.extension import Extension
+from solver.signal_path.local import Seen
+from solver.survey.memory import give_back
 
 #: Shapes of each effect that are tried, and of those whose law takes long.
 FEW, FEWEST = 4, 1
@@ -30,14 +37,8 @@ def quick_scores(
     effects : to score
     advance : called with 1 after each
     """
-
-    def first(effect: Effect) -> dict[str, Any] | None:
-        extension = scorer.fit.problem.extension([*scorer.fit.extension.effects, effect])
-        shapes, trials = effect.tried(lambda: scorer.heard(extension))
-        few, seen = (FEWEST, lumped(scorer.seen(extension))) if slow(scorer, extension) else (FEW, None)
-        found = scorer.of_shapes(effect, thinned(shapes, few), extension, trials, seen)
-        best = max((s for s in found if s.freedom), key=lambda s: s.evidence, default=None)
-        return None if best is None else figures(best)
+    plans = [Plan.of(scorer, effect) for effect in effects]
+    found = [None if best is None else figures(best) for best in best_of(scorer, plans, advance)]
 
     def whole(score: Score) -> dict[str, Any]:
         effect = score.effect
@@ -45,7 +46,6 @@ def quick_scores(
         every = [score] if slow(scorer, extension) else [score, *scorer.scores(effect)]
         return figures(scorer.reaching(max(every, key=lambda s: s.evidence)))
 
-    found = side_by_side(first, effects, advance)
     table = [Score(effect, **one) for effect, one in zip(effects, found, strict=True) if one is not None]
     best = max((s.evidence for s in table), default=0.0)
     shown = [s for s in table if s.evidence > max(POLICY.found, best / POLICY.hope)]
@@ -54,21 +54,104 @@ def quick_scores(
     return sorted(table, key=lambda s: -s.evidence)
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What is tried of an effect.
+
+    Parameters
+    ----------
+    effect : to score
+    extension : with it beside what is in the model
+    shapes : to try
+    trials : how many there are of it
+    like : makes of the model that which is differentiated
+    """
+
+    effect: Effect
+    extension: Extension
+    shapes: list[dict[str, float]]
+    trials: int
+    like: Callable[[Seen], Seen]
+
+    @classmethod
+    def of(cls, scorer: Scorer, effect: Effect) -> "Plan":
+        """A few of its shapes, fewer of what takes long."""
+        extension = scorer.fit.problem.extension([*scorer.fit.extension.effects, effect])
+        shapes, trials = effect.tried(lambda: scorer.heard(extension))
+        if slow(scorer, extension):
+            return cls(effect, extension, thinned(shapes, FEWEST), trials, lumped)
+        return cls(effect, extension, thinned(shapes, FEW), trials, lambda seen: seen)
+
+
+def best_of(scorer: Scorer, plans: Sequence[Plan], advance: Callable[[int], None]) -> list[Score | None]:
+    """The best score of each effect, or None where it does nothing: of a long record from sums over its parts."""
+
+    def best(scores: Iterable[Score]) -> Score | None:
+        return max((s for s in scores if s.freedom), key=lambda s: s.evidence, default=None)
+
+    def at_once(plan: Plan) -> Score | None:
+        return best(scorer.of_shapes(plan.effect, plan.shapes, plan.extension, plan.trials, plan.like))
+
+    if len(scorer.parts) == 1:
+        return side_by_side(at_once, plans, advance)
+    total: list[list[Sums]] = []
+    for part in scorer.parts:
+        more = side_by_side(partial(sums_of, scorer, part), plans)
+        together = zip(total or more, more, strict=True)
+        total = [[a.plus(b) for a, b in zip(*both, strict=True)] for both in together] if total else more
+        scorer.forget()
+    found = []
+    for plan, sums in zip(plans, total, strict=True):
+        counts = counts_of(plan)
+        made = zip(plan.shapes, sums, strict=True)
+        some = [Made(shape, one, counts, None) for shape, one in made if not feeble(plan.effect, one.norm)]
+        found.append(best(scorer.of_made(plan.effect, some, plan.trials)))
+        advance(1)
+    return found
+
+
+def sums_of(scorer: Scorer, part: RecordPart, plan: Plan) -> list[Sums]:
+    """Sums of each shape over a part of the record."""
+    columns = (scorer.columns(plan.effect, shape, plan.extension, part, plan.like)[0] for shape in plan.shapes)
+    sums = [scorer.summed([one])[0] for one in columns]
+    give_back()
+    return sums
+
+
+def counts_of(plan: Plan) -> list[int]:
+    """How many numbers each amplitude has."""
+    mine = (s for s in plan.extension.slots if s.effect is plan.effect and not s.parameter.is_shape)
+    return [slot.where.stop - slot.where.start for slot in mine]
+
+
+def with_signals(scorer: Scorer, table: Sequence[Score]) -> list[Score]:
+    """Scores with their signals, of which a long record's were not kept."""
+    bare = [(score, Plan.of(scorer, score.effect)) for score in table if score.signal is None]
+    signals = [torch.zeros(len(scorer.residual), dtype=torch.float64)] * len(bare)
+    for part in scorer.parts:
+        for number, (score, plan) in enumerate(bare):
+            columns, _ = scorer.columns(plan.effect, score.shape, plan.extension, part, plan.like)
+            signals[number] = signals[number] + columns.times(torch.from_numpy(score.estimate))
+    told = {s.effect.name: scorer.kept(signal) for (s, _), signal in zip(bare, signals, strict=True)}
+    return [replace(s, signal=told.get(s.effect.name, s.signal)) for s in table]
+
+
 def slow(scorer: Scorer, extension: Extension) -> bool:
     """Whether an effect, the last of an extension, has a law of the ground to be evaluated at every gauge and wheel."""
-    seen, values = scorer.seen(extension), extension.local(scorer.numbers(extension, {}))
-    ground = described_alone(seen.path, extension.slots[-1], values).ground
+    path, values = scorer.fit.path.with_effects(extension), extension.local(scorer.numbers(extension, {}))
+    ground = described_alone(path, extension.slots[-1], values).ground
     return any(law is not None for law in (ground.response, ground.settlement, ground.radiation))
 
 
 def lumped(seen: Seen) -> Seen:
     """The model with the forces of each vehicle in one place: a law of the ground takes a quarter of the time."""
-    by = seen.local.by
-    share = by.load.share.sum(-1, keepdim=True)
-    position = (by.load.share[..., None] * by.load.position).sum(-2, keepdim=True) / share[..., None]
-    rate = None if by.load.share_rate is None else by.load.share_rate.sum(-1, keepdim=True)
-    load = replace(by.load, position=position, share=share, share_rate=rate, thrust=None, thrust_rate=None)
-    return replace(seen, local=replace(seen.local, by=replace(by, load=load)))
+    local = seen.local
+    load = local.every_load
+    share = load.share.sum(-1, keepdim=True)
+    position = (load.share[..., None] * load.position).sum(-2, keepdim=True) / share[..., None]
+    rate = None if load.share_rate is None else load.share_rate.sum(-1, keepdim=True)
+    loads = replace(load, position=position, share=share, share_rate=rate, thrust=None, thrust_rate=None)
+    return replace(seen, local=replace(local, loads=loads))
 
 
 def thinned(shapes: Sequence[dict[str, float]], most: int) -> list[dict[str, float]]:

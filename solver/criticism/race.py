@@ -16,6 +16,7 @@ from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.side_by_side import side_by_side
 from solver.fit.state import State, Weights
+from solver.fit.windowed import Windowed
 from solver.signal_path.traffic import Vehicles
 
 #: Steps of each round of the race, of the first one from far away, and rounds.
@@ -111,8 +112,9 @@ def started_elsewhere(scorer: Scorer, effect: Effect) -> tuple[Scorer, Score] | 
     counts, numbers = tuple(len(one) for one in start.numbers), np.concatenate(start.numbers)
     # A score in form only: nothing is predicted.
     at = Scorer(fit, begun, alone=True, variance=scorer.variance)
-    signal, sigma = torch.zeros_like(at.residual), np.ones(len(numbers))
-    told = counts, numbers, sigma, 1.0, signal, at.spectrum(effect, dict(start.shape)), at.variance
+    signal, sigma = Windowed((), len(at.residual), 1), np.ones(len(numbers))
+    nothing = torch.zeros(at.fitted, dtype=torch.float64)
+    told = counts, numbers, sigma, 1.0, signal, nothing, at.spectrum(effect, dict(start.shape)), at.variance
     return at, Score(effect, dict(start.shape), False, 0.0, len(numbers), 1, *told)
 
 

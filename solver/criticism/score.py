@@ -17,6 +17,7 @@ from torch import Tensor
 
 from solver.criticism.marginal import Spectrum
 from solver.effect import Effect
+from solver.fit.windowed import Windowed
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,9 @@ class Score:
     counts : how many numbers each amplitude has
     estimate, sigma : [number], those of passes that share one the same; sigma is nan where a number changes nothing
     retained : share of the effect's signal that the fit leaves visible
-    signal : [sample * channel + anchor], whitened, what the estimate would change
+    signal : [sample * channel + anchor, 1], whitened, what the estimate would change; None where too much of it was
+        looked at to keep
+    crossed : [fitted], products of that with all that was fitted
     spectrum : what the fit leaves of plausible sizes
     variance : that the noise counts as, as the base model is not exact
     """
@@ -58,7 +61,8 @@ class Score:
     estimate: Array
     sigma: Array
     retained: float
-    signal: Tensor
+    signal: Windowed | None
+    crossed: Tensor
     spectrum: Spectrum
     variance: float
 

@@ -7,24 +7,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.criticism.directions import Directions
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
 from solver.criticism.score import Outcome, Score, mixes, one_sided, outcome
-from solver.criticism.windowed import Windowed
+from solver.criticism.sums import Sums
 from solver.effect import Effect
 from solver.fit.side_by_side import side_by_side
-from solver.signal_path.derivatives import Seen
+from solver.fit.windowed import Windowed
 from solver.signal_path.extension import Extension
+from solver.signal_path.local import Seen
+
+Array = NDArray[np.float64]
 
 #: Sizes, of plausible ones, at which the whole change by an effect is tried; and where nothing is fitted beside it.
 FAR, FAR_ALONE = (1.0, 3.0), (0.5, 1.0, 2.0, 3.0)
 #: What an effect of plausible size must change at least, sigmas over all samples, to be more than rounding.
 FEEBLE = 0.1
-#: Directions that act all the while, or as much of others, that are projected at once: few take as long as that many.
-BATCH = 36
+#: Values of directions that are projected at once: few take as long as that many.
+BATCH = 1 << 23
 #: Stages whose effects are in proportion to their numbers, once tracks may shift.
 NEAR_STAGES = ("trajectory", "load")
 #: Shapes of a grid above which the best few are refined, how many, and in how many rounds: full fits refine the rest.
@@ -37,13 +41,15 @@ class Made(NamedTuple):
     Attributes
     ----------
     shape : values of its shape parameters
-    columns : [sample * channel + anchor, number], whitened
+    sums : of its columns
     counts : how many numbers each amplitude has
+    columns : [sample * channel + anchor, number], whitened; None where only sums were kept
     """
 
     shape: dict[str, float]
-    columns: Windowed
+    sums: Sums
     counts: list[int]
+    columns: Windowed | None
 
 
 class Scorer(Directions):
@@ -52,9 +58,9 @@ class Scorer(Directions):
     def spectrum(self, effect: Effect, shape: dict[str, float]) -> Spectrum:
         """What the fit leaves of each of an effect's numbers, of one shape."""
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
-        made = Made(shape, *self.columns(effect, shape, extension))
-        each = torch.eye(sum(made.counts), dtype=torch.float64)
-        return outcome(self.project([made.columns])[0], None, sizes_of(effect, made, each)).spectrum
+        columns, counts = self.columns(effect, shape, extension)
+        each = torch.eye(sum(counts), dtype=torch.float64)
+        return outcome(self.project([columns])[0], None, sizes_of(effect, counts, each)).spectrum
 
     def scores(self, effect: Effect, near: Mapping[str, float] | None = None) -> Iterator[Score]:
         """The best shape of an effect, of all or near one, with separate and with shared numbers of passes."""
@@ -75,32 +81,37 @@ class Scorer(Directions):
         shapes: Sequence[dict[str, float]],
         extension: Extension,
         trials: int,
-        seen: Seen | None = None,
+        like: Callable[[Seen], Seen] = lambda seen: seen,
     ) -> Iterator[Score]:
         """Scores of each shape, with separate and with shared numbers of passes; none where it does nothing.
 
-        `seen` is as of `columns`.
+        `like` is as of `columns`.
         """
-        made: list[Made] = []
+        some: list[tuple[dict[str, float], Windowed, list[int]]] = []
         for last, shape in zip([False] * (len(shapes) - 1) + [True], shapes, strict=True):
-            columns, counts = self.columns(effect, shape, extension, seen)
-            if columns.norm * max(p.plausible for p in effect.amplitudes) > FEEBLE:
-                made.append(Made(shape, columns, counts))
-            if last or sum(one.columns.extent for one in made) >= BATCH:
+            columns, counts = self.columns(effect, shape, extension, like=like)
+            if not feeble(effect, columns.norm):
+                some.append((shape, columns, counts))
+            if last or sum(one.extent for _, one, _ in some) * columns.rows >= BATCH:
+                found = self.summed([one for _, one, _ in some])
+                made = [Made(shape, sums, counts, one) for (shape, one, counts), sums in zip(some, found, strict=True)]
                 yield from self.of_made(effect, made, trials)
-                made = []
+                some = []
 
     def of_made(self, effect: Effect, made: "Sequence[Made]", trials: int) -> Iterator[Score]:
         """Scores of shapes whose directions are already computed."""
-        for one, projected in zip(made, self.project([one.columns for one in made]), strict=True):
+        for one in made:
+            projected = self.left(one.sums)
             heard = projected.gram.diagonal().numpy() > projected.least
             for shared, mix in mixes(effect, one.counts):
-                found = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]), sizes_of(effect, one, mix))
+                sizes = sizes_of(effect, one.counts, mix)
+                found = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]), sizes)
                 of = mix.argmax(1).numpy()
                 estimate, sigma = found.estimate[of], np.where(heard, found.sigma[of], np.nan)
-                signal = one.columns.times(torch.from_numpy(estimate))
+                signal = None if one.columns is None else self.kept(one.columns.times(torch.from_numpy(estimate)))
+                crossed = one.sums.crossed @ torch.from_numpy(estimate)
                 found = found._replace(estimate=estimate, sigma=sigma)
-                yield self._score(effect, found, one.shape, shared, tuple(one.counts), trials, signal)
+                yield self._score(effect, found, one.shape, shared, tuple(one.counts), trials, signal, crossed)
 
     def _score(
         self,
@@ -110,12 +121,16 @@ class Scorer(Directions):
         shared: bool,
         counts: tuple[int, ...],
         trials: int,
-        signal: Tensor,
+        signal: Windowed | None,
+        crossed: Tensor,
     ) -> Score:
         numbers = counts, found.estimate, found.sigma, found.retained
-        return Score(
-            effect, shape, shared, found.fall, found.freedom, trials, *numbers, signal, found.spectrum, self.variance
-        )
+        told = signal, crossed, found.spectrum, self.variance
+        return Score(effect, shape, shared, found.fall, found.freedom, trials, *numbers, *told)
+
+    def kept(self, signal: Tensor) -> Windowed:
+        """A signal [sample * channel + anchor] where it acts."""
+        return Windowed.of(signal[:, None], self.fit.data.shape[1])
 
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
         """A better shape near a score's: steps along each shape parameter, from half the grid's spacing down."""
@@ -148,11 +163,13 @@ class Scorer(Directions):
                 continue
             column = self.change(extension, base, numbers)
             step = float(numbers[where] - p.null)
-            found = outcome(self.project([column])[0], 1, torch.tensor([p.plausible / abs(step)]).double())
+            (sums,) = self.summed([column])
+            found = outcome(self.left(sums), 1, torch.tensor([p.plausible / abs(step)]).double())
             if found.fall > score.fall:
-                signal = column.times(torch.from_numpy(found.estimate))
+                signal = self.kept(column.times(torch.from_numpy(found.estimate)))
+                crossed = sums.crossed @ torch.from_numpy(found.estimate)
                 found = found._replace(estimate=step * found.estimate, sigma=abs(step) * found.sigma)
-                score = self._score(effect, found, score.shape, False, score.counts, score.trials, signal)
+                score = self._score(effect, found, score.shape, False, score.counts, score.trials, signal, crossed)
         return score
 
 
@@ -199,9 +216,17 @@ def score_all(
     return sorted((s for s in table if s.freedom), key=lambda s: -s.evidence)
 
 
-def sizes_of(effect: Effect, made: Made, mix: Tensor) -> Tensor:
-    """Plausible sizes [combination] of an effect's numbers, combined over passes or each by itself."""
-    kinds = zip(effect.amplitudes, made.counts, strict=True)
+def feeble(effect: Effect, norm: float) -> bool:
+    """Whether what an effect of plausible size changes is no more than rounding, by the norm of its directions."""
+    return norm * max(p.plausible for p in effect.amplitudes) <= FEEBLE
+
+
+def sizes_of(effect: Effect, counts: Sequence[int], mix: Tensor) -> Tensor:
+    """Plausible sizes [combination] of an effect's numbers, combined over passes or each by itself.
+
+    `counts` says how many numbers each amplitude has.
+    """
+    kinds = zip(effect.amplitudes, counts, strict=True)
     sizes = torch.cat([torch.full((count,), p.plausible, dtype=torch.float64) for p, count in kinds])
     return (sizes[:, None] * mix).max(0).values
 
@@ -213,6 +238,7 @@ def figures(score: Score) -> dict[str, Any]:
 
 def similarity(scorer: Scorer, one: Score, other: Score) -> float:
     """Correlation of what the fit leaves of two effects' signals, 0 to 1."""
-    pair = Windowed.of(torch.stack([one.signal, other.signal], 1), 1)
+    assert one.signal is not None and other.signal is not None
+    pair = Windowed.beside([one.signal, other.signal])
     left = scorer.project([pair])[0].information
     return float(left[0, 1].abs() / (left[0, 0] * left[1, 1]).clamp_min(1e-300).sqrt())

@@ -187,7 +187,7 @@ class Chain(ChainLayout):
         assembly = Assembly(self.size, len(self.border))
         for number, (link, one) in enumerate(zip(self.links, at, strict=True)):
             sums, free = Sums(*self._places[number]), self.free[link.where]
-            sums.add(link.where[free], one.jacobian.T[free], one.residual)
+            sums.add(link.where[free], one.jacobian.taking(free[link.fit.free]), one.residual)
             assembly.add(*self.equations_of(number, sums, precision, shift))
         matrix, right = assembly.normal(*self.priors(state, precision)).dense()
         where = torch.cat([torch.arange(self.size), self.border, *self.own_places])

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from solver.fit.robust import huber, joint_scale, near_noise, solved_amplitudes
 from solver.fit.state import Evaluation, State, Weights
+from solver.fit.windowed import Windowed
 
 if TYPE_CHECKING:
     from solver.fit.links import Link
@@ -152,13 +153,22 @@ def weighed(links: Sequence["Link"], glances_: Sequence[Glance]) -> tuple[list[W
     return weights, [r * soft.sqrt() for r, soft in zip(residuals, softs, strict=True)]
 
 
-def jacobians(glances_: Sequence[Glance], weights: Sequence[Weights], free: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
-    """Whitened, weighted derivatives [column, observation] by the chain's free parameters [column], link by link.
+def jacobians(
+    glances_: Sequence[Glance], weights: Sequence[Weights], free: Tensor
+) -> Iterator[tuple[Tensor, Windowed]]:
+    """Whitened, weighted derivatives [observation, column] by the chain's free parameters [column], link by link.
 
     Parameters
     ----------
     free : [parameter] bool, of the chain
     """
+    if len(glances_) == 1:
+        # Nothing is carried on: of the many derivatives of many vehicles a few at a time are whitened.
+        ((one, w),) = zip(glances_, weights, strict=True)
+        mine, full = one.link.fit.free, one.full
+        chosen = free[one.link.where]
+        yield one.link.where[chosen], one.link.fit.whitened_columns(one.state, full, w).taking(chosen[mine])
+        return
 
     def raw() -> Iterator[tuple[Tensor, Tensor]]:
         for one, w in zip(glances_, weights, strict=True):
@@ -170,7 +180,7 @@ def jacobians(glances_: Sequence[Glance], weights: Sequence[Weights], free: Tens
 
     links = [one.link for one in glances_]
     for (where, columns), w in zip(carried(links, raw()), weights, strict=True):
-        yield where, columns.mul_(w.soft.sqrt()).flatten(1)
+        yield where, Windowed.whole(columns.mul_(w.soft.sqrt()).flatten(1))
 
 
 class Sums:
@@ -192,12 +202,12 @@ class Sums:
         self._place[own.numpy()] = np.arange(own_count)
         self._place[shared.numpy()] = own_count + np.arange(count)
 
-    def add(self, where: Tensor, jacobian: Tensor, residual: Tensor) -> None:
-        """Add derivatives [column, observation] by some parameters `where` [column], and the residual there."""
+    def add(self, where: Tensor, jacobian: Windowed, residual: Tensor) -> None:
+        """Add derivatives [observation, column] by some parameters `where` [column], and the residual there."""
         place = self._place[where.numpy()]
         mine, ours = np.flatnonzero(place < len(self.own)), np.flatnonzero(place >= len(self.own))
         own, shared = place[mine], place[ours] - len(self.own)
-        matrix, right = (jacobian @ jacobian.T).numpy(), (jacobian @ residual).numpy()
+        matrix, right = jacobian.transposed_times(jacobian).numpy(), jacobian.along(residual).numpy()
         self.matrix[np.ix_(own, own)] += matrix[np.ix_(mine, mine)]
         self.cross[np.ix_(own, shared)] += matrix[np.ix_(mine, ours)]
         self.block[np.ix_(shared, shared)] += matrix[np.ix_(ours, ours)]

@@ -21,16 +21,17 @@ from solver.fit.problem import Problem
 from solver.fit.residual import unexplained
 from solver.fit.robust import huber, near_noise, scale_of, solved_amplitudes
 from solver.fit.state import Evaluation, Linearized, State, Weights
-from solver.signal_path.derivatives import Local, Seen, derivative, observed_tangents
+from solver.fit.windowed import Windowed
+from solver.signal_path.derivatives import derivatives, observed_tangents
 from solver.signal_path.extension import Values
+from solver.signal_path.few import few_of
 from solver.signal_path.gauges import Gauges, route_jacobian
+from solver.signal_path.local import Local, Seen
 from solver.signal_path.observation import Description
 from solver.signal_path.sensitivities import Sensitivities
 from solver.signal_path.signal_path import SignalPath
 from solver.signal_path.traffic import Vehicles
 
-#: Derivatives that are whitened at once.
-AT_ONCE = 16
 #: Variance of a cubic spline of unit coefficients.
 SPLINE_VARIANCE = 0.48
 
@@ -166,38 +167,77 @@ class MapFit(ParameterSpace):
         """The same of a model [sample, channel], 1/s."""
         return self.whiten(self.unexplained(model) * weights.good) * weights.soft.sqrt()
 
-    def route_columns(self, state: State, local: Sensitivities, values: Values) -> Tensor:
-        """Derivative of each row by the route's coefficients, [coefficient, 3, row, channel]."""
-        stages = self.path.described(values)
+    def route_columns(self, state: State, local: Sensitivities, values: Values, few: int) -> Iterator[Tensor]:
+        """Derivative of the model by the route's coefficients, [3 coefficient, sample, channel], about `few` at a time.
+
+        A coefficient moves the channels near its knot alone.
+        """
+        stages, traffic = self.path.described(values), self.path.traffic
         places, others = route_jacobian(self._ends_of(self.path, stages), state.coefficients, stages, self.path.curved)
         rows, channels = local.alone.shape
         scale = local.amplitude[:, None, None, None]
         moved = (local.by_point * scale).permute(1, 3, 0, 2).reshape(channels, 3 * rows, -1)
-        columns = torch.bmm(moved, places).reshape(channels, 3, rows, -1).permute(3, 1, 2, 0)
         gauges = (local.by_weight * scale).flatten(2)
         if local.gauges.change is not None:
             gauges = torch.cat([gauges, local.by_ratio * scale[..., 0]], 2)
-        return columns + torch.bmm(gauges.transpose(0, 1), others).unflatten(2, (-1, 3)).permute(2, 3, 1, 0)
+        gauges, others = gauges.transpose(0, 1), others.unflatten(2, (-1, 3))
+        for some in torch.arange(places.shape[2]).split(max(1, few // 3)):
+            at, other = places[:, :, some], others[:, :, some]
+            near = (at.any(2).any(1) | other.flatten(1).any(1)).nonzero()[:, 0]
+            columns = torch.bmm(moved[near], at[near]).reshape(len(near), 3, rows, -1).permute(3, 1, 2, 0)
+            turned = torch.bmm(gauges[near], other[near].flatten(2)).unflatten(2, (-1, 3)).permute(2, 3, 1, 0)
+            out = torch.zeros(3 * len(some), len(traffic.samples), channels, dtype=torch.float64)
+            found = torch.zeros(3 * len(some), len(traffic.samples), len(near), dtype=torch.float64)
+            out[:, :, near] = found.index_add_(1, traffic.sample_index, (columns + turned).flatten(0, 1))
+            yield out
 
-    def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
-        """Derivative of the model by every parameter, [parameter, sample, channel], 1/s per unit."""
-        traffic, layout = self.path.traffic, self.layout
-        out = torch.zeros(layout["numbers"].start, len(traffic.samples), local.alone.shape[1], dtype=torch.float64)
-        out[layout["route"]].index_add_(1, traffic.sample_index, self.route_columns(state, local, values).flatten(0, 1))
+    def base_columns(self, state: State, local: Sensitivities, values: Values) -> Iterator[Tensor]:
+        """Derivative of what the ground does by all but the effects' numbers, before stages that act on whole maps."""
+        traffic = self.path.traffic
+        shape = len(traffic.samples), local.alone.shape[1]
+        few = few_of(shape[0] * shape[1])
+        yield from self.route_columns(state, local, values, few)
         for name in PER_PASS:
-            out[layout[name].start + traffic.pass_index, traffic.sample_index] += local.vehicle(name)
-        out[layout["poisson_ratio"].start] = traffic.superpose(local.poisson_ratio)
-        if not self.extension.effects:
-            return out
-        alone = traffic.superpose(local.rate)
-        return torch.cat([observed_tangents(self.path, alone, out, values), *self.effect_columns(state, local, values)])
+            moved = local.vehicle(name)
+            for some in torch.arange(traffic.passes).split(few):
+                mine = ((traffic.pass_index >= some[0]) & (traffic.pass_index <= some[-1])).nonzero()[:, 0]
+                out = torch.zeros(len(some), *shape, dtype=torch.float64)
+                out[traffic.pass_index[mine] - some[0], traffic.sample_index[mine]] += moved[mine]
+                yield out
+        yield traffic.superpose(local.poisson_ratio)[None]
 
-    def effect_columns(self, state: State, local: Sensitivities, values: Values) -> Iterator[Tensor]:
-        """Derivative of the model by the numbers of each effect's parameters, [number, sample, channel]."""
+    def columns(self, state: State, local: Sensitivities, values: Values) -> Iterator[Tensor]:
+        """Derivative of the model by every parameter, [parameter, sample, channel], 1/s per unit, a few at a time."""
+        base = self.base_columns(state, local, values)
+        if not self.extension.effects:
+            yield from base
+            return
         gauges = partial(self.gauges_at, self.path, state.coefficients)
         rows = state.vehicles.rows(self.path.traffic)
-        here = Local(self.path, gauges, rows, state.poisson_ratio, values, local)
-        return (derivative(Seen(self.path, gauges, here), slot, state.numbers) for slot in self.extension.slots)
+        here = Local(self.path, gauges, rows, state.poisson_ratio, values, known=local)
+        stages, alone = self.path.described(values), here.alone
+        for some in base:
+            yield observed_tangents(stages, alone, some, lambda maps: self.path.observed(maps, values))
+        for slot in self.extension.slots:
+            yield from derivatives(Seen(self.path, gauges, here), slot, state.numbers)
+
+    def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
+        """The same, all at once."""
+        return torch.cat(list(self.columns(state, local, values)))
+
+    def whitened_columns(self, state: State, evaluation: Evaluation, weights: Weights) -> Windowed:
+        """Derivatives [sample * channel, free] by all that is free, whitened and weighted, each where it acts."""
+        scale = weights.soft.sqrt()
+
+        def fitted() -> Iterator[Tensor]:
+            first = 0
+            for some in self.columns(state, evaluation.local, evaluation.values):
+                free = self.free[first : first + len(some)]
+                first += len(some)
+                if bool(free.any()):
+                    yield (some if bool(free.all()) else some[free]).mul_(weights.good)
+
+        return Windowed.through_each(fitted(), lambda maps: self.whiten(maps).mul_(scale), self.whiten.memory)
 
     def track_variance(self, local: Sensitivities) -> Tensor:
         """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel].
@@ -241,12 +281,12 @@ class MapFit(ParameterSpace):
         """The problem near a state: whitened, weighted residual and derivatives; `evaluation` there if known."""
         evaluation = evaluation or self.evaluate(state)
         weights, residual = self.weighted(evaluation)
-        scale = weights.soft.sqrt()
-        columns = self.jacobian(state, evaluation.local, evaluation.values).mul_(weights.good)
-        for some in columns.split(AT_ONCE):  # Whitening makes several copies of what it is given.
-            some.copy_(self.whiten(some).mul_(scale))
         return Linearized(
-            columns.flatten(1).T, (residual * scale).flatten(), weights, evaluation.model, evaluation.local
+            self.whitened_columns(state, evaluation, weights),
+            (residual * weights.soft.sqrt()).flatten(),
+            weights,
+            evaluation.model,
+            evaluation.local,
         )
 
 

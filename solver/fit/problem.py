@@ -178,10 +178,18 @@ class Problem:
         )
         sampled = torch.from_numpy(self.time_of(traffic.samples / traffic.over))
         bare = Extension(time=sampled[traffic.sample_index])
-        road = float(self.start[:, 0].min()), float(self.start[:, 0].max())
-        scopes = Scopes.of(traffic, torch.from_numpy(distance), bare.clock(traffic)[1], sampled, road)
+        scopes = self._scopes.get((chosen is None, traffic.over))
+        if scopes is None:
+            road = float(self.start[:, 0].min()), float(self.start[:, 0].max())
+            scopes = Scopes.of(traffic, torch.from_numpy(distance), bare.clock(traffic)[1], sampled, road)
+            self._scopes[chosen is None, traffic.over] = scopes
         finer = None if traffic is self.traffic else traffic
         return Extension(effects, around, scopes, chosen, bare.time, finer)
+
+    @cached_property
+    def _scopes(self) -> dict[tuple[bool, int], Scopes]:
+        """Spline weights of the effects' numbers, by whether channels beyond those measured count, and moments."""
+        return {}
 
     @cached_property
     def whitener(self) -> Whitener:

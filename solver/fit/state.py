@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from solver.fit.parameter_layout import AXES, PER_PASS, Layout
+from solver.fit.windowed import Windowed
 from solver.signal_path.extension import Values
 from solver.signal_path.sensitivities import Sensitivities
 from solver.signal_path.traffic import Vehicles
@@ -81,18 +82,23 @@ class Linearized:
 
     Parameters
     ----------
-    jacobian : [sample * channel, parameter], whitened and weighted
+    jacobian : [sample * channel, free parameter], whitened and weighted
     residual : [sample * channel], likewise
     weights : of the samples
     model : [sample, channel], 1/s
     local : strain rate of each vehicle alone and its local derivatives
     """
 
-    jacobian: Tensor
+    jacobian: Windowed
     residual: Tensor
     weights: Weights
     model: Tensor
     local: Sensitivities
+
+    @property
+    def bare(self) -> "Linearized":
+        """Without derivatives by what is fitted; of the local ones, with those that the weights need."""
+        return replace(self, jacobian=Windowed((), self.jacobian.rows, 0), local=self.local.shifts)
 
     @property
     def misfit(self) -> float:

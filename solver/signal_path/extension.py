@@ -177,7 +177,7 @@ class Extension:
                 here[p.rate_name] = (self.scopes.rates[slot.spread] @ numbers[slot.where])[:, None]
         return values
 
-    def part(self, values: Values, rows: slice) -> Values:
+    def part(self, values: Values, rows: slice | Tensor) -> Values:
         """Values at some rows."""
         part = {name: dict(mine) for name, mine in values.items()}
         for slot in self.slots:

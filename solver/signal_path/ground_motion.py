@@ -1,5 +1,7 @@
 """Response of gauges to loads: the ground's velocity at each gauge's points, weighted and summed."""
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
@@ -7,6 +9,9 @@ from solver.ground.ground import Ground
 from solver.ground.tangential import tangential_displacement, tangential_displacement_rate
 from solver.ground.wheel_motion import gauge_response
 from solver.load.load import Load
+
+#: From a force, offsets, velocity of the load and Poisson's ratio to the ground's velocity.
+Moved = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 
 
 def strain_rates(load: Load, ground: Ground, points: Tensor, weights: Tensor, ratio: Tensor) -> Tensor:
@@ -55,13 +60,27 @@ def ground_motion(
         parts.append(share * ground.displacement_rate(offset, velocity, nu))
     if ground.radiation is not None:
         parts.append(share * ground.radiation(offset, velocity, load.trajectory.time[..., None, None]))
-    if load.share_rate is not None:
-        parts.append(load.share_rate[..., None, :, None] * ground.displacement(offset, nu))
-    if load.thrust is not None:
-        parts.append(tangential_displacement_rate(offset, velocity, nu, load.thrust[..., None, :, :]))
-    if load.thrust_rate is not None:
-        parts.append(tangential_displacement(offset, nu, load.thrust_rate[..., None, :, :]))
+    for force, moved in forces(load, ground):
+        # Of a force that is nothing yet, only what more of it would do is ever asked for.
+        at = (offset, velocity, nu) if bool(force.any()) else (offset.detach(), velocity.detach(), nu.detach())
+        parts.append(moved(force, *at))
     return sum(parts[1:], parts[0]).sum(-2)
+
+
+def forces(load: Load, ground: Ground) -> list[tuple[Tensor, Moved]]:
+    """Forces of wheels on the road other than constant weight, and what each moves, [row, channel, point, wheel, 3]."""
+
+    def bounced(rate: Tensor, offset: Tensor, velocity: Tensor, nu: Tensor) -> Tensor:
+        return rate[..., None, :, None] * ground.displacement(offset, nu)
+
+    def pushed(thrust: Tensor, offset: Tensor, velocity: Tensor, nu: Tensor) -> Tensor:
+        return tangential_displacement_rate(offset, velocity, nu, thrust[..., None, :, :])
+
+    def jerked(rate: Tensor, offset: Tensor, velocity: Tensor, nu: Tensor) -> Tensor:
+        return tangential_displacement(offset, nu, rate[..., None, :, :])
+
+    every = (load.share_rate, bounced), (load.thrust, pushed), (load.thrust_rate, jerked)
+    return [(force, moved) for force, moved in every if force is not None]
 
 
 def offsets(point: Tensor, wheels: Tensor) -> Tensor:

@@ -20,9 +20,11 @@ from solver.signal_path.gauges import Gauges
 from solver.signal_path.ground_motion import strain_rates
 from solver.signal_path.observation import Description
 from solver.signal_path.sensitivities import ByLoad, Sensitivities, along_load
-from solver.signal_path.traffic import Traffic, Vehicles
+from solver.signal_path.traffic import Traffic, Vehicles, columns
 from solver.trajectory.trajectory import Trajectory
 
+#: From rows to their ground.
+Grounds = Callable[[slice | Tensor], Ground]
 #: Gauge points, over all rows, that are computed together.
 BLOCK = 32768
 #: Forces of wheels on the road other than constant weight.
@@ -55,7 +57,7 @@ class SignalPath:
         """Ground, cable, interrogator and processing with the effects at `values`."""
         return self.extension.described(values, self.gauge_length)
 
-    def grounds(self, values: Values) -> Callable[[slice], Ground]:
+    def grounds(self, values: Values) -> Grounds:
         """A function from rows to their ground: one ground for all, unless each row has its own."""
         by_row = (slot.parameter.scope in BY_ROW for slot in self.extension.slots if slot.effect.stage == "ground")
         if any(by_row):
@@ -101,7 +103,7 @@ class SignalPath:
         load, gauges = self.loads(columns(vehicles), values), self.gauges(fiber, values)
         return vehicles.amplitude[:, None] * self.alone(load, gauges, poisson_ratio, self.grounds(values))
 
-    def alone(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, ground: Callable[[slice], Ground]) -> Tensor:
+    def alone(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, ground: Grounds) -> Tensor:
         """The same per unit amplitude, for given loads, gauges and ground of some rows."""
         ratio = gauges.ratio(poisson_ratio)
         parts = (
@@ -110,12 +112,12 @@ class SignalPath:
         )
         return torch.cat(list(parts))
 
-    def blocks(self, load: Load, gauges: Gauges, ground: Callable[[slice], Ground]) -> list[slice]:
+    def blocks(self, load: Load, gauges: Gauges, ground: Grounds) -> list[slice]:
         """Blocks of rows computed together: small tensors stay in the processor's cache; all rows would take gigabytes.
 
         The base model's response to vertical loads is computed in one pass, whatever their number.
         """
-        rows = len(self.traffic.pass_index)
+        rows = len(load.share)
         here = ground(slice(0, 1))
         others = here.response, here.radiation, *map(load.tensors.get, FORCES)
         plain = all(one is None for one in others)
@@ -152,11 +154,8 @@ class SignalPath:
         self, load: Load, gauges: Gauges, vehicles: Vehicles, poisson_ratio: Tensor, values: Values
     ) -> Sensitivities:
         """The same for given loads and gauges, of vehicles per row."""
-        ground = self.grounds(values)
-        parts = [_block(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground)]
-        alone, by_point, by_weight, by_ratio = (torch.cat(one) for one in zip(*(own for own, _ in parts), strict=True))
-        by_load = _joined([by for _, by in parts])
-
+        found = self.by_gauges_and_loads(load, gauges, vehicles.amplitude, poisson_ratio, self.grounds(values))
+        by_load = found.by_load
         names = [f.name for f in fields(vehicles) if f.name != "amplitude"]
 
         def loads(numbers: Tensor) -> tuple[Tensor, ...]:
@@ -168,24 +167,29 @@ class SignalPath:
         ways = [way[:, None].expand_as(here) for way in torch.eye(len(names), dtype=torch.float64)]
         moved = zip(names, pushed_ways(loads, here, ways), strict=True)
         by_vehicles = {name: along_load(by_load, dict(zip(by_load, way, strict=True))) for name, way in moved}
-        own = alone, by_point, by_weight, by_ratio
-        return Sensitivities(vehicles.amplitude, gauges, load, *own, by_load, by_vehicles)
+        return replace(found, by_vehicle=by_vehicles)
 
-    def by_load(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, values: Values) -> ByLoad:
+    def by_gauges_and_loads(
+        self, load: Load, gauges: Gauges, amplitude: Tensor, poisson_ratio: Tensor, ground: Grounds
+    ) -> Sensitivities:
+        """The same but for what may be fitted about each vehicle, at any rows; `amplitude` is [row]."""
+        parts = [_block(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground)]
+        each = zip(*(own for own, _ in parts), strict=True)
+        alone, by_point, by_weight, by_ratio = (one[0] if len(one) == 1 else torch.cat(one) for one in each)
+        by_load = _joined([by for _, by in parts])
+        return Sensitivities(amplitude, gauges, load, alone, by_point, by_weight, by_ratio, by_load, {})
+
+    def by_load(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, ground: Grounds) -> ByLoad:
         """Only the derivatives with respect to the tensors of the loads."""
-        ground = self.grounds(values)
         parts = (_block(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground))
         return _joined([by for _, by in parts])
 
 
 def _joined(parts: Sequence[ByLoad]) -> ByLoad:
     """Join blocks of rows."""
+    if len(parts) == 1:
+        return parts[0]
     return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
-
-
-def columns(vehicles: Vehicles) -> Vehicles:
-    """Vehicles per row [row] with a channel axis, [row, 1]."""
-    return Vehicles(*(getattr(vehicles, f.name)[:, None] for f in fields(vehicles)))
 
 
 def _block(

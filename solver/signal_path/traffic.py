@@ -175,3 +175,8 @@ class Vehicles:
     def rows(self, traffic: Traffic) -> "Vehicles":
         """Per row instead of per pass."""
         return Vehicles(*(getattr(self, f.name)[traffic.pass_index] for f in fields(self)))
+
+
+def columns(vehicles: Vehicles) -> Vehicles:
+    """Vehicles per row [row] with a channel axis, [row, 1]."""
+    return Vehicles(*(getattr(vehicles, f.name)[:, None] for f in fields(vehicles)))

@@ -13,6 +13,7 @@ from solver.criticism.bench import Asked
 from solver.criticism.beside import Beside, beyond, off, shown, suspects
 from solver.criticism.marginal import Spectrum, mixture
 from solver.criticism.policy import POLICY
+from solver.fit.windowed import Windowed
 
 KNOWN = built_in()
 ASKED = Asked(list(KNOWN.values()), held_out=False, advance=lambda n: None)
@@ -94,7 +95,8 @@ def test_what_only_imitates_the_first_is_not_looked_at_again():
     data = torch.zeros(40, 10)
     scorer: Any = SimpleNamespace(project=project, fit=SimpleNamespace(data=data), variance=20.0)
     scores: Any = [
-        SimpleNamespace(effect=KNOWN[name], signal=torch.from_numpy(values)) for name, values in signals.items()
+        SimpleNamespace(effect=KNOWN[name], signal=Windowed.whole(torch.from_numpy(values)[None]))
+        for name, values in signals.items()
     ]
     assert [one.effect.name for one in beyond(scorer, scores[0], scores)] == ["clock_drift"]
 

@@ -30,7 +30,7 @@ def scored(size: float, sigma: float, effect: Effect = PLAIN, trials: int = 1) -
     fall = (size / sigma) ** 2
     estimate, sigmas = np.array([size * PLAUSIBLE]), np.array([sigma * PLAUSIBLE])
     left = Spectrum(np.array([sigma**-2]), np.array([fall * sigma**-2]))
-    return Score(effect, {}, False, fall, 1, trials, (1,), estimate, sigmas, 0.4, torch.zeros(1), left, 1.0)
+    return Score(effect, {}, False, fall, 1, trials, (1,), estimate, sigmas, 0.4, None, torch.zeros(1), left, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -68,7 +68,7 @@ def test_of_many_numbers_alike_the_root_mean_square_is_reported():
     more = np.zeros(len(one.amplitudes) - 1)
     score = Score(
         one, {}, False, 900.0, 2, 1, (3, *(1 for _ in more)),
-        np.append(values, more), np.append(sigmas, np.full(len(more), np.nan)), 1.0, torch.zeros(1),
+        np.append(values, more), np.append(sigmas, np.full(len(more), np.nan)), 1.0, None, torch.zeros(1),
         Spectrum(np.ones(2), np.full(2, 900.0)), 1.0,
     )  # fmt: skip
     parameter, alike = first_kind(score)

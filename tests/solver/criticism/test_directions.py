@@ -15,9 +15,9 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.directions import SMALLEST, Directions
 from solver.criticism.policy import POLICY
-from solver.criticism.windowed import Windowed
 from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
+from solver.fit.windowed import Windowed
 from solver.signal_path.traffic import Traffic
 from solver.survey.anchors import Anchor
 from solver.trajectory.trajectory_effects import SLOW_ERROR
@@ -52,7 +52,7 @@ def whole(at: Directions) -> tuple[Tensor, Tensor]:
 
 def scored(signal: Tensor) -> Any:
     """As much of a score as says what it would change."""
-    return SimpleNamespace(signal=signal)
+    return SimpleNamespace(signal=Windowed.whole(signal[None]))
 
 
 def columns_of(at: Directions, name: str) -> Windowed:
@@ -83,7 +83,7 @@ def test_slow_errors_are_pulled_by_the_residual_alone(at: Directions, whole: tup
 def test_the_step_solves_the_normal_equations_of_a_dense_chain(at: Directions) -> None:
     """Alone, without slow errors, they are those of `Chain.dense`."""
     bare = Directions(at.fit, at.state, alone=True)
-    matrix, right = Chain.single(at.fit).dense(at.state, [at.at])
+    matrix, right = Chain.single(at.fit).dense(at.state, [at.fit.linearized(at.state)])
     torch.testing.assert_close(bare.step, torch.linalg.solve(matrix, right), rtol=1e-6, atol=1e-12)
     assert bare.stress == pytest.approx(
         float(torch.linalg.solve(torch.linalg.cholesky(matrix), right).abs().max()), rel=1e-8
@@ -132,6 +132,8 @@ def test_what_was_fitted_follows_a_signal_by_least_squares(at: Directions, whole
     found = at.following(scored(signal))
     expected = -torch.linalg.solve(matrix, jacobian.T @ signal)[: at.fitted]
     torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-6)
+    unkept = SimpleNamespace(signal=None, crossed=jacobian.T @ signal)
+    torch.testing.assert_close(at.following(unkept), found, rtol=1e-8, atol=1e-10)  # type: ignore[arg-type]
     free = -torch.linalg.solve(matrix, (matrix @ weight))[: at.fitted]
     torch.testing.assert_close(free, -weight[: at.fitted])
 
@@ -212,7 +214,7 @@ def slow_prior(found: Directions) -> Tensor:
 
 
 def test_what_the_fit_leaves_of_slow_errors_is_left_by_what_was_fitted_alone(at: Directions) -> None:
-    matrix, right = Chain.single(at.fit).dense(at.state, [at.at])
+    matrix, right = Chain.single(at.fit).dense(at.state, [at.fit.linearized(at.state)])
     fitted, slow = dense(at.jacobian).split([at.fitted, at.slow_errors()[0].width], 1)
     led = torch.linalg.solve(matrix, fitted.T @ slow)
     left = at.slow_left

@@ -20,6 +20,7 @@ from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.state import Weights
 from solver.fit.track_trust import strict_tracks
+from solver.fit.windowed import Windowed
 from solver.simulator import Scenario, simulate
 from tests.solver.simulated import case_of
 
@@ -63,7 +64,9 @@ def test_a_start_that_only_raises_the_misfit_is_taken_as_told_or_smaller(
 ) -> None:
     """What is predicted may be tried at a twentieth; what is told, and not predicted, begins as told."""
     fit = MapFit(with_effect(scorer.fit.problem, GAUGE))
-    wrong = replace(score, estimate=-8 * np.abs(score.estimate), fall=fall, signal=torch.zeros_like(score.signal))
+    wrong = replace(
+        score, estimate=-8 * np.abs(score.estimate), fall=fall, signal=Windowed((), len(scorer.residual), 1)
+    )
     size = float(started(fit, scorer, wrong, weights).numbers[-1])
     told = max(float(wrong.estimate[0]), GAUGE.amplitudes[0].lower)
     assert size == pytest.approx(told if fall == 0 else 0.05 * float(wrong.estimate[0]), rel=1e-6)

@@ -31,7 +31,7 @@ def tried(name: str, fall: float) -> Refit:
     """A candidate whose full fit lowered the misfit by so much."""
     one = np.array([1.0])
     left = Spectrum(np.ones(1), np.full(1, fall))
-    score = Score(built_in()[name], {}, False, fall, 1, 1, (1,), one, one, 1.0, torch.zeros(0), left, 1.0)
+    score = Score(built_in()[name], {}, False, fall, 1, 1, (1,), one, one, 1.0, None, torch.zeros(0), left, 1.0)
     with_it: Any = SimpleNamespace(fit="with", solution=SimpleNamespace(state=None))
     found = Refit(score, with_it.fit, with_it.solution, fall)
     vars(found)["paid"] = 0.0

@@ -11,7 +11,6 @@ import torch
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.bench import scorable
-from solver.criticism.directions import factor_of
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
 from solver.criticism.refit import (
@@ -27,6 +26,7 @@ from solver.criticism.refit import (
 )
 from solver.criticism.score import Score
 from solver.criticism.scorer import apart
+from solver.criticism.sums import factor_of
 from solver.effect import Parameter
 from solver.fit.robust import HUBER
 from solver.signal_path.extension import Slot
@@ -37,7 +37,8 @@ KNOWN = built_in()
 def score(name: str, fall: float = 0.0, numbers: int = 1, trials: int = 1, **shape: float) -> Score:
     one = np.ones(numbers)
     left = Spectrum(np.full(numbers, 24.0), np.zeros(numbers))
-    return Score(KNOWN[name], shape, False, fall, numbers, trials, (numbers,), one, one, 1.0, torch.zeros(0), left, 1.0)
+    told = None, torch.zeros(0), left, 1.0
+    return Score(KNOWN[name], shape, False, fall, numbers, trials, (numbers,), one, one, 1.0, *told)
 
 
 def ended(name: str, numbers: list[float], fall: float = 100.0, *, converged: bool = True, step: float = 0.0) -> Refit:

@@ -113,6 +113,6 @@ def test_only_a_null_on_a_bound_is_one_sided():
 def test_a_fall_is_noted_from_four_standard_deviations_on(fall, beyond):
     one = next(iter(built_in().values()))
     left = Spectrum(np.array([3.0]), np.array([3.0 * fall]))
-    score = Score(one, {}, False, fall, 1, 20, (1,), np.ones(1), np.ones(1), 1.0, torch.zeros(1), left, 2.0)
+    score = Score(one, {}, False, fall, 1, 20, (1,), np.ones(1), np.ones(1), 1.0, None, torch.zeros(1), left, 2.0)
     assert bool(score.beyond_noise) is beyond
     assert score.evidence == pytest.approx(left.evidence(2.0) - np.log(20))

@@ -11,9 +11,8 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.criticism.candidate import score_candidate
 from solver.criticism.policy import POLICY
-from solver.criticism.score import one_sided, outcome
-from solver.criticism.scorer import FEEBLE, Made, Scorer, figures, score_all, similarity, sizes_of
-from solver.criticism.windowed import Windowed
+from solver.criticism.score import Score, one_sided, outcome
+from solver.criticism.scorer import FEEBLE, Scorer, figures, score_all, similarity, sizes_of
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.signal_path.derivatives import derivative
@@ -134,6 +133,12 @@ def test_what_candidates_share_serves_each_of_their_shapes(name: str, curved: bo
                 torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-10 * float(expected.abs().max()))
 
 
+def signal_of(score: Score) -> torch.Tensor:
+    """What a score's estimate changes [sample * channel + anchor]."""
+    assert score.signal is not None
+    return score.signal.times(torch.ones(1, dtype=torch.float64))
+
+
 @pytest.fixture(scope="module")
 def stretched() -> Scorer:
     """A survey of which gauges are longer than thought by a twentieth, in noise of a thirtieth of the signal."""
@@ -151,7 +156,9 @@ def test_the_score_of_one_shape_is_the_outcome_of_its_projection(stretched: Scor
     )
     assert (score.fall, score.freedom, score.retained) == (found.fall, found.freedom, found.retained)
     assert score.counts == tuple(counts) == (1,) and score.variance == stretched.variance
-    torch.testing.assert_close(score.signal, columns.times(torch.from_numpy(score.estimate)))
+    signal = signal_of(score)
+    torch.testing.assert_close(signal, columns.times(torch.from_numpy(score.estimate)))
+    torch.testing.assert_close(score.crossed, stretched.jacobian.along(signal))
     assert stretched.spectrum(effect, {}).evidence(score.variance) == pytest.approx(score.evidence)
 
 
@@ -162,7 +169,7 @@ def test_what_a_score_changes_takes_away_the_misfit_that_it_says(stretched: Scor
     assert change.shape == stretched.fit.data.shape
     left = float((residual - change.flatten()).square().sum())
     assert float(residual.square().sum()) - left == pytest.approx(score.fall, rel=0.1)
-    alone = score.signal[: change.numel()]
+    alone = signal_of(score)[: change.numel()]
     assert float(change.square().sum()) < 0.9 * float(alone.square().sum()), "all else follows"
 
 
@@ -225,10 +232,11 @@ def test_signals_are_alike_by_what_the_fit_leaves_of_them(stretched: Scorer) -> 
     one = max(stretched.scores(built_in()["gauge_length"]), key=lambda s: s.fall)
     other = max(stretched.scores(built_in()["clock_offset"]), key=lambda s: s.fall)
     assert similarity(stretched, one, one) == pytest.approx(1.0)
-    assert similarity(stretched, one, replace(one, signal=-3.0 * one.signal)) == pytest.approx(1.0)
+    turned = stretched.kept(-3.0 * signal_of(one))
+    assert similarity(stretched, one, replace(one, signal=turned)) == pytest.approx(1.0)
     found = similarity(stretched, one, other)
     assert found == pytest.approx(similarity(stretched, other, one)) and 0 <= found <= 1
-    signals = torch.stack([one.signal, other.signal], 1)
+    signals = torch.stack([signal_of(one), signal_of(other)], 1)
     jacobian = torch.stack(
         [stretched.jacobian.times(e) for e in torch.eye(stretched.jacobian.width, dtype=torch.float64)], 1
     )
@@ -246,8 +254,8 @@ def test_what_other_processes_send_back_is_all_but_the_effect(stretched: Scorer)
 def test_sizes_of_numbers_that_passes_share_are_those_of_one() -> None:
     effect = next(one for one in built_in().values() if len(one.amplitudes) == 2)
     first, second = (p.plausible for p in effect.amplitudes)
-    made = Made({}, Windowed((), 0, 5), [3, 2])
+    counts = [3, 2]
     each = torch.eye(5, dtype=torch.float64)
-    assert sizes_of(effect, made, each).tolist() == [first] * 3 + [second] * 2
+    assert sizes_of(effect, counts, each).tolist() == [first] * 3 + [second] * 2
     shared = torch.block_diag(torch.ones(3, 1), torch.ones(2, 1)).double()
-    assert sizes_of(effect, made, shared).tolist() == [first, second]
+    assert sizes_of(effect, counts, shared).tolist() == [first, second]

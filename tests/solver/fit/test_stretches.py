@@ -96,7 +96,8 @@ def dense(chain: Chain, visit) -> tuple[torch.Tensor, np.ndarray]:
     matrix = torch.zeros(len(chain.mean), len(chain.mean), dtype=torch.float64)
     for link in chain.links:
         at = link.fit.linearized(chain.part_of(visit.state, link))
-        matrix[link.where[:, None], link.where] += at.jacobian.T @ at.jacobian
+        where = link.where[link.fit.free]
+        matrix[where[:, None], where] += at.jacobian.transposed_times(at.jacobian)
     for one in chain.rows(visit.state):
         matrix[one.where[:, None], one.where] += one.rows.jacobian.T @ one.rows.jacobian
     matrix += torch.diag(torch.nan_to_num(chain.prior.precision(visit.state), posinf=0.0))

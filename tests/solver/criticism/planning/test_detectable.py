@@ -46,6 +46,7 @@ class Scores:
                 np.zeros(1),
                 np.array([s]),
                 s,
+                None,
                 zero,
                 left,
                 self.variance,

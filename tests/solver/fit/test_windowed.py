@@ -5,7 +5,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from solver.criticism.windowed import Part, Windowed, alike, joined
+from solver.fit.windowed import Part, Windowed, alike, joined
 
 SAMPLES, CHANNELS = 60, 5
 

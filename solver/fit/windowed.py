@@ -1,15 +1,18 @@
 """Derivatives that mostly act for a short while: a vehicle's numbers act on its own pass alone."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
+
+from solver.signal_path.few import few_of
 
 #: Columns are kept together where the rows between which they act are at most this many times as many as each's own.
 TOGETHER = 1.3
-#: Values of maps that are whitened at once.
-AT_ONCE = 1 << 21
+#: Samples of nothing that are kept where a column acts before and after them: parts of few samples take their own time.
+BRIDGED = 16
 
 
 @dataclass(frozen=True)
@@ -51,8 +54,14 @@ class Windowed:
     def of(cls, matrix: Tensor, grain: int) -> "Windowed":
         """A matrix [row, column] whose rows belong together by `grain`: the channels of a sample."""
         columns = matrix.T
-        windows = acting(columns.reshape(len(columns), -1, grain).ne(0).any(-1))
-        return cls(parts_of(columns, windows, grain), *matrix.shape)
+        acts = columns.reshape(len(columns), -1, grain).ne(0).any(-1)
+        return cls(parts_of(columns, acts, grain), *matrix.shape)
+
+    @classmethod
+    def whole(cls, columns: Tensor) -> "Windowed":
+        """A matrix given by its columns [column, row], which act all the while."""
+        count, rows = columns.shape
+        return cls((Part(torch.arange(count), 0, rows, columns),), rows, count)
 
     @classmethod
     def through(cls, maps: Tensor, linear: Callable[[Tensor], Tensor], memory: int) -> "Windowed":
@@ -60,29 +69,54 @@ class Windowed:
 
         Parameters
         ----------
-        memory : samples for which `linear` remembers
+        memory : samples for which `linear` remembers; it may leave out the first ones
         """
         # Whitening makes several copies: of all maps at once they would take as much memory as everything else.
-        few = max(1, AT_ONCE // (maps.shape[1] * maps.shape[2]))
-        parts = [cls._through(some, linear, memory) for some in maps.split(few)]
-        return parts[0] if len(parts) == 1 else cls.beside(parts)
+        return cls.through_each(maps.split(few_of(maps.shape[1] * maps.shape[2])), linear, memory)
+
+    @classmethod
+    def through_each(cls, some: Iterable[Tensor], linear: Callable[[Tensor], Tensor], memory: int) -> "Windowed":
+        """The same of maps that come some at a time, of which no more are ever held."""
+        return cls.beside(cls._through(maps, linear, memory) for maps in some)
 
     @classmethod
     def _through(cls, maps: Tensor, linear: Callable[[Tensor], Tensor], memory: int) -> "Windowed":
         count, samples, channels = maps.shape
-        windows = acting(maps.ne(0).any(-1))
-        acts = windows[:, 1] > windows[:, 0]
-        windows[:, 1] = torch.where(acts, (windows[:, 1] + memory).clamp(max=samples), windows[:, 1])
-        return cls(parts_of(linear(maps).flatten(1), windows, channels), samples * channels, count)
+        white = linear(maps)
+        acts = remembered(maps.ne(0).any(-1), memory)[:, samples - white.shape[1] :]
+        return cls(parts_of(white.flatten(1), acts, channels), white.shape[1] * channels, count)
 
     @classmethod
-    def beside(cls, matrices: "Sequence[Windowed]") -> "Windowed":
+    def stacked(cls, pieces: "Iterable[tuple[int, Windowed]]", rows: int, width: int) -> "Windowed":
+        """Pieces of a matrix, each from some row on."""
+        parts = [
+            Part(part.columns, first + part.first, first + part.last, part.values)
+            for first, piece in pieces
+            for part in piece.parts
+        ]
+        return cls(tuple(parts), rows, width)
+
+    @classmethod
+    def beside(cls, matrices: "Iterable[Windowed]") -> "Windowed":
         """Matrices of as many rows beside one another."""
-        parts, width = [], 0
+        parts, width, rows = [], 0, 0
         for one in matrices:
             parts += [Part(part.columns + width, part.first, part.last, part.values) for part in one.parts]
-            width += one.width
-        return cls(joined(parts), matrices[0].rows, width)
+            width, rows = width + one.width, one.rows
+        return cls(joined(parts), rows, width)
+
+    def taking(self, chosen: Tensor) -> "Windowed":
+        """Only the columns `chosen` [column] bool."""
+        if bool(chosen.all()):
+            return self
+        number = chosen.cumsum(0) - 1
+        parts = []
+        for part in self.parts:
+            mine = chosen[part.columns]
+            if bool(mine.any()):
+                values = part.values if bool(mine.all()) else part.values[mine]
+                parts.append(Part(number[part.columns[mine]], part.first, part.last, values))
+        return Windowed(tuple(parts), self.rows, int(chosen.sum()))
 
     @property
     def norm(self) -> float:
@@ -128,13 +162,38 @@ class Windowed:
         return product
 
 
-def parts_of(columns: Tensor, windows: Tensor, grain: int) -> tuple[Part, ...]:
-    """Columns [column, row] between their windows [column, 2] of `grain` rows each."""
+def parts_of(columns: Tensor, acts: Tensor, grain: int) -> tuple[Part, ...]:
+    """Columns [column, row] where they act [column, sample] bool, `grain` rows to a sample."""
     parts = []
-    for some in alike(windows):
-        first, last = (spanned(windows[some]) * grain).tolist()
-        parts.append(Part(some, first, last, columns[some, first:last]))
+    for some in alike(acting(acts)):
+        for first, last in runs(acts[some].any(0)):
+            parts.append(Part(some, first * grain, last * grain, columns[some, first * grain : last * grain]))
     return tuple(parts)
+
+
+def runs(acts: Tensor) -> list[tuple[int, int]]:
+    """First sample and that after the last of each run of those at which something acts [sample] bool.
+
+    >>> runs(torch.tensor([False, True, True, False, True, *[False] * 20, True]))
+    [(1, 5), (25, 26)]
+    """
+    at = acts.nonzero()[:, 0]
+    if not len(at):
+        return []
+    ends = (at.diff() > BRIDGED).nonzero()[:, 0]
+    first = torch.cat([at[:1], at[ends + 1]])
+    last = torch.cat([at[ends], at[-1:]]) + 1
+    return list(zip(first.tolist(), last.tolist(), strict=True))
+
+
+def remembered(acts: Tensor, memory: int) -> Tensor:
+    """Where a filter that remembers so many samples makes something of what acts [column, sample] bool.
+
+    >>> remembered(torch.tensor([[False, True, False, False, False]]), 2).tolist()
+    [[False, True, True, True, False]]
+    """
+    total = pad(acts.int().cumsum(1), (memory + 1, 0))
+    return total[:, memory + 1 :] > total[:, : -memory - 1]
 
 
 def acting(acts: Tensor) -> Tensor:

@@ -1,0 +1,45 @@
+"""Sums over the rows of a score test, and the factor of its normal matrix."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+#: Share of its diagonal that is added to a normal matrix that is singular to rounding.
+RIDGE = 1e-10
+
+
+class Sums(NamedTuple):
+    """Products of directions, sums over the rows.
+
+    Attributes
+    ----------
+    score : [number], with the residual
+    gram : [number, number], with one another
+    crossed : [fitted, number], with all that was fitted; none where all is held
+    """
+
+    score: Tensor
+    gram: Tensor
+    crossed: Tensor
+
+    def plus(self, other: "Sums") -> "Sums":
+        """Those over more rows."""
+        return Sums(*(one + two for one, two in zip(self, other, strict=True)))
+
+    @property
+    def norm(self) -> float:
+        """Root of the sum of the directions' squares."""
+        return float(self.gram.trace()) ** 0.5
+
+
+def factor_of(matrix: Tensor) -> Tensor:
+    """Cholesky factor of a normal matrix, with a ridge where rounding has left it indefinite.
+
+    Along a coil that the model lacks the route nearly stands still, and its direction is hardly determined.
+
+    >>> factor_of(torch.ones(2, 2, dtype=torch.float64)).diagonal()
+    tensor([1.0000e+00, 1.4142e-05], dtype=torch.float64)
+    """
+    factor, failed = torch.linalg.cholesky_ex(matrix)
+    return torch.linalg.cholesky(matrix + RIDGE * torch.diag(matrix.diagonal())) if int(failed) else factor

@@ -1,0 +1,134 @@
+"""A record that is scored part by part, against the same looked at as a whole."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from noisy_trials import noisy
+
+from solver.catalogue.catalogue import built_in
+from solver.catalogue.trial_survey import trial_survey
+from solver.criticism import record_parts
+from solver.criticism.quick_scores import Plan, best_of, quick_scores, with_signals
+from solver.criticism.scorer import Scorer
+from solver.fit.map_fit import MapFit
+from solver.fit.state import State
+from solver.fit.windowed import Windowed
+from solver.noise.law import NoiseLaw
+from solver.signal_path import few
+
+KNOWN = built_in()
+#: Of each stage and scope; some of them mix samples, so that no part can be told by itself.
+NAMES = (
+    "clock_offset",
+    "track_bend",
+    "track_jitter",
+    "dynamic_load",
+    "braking",
+    "poisson_gradient",
+    "layered_ground",
+    "channel_coupling",
+    "slack_spool",
+    "gauge_length",
+    "lowpass",
+    "median_filter",
+    "saturation",
+    "generic_load",
+    "generic_gain",
+    "generic_neighbors",
+)
+#: Those of which no part can be told by itself, and that which the scorer has already.
+AT_ONCE = ("lowpass", "median_filter", "saturation", "generic_gain", "track_jitter")
+
+
+def fitted() -> tuple[MapFit, State]:
+    """The trial survey in noise that remembers, with gauges that are longer than thought."""
+    fit = noisy(30, 6, KNOWN["gauge_length"], 0.05)
+    law = NoiseLaw(0.5 ** np.arange(4.0), np.zeros(4), np.ones(1), np.zeros(1))
+    return MapFit(replace(fit.problem, law=law)), trial_survey()[1]
+
+
+@pytest.fixture(scope="module")
+def whole() -> Scorer:
+    fit, state = fitted()
+    return Scorer(fit, state)
+
+
+@pytest.fixture(scope="module")
+def parted() -> Scorer:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(record_parts, "WHOLE", 0.0)
+        patch.setattr(record_parts, "EACH", 1.5e5)
+        fit, state = fitted()
+        return Scorer(fit, state)
+
+
+def dense(windowed: Windowed) -> torch.Tensor:
+    return torch.stack([windowed.times(one) for one in torch.eye(windowed.width, dtype=torch.float64)], 1)
+
+
+def test_parts_follow_one_another_and_look_back_at_what_the_noise_remembers(parted: Scorer) -> None:
+    *parts, last = parted.parts
+    assert len(parts) > 2 and last.section is None
+    samples = len(parted.fit.problem.traffic.samples)
+    sections = [part.section for part in parts if part.section is not None]
+    assert [part.first for part in parts] == [0, *(one.samples.stop for one in sections[:-1])]
+    assert sections[-1].samples.stop == samples
+    assert all(part.lead <= parted.fit.whiten.memory for part in parts) and any(part.lead for part in parts)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_directions_are_those_of_the_whole(whole: Scorer, parted: Scorer, name: str) -> None:
+    effect = KNOWN[name]
+    shape = {p.name: p.grid[0] for p in effect.shapes}
+    expected, counts = whole.columns(effect, shape, whole.fit.problem.extension([effect]))
+    extension = parted.fit.problem.extension([effect])
+    found, told = parted.columns(effect, shape, extension)
+    assert told == counts
+    size = float(dense(expected).abs().max())
+    torch.testing.assert_close(dense(found), dense(expected), rtol=1e-9, atol=1e-11 * size)
+    parts = [parted.columns(effect, shape, extension, part)[0] for part in parted.parts]
+    total = sum((dense(one) for one in parts[1:]), dense(parts[0]))
+    torch.testing.assert_close(total, dense(expected), rtol=1e-9, atol=1e-11 * size)
+    assert (sum(bool(one.parts) for one in parts) > 1) == (name not in AT_ONCE)
+
+
+def test_quick_scores_are_those_of_the_whole(whole: Scorer, parted: Scorer) -> None:
+    effects = [KNOWN[name] for name in NAMES]
+    expected, found = (quick_scores(scorer, effects) for scorer in (whole, parted))
+    assert [one.effect.name for one in found] == [one.effect.name for one in expected]
+    for one, other in zip(found, expected, strict=True):
+        assert one.evidence == pytest.approx(other.evidence, rel=1e-7, abs=1e-7)
+        torch.testing.assert_close(parted.following(one), whole.following(other), rtol=1e-5, atol=1e-9)
+
+
+def test_signals_that_were_not_kept_are_made_anew(parted: Scorer) -> None:
+    plans = [Plan.of(parted, KNOWN[name]) for name in ("gauge_length", "lowpass", "generic_load")]
+    table = [one for one in best_of(parted, plans, lambda n: None) if one is not None]
+    assert len(table) == 3 and all(one.signal is None for one in table)
+    for bare, score in zip(table, with_signals(parted, table), strict=True):
+        assert score.signal is not None
+        crossed = parted.jacobian.transposed_times(score.signal)[:, 0]
+        torch.testing.assert_close(crossed, bare.crossed, rtol=1e-7, atol=1e-7 * float(crossed.abs().max()))
+
+
+def test_only_a_few_derivatives_are_held_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a fit's and of an effect's many numbers, at any length of the record."""
+    largest: list[int] = []
+    through = Windowed._through
+
+    def watched(maps: torch.Tensor, *others: object) -> Windowed:
+        largest.append(maps.numel())
+        return through(maps, *others)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Windowed, "_through", watched)
+    fit, state = fitted()
+    cells = fit.data.numel()
+    monkeypatch.setattr(few, "AT_ONCE", 4 * cells)
+    scorer = Scorer(fit, state)
+    effect = KNOWN["generic_load"]
+    columns, counts = scorer.columns(effect, {}, fit.problem.extension([effect]))
+    assert scorer.jacobian.width > 40 and sum(counts) == columns.width > 12
+    assert max(largest) <= 4 * cells
+    assert scorer.jacobian.extent < 0.7 * scorer.jacobian.width, "kept where they act"
