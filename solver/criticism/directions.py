@@ -10,6 +10,7 @@ from torch.nn.functional import pad
 from solver.criticism.policy import POLICY
 from solver.criticism.record_parts import RecordPart, apart, record_parts
 from solver.criticism.score import Projected, Score
+from solver.criticism.slow_errors import slow_variance
 from solver.criticism.sums import Sums, factor_of
 from solver.effect import Effect, Heard
 from solver.fit.chain import Chain
@@ -23,10 +24,7 @@ from solver.signal_path.local import Local, Section, Seen
 from solver.signal_path.traffic import columns
 from solver.survey.memory import give_back
 from solver.trajectory.trajectory_effects import SLOW_ERROR
-from solver.trajectory.vehicle_pass import track_sigma
 
-#: Least slow error of a track, m, however small it says that it is.
-SMALLEST = 0.01
 #: Bytes of what candidates share that are kept, about, and of a long record.
 SHARED, SHARED_LONG = 2e8, 5e7
 #: What candidates must have in common to share: shape of the gauges' points, a ratio that is the same at all of them,
@@ -90,7 +88,7 @@ class Directions:
     def _with_slow_errors(self, matrix: Tensor, right: Tensor, columns: Windowed) -> tuple[Tensor, Tensor]:
         """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
         crossed, own = self.jacobian.transposed_times(columns).split([self.fitted, columns.width])
-        own = own + torch.diag(SPLINE_VARIANCE / self._slow_variance())
+        own = own + torch.diag(SPLINE_VARIANCE / slow_variance(self.fit))
         whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
         return whole, torch.cat([right, columns.along(self.residual)])
 
@@ -102,25 +100,10 @@ class Directions:
         columns, count = self._slow[0], self.fitted
         own, right = self.factor[:count, :count], (self.factor @ (self.factor.T @ self.step))[:count]
         crossed = self.jacobian.transposed_times(columns)[:count]
-        half = torch.linalg.solve_triangular(own, crossed, upper=False)
         step = torch.cholesky_solve(right[:, None], own)[:, 0]
-        gram = columns.transposed_times(columns)
-        return Projected(columns.along(self.residual) - crossed.T @ step, gram - half.T @ half, gram)
-
-    def _slow_variance(self) -> Tensor:
-        """Variance [number], m^2, of the tracks' slow errors along and then across travel, as the tracks have it there.
-
-        Out of view, where a vehicle may slow down or speed up, that is far more than in view.
-        """
-        extension = self.fit.problem.extension([*self.fit.extension.effects, SLOW_ERROR])
-        assert extension.scopes is not None
-        spread, traffic = extension.scopes.along("track"), self.fit.path.with_effects(extension).traffic
-        cosine, sine = (traffic.heading**2).unbind(-1)
-        x, y = (traffic.sigma**2).unbind(-1)
-        rows = torch.stack([cosine * x + sine * y, sine * x + cosine * y])
-        total = spread.sum(0)
-        usual = max(track_sigma(self.fit.problem.passes), SMALLEST) ** 2
-        return (rows @ spread / total.where(total > 0, 1.0)).clamp_min(usual).flatten()
+        return Projected.beyond(
+            Sums(columns.along(self.residual), columns.transposed_times(columns), crossed), own, step
+        )
 
     @cached_property
     def _anchors(self) -> Rows:
@@ -274,11 +257,9 @@ class Directions:
 
     def left(self, sums: Sums) -> Projected:
         """What the fit leaves of directions."""
-        score, gram, cross = sums
         if self.alone:
-            return Projected(score, gram, gram)
-        half = torch.linalg.solve_triangular(self.factor, cross, upper=False)
-        return Projected(score - cross.T @ self.step, gram - half.T @ half, gram)
+            return Projected(sums.score, sums.gram, sums.gram)
+        return Projected.beyond(sums, self.factor, self.step)
 
     def whitened(self, maps: Tensor) -> Windowed:
         """Whitened changes [sample * channel + anchor, number] of the record by maps [number, sample, channel], 1/s."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.criticism.marginal import Spectrum
+from solver.criticism.sums import Sums
 from solver.effect import Effect
 from solver.fit.windowed import Windowed
 
@@ -95,6 +96,12 @@ class Projected:
     score: Tensor
     information: Tensor
     gram: Tensor
+
+    @classmethod
+    def beyond(cls, sums: Sums, factor: Tensor, step: Tensor) -> "Projected":
+        """Beyond what was fitted, whose normal matrix has that factor, and which would go on by that step."""
+        half = torch.linalg.solve_triangular(factor, sums.crossed, upper=False)
+        return cls(sums.score - sums.crossed.T @ step, sums.gram - half.T @ half, sums.gram)
 
     @property
     def least(self) -> float:

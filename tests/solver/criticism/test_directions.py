@@ -13,8 +13,9 @@ from torch import Tensor
 
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
-from solver.criticism.directions import SMALLEST, Directions
+from solver.criticism.directions import Directions
 from solver.criticism.policy import POLICY
+from solver.criticism.slow_errors import SMALLEST
 from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.windowed import Windowed
