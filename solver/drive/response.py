@@ -51,8 +51,8 @@ class Clock:
     def of_record(self, time: Array, length: float) -> Array:
         """Times of a record of `length`, s, at times of the GPS [time].
 
-        >>> Clock(10.0, 0.001).of_record(np.array([-9.9, 189.9]), 200.0).round(6).tolist()
-        [0.0, 200.0]
+        >>> Clock(10.0, 0.001).of_record(np.array([90.0, 189.9]), 200.0).round(6).tolist()
+        [100.0, 200.0]
         """
         return np.asarray((time + self.offset - self.drift * length / 2) / (1 - self.drift))
 
