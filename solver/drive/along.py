@@ -114,15 +114,15 @@ def steps_of(
     bend = bends_of(path, cell, spacing, sigma)
     variance = (JITTER * step) ** 2 + bend**2
     # Each step is no step at all with that probability: mean and variance.
-    share = np.where(slack > RARE, slack, 0.0)
-    share = np.where(loop & (slack > 1 - RARE), 1.0, share)
+    share = np.where(loop, 0.0, slack)
+    share = np.where(share > RARE, share, 0.0)
     advance, stretched, variance = (1 - share) * step, (1 - share) * step, variance + share * (1 - share) * step**2
     before = np.concatenate([[False], loop[:-1]])
     # Into a loop and out of it the path goes on by any part of a step; within it, not at all.
     edge, inside = loop ^ before, loop & before
     advance[edge], stretched[edge] = step / 2, 0.0
     variance[edge] = step**2 / 12
-    variance[inside] = (share * (1 - share) * step**2 + 1e-6)[inside]
+    advance[inside], stretched[inside], variance[inside] = 0.0, 0.0, 1e-6
     number = np.clip(np.round(cell).astype(np.int64), 0, len(path.points) - 1)
     return Steps(advance, stretched, variance, path.spread_of_heading(sigma)[number] * sigma / STEP)
 
@@ -135,7 +135,7 @@ def smoothed_along(
     gps: tuple[float, float],
     spacing: float,
     drift_sigma: float = QUARTZ,
-    clock: tuple[float, float] | None = None,
+    clock: tuple[float, float] = (0.0, np.inf),
 ) -> Along:
     """Smooth the picks along the channels.
 
@@ -145,8 +145,7 @@ def smoothed_along(
     gps : time over which errors of the fixes are correlated, s, and their sigma, m
     spacing : of the channels, m
     drift_sigma : standard deviation of the clock's drift, a share of the time
-    clock : the clock offset that is left and its standard deviation, s, where they are known better than from this
-        model of the car's errors; all else follows
+    clock : what else tells of the clock offset that is left, and the standard deviation of that, s
     """
     weight = np.where(picks.audible, 1.0, 0.0)
     model = Model.of(picks, legs, steps, factor_sigma, gps, spacing, drift_sigma, clock)
@@ -185,7 +184,7 @@ class Model:
     wander : variance of the stretch from channel to channel
     half : of the record, s: the clock's drift counts from its middle
     drift_sigma : standard deviation of the clock's drift, a share of the time
-    clock : the clock offset that is left and its standard deviation, s, where they are known better than from this
+    clock : what else tells of the clock offset that is left, and the standard deviation of that, s
     rate : samples per second
     """
 
@@ -199,7 +198,7 @@ class Model:
     wander: float
     half: float
     drift_sigma: float
-    clock: tuple[float, float] | None
+    clock: tuple[float, float]
     rate: float
 
     @classmethod
@@ -212,7 +211,7 @@ class Model:
         gps: tuple[float, float],
         spacing: float,
         drift_sigma: float,
-        clock: tuple[float, float] | None = None,
+        clock: tuple[float, float] = (0.0, np.inf),
     ) -> "Model":
         """The model of some picks."""
         there = picks.row >= 0  # anchors have no car
@@ -262,11 +261,13 @@ class Model:
         mean, covariance = np.zeros(size), np.eye(size)
         mean[0] = begun - self.steps.advance[1 : first + 1].sum()
         drift = (self.drift_sigma * self.half) ** 2
-        covariance[range(ERRORS), range(ERRORS)] = [WIDE**2, self.factor_sigma**2, CLOCK**2, drift]
+        told = 1 / (1 / CLOCK**2 + 1 / self.clock[1] ** 2)
+        mean[2] = told * self.clock[0] / self.clock[1] ** 2
+        covariance[range(ERRORS), range(ERRORS)] = [WIDE**2, self.factor_sigma**2, told, drift]
         channel, leg = np.nonzero(weight.T > 0)
         taken = [np.ascontiguousarray(one[leg, channel]) for one in (self.picks.cell, self.picks.sigma, weight)]
         speed, lever = self.picks.speed[leg, channel], self.lever[leg, channel]
-        means, covariances = smooth(
+        return smooth(
             self.steps.advance,
             self.steps.stretched,
             self.steps.variance,
@@ -283,15 +284,3 @@ class Model:
             mean,
             covariance,
         )
-        return (means, covariances) if self.clock is None else with_clock(means, covariances, self.clock)
-
-
-def with_clock(mean: Array, covariance: Array, clock: tuple[float, float]) -> tuple[Array, Array]:
-    """Means [channel, state] and covariances [channel, state, state] if the clock is as told (Jeffrey 1965).
-
-    Given the clock, all is as it was; `clock` : its mean and standard deviation, s.
-    """
-    gain = covariance[:, :, 2] / covariance[:, 2, 2][:, None]
-    change = clock[1] ** 2 - covariance[:, 2, 2]
-    moved = mean + gain * (clock[0] - mean[:, 2])[:, None]
-    return moved, covariance + change[:, None, None] * gain[:, :, None] * gain[:, None, :]

@@ -32,7 +32,6 @@ class Car:
     ----------
     vehicle_class : as in the trajectory table
     time : of the fixes that are used, s since the start of the record, by the GPS [fix]
-    fixes : places that they give, m [fix, 2]
     smoothed, model : as `solver.trajectory.kalman.smooth` made and took them
     sigma : of a fix along each axis, m, as stated
     left_out : fixes that are wrong
@@ -40,7 +39,6 @@ class Car:
 
     vehicle_class: str
     time: Array
-    fixes: Array
     smoothed: Smoothed
     model: tuple[Array, Array]
     sigma: float
@@ -94,9 +92,7 @@ def smoothed_car(track: Track) -> Car:
         if (wrong == ~kept).all() or wrong.sum() > len(wrong) // 4:
             break
         kept = ~wrong
-    return Car(
-        track.vehicle_class, part.time, part.value, smoothed, model, float(np.median(track.sigma)), int((~kept).sum())
-    )
+    return Car(track.vehicle_class, part.time, smoothed, model, float(np.median(track.sigma)), int((~kept).sum()))
 
 
 def car_of(tracks: "pd.DataFrame", start: np.datetime64) -> Car:

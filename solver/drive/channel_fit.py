@@ -165,7 +165,7 @@ def estimates(
         drive.sigma,
     )
     errors = (car.memory, car.sigma)
-    free = smoothed_along(one.picks, one.legs, steps, FREE_LENGTH, errors, quiet.channel_spacing, FREE_DRIFT)
+    free = smoothed_along(one.picks, one.legs, steps, FREE_LENGTH, errors, quiet.channel_spacing, FREE_DRIFT, one.told)
     heard = np.flatnonzero(one.picks.audible[: one.legs.count].any(0))
     way = max(1.0, float(np.ptp(free.cell[heard])))
     stretch = float(free.stretch[heard].mean())

@@ -30,7 +30,7 @@ class Picks:
     Parameters
     ----------
     cell, sigma : of the peak, cells; NaN where nothing is heard [leg, channel]
-    speed : by which it moves with the clock, cells per second [leg, channel]
+    speed : of the car along the path as it passes, cells per second [leg, channel]
     row : sample at which it passes [leg, channel]
     amplitude : of the response of unit energy, noise sigmas [leg, channel]
     ratio : log likelihood ratio there [leg, channel]
@@ -71,7 +71,6 @@ def pick(
     cell, sigma, speed = (np.full(shape, np.nan) for _ in range(3))
     amplitude, ratio = np.zeros(shape), np.zeros(shape)
     row = np.zeros(shape, np.int64)
-    paces = of.paces(legs.count)
     low = np.round(expected).astype(np.int64) - SIDE
     for leg in range(legs.count):
         found = heard(quiet, of, low, 2 * SIDE + 1, polarity, floor, leg)
@@ -81,9 +80,8 @@ def pick(
         ok &= np.convolve(ok, np.ones(2 * NEAR + 1), "same") >= CONFIRMED
         cell[leg, ok] = low[ok] + where[ok]
         sigma[leg, ok] = np.hypot(top.width[ok], SHARPEST)
-        row[leg], velocity = passing(legs, leg, low + where)
-        at = np.clip(np.round(low + where).astype(np.int64), 0, paces.shape[1] - 1)
-        speed[leg] = np.where(np.isfinite(paces[leg, at]), paces[leg, at], velocity)
+        rows, velocity = passing(legs, leg, low + where)
+        speed[leg], row[leg] = velocity, rows
         amplitude[leg] = found.amplitude.max(1)
         ratio[leg] = top.ratio
     return Picks(cell, sigma, speed, row, amplitude, ratio)

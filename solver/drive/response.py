@@ -48,14 +48,6 @@ class Clock:
         """Times of the GPS [time] at times of the record [time], s; both begin with it."""
         return np.asarray(time - self.offset - self.drift * (time - time[-1] / 2))
 
-    def of_record(self, time: Array, length: float) -> Array:
-        """Times of a record of `length`, s, at times of the GPS [time].
-
-        >>> Clock(10.0, 0.001).of_record(np.array([90.0, 189.9]), 200.0).round(6).tolist()
-        [100.0, 200.0]
-        """
-        return np.asarray((time + self.offset - self.drift * length / 2) / (1 - self.drift))
-
 
 @dataclass(frozen=True)
 class Legs:
@@ -91,7 +83,6 @@ class Responses:
     row, size, at, leg : first sample, samples, first value and leg of each segment [segment]
     values : [aside, value], single precision
     norm : of the responses of a segment's leg, at its cell, before they were scaled [aside, segment]
-    pace : cells per second by which the cell where a segment's leg fits best moves with the clock [segment]
     """
 
     begin: NDArray[np.int64]
@@ -101,14 +92,6 @@ class Responses:
     leg: NDArray[np.int64]
     values: NDArray[np.float32]
     norm: Array
-    pace: Array
-
-    def paces(self, legs: int) -> Array:
-        """The same by leg and cell [leg, cell]; NaN where there is no response."""
-        cells = len(self.begin) - 1
-        found = np.full((legs, cells), np.nan)
-        found[self.leg, np.repeat(np.arange(cells), np.diff(self.begin))] = self.pace
-        return found
 
     @property
     def strength(self) -> Array:
@@ -174,16 +157,16 @@ def responses(
     size = np.maximum(segment[:, 1] - segment[:, 0], 0)
     at = np.concatenate([[0], np.cumsum(size)])
     values = np.zeros((len(aside), int(at[-1])), np.float32)
-    norm, pace = np.ones((len(aside), len(segment))), np.zeros(len(segment))
+    norm = np.ones((len(aside), len(segment)))
     cell_of = np.repeat(np.arange(cells), np.diff(begin))
     for first in range(0, cells, SOME):
         part = slice(int(begin[first]), int(begin[min(first + SOME, cells)]))
         if part.stop > part.start:
             some = slice(int(at[part.start]), int(at[part.stop]))
-            values[:, some], norm[:, part], pace[part] = some_responses(
+            values[:, some], norm[:, part] = some_responses(
                 quiet, path, car, legs, cell_of[part], segment[part, 0], size[part], segment[part, 2], aside, depth
             )
-    return Responses(begin, segment[:, 0], size, at[:-1], segment[:, 2], values, norm, pace)
+    return Responses(begin, segment[:, 0], size, at[:-1], segment[:, 2], values, norm)
 
 
 def some_responses(
@@ -197,12 +180,8 @@ def some_responses(
     leg: NDArray[np.int64],
     aside: tuple[float, ...],
     depth: float,
-) -> tuple[NDArray[np.float32], Array, Array]:
-    """Responses [aside, value] of some segments, scaled to unit energy for each cell and leg, their norms and paces.
-
-    A car that stops behind a channel is heard before it goes slowly: the pace is its speed where the response has its
-    energy, not as it passes.
-    """
+) -> tuple[NDArray[np.float32], Array]:
+    """Responses [aside, value] of some segments, scaled to unit energy for each cell and leg, and their norms."""
     taps = quiet.whitener
     lag = len(taps) - 1
     long = size + lag
@@ -213,8 +192,8 @@ def some_responses(
     lateral = passing_side(path, legs, cell, row, size)
     group = np.unique(np.stack([cell, leg]), axis=1, return_inverse=True)[1].reshape(-1)
     kept = inside >= lag
-    found, norms, speed = [], [], legs.speed[sample[kept]]
-    for number, far in enumerate(aside):
+    found, norms = [], []
+    for far in aside:
         shift = lateral - np.where(lateral >= 0, 1.0, -1.0) * far
         raw = strain_rate(quiet, path, car, legs, cell[which], shift[which], sample, depth)
         white = sum(tap * np.roll(raw, number) for number, tap in enumerate(taps))[kept]
@@ -222,9 +201,7 @@ def some_responses(
         scale = np.sqrt(np.maximum(energy, 1e-30))[group]
         found.append((white / scale[which[kept]]).astype(np.float32))
         norms.append(scale)
-        if number == len(aside) // 3:
-            pace = np.bincount(group[which[kept]], white**2 * speed, minlength=group.max() + 1)[group] / scale**2
-    return np.stack(found), np.stack(norms), pace
+    return np.stack(found), np.stack(norms)
 
 
 def passing_side(

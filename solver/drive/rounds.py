@@ -15,12 +15,11 @@ from solver.drive.drive import Drive
 from solver.drive.likelihood import LEAST, heard
 from solver.drive.loops import Loop, flags_of, loops_of, sure
 from solver.drive.misstated import DRIFT, SPACING, TOLD
-from solver.drive.odometer import Drove, clock_of_fixes
 from solver.drive.path import BESIDE, STEP, Path
 from solver.drive.picks import AUDIBLE, Picks, pick
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs, Responses, legs_of, responses
-from solver.drive.timing import clock_of_shapes, error_of_gps, together, worth
+from solver.drive.timing import clock_of_shapes
 from solver.drive.waterfall import SeenDrive
 from solver.start.alignment import NotFollowingError
 from vision.contract import InputError
@@ -48,13 +47,14 @@ OTHER = 0.5
 
 @dataclass(frozen=True)
 class Round:
-    """One round of a fit."""
+    """One round of a fit; `told` is what shapes of picks say of the clock, and the standard deviation of that, s."""
 
     legs: Legs
     channels: ChannelMap
     picks: Picks
     along: Along
     loops: list[Loop]
+    told: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -110,24 +110,19 @@ def one_round(
     bend = bends_of(path, expected, spacing, drive.sigma)
     channels = map_channels(found, quiet.dead, spacing, factor, bend)
     flags, middle = sure(channels), channels.best.astype(float)
-    told = None
     for again in range(2):
         picks = pick(quiet, of, legs, middle, polarity, floor, quiet.dead | flags | (channels.other > OTHER))
         picks = beside_loops(picks, flags, quiet.gauge_length, spacing)
+        if not again:
+            # Heard both ways, places tell the clock so much better that shapes are not worth their time.
+            shapes = (0.0, np.inf) if picks.both_ways else None
+            told = shapes or clock_of_shapes(quiet, path, car, legs, clock, picks, polarity, floor)
         picks = anchored(picks, drive.anchors, quiet, path)
         steps = steps_of(path, middle, flags, channels.in_loop, spacing, factor, drive.sigma)
-        given = picks, legs, steps, factor_sigma, (car.memory, car.sigma), spacing, drift
-        along = smoothed_along(*given, told)
-        if not again:
-            told = clock_of_fixes(
-                Drove(picks, legs, along.weight, steps, factor_sigma, spacing, drift, car, path, clock)
-            )
-            if worth(told[1], error_of_gps(car, legs, picks)):
-                told = together(told, clock_of_shapes(quiet, path, car, legs, clock, picks, polarity, floor))
-            along = smoothed_along(*given, told)
+        along = smoothed_along(picks, legs, steps, factor_sigma, (car.memory, car.sigma), spacing, drift, told)
         loops = loops_of(channels, along, spacing, factor, quiet.gauge_length)
         flags = flags_of(loops, len(flags))
-    return Round(legs, channels, picks, along, loops)
+    return Round(legs, channels, picks, along, loops, told)
 
 
 def loudness(quiet: Quiet, of: Responses, legs: Legs, expected: Array, polarity: int) -> Array:

@@ -1,8 +1,7 @@
 """What the shape of what channels hear says of the clock, whatever their places.
 
 A clock that is off puts the car's stops, its braking and its speed at the wrong times: responses then fit less well at
-any place. Picks tell the clock by their places; the heights of their peaks tell it beside that. Both have the errors of
-one GPS, so that together they are less sure than two estimates would be that have nothing in common.
+any place. Picks tell the clock by their places; the heights of their peaks tell it beside that.
 """
 
 import numpy as np
@@ -24,8 +23,6 @@ WINDOW, BETWEEN = 1.2, 0.2
 SIDE = 10
 #: Channels that are asked at most.
 ASKED = 400
-#: Correlation of the errors of what places and what shapes tell of the clock: .5 on 22 training drives.
-COMMON = 0.5
 
 
 def clock_of_shapes(
@@ -57,50 +54,8 @@ def clock_of_shapes(
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     mean = float(weight @ offset)
-    slow = error_of_gps(car, legs, picks)
+    slow = car.sigma / STEP / float(np.median(np.abs(picks.speed[: legs.count][audible])))
     return mean, float(np.sqrt(weight @ (offset - mean) ** 2 + BETWEEN**2 / 12 + slow**2))
-
-
-def error_of_gps(car: Car, legs: Legs, picks: Picks) -> float:
-    """By how much an error of the GPS moves the car's stops, s; infinite where nothing is heard."""
-    audible = picks.audible[: legs.count]
-    speed = np.abs(picks.speed[: legs.count][audible])
-    return car.sigma / STEP / float(np.median(speed)) if len(speed) else np.inf
-
-
-def worth(places: float, least: float) -> bool:
-    """Whether shapes, whose standard deviation is `least` at least, s, may tell something beside places.
-
-    Parameters
-    ----------
-    places : standard deviation of what these tell of the clock, s
-
-    >>> worth(0.08, 0.2), worth(0.3, 0.2)
-    (False, True)
-    """
-    return places > COMMON * least
-
-
-def together(places: tuple[float, float], shapes: tuple[float, float]) -> tuple[float, float]:
-    """The best linear unbiased estimate of two, whose errors are correlated by `COMMON`, and its standard deviation, s.
-
-    One that is so much less sure that it has the other's errors as well tells nothing.
-
-    >>> together((0.1, 0.1), (0.3, 0.25))
-    (0.1, 0.1)
-    >>> mean, sigma = together((0.1, 0.3), (0.2, 0.3))
-    >>> round(mean, 3), round(sigma, 3)
-    (0.15, 0.26)
-    """
-    (one, first), (other, second) = places, shapes
-    if not np.isfinite(second):
-        return places
-    shared = COMMON * first * second
-    share = (first**2 - shared) / (first**2 + second**2 - 2 * shared)
-    share = float(np.clip(share, 0.0, 1.0))
-    mean = (1 - share) * one + share * other
-    variance = ((1 - share) * first) ** 2 + (share * second) ** 2 + 2 * share * (1 - share) * shared
-    return float(mean), float(np.sqrt(variance))
 
 
 def heights(

@@ -15,7 +15,7 @@ from solver.drive.coarse import LEAD, looks
 from solver.drive.path import path_of
 from solver.drive.response import Clock, legs_of
 from solver.drive.rounds import LATER, ROUNDS, loudness, one_round, responses, settled
-from solver.drive.timing import clock_of_shapes, together, worth
+from solver.drive.timing import clock_of_shapes
 
 
 @pytest.mark.parametrize("off", [-0.6, 0.4])
@@ -69,15 +69,3 @@ def test_rounds_end_when_the_clock_stands_still(
     done = settled(drive, quiet, coarse, None, Clock(1.0), np.zeros(3), 5, lambda _: None)  # type: ignore[arg-type]
     assert (done.count, done.still) == (count, still)
     assert done.clock.offset == pytest.approx(1.0 + sum(moves[:count]))
-
-
-def test_two_estimates_with_one_gps_are_less_sure_than_two_without() -> None:
-    mean, sigma = together((0.1, 0.3), (0.2, 0.3))
-    assert mean == pytest.approx(0.15)
-    assert 0.3 / np.sqrt(2) < sigma == pytest.approx(0.3 * np.sqrt(0.75))
-    for share in np.linspace(0.0, 1.0, 11):
-        # No other weights do better, as their errors are half the same.
-        other = np.hypot((1 - share) * 0.1, share * 0.15) ** 2 + 2 * share * (1 - share) * 0.5 * 0.1 * 0.15
-        assert together((0.0, 0.1), (0.0, 0.15))[1] ** 2 <= other + 1e-12
-    assert together((0.1, 0.1), (0.3, 0.25)) == (0.1, 0.1)
-    assert not worth(0.1, 0.25)
