@@ -1,12 +1,14 @@
-"""How far beside the path the fiber lies: from the shape of what channels record as the car goes by.
+"""How far beside the path the fiber lies, and how deep: from the shape of what channels record as the car goes by.
 
-Every pass tells the distance of the car from the fiber, not the side; the car's lanes and the map decide that.
+Every pass tells the distance of the car from the fiber, not the side; the car's lanes and the map decide that. Depth
+shows where the car passes within some 4 m of the fiber: farther off, more depth looks as more distance does.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from solver.drive.car import Car
 from solver.drive.likelihood import heard
@@ -25,27 +27,41 @@ STRETCH = 100.0
 COUNTED = 0.15
 #: m, places beside the path that are weighed.
 PLACES = np.arange(-45.0, 45.1, 0.5)
-#: m, that a fiber wanders sideways within a stretch.
-WANDER = 1.0
+#: m, that a fiber wanders sideways within a stretch; and by how much its depth is off, as it wanders, too, and as
+#: Poisson's ratio is known to 0.05.
+WANDER, ROUGH = 1.0, 0.14
+#: Depths that are weighed: standard deviations of the prior below its mean and above it, how many, and m at least.
+BELOW, ABOVE, DEPTHS, SHALLOW = 2.0, 2.5, 7, 0.2
 
 
 @dataclass(frozen=True)
 class Aside:
     """Lateral place of each channel, m to the right of the path [channel], its sigma, and the data's share in that.
 
-    `far` is how far the car that it heard passed beside it, m [channel]; 0 where it heard none.
+    `depth` and `depth_sigma`, m [channel]. `far` is how far the car that it heard passed beside it, m [channel]; 0
+    where it heard none.
     """
 
     lateral: Array
     sigma: Array
     share: Array
+    depth: Array
+    depth_sigma: Array
     far: Array
 
 
 def beside(
-    quiet: Quiet, path: Path, car: Car, legs: Legs, cell: Array, audible: NDArray[np.bool_], polarity: int, sigma: float
+    quiet: Quiet,
+    path: Path,
+    car: Car,
+    legs: Legs,
+    cell: Array,
+    audible: NDArray[np.bool_],
+    polarity: int,
+    sigma: float,
+    depth: tuple[float, float],
 ) -> Aside:
-    """Where beside the path each channel lies.
+    """Where beside the path each channel lies, and how deep.
 
     Parameters
     ----------
@@ -53,21 +69,30 @@ def beside(
     audible : whether it is heard on a leg [leg, channel]
     polarity : of the record
     sigma : of the map, m
+    depth : before the data are asked, and its standard deviation, m
     """
-    channels, low = len(cell), np.round(cell).astype(np.int64)
-    ratio = ratios_of(quiet, path, car, legs, cell, polarity)
-    ratio *= audible
-    score, right = np.zeros((channels, len(PLACES))), np.zeros((legs.count, channels))
+    low = np.round(cell).astype(np.int64)
+    depths = np.linspace(max(SHALLOW, depth[0] - BELOW * depth[1]), depth[0] + ABOVE * depth[1], DEPTHS)
+    asked = np.where(audible.any(0), cell, np.nan)
+    ratio = np.stack([ratios_of(quiet, path, car, legs, asked, polarity, depth=one) for one in depths], 1)
+    piece = np.floor(cell * STEP / STRETCH).astype(np.int64)
+    piece -= piece.min()
+    sums, right = np.zeros((piece.max() + 1, DEPTHS, len(PLACES))), np.zeros(audible.shape)
     for leg in range(legs.count):
         row, _ = passing(legs, leg, cell)
         off = legs.driven.position[row] - path.at(cell)
         right[leg] = (off * path.across[np.clip(low, 0, len(path.points) - 1)]).sum(1)
-        away = np.abs(PLACES - right[leg][:, None])
-        for channel in np.flatnonzero(audible[leg]):
-            score[channel] += np.interp(away[channel], DISTANCES, ratio[:, leg, channel])
-    lateral, spread = weighed(score, cell, sigma)
+        away = np.clip(np.abs(PLACES - right[leg][:, None]), DISTANCES[0], DISTANCES[-1])
+        after = np.clip(np.searchsorted(DISTANCES, away), 1, len(DISTANCES) - 1)
+        share = (away - np.take(DISTANCES, after - 1)) / np.take(np.diff(DISTANCES), after - 1)
+        for one in np.flatnonzero(audible[leg]):
+            there = ratio[:, :, leg, one]
+            sums[piece[one]] += (
+                (1 - share[one])[:, None] * there[after[one] - 1] + share[one][:, None] * there[after[one]]
+            ).T
+    lateral, spread, deep, deep_sigma = weighed(sums, cell, sigma, depths, depth)
     far = (np.abs(lateral - right) * audible).sum(0) / np.maximum(audible.sum(0), 1)
-    return Aside(lateral, spread, np.clip(1 - spread**2 / sigma**2, 0, 1), far)
+    return Aside(lateral, spread, np.clip(1 - spread**2 / sigma**2, 0, 1), deep, deep_sigma, far)
 
 
 def ratios_of(
@@ -92,19 +117,40 @@ def ratios_of(
     return found
 
 
-def weighed(score: Array, cell: Array, sigma: float) -> tuple[Array, Array]:
-    """Posterior of the lateral place and its sigma [channel], of scores [channel, place] and the map's sigma."""
-    piece = np.floor(cell * STEP / STRETCH).astype(np.int64)
-    piece -= piece.min()
-    sums = np.zeros((piece.max() + 1, len(PLACES)))
-    np.add.at(sums, piece, COUNTED * score)
+def weighed(
+    sums: Array, cell: Array, sigma: float, depths: Array, depth: tuple[float, float]
+) -> tuple[Array, Array, Array, Array]:
+    """Posteriors of lateral place and depth: mean and standard deviation of either [channel].
+
+    Parameters
+    ----------
+    sums : of the log likelihood ratios of each stretch's channels [stretch, depth, place]
+    cell : of each channel [channel]
+    sigma : of the map, m
+    depths : m [depth]
+    depth : before the data are asked, and its standard deviation, m
+    """
+    told = COUNTED * sums
     # Neighboring stretches tell of this one too.
-    sums[1:-1] = 0.6 * sums[1:-1] + 0.2 * (sums[:-2] + sums[2:]) if len(sums) > 2 else sums[1:-1]
-    log = sums - 0.5 * (PLACES / sigma) ** 2
+    told[1:-1] = 0.6 * told[1:-1] + 0.2 * (told[:-2] + told[2:]) if len(told) > 2 else told[1:-1]
+    log = told - 0.5 * (PLACES / sigma) ** 2 - 0.5 * ((depths[:, None] - depth[0]) / depth[1]) ** 2
+    mean, variance = moments(np.logaddexp.reduce(log, axis=1), PLACES)
+    fine = np.linspace(depths[0], depths[-1], 20 * len(depths))
+    deep, deep_variance = moments(CubicSpline(depths, np.logaddexp.reduce(log, axis=2), axis=1)(fine), fine)
+    heard = sums.any((1, 2))
+    deep = np.where(heard, deep, depth[0])
+    deep_variance = np.where(heard, np.minimum(deep_variance + ROUGH**2, depth[1] ** 2), depth[1] ** 2)
+    first = np.floor(cell.min() * STEP / STRETCH)
+    center = (np.arange(len(mean)) + 0.5 + first) * STRETCH / STEP
+    lateral, width, down, thick = (
+        np.interp(cell, center, one) for one in (mean, variance + WANDER**2, deep, deep_variance)
+    )
+    return lateral, np.sqrt(width), down, np.sqrt(thick)
+
+
+def moments(log: Array, values: Array) -> tuple[Array, Array]:
+    """Mean and variance [row] of values whose log probabilities [row, value] are given but for a constant."""
     weight = np.exp(log - log.max(1, keepdims=True))
     weight /= weight.sum(1, keepdims=True)
-    mean = weight @ PLACES
-    variance = weight @ PLACES**2 - mean**2 + WANDER**2
-    center = (np.arange(len(mean)) + 0.5) * STRETCH / STEP + np.floor(cell.min() * STEP / STRETCH) * STRETCH / STEP
-    lateral = np.interp(cell, center, mean)
-    return lateral, np.sqrt(np.interp(cell, center, variance))
+    mean = weight @ values
+    return mean, weight @ values**2 - mean**2

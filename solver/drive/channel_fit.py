@@ -12,12 +12,12 @@ from solver.drive.channel_map import ChannelMap
 from solver.drive.coarse import Coarse, looks
 from solver.drive.drive import Drive
 from solver.drive.loops import Loop, confirmed, flags_of
-from solver.drive.misstated import DRIFT, GAUGE, SPACING, Estimate, Misstated, gauge_of, misstated
+from solver.drive.misstated import DRIFT, GAUGE, SPACING, Estimate, Misstated, gauge_of, misstated, sized
 from solver.drive.path import STEP, Path, path_of
 from solver.drive.picks import Picks
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs
-from solver.drive.rounds import FIRST, LATER, ROUNDS, Settled, beside_car, one_round, settled
+from solver.drive.rounds import FIRST, LATER, ROUNDS, Advance, Settled, beside_car, one_round, settled
 from vision.contract import progress
 
 Array = NDArray[np.float64]
@@ -106,12 +106,25 @@ def fit_drive(drive: Drive) -> Fit:
         begun = Clock(coarse.clock_offset)
         done = settled(drive, quiet, coarse, car, begun, coarse.cell, FIRST, advance)
         for _ in range(fits):
-            quiet = replace(quiet, gauge_length=quiet.gauge_length * (1 + gauge_in(quiet, coarse, car, done).value))
-            done = settled(drive, quiet, coarse, car, done.clock, done.last.along.cell, LATER, advance)
-        found = estimates(drive, quiet, coarse, car, done, stated)
+            quiet, done = again(drive, quiet, coarse, car, done, advance)
+        length_sigma = drive.length_factor[1] / drive.length_factor[0]
+        wrong = misstated(estimates(drive, quiet, done, coarse, car, stated), length_sigma, drive.effects)
+        named = tuple(one.effect for one in wrong if one.named)
+        if named:
+            other = replace(drive, effects=drive.effects + named)
+            found = estimates(other, *again(other, quiet, coarse, car, done, advance), coarse, car, stated)
+            wrong = sized(wrong, misstated(found, length_sigma, ()))
         advance(1)
-    length_sigma = drive.length_factor[1] / drive.length_factor[0]
-    return fitted(drive, quiet, coarse, car, done, stated, misstated(found, length_sigma, drive.effects))
+    return fitted(drive, quiet, coarse, car, done, stated, wrong)
+
+
+def again(
+    drive: Drive, quiet: Quiet, coarse: Coarse, car: Car, done: Settled, advance: Advance
+) -> tuple[Quiet, Settled]:
+    """Rounds from where others ended, of a drive of other effects; the record with the gauge that these tell."""
+    if GAUGE in drive.effects:
+        quiet = replace(quiet, gauge_length=quiet.gauge_length * (1 + gauge_in(quiet, coarse, car, done).value))
+    return quiet, settled(drive, quiet, coarse, car, done.clock, done.last.along.cell, LATER, advance)
 
 
 def likeliest(drive: Drive, quiet: Quiet, car: Car, several: list[Coarse]) -> Coarse:
@@ -138,7 +151,7 @@ def gauge_in(quiet: Quiet, coarse: Coarse, car: Car, done: Settled) -> Estimate:
 
 
 def estimates(
-    drive: Drive, quiet: Quiet, coarse: Coarse, car: Car, done: Settled, stated: dict[str, float]
+    drive: Drive, quiet: Quiet, done: Settled, coarse: Coarse, car: Car, stated: dict[str, float]
 ) -> dict[str, Estimate]:
     """What a fit says of all that files may state wrongly, relative to what is stated, by the name of the effect."""
     one = done.last
@@ -176,9 +189,8 @@ def fitted(
     """The fit that a last round ends with."""
     one = done.last
     legs, polarity = one.legs, coarse.polarity
-    aside = beside(
-        quiet, coarse.path, car, legs, one.along.cell, one.picks.audible[: legs.count], polarity, drive.sigma
-    )
+    audible = one.picks.audible[: legs.count]
+    aside = beside(*(quiet, coarse.path, car, legs, one.along.cell, audible, polarity, drive.sigma, drive.ground.depth))
     # The two estimates of a place differ where a loop ends elsewhere than the smoother has it, or picks are of others.
     apart = np.abs(one.channels.cell - one.along.cell)
     several = np.hypot(*(np.where(size * STEP > SEVERAL, size, 0.0) for size in (one.channels.spread, apart)))

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from solver.drive.drive_run import DriveRun
 
 WIDE = 1060  # px
+TOLD = 0.75  # of the standard deviation before the drive: a depth that is surer is told by it
 
 
 def drive_page(run: "DriveRun") -> str:
@@ -24,7 +25,7 @@ def drive_page(run: "DriveRun") -> str:
         f"{numbers(run)}"
         f"{section('The drive', DRIVE, svg(waterfall_figure(run, WIDE)))}"
         f"{section('Which channel lies where', MAP, svg(channel_figure(run, WIDE)))}"
-        f"{section('From above', PLAN, svg(plan_figure(run, WIDE)))}"
+        f"{section('From above', PLAN + depth_words(run), svg(plan_figure(run, WIDE)))}"
         f"{section('Misfit along the path', MISFIT, svg(misfit_figure(run, WIDE)))}"
         f"{loop_section(run)}{stated_section(run)}{next_section([*map(sentence, run.warnings), EXPORT])}{made(run)}"
     )
@@ -41,13 +42,27 @@ MAP = (
 )
 PLAN = (
     "The place along the path is what the drive measures. The distance from the road comes from the shape of what is "
-    "recorded, the side of the road from the map where the car drove in one lane only. Depth is what was assumed."
+    "recorded, the side of the road from the map where the car drove in one lane only. "
 )
 MISFIT = "A stretch where legs are off to one side, or where few channels hear the car, is where to look again."
 STATED = (
     "Gauge length, channel spacing and clock are taken from files, which may be wrong. The shape of what channels hear "
     "tells the gauge length, the cable between two places the spacing, passes at different times the clock."
 )
+
+
+def depth_words(run: "DriveRun") -> str:
+    """On which channels the drive tells how deep the fiber lies."""
+    prior, spread = run.facts["settings"]["depth"]
+    sigma = run.arrays["covariance"][run.arrays["constrained"], 2, 2] ** 0.5
+    told = sigma[sigma < TOLD * spread]
+    assumed = f"what was assumed, {prior:g} ± {spread:g} m"
+    if not len(told):
+        return f"Depth is {assumed}: a pass tells it where the car is within some 4 m of the fiber."
+    return (
+        f"Depth is told on {len(told)} of {len(sigma)} located channels, which the car passed within some 4 m, to "
+        f"{sorted(told)[len(told) // 2]:.2f} m (1 sigma); elsewhere it is {assumed}."
+    )
 
 
 def sentence(line: str) -> str:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from solver.drive.astray import companions, others, others_of, places
 from solver.drive.coarse import LEAD
+from solver.drive.loops import flags_of
 from solver.drive.misstated_words import as_stated
 from solver.drive.path import STEP
 from solver.run.trust import Gate
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 MOST = 0.5
 #: s; a clock less sure than this moves channels by more than a car's length.
 CLOCK = 0.3
+#: s, standard deviation of a clock beyond which it may well be off by 0.1 s, by which a car goes a meter.
+SET = 0.06
 #: Share of picks that disagree with their neighbors at most.
 STRAY = 0.25
 #: Sigmas of the length factor.
@@ -52,10 +55,7 @@ class Unheard:
 
 
 def constrained_of(fit: "Fit") -> NDArray[np.bool_]:
-    """Which channels the drive decides: those that hear the car within two gauges, and confirmed loops among them."""
-    loop = np.zeros(len(fit.cell), bool)
-    for one in fit.loops:
-        loop[one.first : one.last + 1] = True
+    """Which channels the drive decides: those among the ones that hear the car, and within two gauges of them."""
     heard = np.flatnonzero(fit.audible)
     found = np.zeros(len(fit.cell), bool)
     if len(heard):
@@ -63,10 +63,11 @@ def constrained_of(fit: "Fit") -> NDArray[np.bool_]:
         order = np.sort(fit.cell[heard])
         after = np.clip(np.searchsorted(order, fit.cell), 0, len(order) - 1)
         away = np.minimum(np.abs(order[after] - fit.cell), np.abs(fit.cell - order[np.maximum(after - 1, 0)]))
-        inside = (np.arange(len(found)) >= heard[0]) & (np.arange(len(found)) <= heard[-1])
-        found = (away * STEP <= 2 * fit.quiet.gauge_length) & (inside | ~loop)
+        found = away * STEP <= 2 * fit.quiet.gauge_length
+        # Beyond the outermost, cable may as well be coiled where it begins.
+        found[: heard[0]] = found[heard[-1] + 1 :] = False
     # Slack that no channel beside it confirms may lie anywhere, or be cable beyond the drive.
-    found &= loop | (fit.channels.in_loop <= COILED)
+    found &= flags_of(fit.loops, len(found)) | (fit.channels.in_loop <= COILED)
     return np.asarray(found & (fit.sigma * STEP < 10.0))
 
 
@@ -106,9 +107,13 @@ def headline(fit: "Fit", constrained: NDArray[np.bool_]) -> str:
     way = float(np.ptp(fit.cell[constrained])) * STEP / 1e3
     loops = len(fit.loops)
     slack = f"{loops} loop{'s' * (loops != 1)} of slack found" if loops else "no loop of slack found"
+    clock = ""
+    if fit.clock_sigma > SET:
+        clock = f"; the clock is known to ± {1.96 * fit.clock_sigma:.1f} s (95 %)"
+        clock += ": a drive back would settle it" * (not fit.both_ways)
     return (
         f"{constrained.sum()} of {len(fit.cell)} channels located along {way:.2f} km, 1 sigma {sigma:.1f} m along the "
-        f"path; {slack}"
+        f"path; {slack}{clock}"
     )
 
 
@@ -116,7 +121,10 @@ def clock_words(fit: "Fit") -> str:
     """How far the clocks are apart."""
     way = "ahead of" if fit.clock.offset > 0 else "behind"
     once = (
-        "" if fit.both_ways else "; the car was heard one way, so that only its stops and speeds tell it from a shift"
+        ""
+        if fit.both_ways
+        else "; the car was heard one way, so that only its stops and speeds tell it from a shift, as far as its GPS "
+        "tells these"
     )
     return f"the record's clock is {abs(fit.clock.offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's{once}"
 
@@ -253,6 +261,10 @@ def advice(fit: "Fit", unheard: list[Unheard]) -> list[str]:
             f"which side of the road the fiber lies on is known to {side:.1f} m (1 sigma); a second drive in the other "
             "direction, two lanes away, would decide it"
         )
-    if fit.clock_sigma > CLOCK / 3:
-        lines.append("a drive with more stops, or with a U-turn, would set the clock")
+    if fit.clock_sigma > SET:
+        lines.append(
+            "a drive back along the same road, or with more stops, would set the clock"
+            if not fit.both_ways
+            else "a longer drive back, or more stops, would set the clock"
+        )
     return lines

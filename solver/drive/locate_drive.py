@@ -131,13 +131,12 @@ def arrays_of(drive: Drive, fit: Fit) -> dict[str, NDArray[Any]]:
     """The arrays of data.npz."""
     cell, lateral = fit.cell, fit.aside.lateral
     number = np.clip(np.round(cell).astype(np.int64), 0, len(fit.path.points) - 1)
-    depth, depth_sigma = drive.ground.depth
-    route = np.column_stack([fit.path.at(cell, lateral), np.full(len(cell), depth)])
+    route = np.column_stack([fit.path.at(cell, lateral), fit.aside.depth])
     along, across = fit.path.along[number], fit.path.across[number]
     covariance = np.zeros((len(cell), 3, 3))
     covariance[:, :2, :2] = (fit.sigma * STEP)[:, None, None] ** 2 * along[:, :, None] * along[:, None, :]
     covariance[:, :2, :2] += fit.aside.sigma[:, None, None] ** 2 * across[:, :, None] * across[:, None, :]
-    covariance[:, 2, 2] = depth_sigma**2
+    covariance[:, 2, 2] = fit.aside.depth_sigma**2
     legs = fit.legs.count
     residual = np.where(fit.picks.audible[:legs], fit.along.residual[:legs], np.nan) * STEP
     car_time, car_channel = track_of(fit.quiet, fit.legs, cell)

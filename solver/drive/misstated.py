@@ -147,3 +147,12 @@ def misstated(found: dict[str, Estimate], length_sigma: float, fitted: tuple[str
     weighed = [Misstated.of(name, one, inexact[name]) for name, one in found.items()]
     there = [replace(one, probability=float("nan"), fitted=True) if one.effect in fitted else one for one in weighed]
     return sorted(there, key=lambda one: (one.fitted, -one.probability))
+
+
+def sized(found: list[Misstated], within: list[Misstated]) -> list[Misstated]:
+    """The same with the size of what is named from a fit that has it, `within`.
+
+    A fit without it makes its picks as if it were none, so that it finds too little of it.
+    """
+    size = {one.effect: (one.value, one.sigma) for one in within}
+    return [replace(one, value=size[one.effect][0], sigma=size[one.effect][1]) if one.named else one for one in found]

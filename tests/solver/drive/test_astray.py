@@ -90,6 +90,14 @@ def test_slack_that_nothing_confirms_is_not_constrained() -> None:
     assert constrained_of(fit)[9:20].tolist() == [False] + [True] * 10
 
 
+def test_cable_beyond_what_hears_the_car_is_not_constrained() -> None:
+    """Two gauges of cable that the fit has run on may as well be coiled where the cable begins."""
+    fit = fit_of(path=SimpleNamespace(first=0, length=600.0))
+    fit.channels.in_loop = np.zeros(CHANNELS)
+    fit.audible[:] = (np.arange(CHANNELS) // 20 == 1) & (np.arange(CHANNELS) != 29)
+    assert np.flatnonzero(constrained_of(fit)).tolist() == list(range(20, 40))
+
+
 def test_louder_stretch_between_channels_that_hear_another_vehicle_is_told() -> None:
     fit = fit_of()
     fit.picks.audible[:] = True

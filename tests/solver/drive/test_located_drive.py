@@ -74,7 +74,7 @@ def test_folder_is_read_back(run: rf.DriveRun, tmp_path: Path) -> None:
     assert kinds.count("loop of slack") == len(run.loops)
     assert "95 % corridor" in kinds
     page = (tmp_path / "run" / "report.html").read_text()
-    assert page.count("<svg") == 4
+    assert page.count("<svg") == 4 and "Depth is told on" in page
     assert "diagnose" not in (tmp_path / "run" / "index.html").read_text()
     again.save(tmp_path / "run")  # over itself
     csv = pd.read_csv(tmp_path / "run" / "route.csv")

@@ -8,7 +8,7 @@ import pytest
 
 import roadfiber as rf
 from roadfiber.command import app
-from solver.drive.misstated import Estimate, Misstated, misstated
+from solver.drive.misstated import Estimate, Misstated, misstated, sized
 from tests.solver.drive.conftest import SHORT
 from tests.solver.drive.test_located_drive import along_error
 
@@ -91,3 +91,20 @@ def test_a_size_that_would_show_is_named_and_a_smaller_one_is_not():
         assert Misstated.of(effect, Estimate(-1.01 * shows, sigma), 0.0).named
         assert not Misstated.of(effect, Estimate(0.99 * shows, sigma), 0.0).named
         assert replace(Misstated.of(effect, Estimate(0.0, sigma), 0.0), probability=0.96).named
+
+
+def test_size_of_what_is_named_is_that_of_a_fit_that_has_it() -> None:
+    first = misstated({"clock_drift": Estimate(0.004, 0.0005), "gauge_length": Estimate(0.05, 0.04)}, 0.02, ())
+    second = misstated({"clock_drift": Estimate(0.0047, 0.0002), "gauge_length": Estimate(0.3, 0.04)}, 0.02, ())
+    found = {one.effect: one for one in sized(first, second)}
+    assert found["clock_drift"].value == 0.0047 and found["clock_drift"].sigma < 0.00021
+    assert found["clock_drift"].probability == first[0].probability
+    assert found["gauge_length"] == first[1]
+
+
+def test_what_is_named_is_sized_as_it_is_fitted(hidden, wrong):
+    """Picks of a fit without it are made as if it were none, so that it finds too little: by a tenth and more."""
+    better = rf.locate(hidden[0], effects=list(HIDDEN)).misstated.set_index("effect")
+    table = wrong.misstated.set_index("effect")
+    for name in HIDDEN:
+        assert abs(table.loc[name, "value"] - better.loc[name, "value"]) < 0.6 * table.loc[name, "sigma"]
