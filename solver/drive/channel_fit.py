@@ -189,8 +189,8 @@ def fitted(
     """The fit that a last round ends with."""
     one = done.last
     legs, polarity = one.legs, coarse.polarity
-    audible = one.picks.audible[: legs.count]
-    aside = beside(*(quiet, coarse.path, car, legs, one.along.cell, audible, polarity, drive.sigma, drive.ground.depth))
+    audible, depth = one.picks.audible[: legs.count], drive.ground.depth
+    aside = beside(quiet, coarse.path, car, legs, one.along.cell, audible, polarity, drive.sigma, depth)
     # The two estimates of a place differ where a loop ends elsewhere than the smoother has it, or picks are of others.
     apart = np.abs(one.channels.cell - one.along.cell)
     several = np.hypot(*(np.where(size * STEP > SEVERAL, size, 0.0) for size in (one.channels.spread, apart)))
