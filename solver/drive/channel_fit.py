@@ -1,5 +1,6 @@
 """The fit of a drive: clock, polarity, channel map and loops in turn, until the clock stands still."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from solver.drive.picks import Picks
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs
 from solver.drive.rounds import FIRST, LATER, ROUNDS, Advance, Settled, beside_car, one_round, settled
+from solver.start.alignment import NotFollowingError
 from vision.contract import progress
 
 Array = NDArray[np.float64]
@@ -112,8 +114,10 @@ def fit_drive(drive: Drive) -> Fit:
         named = tuple(one.effect for one in wrong if one.named)
         if named:
             other = replace(drive, effects=drive.effects + named)
-            found = estimates(other, *again(other, quiet, coarse, car, done, advance), coarse, car, stated)
-            wrong = sized(wrong, misstated(found, length_sigma, ()))
+            # The drive is located: where one of those effects leads astray, their sizes stay as they were told.
+            with suppress(NotFollowingError):
+                found = estimates(other, *again(other, quiet, coarse, car, done, advance), coarse, car, stated)
+                wrong = sized(wrong, misstated(found, length_sigma, ()))
         advance(1)
     return fitted(drive, quiet, coarse, car, done, stated, wrong)
 

@@ -22,7 +22,8 @@ class Parameter:
     null : value at which the effect is absent
     lower, upper : bounds
     scope : "one", "pass" (one per pass), or smooth along the "fiber", the "road" (x of the vehicle) or each "track", or
-        in "time", the same for all vehicles
+        in "time", the same for all vehicles; beyond the fiber's reach in x, as at its end, and what tracks are off by
+        goes straight on, as they do
     rated : give the function the time derivative of what is smooth along the road or each track too, as `<name>_rate`
     grid : for a parameter that means nothing at the null of the others (a relaxation time, a place): the values that
         the search tries; () for all others

@@ -8,7 +8,9 @@ import pytest
 
 import roadfiber as rf
 from roadfiber.command import app
+from solver.drive import channel_fit
 from solver.drive.misstated import Estimate, Misstated, misstated, sized
+from solver.start.alignment import NotFollowingError
 from tests.solver.drive.conftest import SHORT
 from tests.solver.drive.test_located_drive import along_error
 
@@ -108,3 +110,14 @@ def test_what_is_named_is_sized_as_it_is_fitted(hidden, wrong):
     table = wrong.misstated.set_index("effect")
     for name in HIDDEN:
         assert abs(table.loc[name, "value"] - better.loc[name, "value"]) < 0.6 * table.loc[name, "sigma"]
+
+
+def test_a_drive_that_is_located_is_not_refused_for_sizes(hidden, wrong, monkeypatch) -> None:
+    def astray(*_: object) -> None:
+        raise NotFollowingError("the record does not follow this drive", None)
+
+    monkeypatch.setattr(channel_fit, "again", astray)
+    found = rf.locate(hidden[0])
+    np.testing.assert_array_equal(found.route, wrong.route)
+    assert list(found.misstated["probability"]) == list(wrong.misstated["probability"])
+    assert (found.misstated["value"] != wrong.misstated["value"]).any()
