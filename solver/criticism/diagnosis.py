@@ -18,7 +18,7 @@ from solver.criticism.finding import LISTED, Diagnosis, concluded
 from solver.criticism.judging import Weighing, judge, order
 from solver.criticism.plain_verdict import spoken
 from solver.criticism.policy import POLICY
-from solver.criticism.race import elsewhere, race
+from solver.criticism.race import elsewhere, from_far, race
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import mended
 from solver.criticism.route_change import route_of, with_moves
@@ -95,6 +95,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     late = elsewhere(bench.scorer, scorable(fit.problem, asked.effects))[: POLICY.racers] if first else []
     tried = race(bench.scorer, first, asked.advance, late)
     tried |= race(bench.scorer, overlooked(bench, tried), asked.advance)
+    tried |= from_far(bench.scorer, tried)
     ranked = side_by_side(lambda s: score_candidate(s, tried.get(s.effect.name)), bench.table) + faults
     ranked.sort(key=lambda c: -c.evidence)
     ranked = with_moves(bench, ranked, tried) + [idle_candidate(one) for one in bench.idle]
@@ -204,7 +205,7 @@ def beside_fault(bench: Bench, name: str, asked: Asked) -> Diagnosis:
 
 def with_fault(one: Weighed, fault: str, stage: str) -> Weighed:
     """An explanation of what is left once a fault is mended, as one of the whole."""
-    if one.kind == "unknown":
+    if one.kind in ("unknown", "overlooked"):
         return one
     kind = "fault" if one.kind == "nothing" else "two"
     return Weighed(kind, (fault, *one.effects), stage, one.probability)

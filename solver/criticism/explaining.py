@@ -52,7 +52,7 @@ class Explainer:
 
     def all(self, besides: Mapping[str, "Beside"]) -> list[Explanation]:
         """Every explanation; `besides` has what shows beside known effects, by effect."""
-        found = [Explanation("nothing", (), "", self.prior["nothing"], 0.0), *self.faults()]
+        found = [Explanation(kind, (), "", self.prior[kind], 0.0) for kind in ("nothing", "overlooked")] + self.faults()
         for score in self.bench.table:
             name = score.effect.name
             one = self.tried.get(name)

@@ -7,8 +7,8 @@ import numpy as np
 
 from solver.criticism.policy import POLICY, Policy
 
-#: Kinds of explanations.
-KINDS = ("nothing", "effect", "two", "fault", "unknown")
+#: Kinds of explanations; overlooked is something that shows, and of which no model has a trace.
+KINDS = ("nothing", "effect", "two", "fault", "unknown", "overlooked")
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,8 @@ class Explanation:
     Parameters
     ----------
     kind : of `KINDS`
-    effects : names of what is missing, the one that explains most first; () for nothing
-    stage : at which that acts; "" for nothing
+    effects : names of what is missing, the one that explains most first; () for nothing, and for what is overlooked
+    stage : at which that acts; "" for those
     prior : probability before the record
     evidence : ln of the Bayes factor against nothing
     simpler : key and evidence of what it adds to: nothing, or a known effect alone
@@ -56,6 +56,8 @@ class Weighed:
 
 def key_of(one: Explanation | Weighed) -> str:
     """What an explanation is a case of: the effect that explains most, or the stage where something unknown acts."""
+    if one.kind == "overlooked":
+        return one.kind
     return one.stage if one.kind == "unknown" else (*one.effects, "")[0]
 
 
@@ -81,7 +83,9 @@ class Posterior:
         for one in explanations:
             whole = one.prior * np.exp(one.evidence - most)
             simpler, evidence = one.simpler
-            hidden = whole if one.kind == "nothing" else one.prior * np.exp(min(one.evidence, evidence) - most)
+            hidden = one.prior * np.exp(min(one.evidence, evidence) - most)
+            if one.kind in ("nothing", "overlooked"):
+                hidden = whole if one.kind == "nothing" else 0.0
             cases.setdefault(simpler, []).append((float(hidden), None))
             cases.setdefault(one.key, []).append((float(whole - hidden), one))
         total = sum(share for found in cases.values() for share, _ in found)
@@ -132,4 +136,5 @@ def priors(policy: Policy, known: int, stages: int, faults: int) -> dict[str, fl
         "two": policy.two / pairs,
         "fault": policy.fault / max(faults, 1),
         "unknown": policy.unknown / max(stages, 1),
+        "overlooked": policy.overlooked,
     }

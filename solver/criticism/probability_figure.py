@@ -13,6 +13,8 @@ from vision.contract.figures import styled
 
 #: Effects that are drawn at most.
 KNOWN = 6
+#: Kinds that name no effect.
+REST = ("nothing", "unknown", "overlooked")
 FIRST_COLOR, OTHER_COLOR, REST_COLOR = "#d55e00", "#0072b2", "#8a929a"
 
 
@@ -24,7 +26,7 @@ def probability_figure(explanations: Sequence[Weighed], listed: Sequence[Candida
     figure = canvas(1060, 60 + row * len(shown))
     axes = place(figure, "probability", 250, 6, 700, row * len(shown))
     for at, one in enumerate(shown):
-        color = REST_COLOR if one.kind in ("unknown", "nothing") else FIRST_COLOR if at == 0 else OTHER_COLOR
+        color = REST_COLOR if one.kind in REST else FIRST_COLOR if at == 0 else OTHER_COLOR
         axes.barh(at, 100 * one.probability, color=color, height=0.62)
         beside(axes, 100 * one.probability, at, probability_words(one.probability))
     titles = titles_of(listed)
@@ -47,6 +49,8 @@ def title_of_explanation(one: Weighed, titles: Mapping[str, str]) -> str:
     """
     if one.kind == "nothing":
         return "Nothing that would show"
+    if one.kind == "overlooked":
+        return "Something unnoticed"
     if one.kind == "unknown":
         return f"Something unknown ({one.stage})"
     return titles.get(one.effects[0], one.effects[0]) + (", and more" if one.kind == "two" else "")

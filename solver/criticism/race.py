@@ -1,7 +1,7 @@
 """Full fits with each candidate in the model, side by side: those that fall behind stop early."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -23,6 +23,41 @@ from solver.signal_path.traffic import Vehicles
 PACE, FAR_PACE, ROUNDS = 2, 3, 12
 #: What is raised where steps led to where the model has no numbers: who gets there stops, and the rest goes on.
 UNSOLVED = (ValueError, np.linalg.LinAlgError, torch.linalg.LinAlgError)
+
+
+@dataclass(frozen=True)
+class Course:
+    """What fits with each candidate in the model are judged by.
+
+    Parameters
+    ----------
+    scorer : at the converged fit without them
+    counts : how far each whitened residual [sample, channel] counts, in all of them alike
+    before : misfit without them
+    """
+
+    scorer: Scorer
+    counts: Tensor
+    before: float
+
+    @classmethod
+    def of(cls, scorer: Scorer) -> "Course":
+        """Of the candidates of a fit."""
+        counts = counted(scorer.fit, scorer.at)
+        return cls(scorer, counts, loss(scorer.fit, scorer.state, counts))
+
+    @property
+    def weights(self) -> Weights:
+        """Of the samples."""
+        return Weights((self.counts > 0).double(), self.counts**2)
+
+    def run(self, fit: MapFit, start: State | Solution, pace: int) -> tuple[Solution, float] | None:
+        """Where so many steps lead, and how far the misfit falls; None where that is nowhere."""
+        try:
+            end = solve(fit, start, iterations=pace)
+        except UNSOLVED:
+            return None
+        return end, self.before - loss(fit, end.state, self.counts)
 
 
 def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> State:
@@ -138,18 +173,11 @@ def race(
     advance : called with 1 after the first steps from each start
     others : candidates that start elsewhere too, see `elsewhere`
     """
-    counts = counted(scorer.fit, scorer.at)
-    weights, before = Weights((counts > 0).double(), counts**2), loss(scorer.fit, scorer.state, counts)
+    course = Course.of(scorer)
+    weights, run = course.weights, course.run
     starts = [*((scorer, one) for one in scores), *others]
     with_it = {one.effect.name: one.effect for _, one in starts}
     fits = {name: MapFit(with_effect(scorer.fit.problem, effect)) for name, effect in with_it.items()}
-
-    def run(fit: MapFit, start: State | Solution, pace: int) -> tuple[Solution, float] | None:
-        try:
-            end = solve(fit, start, iterations=pace)
-        except UNSOLVED:
-            return None
-        return end, before - loss(fit, end.state, counts)
 
     def begin(start: tuple[Scorer, Score]) -> tuple[Solution, float] | None:
         at, score = start
@@ -176,7 +204,37 @@ def race(
         name = one.effect.name
         if name not in best or one.fall > best[name].fall:
             best[name] = one
-    return {name: replace(one, lone=rests_on_one(scorer, one, counts)) for name, one in best.items()}
+    return {name: replace(one, lone=rests_on_one(scorer, one, course.counts)) for name, one in best.items()}
+
+
+def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
+    """Known effects of one number that fit better from far beyond what is plausible, where something unknown leads.
+
+    What the route and the ground have followed a long way, as a wide pulse, may have a second minimum where little of
+    it is there, and the discrepancy models then imitate the rest.
+    """
+    leader = max(tried.values(), key=lambda one: one.evidence, default=None)
+    if leader is None or not leader.effect.generic:
+        return {}
+    course = Course.of(scorer)
+
+    def gone(start: tuple[Refit, State]) -> Refit:
+        one, pace, known = start[0], FAR_PACE, start[0]
+        end = course.run(one.fit, start[1], pace)
+        while end is not None:
+            one = replace(one, solution=end[0], fall=end[1])
+            pace += PACE
+            if one.solution.converged or pace > PACE * ROUNDS or one.hoped < POLICY.stay * leader.evidence:
+                break
+            end = course.run(one.fit, one.solution, PACE)
+        return one if one.fall > known.fall else known
+
+    starts = [(one, far) for one in tried.values() if one.single for far in one.extremes(course.weights)]
+    better: dict[str, Refit] = {}
+    for (known, _), one in zip(starts, side_by_side(gone, starts), strict=True):
+        if one.fall > better.get(one.effect.name, known).fall:
+            better[one.effect.name] = replace(one, lone=rests_on_one(scorer, one, course.counts))
+    return better
 
 
 def rests_on_one(scorer: Scorer, refit: Refit, counts: Tensor) -> bool:

@@ -144,11 +144,29 @@ class Refit:
 
     def farther(self, weights: Weights) -> State:
         """Where it ended, with its one number farther from null and the vehicles as heavy as then fits best."""
+        parameter = self.amplitude.parameter
+        size = float(self.numbers(self.amplitude)[0])
+        return self._sized(size + (FARTHER - 1) * (size - parameter.null), weights)
+
+    def extremes(self, weights: Weights) -> list[State]:
+        """The same with its one number as far from null as it can be, either way, where its bounds let it."""
+        p = self.amplitude.parameter
+        sizes = (
+            max(p.null - POLICY.extreme * p.plausible, p.lower),
+            min(p.null + POLICY.extreme * p.plausible, p.upper),
+        )
+        return [self._sized(size, weights) for size in sizes if size != p.null]
+
+    def _sized(self, size: float, weights: Weights) -> State:
         state = self.solution.state
         numbers = state.numbers.clone()
-        slot = next(slot for slot in self.slots if not slot.parameter.is_shape)
-        numbers[slot.where] += (FARTHER - 1) * (numbers[slot.where] - slot.parameter.null)
+        numbers[self.amplitude.where] = size
         return self.fit.settled(self.fit.bounded(replace(state, numbers=numbers)), weights)
+
+    @property
+    def amplitude(self) -> Slot:
+        """Where its first number is."""
+        return next(slot for slot in self.slots if not slot.parameter.is_shape)
 
     @property
     def slots(self) -> list[Slot]:

@@ -13,14 +13,14 @@ class ExplanationFile(Stored):
     Attributes
     ----------
     title : in plain words
-    kind : nothing (that would show), effect, two, fault or unknown
+    kind : nothing (that would show), effect, two, fault, unknown, or overlooked (something that no model shows)
     effects : names of what would be missing
     stage : at which that acts; empty for nothing
     probability : by the score test of every effect; `roadfiber diagnose` fits the best in full
     """
 
     title: Text
-    kind: Literal["nothing", "effect", "two", "fault", "unknown"]
+    kind: Literal["nothing", "effect", "two", "fault", "unknown", "overlooked"]
     effects: tuple[Text, ...]
     stage: Text
     probability: Annotated[float, Field(ge=0, le=1.001)]

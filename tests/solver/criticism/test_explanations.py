@@ -46,6 +46,14 @@ def test_what_does_not_show_counts_as_nothing():
     assert found.verdict == "adequate"
 
 
+def test_nothing_is_no_surer_than_the_models_are_complete():
+    """Whatever a record shows of them, something may be missing that none of them imitates."""
+    overlooked = Explanation("overlooked", (), "", 0.05, 0.0)
+    found = shares(Posterior.of([NOTHING, overlooked, effect("a", -50.0)]))
+    assert found == pytest.approx({"nothing": 0.5 / 0.55, "overlooked": 0.05 / 0.55, "a": 0.0})
+    assert shares(Posterior.of([NOTHING, overlooked, effect("a", 300.0)]))["a"] == pytest.approx(1.0)
+
+
 def test_evidence_of_thousands_does_not_overflow():
     found = Posterior.of([NOTHING, effect("a", 5000.0), effect("b", 5000.0 - np.log(3))])
     assert shares(found) == pytest.approx({"nothing": 0.0, "a": 0.75, "b": 0.25})
@@ -92,7 +100,7 @@ def test_the_verdict_is_read_off(weighed, verdict, size):
 def test_prior_odds_are_spread_over_what_there_is():
     found = priors(Policy(), 40, 6, 3)
     assert set(found) == set(KINDS)
-    counts = {"nothing": 1, "effect": 40, "two": 780, "fault": 3, "unknown": 6}
+    counts = {"nothing": 1, "effect": 40, "two": 780, "fault": 3, "unknown": 6, "overlooked": 1}
     assert sum(found[kind] * counts[kind] for kind in KINDS) == pytest.approx(1.0)
 
 

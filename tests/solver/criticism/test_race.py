@@ -12,7 +12,7 @@ from noisy_trials import noisy
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.policy import POLICY
-from solver.criticism.race import elsewhere, race, rests_on_one, started, started_elsewhere, unshifted
+from solver.criticism.race import elsewhere, from_far, race, rests_on_one, started, started_elsewhere, unshifted
 from solver.criticism.refit import Refit, counted, with_effect
 from solver.criticism.scorer import Scorer
 from solver.effect import Start
@@ -121,6 +121,21 @@ def test_a_soft_layer_is_found_where_the_score_takes_it_for_a_stiff_one() -> Non
     assert score.estimate[0] > 0
     found = race(scorer, [score], others=elsewhere(scorer, [layer]))["layered_ground"]
     assert found.solution.converged and found.estimate[0] == pytest.approx(-1.3, abs=5 * float(found.sigma[0]))
+
+
+def test_a_wide_pulse_is_found_from_far_where_something_unknown_leads() -> None:
+    """Its fit from the score's estimate ends at a second minimum, of a narrow one."""
+    told = {"passes": 4, "snr_db": 18.2, "noise": "colored", "view": (0.0, 45.0), "effects": {"pulse_width": 9.65}}
+    fit = MapFit(strict_tracks(case_of(simulate(Scenario(name="pulse", seed=4, **told))).problem))
+    scorer = Scorer(fit, solve(fit, fit.start()).state)
+    names = ("pulse_width", "generic_neighbors")
+    best = [max(scorer.scores(KNOWN[name]), key=lambda one: one.evidence) for name in names]
+    tried = race(scorer, [scorer.reaching(one) for one in best])
+    assert tried["generic_neighbors"].evidence > 2 * tried["pulse_width"].evidence
+    found = from_far(scorer, tried)["pulse_width"]
+    assert found.evidence > tried["generic_neighbors"].evidence
+    assert found.estimate[0] == pytest.approx(9.65**2, abs=5 * float(found.sigma[0]))
+    assert not from_far(scorer, {"pulse_width": found})
 
 
 def test_the_race_finds_the_size_and_the_winner(scorer: Scorer, score: Any) -> None:
