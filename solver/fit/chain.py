@@ -144,15 +144,14 @@ class Chain(ChainLayout):
         numbers = self.links_of(group)
         links = [self.links[number] for number in numbers]
         seen = glances(links, [self.part_of(state, link) for link in links])
-        cost = 0.0
-        if before is not None:
-            old = [before[number] for number in numbers]
+        cost, old = 0.0, None if before is None else [before[number] for number in numbers]
+        if old is not None:
             seen = settled(seen, old)
             maps = [one.link.fit.unexplained(one.evaluation.model) for one in seen]
             left = whitened(links, (one * w.good for one, w in zip(maps, old, strict=True)))
             cost = sum(float((one**2 * w.soft).sum()) for one, w in zip(left, old, strict=True))
-        weights, residuals = weighed(links, seen)
-        if before is None:
+        weights, residuals = weighed(links, seen, old)
+        if old is None:
             cost = sum(float((one**2).sum()) for one in residuals)
         every = zip(jacobians(seen, weights, self.free), residuals, strict=True)
         equations = []

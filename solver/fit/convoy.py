@@ -137,13 +137,21 @@ def settled(glances_: Sequence[Glance], weights: Sequence[Weights]) -> list[Glan
     return [one.with_amplitudes(amplitude) for one, amplitude in zip(glances_, amplitudes, strict=True)]
 
 
-def weighed(links: Sequence["Link"], glances_: Sequence[Glance]) -> tuple[list[Weights], list[Tensor]]:
-    """Weights of the samples of each link, on one scale of all, and their whitened, weighted residual."""
+def weighed(
+    links: Sequence["Link"], glances_: Sequence[Glance], before: Sequence[Weights] | None
+) -> tuple[list[Weights], list[Tensor]]:
+    """Weights of the samples of each link, on one scale of all, and their whitened, weighted residual.
+
+    Parameters
+    ----------
+    before : the weights a step before; None where there was none
+    """
     measured = [link.fit.measured for link in links]
     compared = [one.link.fit.compared(one.evaluation) for one in glances_]
     sizes = [d / link.fit.problem.noise / v.sqrt() for link, (d, v) in zip(links, compared, strict=True)]
     scale = joint_scale(sizes, measured)
-    goods = [there * near_noise(size, scale) for there, size in zip(measured, sizes, strict=True)]
+    was = [None] * len(links) if before is None else [one.good for one in before]
+    goods = [there * near_noise(size, scale, one) for there, size, one in zip(measured, sizes, was, strict=True)]
     residuals = whitened(links, (d * good for (d, _), good in zip(compared, goods, strict=True)))
     softs = [there / v for there, (_, v) in zip(measured, compared, strict=True)]
     sizes = [r * soft.sqrt() for r, soft in zip(residuals, softs, strict=True)]

@@ -275,7 +275,8 @@ def assemble(
         distance=distance,
         route=route,
         covariance=total,
-        constrained=lateral_share(route, total, shape) > 0.5,
+        # Where a fit has not ended its sigmas say nothing, so that no place of it counts as decided by data.
+        constrained=(lateral_share(route, total, shape) > 0.5) & converged,
         data_share=share,
         parameters=parameters(posterior),
         vector=state.vector().numpy(),

@@ -8,6 +8,9 @@ from torch import Tensor
 HUBER = 4.0
 #: Times the scale of the residual beyond which a sample is not noise.
 SPIKE = 7.0
+#: Share of that within which a sample that was left out counts again: where a model explains its record badly, samples
+#: would come and go with each step, and no fit would converge.
+AGAIN = 0.7
 
 
 def scale_of(residual: Tensor, measured: Tensor) -> Tensor:
@@ -25,13 +28,20 @@ def huber(residual: Tensor, measured: Tensor, scale: Tensor | None = None) -> Te
     return (HUBER * scale / residual.abs().clamp_min(1e-12)).clamp(max=1.0)
 
 
-def near_noise(residual: Tensor, scale: Tensor) -> Tensor:
+def near_noise(residual: Tensor, scale: Tensor, before: Tensor | None = None) -> Tensor:
     """1 where a residual [...] of some scale may be noise, 0 for spikes: a filter must not smear them around.
 
-    >>> near_noise(torch.tensor([0.5, -1.0, 40.0]), torch.tensor(1.0)).tolist()
+    Parameters
+    ----------
+    before : the same a step before, 0 also where not measured; None where there was none
+
+    >>> near_noise(torch.tensor([0.5, -6.0, 40.0]), torch.tensor(1.0)).tolist()
     [1.0, 1.0, 0.0]
+    >>> near_noise(torch.tensor([0.5, -6.0, 3.0]), torch.tensor(1.0), torch.tensor([1.0, 0.0, 0.0])).tolist()
+    [1.0, 0.0, 1.0]
     """
-    return (residual.abs() < SPIKE * scale).double()
+    most = SPIKE if before is None else torch.where(before > 0, SPIKE, AGAIN * SPIKE)
+    return (residual.abs() < most * scale).double()
 
 
 def joint_scale(residuals: Sequence[Tensor], measured: Sequence[Tensor]) -> Tensor:
