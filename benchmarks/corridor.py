@@ -58,8 +58,13 @@ def off_its_law(survey: Survey) -> Survey:
 
 
 def held(survey: Survey, run: rf.Run, when: str) -> dict[str, float]:
-    """Share of points that lie in either corridor across and in depth, and its median half-width across, m."""
+    """Share of points that lie in either corridor across and in depth, and its median half-width across, m.
+
+    Nothing where no place is decided by data, as where the fit has not converged.
+    """
     place, known = run.place, run.result.constrained
+    if not known.any():
+        return {}
     off = place.route[known] - survey.route[place.channel[known]]
     across = np.abs((off[:, :2] * normals(place.route)[known]).sum(1))
     facts = {}

@@ -199,6 +199,8 @@ def tried(seed: int, wanted: str | None = None) -> dict[str, Any]:
         "explanations": [vars(one) for one in found.explanations],
         "cpu seconds": seconds,
     }
+    if not result.constrained.any():
+        return facts
     channel = result.channel[result.constrained]
     covariance, route = result.covariance[result.constrained], result.route[result.constrained]
     off = np.abs(((route - survey.route[channel])[:, :2] * normals(route)).sum(1))
