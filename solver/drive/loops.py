@@ -13,8 +13,9 @@ Array = NDArray[np.float64]
 
 #: Channels between two runs that are one loop: at the manhole some of a loop's channels hear the car.
 APART = 2
-#: Probability that a loop has at least.
-SURE = 0.5
+#: Probability that a loop has at least: where the map cuts a street corner, picks lie closer together than the channels
+#: do, which looks like slack of a gauge.
+SURE = 0.9
 #: m of cable before and after a loop of which this share hears the car: elsewhere nothing tells a loop from quiet.
 BESIDE, HEARD = 60.0, 0.2
 #: Standard deviations by which its length is above zero at least.

@@ -21,6 +21,9 @@ NEAR, CONFIRMED = 3, 2
 ENOUGH = 5
 #: m, standard deviation of the best peak: model errors that no noise tells of.
 SHARPEST = 0.25
+#: s, of the difference between the speed at which a car is heard and that at which it passes: where it brakes, its
+#: smoothed fixes tell its speed less well.
+UNEVEN = 0.5
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Picks:
     Parameters
     ----------
     cell, sigma : of the peak, cells; NaN where nothing is heard [leg, channel]
-    speed : of the car along the path as it passes, cells per second [leg, channel]
+    speed : of the car along the path as it is heard, cells per second [leg, channel]: so a pick moves with the clock
     row : sample at which it passes [leg, channel]
     amplitude : of the response of unit energy, noise sigmas [leg, channel]
     ratio : log likelihood ratio there [leg, channel]
@@ -80,8 +83,10 @@ def pick(
         ok &= np.convolve(ok, np.ones(2 * NEAR + 1), "same") >= CONFIRMED
         cell[leg, ok] = low[ok] + where[ok]
         sigma[leg, ok] = np.hypot(top.width[ok], SHARPEST)
-        rows, velocity = passing(legs, leg, low + where)
-        speed[leg], row[leg] = velocity, rows
+        row[leg], speed[leg] = passing(legs, leg, low + where)
+        passes = speed[leg, ok].copy()
+        speed[leg, ok] = heard_speed(of, legs, leg, (low + where)[ok], passes)
+        sigma[leg, ok] = np.hypot(sigma[leg, ok], UNEVEN * (speed[leg, ok] - passes))
         amplitude[leg] = found.amplitude.max(1)
         ratio[leg] = top.ratio
     return Picks(cell, sigma, speed, row, amplitude, ratio)
@@ -110,6 +115,26 @@ def peaks(ratio: Array) -> tuple[Top, Array]:
     shift = np.clip(slope / down, -1.5, 1.5)
     height = level + slope * shift - down * shift**2 / 2
     return Top(ratio[channel, best], height, 1 / np.sqrt(down)), middle + shift
+
+
+def heard_speed(of: Responses, legs: Legs, leg: int, cell: Array, passes: Array) -> Array:
+    """Speed of the car on a leg as it is heard at cells [pick], cells per second; as it `passes` where no response is.
+
+    One that brakes, or starts, beside a channel is heard most while it is faster than where it passes: this is the mean
+    over the response, weighed by its energy, and by so much a pick moves with the clock.
+    """
+    found = passes.copy()
+    number = np.clip(np.round(cell).astype(np.int64), 0, len(of.begin) - 2)
+    for pick, at in enumerate(number):
+        energy, way = 0.0, 0.0
+        for one in range(of.begin[at], of.begin[at + 1]):
+            if of.leg[one] == leg:
+                loud = (of.values[:, of.at[one] : of.at[one] + of.size[one]] ** 2).sum(0)
+                energy += float(loud.sum())
+                way += float(loud @ legs.speed[of.row[one] : of.row[one] + of.size[one]])
+        if energy > 0:
+            found[pick] = way / energy
+    return found
 
 
 def passing(legs: Legs, leg: int, cell: Array) -> tuple[NDArray[np.int64], Array]:

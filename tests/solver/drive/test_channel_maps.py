@@ -1,13 +1,15 @@
 """The hidden Markov model over the channels, on likelihoods that are known."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from solver.drive.channel_map import against_traffic, kernels, map_channels
+from solver.drive.channel_map import ChannelMap, against_traffic, kernels, map_channels
 from solver.drive.likelihood import Heard
-from solver.drive.loops import runs_of
+from solver.drive.loops import loops_of, runs_of, sure
 from solver.drive.path import path_of
 
 
@@ -98,3 +100,15 @@ def test_path_rounds_corners_and_runs_on() -> None:
     assert path.turn.max() < 0.2
     turned = path.turned()
     assert turned.nearest(np.array([100.0, 90.0]))[0] - turned.first == pytest.approx(10, abs=1)
+
+
+def test_only_loops_that_are_nearly_certain_are_named() -> None:
+    """Ten channels in one place, by the best path; the posterior has them there with the probability that is given."""
+    cells = np.concatenate([8.0 * np.arange(20), np.full(10, 156.0), 160 + 8.0 * np.arange(20)])
+    loop = np.arange(50) // 10 == 2
+    along: Any = SimpleNamespace(cell=cells, sigma=np.ones(50))
+    for probability, named in ((0.8, 0), (0.95, 1)):
+        inside = np.where(loop, probability, 0.0)
+        found = ChannelMap(cells, np.ones(50), cells.astype(np.int64), inside, loop, np.zeros(50), 0.0)
+        assert len(loops_of(found, along, 8.0, 1.0, 10.0)) == named
+        assert sure(found).sum() == 10 * named

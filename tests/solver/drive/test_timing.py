@@ -13,6 +13,7 @@ from solver.drive.car import car_of
 from solver.drive.channel_fit import likeliest
 from solver.drive.coarse import LEAD, looks
 from solver.drive.path import path_of
+from solver.drive.picks import passing
 from solver.drive.response import Clock, legs_of
 from solver.drive.rounds import LATER, ROUNDS, loudness, one_round, responses, settled
 from solver.drive.timing import clock_of_shapes
@@ -69,3 +70,21 @@ def test_rounds_end_when_the_clock_stands_still(
     done = settled(drive, quiet, coarse, None, Clock(1.0), np.zeros(3), 5, lambda _: None)  # type: ignore[arg-type]
     assert (done.count, done.still) == (count, still)
     assert done.clock.offset == pytest.approx(1.0 + sum(moves[:count]))
+
+
+def test_picks_move_with_the_clock_as_fast_as_the_car_is_heard(
+    drive: rf.Drive, run: rf.DriveRun, truth: dict[str, Any]
+) -> None:
+    quiet, path = drive.quiet(), path_of(drive.vertices)
+    car, cell = car_of(drive.tracks, quiet.start), run.arrays["along"] + path.first
+    polarity = int(run.facts["parameters"]["polarity"]["value"])
+    right, late = (
+        one_round(drive, quiet, path, car, Clock(truth["clock_offset"] + off), cell, polarity, LATER)
+        for off in (0.0, 0.2)
+    )
+    moved = (right.picks.cell - late.picks.cell) / 0.2
+    passes = np.stack([passing(right.legs, leg, np.nan_to_num(right.picks.cell[leg]))[1] for leg in range(len(moved))])
+    slow = np.isfinite(moved) & (np.abs(passes) < 5)
+    heard, passed = (float(np.median(np.abs(moved - one)[slow])) for one in (right.picks.speed, passes))
+    assert slow.sum() >= 5
+    assert heard < 0.6 * passed
