@@ -1,6 +1,6 @@
 """A posterior over explanations of what a model leaves, and the verdict that is read off it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,3 +133,16 @@ def priors(policy: Policy, known: int, stages: int, faults: int) -> dict[str, fl
         "fault": policy.fault / max(faults, 1),
         "unknown": policy.unknown / max(stages, 1),
     }
+
+
+def title_of_explanation(one: Weighed, titles: Mapping[str, str]) -> str:
+    """An explanation in plain words, with the titles of effects.
+
+    >>> title_of_explanation(Weighed("unknown", ("generic_echo",), "interrogator", 0.1), {})
+    'Something unknown (interrogator)'
+    """
+    if one.kind == "nothing":
+        return "Nothing that would show"
+    if one.kind == "unknown":
+        return f"Something unknown ({one.stage})"
+    return titles.get(one.effects[0], one.effects[0]) + (", and more" if one.kind == "two" else "")
