@@ -27,7 +27,7 @@ from solver.trajectory.trajectory import Trajectory
 #: From rows to their ground.
 Grounds = Callable[[slice | Tensor], Ground]
 #: Gauge points, over all rows, that are computed together.
-BLOCK = 32768
+BLOCK = 16384
 #: Forces of wheels on the road other than constant weight.
 FORCES = ("share_rate", "thrust", "thrust_rate")
 
