@@ -9,10 +9,11 @@ from solver.criticism.diagnosis import diagnose as diagnose_problem
 from solver.criticism.diagnosis import steps
 from solver.criticism.diagnosis_figures import considered, corridor_words, support_figure
 from solver.criticism.diagnosis_files import diagnosis_facts, write_diagnosis
+from solver.criticism.explanations import title_of_explanation
 from solver.criticism.finding import Diagnosis as Finding
 from solver.criticism.pages import diagnosis_page, widest_title
 from solver.criticism.plain_verdict import details, headline, size_words
-from solver.criticism.probability_figure import probability_figure, probability_line, title_of_explanation, titles_of
+from solver.criticism.probability_figure import probability_figure, probability_line, titles_of
 from solver.criticism.route_change import from_run
 from solver.effect import Effect
 from solver.run.fitted import fitted

@@ -13,11 +13,10 @@ from roadfiber.diagnosing import Diagnosis, diagnose
 from solver.catalogue.plain_words import BESIDE, rounded, with_unit
 from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis_files import write_texts
-from solver.criticism.explanations import Weighed
+from solver.criticism.explanations import Weighed, title_of_explanation
 from solver.criticism.probability_figure import (
     probability_figure,
     probability_line,
-    title_of_explanation,
     titles_of,
 )
 from solver.criticism.shared import Shared, pooled

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from solver.criticism.policy import POLICY
-from solver.criticism.record_parts import RecordPart, apart, record_parts
+from solver.criticism.record_parts import RecordPart, linearized, reach_of
 from solver.criticism.score import Projected, Score
 from solver.criticism.slow_errors import slow_variance
 from solver.criticism.sums import Sums, factor_of
@@ -17,7 +17,7 @@ from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
-from solver.fit.windowed import Windowed
+from solver.fit.windowed import Windowed, taken
 from solver.signal_path.derivatives import acts_on_rows, derivatives
 from solver.signal_path.extension import Extension
 from solver.signal_path.local import Local, Section, Seen
@@ -28,8 +28,8 @@ from solver.trajectory.trajectory_effects import SLOW_ERROR
 #: Bytes of what candidates share that are kept, about, and of a long record.
 SHARED, SHARED_LONG = 2e8, 5e7
 #: What candidates must have in common to share: shape of the gauges' points, a ratio that is the same at all of them,
-#: moments per sample, and part of the record.
-Key = tuple[torch.Size, bool, int, int | None]
+#: moments per sample, and samples of a part of the record.
+Key = tuple[torch.Size, bool, int, tuple[int, int] | None]
 
 
 class Directions:
@@ -48,16 +48,15 @@ class Directions:
 
     def __init__(self, fit: MapFit, state: State, alone: bool = False, variance: float | None = None):
         self.fit, self.state, self.alone = fit, state, alone
-        at = fit.linearized(state)
-        #: The problem there, its derivatives left to `jacobian`, and to `seen`.
+        #: The problem there, but for derivatives; parts of the record, one after the other, and last the whole of it,
+        #: for what cannot be told part by part.
+        at, self.parts = linearized(fit, state)
         self.at: Linearized = at.bare
         matrix, right = Chain.single(fit).dense(state, [at])
         self.fitted = len(matrix)
-        #: Parts of the record, one after the other, and last the whole of it, for what cannot be told part by part.
-        self.parts = record_parts(fit, self.at.weights, at.local.bytes)
         self._local: dict[Key, Local] = {}
         self._seen: Seen | None = None
-        self._slow: tuple[Windowed, list[int]] | None = None
+        self._slow: list[int] | None = None
         factor = factor_of(matrix)
         #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
@@ -66,11 +65,14 @@ class Directions:
         #: What was fitted, and then the tracks' slow errors [sample * channel + anchor, column].
         self.jacobian = at.jacobian.above(self._below(self._anchors.jacobian[:, fit.free]))
         if not alone and not any(one.slow_error for one in fit.extension.effects):
-            del at
-            self._slow = self.slow_errors()
+            slow, counts = self.slow_errors()
             self.forget()
-            self.jacobian = Windowed.beside([self.jacobian, self._slow[0]])
-            matrix, right = self._with_slow_errors(matrix, right, self._slow[0])
+            both = [self.jacobian, slow]
+            del at, self.jacobian
+            self.jacobian = Windowed.beside(taken(both))
+            matrix, right = self._with_slow_errors(matrix, right, slow)
+            self._slow = counts
+            del slow
         self.factor = factor_of(matrix)
         #: What the noise's variance counts as in directions that effects may take: the base model is not exact.
         self.variance = self._inexact() if variance is None else variance
@@ -92,12 +94,16 @@ class Directions:
         whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
         return whole, torch.cat([right, columns.along(self.residual)])
 
+    @property
+    def _slow_columns(self) -> Windowed:
+        return self.jacobian.taking(torch.arange(self.jacobian.width) >= self.fitted)
+
     @cached_property
     def slow_left(self) -> Projected | None:
         """What all that was fitted leaves of the tracks' slow errors; None where these are fitted, or all is held."""
         if self._slow is None:
             return None
-        columns, count = self._slow[0], self.fitted
+        columns, count = self._slow_columns, self.fitted
         own, right = self.factor[:count, :count], (self.factor @ (self.factor.T @ self.step))[:count]
         crossed = self.jacobian.transposed_times(columns)[:count]
         step = torch.cholesky_solve(right[:, None], own)[:, 0]
@@ -141,8 +147,8 @@ class Directions:
         gauges = partial(self.fit.gauges_at, path, self.state.coefficients)
         values = extension.local(self.numbers(extension, {}))
         here = gauges(path.described(values))
-        begin = None if section is None else section.samples.start
-        key = here.points.shape, here.change is None, path.traffic.over, begin
+        at = None if section is None else (section.samples.start, section.samples.stop)
+        key = here.points.shape, here.change is None, path.traffic.over, at
         if key not in self._local:
             most = SHARED if len(self.parts) == 1 else SHARED_LONG
             while self._local and sum(local.bytes for local in self._local.values()) > most:
@@ -188,13 +194,10 @@ class Directions:
         counts = [slot.where.stop - slot.where.start for slot in slots]
         none = Windowed((), len(self.residual), sum(counts))
         if effect == SLOW_ERROR and self._slow is not None:
-            return (self._slow[0] if last else none), counts
-        parts = [one for one in self.parts if part in (None, one)]
-        if len(self.parts) > 1:
-            told = apart(self.fit.path.with_effects(extension), extension.local(numbers))
-            parts = [one for one in parts if told == (one.section is not None)]
+            return (self._slow_columns if last else none), counts
+        told = self.told(extension, numbers)
         channels, pieces = self.fit.data.shape[1], list[tuple[int, Windowed]]()
-        for one in parts:
+        for one in (one for one in told if part in (None, one)):
             seen = like(self.seen(extension, one.section))
             maps = (some for slot in slots for some in derivatives(seen, slot, numbers))
             pieces.append((one.first * channels, Windowed.through_each(maps, one.white, self.fit.whiten.memory)))
@@ -202,6 +205,11 @@ class Directions:
             return Windowed.stacked(pieces, none.rows, none.width), counts
         whole = Windowed.stacked(pieces, rows, none.width)
         return whole.above(self._anchor_columns(effect, numbers, extension)), counts
+
+    def told(self, extension: Extension, numbers: Tensor) -> list[RecordPart]:
+        """Parts of the record by which a model's derivatives are told."""
+        reach = reach_of(self.fit.path.with_effects(extension), extension.local(numbers))
+        return [one for one in self.parts if one.reach == reach] or self.parts[-1:]
 
     def _white(self, maps: Tensor) -> Tensor:
         """Whitened, weighted maps [column, sample, channel]."""

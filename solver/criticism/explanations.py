@@ -1,6 +1,6 @@
 """A posterior over explanations of what a model leaves, and the verdict that is read off it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,3 +138,18 @@ def priors(policy: Policy, known: int, stages: int, faults: int) -> dict[str, fl
         "unknown": policy.unknown / max(stages, 1),
         "overlooked": policy.overlooked,
     }
+
+
+def title_of_explanation(one: Weighed, titles: Mapping[str, str]) -> str:
+    """An explanation in plain words, with the titles of effects.
+
+    >>> title_of_explanation(Weighed("unknown", ("generic_echo",), "interrogator", 0.1), {})
+    'Something unknown (interrogator)'
+    """
+    if one.kind == "nothing":
+        return "Nothing that would show"
+    if one.kind == "overlooked":
+        return "Something unnoticed"
+    if one.kind == "unknown":
+        return f"Something unknown ({one.stage})"
+    return titles.get(one.effects[0], one.effects[0]) + (", and more" if one.kind == "two" else "")

@@ -29,7 +29,7 @@ def find_cycle_skips(fit: MapFit, state: State) -> Fault | None:
     Where the residual is more than noise, a sample must be farther out: an unknown vehicle is as sharp on a channel.
     """
     measured = fit.measured.numpy()
-    bad = measured & (fit.weighted(fit.evaluate(state))[0].good.numpy() == 0)
+    bad = measured & (fit.weighted(fit.glance(state))[0].good.numpy() == 0)
     near = np.zeros_like(bad)
     for axis in (0, 1):
         for step in (1, -1):

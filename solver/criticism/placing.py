@@ -1,11 +1,14 @@
 """The stage at which something unknown acts: the discrepancy model that explains it best does not alone decide."""
 
+from functools import reduce
+
 import torch
 
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.policy import POLICY
 from solver.criticism.score import outcome
 from solver.criticism.scorer import Scorer
+from solver.criticism.sums import Sums
 from solver.effect import Discrepancy, Effect
 
 
@@ -50,8 +53,9 @@ def fixed_to_fiber(discrepancy: Effect, scorer: Scorer) -> bool:
     velocity = torch.tensor([one.velocity.mean(0).tolist() for one in scorer.fit.problem.passes])
     back = velocity @ velocity[0] < 0
     extension = scorer.fit.problem.extension([*scorer.fit.extension.effects, discrepancy])
-    columns, counts = scorer.columns(discrepancy, {}, extension)
-    projected = scorer.project([columns])[0]
+    each = (scorer.columns(discrepancy, {}, extension, part) for part in scorer.parts)
+    told, numbers = zip(*((scorer.summed([columns])[0], counts) for columns, counts in each), strict=True)
+    projected, counts = scorer.left(reduce(Sums.plus, told)), numbers[0]
     along_travel = torch.block_diag(*(torch.ones(count, 1, dtype=torch.float64) for count in counts))
     number = torch.arange(sum(counts)).reshape(len(counts), -1)
     turned = torch.where(back, number.roll(len(counts) // 2, 0), number)

@@ -1,12 +1,12 @@
 """How probable each explanation of a diagnosis is, in words and as bars."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from matplotlib.figure import Figure
 
 from solver.criticism.candidate import Candidate
-from solver.criticism.explanations import Weighed
+from solver.criticism.explanations import Weighed, title_of_explanation
 from solver.run.titles import probability_words
 from vision.contract.drawing import beside, canvas, place
 from vision.contract.figures import styled
@@ -39,21 +39,6 @@ def probability_figure(explanations: Sequence[Weighed], listed: Sequence[Candida
 def titles_of(listed: Sequence[Candidate]) -> dict[str, str]:
     """Titles of candidates by effect."""
     return {c.effect: c.title for c in listed}
-
-
-def title_of_explanation(one: Weighed, titles: Mapping[str, str]) -> str:
-    """An explanation in plain words, with the titles of effects.
-
-    >>> title_of_explanation(Weighed("unknown", ("generic_echo",), "interrogator", 0.1), {})
-    'Something unknown (interrogator)'
-    """
-    if one.kind == "nothing":
-        return "Nothing that would show"
-    if one.kind == "overlooked":
-        return "Something unnoticed"
-    if one.kind == "unknown":
-        return f"Something unknown ({one.stage})"
-    return titles.get(one.effects[0], one.effects[0]) + (", and more" if one.kind == "two" else "")
 
 
 def probability_line(explanations: Sequence[Weighed], listed: Sequence[Candidate]) -> str:

@@ -12,11 +12,10 @@ from solver.criticism.bench import Bench, scorable
 from solver.criticism.candidate import fault_candidate
 from solver.criticism.corridor import Corridor
 from solver.criticism.explaining import Explainer
-from solver.criticism.explanations import Posterior
+from solver.criticism.explanations import Posterior, title_of_explanation
 from solver.criticism.growth import Grown, regrown
 from solver.criticism.law_tolerance import law_errors
 from solver.criticism.policy import POLICY
-from solver.criticism.probability_figure import title_of_explanation
 from solver.criticism.quick_scores import quick_scores, with_signals
 from solver.criticism.race import UNSOLVED, started
 from solver.criticism.refit import Refit, counted, loss, with_effect

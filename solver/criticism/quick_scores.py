@@ -112,8 +112,14 @@ def best_of(scorer: Scorer, plans: Sequence[Plan], advance: Callable[[int], None
 
 def sums_of(scorer: Scorer, part: RecordPart, plan: Plan) -> list[Sums]:
     """Sums of each shape over a part of the record."""
-    columns = (scorer.columns(plan.effect, shape, plan.extension, part, plan.like)[0] for shape in plan.shapes)
-    sums = [scorer.summed([one])[0] for one in columns]
+    sums = []
+    for shape in plan.shapes:
+        columns, _ = scorer.columns(plan.effect, shape, plan.extension, part, plan.like)
+        if part.reach != "sample":
+            # Of many samples at once: what made them is as large as they are.
+            give_back()
+        sums += scorer.summed([columns])
+        del columns
     give_back()
     return sums
 

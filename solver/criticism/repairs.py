@@ -52,7 +52,7 @@ def certain(fit: MapFit, state: State) -> Array:
     Less than 1 where a known vehicle's track is uncertain: out of view the rest of a heavy one is no other vehicle.
     """
     counts = np.isfinite(fit.problem.record).astype(float)
-    evaluation = fit.evaluate(state)
+    evaluation = fit.glance(state)
     variance = 1 + fit.added_variance(evaluation.local, evaluation.model)
     counts[fit.problem.traffic.samples] /= variance.numpy()
     return counts

@@ -7,14 +7,13 @@ noise, Huber weights bound the pull of bad samples.
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
-from functools import partial
 
 import torch
 from torch import Tensor
 
 from solver.cable.fiber import Fiber, GaugeEnds, SplineBasis, stations_within
+from solver.fit.model_columns import columns
 from solver.fit.numbers import Numbers
-from solver.fit.parameter_layout import PER_PASS
 from solver.fit.parameter_prior import ParameterPrior
 from solver.fit.parameter_space import ParameterSpace
 from solver.fit.problem import Problem
@@ -22,11 +21,9 @@ from solver.fit.residual import unexplained
 from solver.fit.robust import huber, near_noise, scale_of, solved_amplitudes
 from solver.fit.state import Evaluation, Linearized, State, Weights
 from solver.fit.windowed import Windowed
-from solver.signal_path.derivatives import derivatives, observed_tangents
 from solver.signal_path.extension import Values
-from solver.signal_path.few import few_of
-from solver.signal_path.gauges import Gauges, route_jacobian
-from solver.signal_path.local import Local, Seen
+from solver.signal_path.gauges import Gauges
+from solver.signal_path.local import Section
 from solver.signal_path.observation import Description
 from solver.signal_path.sensitivities import Sensitivities
 from solver.signal_path.signal_path import SignalPath
@@ -81,7 +78,7 @@ class MapFit(ParameterSpace):
         """Values of the effects' parameters at each row and channel."""
         return self.extension.local(state.numbers)
 
-    def _ends_of(self, path: SignalPath, stages: Description) -> GaugeEnds:
+    def ends_of(self, path: SignalPath, stages: Description) -> GaugeEnds:
         """Basis matrices at the gauges' ends, as effects move them."""
         cable, gauge = stages.cable, stages.gauge
         if path.extension.surroundings is None:
@@ -98,7 +95,7 @@ class MapFit(ParameterSpace):
 
     def fiber_at(self, path: SignalPath, coefficients: Tensor, stages: Description) -> Fiber:
         """The gauges' ends on a route, in another path with more effects."""
-        return Fiber.of(self._ends_of(path, stages), coefficients)
+        return Fiber.of(self.ends_of(path, stages), coefficients)
 
     def gauges_at(self, path: SignalPath, coefficients: Tensor, stages: Description) -> Gauges:
         """The same as the ground moves them."""
@@ -113,6 +110,12 @@ class MapFit(ParameterSpace):
         """What the vehicles of a state do, with the local derivatives."""
         values = self.values(state)
         local = self.path.sensitivities(self.fiber(state, values), state.vehicles, state.poisson_ratio, values)
+        return Evaluation(values, local, self.path.observed(self.path.traffic.superpose(local.rate), values))
+
+    def glance(self, state: State) -> Evaluation:
+        """The same with the derivatives that weights need alone, a tenth of all."""
+        values = self.values(state)
+        local = self.path.shifts(self.fiber(state, values), state.vehicles, state.poisson_ratio, values)
         return Evaluation(values, local, self.path.observed(self.path.traffic.superpose(local.rate), values))
 
     def settled(self, state: State, weights: Weights) -> State:
@@ -167,77 +170,30 @@ class MapFit(ParameterSpace):
         """The same of a model [sample, channel], 1/s."""
         return self.whiten(self.unexplained(model) * weights.good) * weights.soft.sqrt()
 
-    def route_columns(self, state: State, local: Sensitivities, values: Values, few: int) -> Iterator[Tensor]:
-        """Derivative of the model by the route's coefficients, [3 coefficient, sample, channel], about `few` at a time.
-
-        A coefficient moves the channels near its knot alone.
-        """
-        stages, traffic = self.path.described(values), self.path.traffic
-        places, others = route_jacobian(self._ends_of(self.path, stages), state.coefficients, stages, self.path.curved)
-        rows, channels = local.alone.shape
-        scale = local.amplitude[:, None, None, None]
-        moved = (local.by_point * scale).permute(1, 3, 0, 2).reshape(channels, 3 * rows, -1)
-        gauges = (local.by_weight * scale).flatten(2)
-        if local.gauges.change is not None:
-            gauges = torch.cat([gauges, local.by_ratio * scale[..., 0]], 2)
-        gauges, others = gauges.transpose(0, 1), others.unflatten(2, (-1, 3))
-        for some in torch.arange(places.shape[2]).split(max(1, few // 3)):
-            at, other = places[:, :, some], others[:, :, some]
-            near = (at.any(2).any(1) | other.flatten(1).any(1)).nonzero()[:, 0]
-            columns = torch.bmm(moved[near], at[near]).reshape(len(near), 3, rows, -1).permute(3, 1, 2, 0)
-            turned = torch.bmm(gauges[near], other[near].flatten(2)).unflatten(2, (-1, 3)).permute(2, 3, 1, 0)
-            out = torch.zeros(3 * len(some), len(traffic.samples), channels, dtype=torch.float64)
-            found = torch.zeros(3 * len(some), len(traffic.samples), len(near), dtype=torch.float64)
-            out[:, :, near] = found.index_add_(1, traffic.sample_index, (columns + turned).flatten(0, 1))
-            yield out
-
-    def base_columns(self, state: State, local: Sensitivities, values: Values) -> Iterator[Tensor]:
-        """Derivative of what the ground does by all but the effects' numbers, before stages that act on whole maps."""
-        traffic = self.path.traffic
-        shape = len(traffic.samples), local.alone.shape[1]
-        few = few_of(shape[0] * shape[1])
-        yield from self.route_columns(state, local, values, few)
-        for name in PER_PASS:
-            moved = local.vehicle(name)
-            for some in torch.arange(traffic.passes).split(few):
-                mine = ((traffic.pass_index >= some[0]) & (traffic.pass_index <= some[-1])).nonzero()[:, 0]
-                out = torch.zeros(len(some), *shape, dtype=torch.float64)
-                out[traffic.pass_index[mine] - some[0], traffic.sample_index[mine]] += moved[mine]
-                yield out
-        yield traffic.superpose(local.poisson_ratio)[None]
-
-    def columns(self, state: State, local: Sensitivities, values: Values) -> Iterator[Tensor]:
-        """Derivative of the model by every parameter, [parameter, sample, channel], 1/s per unit, a few at a time."""
-        base = self.base_columns(state, local, values)
-        if not self.extension.effects:
-            yield from base
-            return
-        gauges = partial(self.gauges_at, self.path, state.coefficients)
-        rows = state.vehicles.rows(self.path.traffic)
-        here = Local(self.path, gauges, rows, state.poisson_ratio, values, known=local)
-        stages, alone = self.path.described(values), here.alone
-        for some in base:
-            yield observed_tangents(stages, alone, some, lambda maps: self.path.observed(maps, values))
-        for slot in self.extension.slots:
-            yield from derivatives(Seen(self.path, gauges, here), slot, state.numbers)
-
     def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
-        """The same, all at once."""
-        return torch.cat(list(self.columns(state, local, values)))
+        """`columns` by every parameter at once, [parameter, sample, channel]."""
+        out, first = torch.empty(self.layout.size, *self.data.shape, dtype=torch.float64), 0
+        for some in columns(self, state, local, values):
+            out[first : first + len(some)] = some
+            first += len(some)
+        return out
+
+    def free_columns(
+        self, state: State, local: Sensitivities, values: Values, section: Section | None = None
+    ) -> Iterator[Tensor]:
+        """`columns` by all that is free, [free, sample, channel]."""
+        first = 0
+        for some in columns(self, state, local, values, section):
+            free = self.free[first : first + len(some)]
+            first += len(some)
+            if bool(free.any()):
+                yield some if bool(free.all()) else some[free]
 
     def whitened_columns(self, state: State, evaluation: Evaluation, weights: Weights) -> Windowed:
         """Derivatives [sample * channel, free] by all that is free, whitened and weighted, each where it acts."""
         scale = weights.soft.sqrt()
-
-        def fitted() -> Iterator[Tensor]:
-            first = 0
-            for some in self.columns(state, evaluation.local, evaluation.values):
-                free = self.free[first : first + len(some)]
-                first += len(some)
-                if bool(free.any()):
-                    yield (some if bool(free.all()) else some[free]).mul_(weights.good)
-
-        return Windowed.through_each(fitted(), lambda maps: self.whiten(maps).mul_(scale), self.whiten.memory)
+        fitted = (some.mul_(weights.good) for some in self.free_columns(state, evaluation.local, evaluation.values))
+        return Windowed.through_each(fitted, lambda maps: self.whiten(maps).mul_(scale), self.whiten.memory)
 
     def track_variance(self, local: Sensitivities) -> Tensor:
         """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel].

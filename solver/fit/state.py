@@ -97,8 +97,8 @@ class Linearized:
 
     @property
     def bare(self) -> "Linearized":
-        """Without derivatives by what is fitted; of the local ones, with those that the weights need."""
-        return replace(self, jacobian=Windowed((), self.jacobian.rows, 0), local=self.local.shifts)
+        """Without derivatives by what is fitted."""
+        return replace(self, jacobian=Windowed((), self.jacobian.rows, 0))
 
     @property
     def misfit(self) -> float:

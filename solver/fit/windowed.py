@@ -1,7 +1,8 @@
 """Derivatives that mostly act for a short while: a vehicle's numbers act on its own pass alone."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -9,10 +10,14 @@ from torch.nn.functional import pad
 
 from solver.signal_path.few import few_of
 
+T = TypeVar("T")
+
 #: Columns are kept together where the rows between which they act are at most this many times as many as each's own.
 TOGETHER = 1.3
 #: Samples of nothing that are kept where a column acts before and after them: parts of few samples take their own time.
 BRIDGED = 16
+#: Values of parts that are merged, beyond which more would make products no faster.
+MERGED = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -237,20 +242,47 @@ def alike(windows: Tensor) -> list[Tensor]:
     return [torch.tensor(group) for group in groups]
 
 
-def joined(parts: Sequence[Part]) -> tuple[Part, ...]:
-    """Parts, with those of nearly the same rows merged into one."""
+def taken(some: list[T]) -> Iterator[T]:
+    """Things that are taken out of a list one after the other, so that none is held for its sake.
+
+    >>> some = [1, 2]
+    >>> list(taken(some)), some
+    ([1, 2], [])
+    """
+    while some:
+        yield some.pop(0)
+
+
+def joined(parts: list[Part]) -> tuple[Part, ...]:
+    """Parts, with those of nearly the same rows merged into one; the list is emptied.
+
+    What is merged is let go of at once, and large ones stay as they are: all of them twice would be most of what a fit
+    takes.
+    """
     windows = torch.tensor([[part.first, part.last] for part in parts]).reshape(-1, 2)
-    whole = []
-    for group in alike(windows):
-        if len(group) == 1:
-            whole.append(parts[int(group)])
+    left, whole = dict(enumerate(parts)), []
+    parts.clear()
+    for some in (some for group in alike(windows) for some in portions(group.tolist(), left)):
+        if len(some) == 1:
+            whole.append(left.pop(some[0]))
             continue
-        first, last = spanned(windows[group]).tolist()
-        some = [parts[number] for number in group.tolist()]
-        values = some[0].values.new_zeros(sum(len(part.values) for part in some), last - first)
-        at = 0
-        for part in some:
+        first, last = spanned(windows[some]).tolist()
+        columns = torch.cat([left[number].columns for number in some])
+        values, at = left[some[0]].values.new_zeros(len(columns), last - first), 0
+        for number in some:
+            part = left.pop(number)
             values[at : at + len(part.values), part.first - first : part.last - first] = part.values
             at += len(part.values)
-        whole.append(Part(torch.cat([part.columns for part in some]), first, last, values))
+        whole.append(Part(columns, first, last, values))
     return tuple(whole)
+
+
+def portions(group: Sequence[int], parts: Mapping[int, Part]) -> Iterator[list[int]]:
+    """Numbers of parts, as many at a time as are worth merging."""
+    some, size = list[int](), 0
+    for number in group:
+        if some and size > MERGED:
+            yield some
+            some, size = [], 0
+        some, size = [*some, number], size + parts[number].values.numel()
+    yield some

@@ -49,7 +49,7 @@ class Load:
         same = self.tensors.keys() == other.tensors.keys() and self.position.shape == other.position.shape
         return same and torch.equal(self.position, other.position) and torch.equal(self.share, other.share)
 
-    def part(self, rows: slice) -> "Load":
+    def part(self, rows: slice | Tensor) -> "Load":
         """Some of its rows."""
         return self.with_tensors({name: x[rows] for name, x in self.tensors.items()})
 

@@ -18,7 +18,6 @@ from solver.run.pass_arrays import pass_arrays
 from solver.run.problem_arrays import problem_arrays, problem_from
 from solver.run.read_seen import ARRAYS, MAPS, parts_of, read_facts, read_parts
 from solver.run.read_stored import read_model
-from solver.run.report import report_page
 from solver.run.report.joined import join
 from solver.run.route_table import route_csv
 from solver.run.run import Run
@@ -74,6 +73,9 @@ def write_run(folder: Path, run: Run) -> None:
     InputError
         If `folder` holds something else than a run (see `check_target`), or cannot be written.
     """
+    # Loads Matplotlib, 30 MB, which nothing before needs.
+    from solver.run.report import report_page
+
     folder = Path(folder)
     check_target(folder)
     facts = run.facts

@@ -7,7 +7,6 @@ import numpy as np
 from solver.run.report.misfit import misfit_of, rows_of, whole_range
 from solver.run.run import Run
 from solver.run.rung import Glimpse
-from vision.contract.drawing import coarse
 
 #: Rows and columns of the residual at most.
 CELLS = 48
@@ -40,6 +39,9 @@ def glimpse_of(run: Run, track: str = "") -> Glimpse:
     run : to look at
     track : pass that is drawn; the one that fits worst where it is none of the run's
     """
+    # Loads Matplotlib, as of the page of a run.
+    from vision.contract.drawing import coarse
+
     off = tuple((name, round(m.length, 4), round(m.sigmas, 3)) for name, m in misses(run).items())
     by_track = {one.track_id: one for one in run.passes}
     if not by_track:

@@ -23,6 +23,12 @@ def pushed_ways(
     function: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor, ways: Sequence[Tensor]
 ) -> list[tuple[Tensor, ...]]:
     """`pushed_all` in several directions."""
+    along = pushing(function, here)
+    return [along(way) for way in ways]
+
+
+def pushing(function: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor) -> Callable[[Tensor], tuple[Tensor, ...]]:
+    """`pushed_all` at a point, from a direction: what all directions share is computed once, and held."""
     with torch.enable_grad():
         at = here.detach().requires_grad_()
         values = function(at)
@@ -35,8 +41,9 @@ def pushed_ways(
     def along(way: Tensor) -> tuple[Tensor, ...]:
         found: Iterator[Tensor] = iter(())
         if moving:
-            found = iter(torch.autograd.grad((gradient * way).sum(), weights, None, True, materialize_grads=True))
+            with torch.enable_grad():
+                product = (gradient * way).sum()
+            found = iter(torch.autograd.grad(product, weights, None, True, materialize_grads=True))
         return tuple(next(found) if value.requires_grad else torch.zeros_like(value) for value in values)
 
-    with torch.enable_grad():
-        return [along(way) for way in ways]
+    return along

@@ -13,7 +13,7 @@ from torch.autograd import forward_ad
 from torch.func import jvp
 
 from solver.ground.ground import Ground
-from solver.signal_path.autodiff import pushed_all, pushed_ways
+from solver.signal_path.autodiff import pushed_all, pushed_ways, pushing
 from solver.signal_path.extension import Slot, Values
 from solver.signal_path.few import few_of
 from solver.signal_path.gauges import Gauges
@@ -62,32 +62,37 @@ def derivatives(seen: Seen, slot: Slot, numbers: Tensor) -> Iterator[Tensor]:
     A row depends only on the parameter's value at that row, so a single tangent, 1 everywhere, holds the derivatives
     with respect to all numbers.
     """
-    path, extension = seen.path, seen.path.extension
-    values = extension.local(numbers)
+    path, extension, section = seen.path, seen.path.extension, seen.local.section
+    values: Values = extension.local(numbers)
+    if section is not None:
+        values = extension.within(values, section.samples)
     effect, p, scope = slot.effect, slot.parameter, slot.spread
 
     def change(value: Tensor) -> Values:
         return {**values, effect.name: {**values[effect.name], p.name: value}}
 
     def observed(maps: Tensor, values: Values = values) -> Tensor:
-        section, samples = seen.local.section, path.traffic.samples
+        samples = path.traffic.samples
         return path.described(values).observed(maps, samples if section is None else samples[section.samples])
 
     assert extension.scopes is not None
     here, alone = values[effect.name][p.name], seen.local.alone
     weights = torch.ones(here.numel(), 1).double() if scope == "one" else extension.scopes.along(scope)
+    if section is not None and scope == "time":
+        weights = weights[section.samples]
     in_rows = acts_on_rows(seen, slot, values)
     by_gauge = in_rows and effect.stage in ("cable", "interrogator")
     by_row = tangents(seen, slot, values) if in_rows and not by_gauge else []
+    on_map = acts_on_map(seen, slot, values)
+    moved = pushing(lambda v: (observed(alone, change(v)),), here) if on_map else None
     for some in torch.arange(weights.shape[1]).split(few_of(alone.numel())):
         ways = [way.reshape(here.shape) for way in weights[:, some].unbind(1)]
         parts = []
         if in_rows:
             columns = by_gauges(seen, change, here, ways) if by_gauge else spread(seen, slot, by_row, some)
             parts.append(observed_tangents(path.described(values), alone, columns, observed))
-        if acts_on_map(seen, slot, values):
-            found = pushed_ways(lambda v: (observed(alone, change(v)),), here, ways)
-            parts.append(torch.stack([moved for (moved,) in found]))
+        if moved is not None:
+            parts.append(torch.stack([moved(way)[0] for way in ways]))
         yield sum(parts[1:], parts[0])
 
 

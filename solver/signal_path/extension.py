@@ -187,6 +187,15 @@ class Extension:
                     mine[name] = mine[name][rows]
         return part
 
+    def within(self, values: Values, samples: slice) -> Values:
+        """Values at some samples."""
+        part = {name: dict(mine) for name, mine in values.items()}
+        for slot in self.slots:
+            if slot.parameter.scope == "time":
+                mine = part[slot.effect.name]
+                mine[slot.parameter.name] = mine[slot.parameter.name][samples]
+        return part
+
     def changed(self, stage: str, value: Any, values: Values) -> Any:
         """A stage as its effects change it.
 

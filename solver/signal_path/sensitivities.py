@@ -9,6 +9,8 @@ from torch import Tensor
 from solver.load.load import Load
 from solver.signal_path.gauges import Gauges
 
+#: Fields of `Vehicles` by which derivatives are kept for the weights of samples.
+SHIFTS = ("along", "across")
 #: Name, see `Load.tensors` -> derivative [row, channel, ...] of strain rate per unit amplitude.
 ByLoad = Mapping[str, Tensor]
 
@@ -54,7 +56,7 @@ class Sensitivities:
     def shifts(self) -> "Sensitivities":
         """Only the derivatives with respect to shifts of the vehicles, which amplitudes and sample weights need."""
         none = self.alone.new_zeros(0)
-        by_vehicle = {name: self.by_vehicle[name] for name in ("along", "across")}
+        by_vehicle = {name: self.by_vehicle[name] for name in SHIFTS}
         return replace(self, by_point=none, by_weight=none, by_ratio=none, by_load={}, by_vehicle=by_vehicle)
 
     def part(self, chosen: Tensor) -> "Sensitivities":

@@ -16,17 +16,18 @@ from solver.load.load import Load
 from solver.load.wheel_layout import wheel_loads
 from solver.signal_path.autodiff import pushed_ways
 from solver.signal_path.extension import NONE, Extension, Values
+from solver.signal_path.few import AT_ONCE
 from solver.signal_path.gauges import Gauges
 from solver.signal_path.ground_motion import strain_rates
 from solver.signal_path.observation import Description
-from solver.signal_path.sensitivities import ByLoad, Sensitivities, along_load
+from solver.signal_path.sensitivities import SHIFTS, ByLoad, Sensitivities, along_load
 from solver.signal_path.traffic import Traffic, Vehicles, columns
 from solver.trajectory.trajectory import Trajectory
 
 #: From rows to their ground.
 Grounds = Callable[[slice | Tensor], Ground]
 #: Gauge points, over all rows, that are computed together.
-BLOCK = 32768
+BLOCK = 16384
 #: Forces of wheels on the road other than constant weight.
 FORCES = ("share_rate", "thrust", "thrust_rate")
 
@@ -121,8 +122,7 @@ class SignalPath:
         here = ground(slice(0, 1))
         others = here.response, here.radiation, *map(load.tensors.get, FORCES)
         plain = all(one is None for one in others)
-        count = max(1, rows if plain else BLOCK // gauges.points.shape[:2].numel())
-        return [slice(first, min(first + count, rows)) for first in range(0, max(rows, 1), count)]
+        return spans(rows, rows if plain else BLOCK // gauges.points.shape[:2].numel())
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
         """Maps [..., sample, channel] after interrogator and processing."""
@@ -137,37 +137,62 @@ class SignalPath:
         return self.observed(self.traffic.superpose(rows), values)
 
     def sensitivities(
-        self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values | None = None
+        self,
+        fiber: Fiber,
+        vehicles: Vehicles,
+        poisson_ratio: Tensor,
+        values: Values | None = None,
+        rows: Tensor | None = None,
     ) -> Sensitivities:
-        """Strain rate of each row and its derivatives with respect to every local quantity.
+        """Strain rate of each row, or of some `rows`, and its derivatives with respect to every local quantity.
 
         One backward pass per block of rows: each pair of a row and a channel depends only on its own copy of points,
         weights and loads, so the gradient of the sum over all pairs holds all derivatives. Stages that act on the whole
         map are not included, see `observed`.
         """
-        values = values or {}
-        per_row = vehicles.rows(self.traffic)
-        load, gauges = self.loads(columns(per_row), values), self.gauges(fiber, values)
-        return self.sensitivities_of(load, gauges, per_row, poisson_ratio, values)
-
-    def sensitivities_of(
-        self, load: Load, gauges: Gauges, vehicles: Vehicles, poisson_ratio: Tensor, values: Values
-    ) -> Sensitivities:
-        """The same for given loads and gauges, of vehicles per row."""
-        found = self.by_gauges_and_loads(load, gauges, vehicles.amplitude, poisson_ratio, self.grounds(values))
-        by_load = found.by_load
+        values, per_row = values or {}, vehicles.rows(self.traffic)
+        mine = slice(None) if rows is None else rows
+        load, gauges = self.loads(columns(per_row), values).part(mine), self.gauges(fiber, values)
+        grounds = self.grounds(values)
+        ground = grounds if rows is None else lambda some: grounds(rows[some])
+        found = self.by_gauges_and_loads(load, gauges, per_row.amplitude[mine], poisson_ratio, ground)
         names = [f.name for f in fields(vehicles) if f.name != "amplitude"]
+        moved = self.moved_loads(per_row, values, names, list(found.by_load))
+        ways = {name: {which: x[mine] for which, x in way.items()} for name, way in moved.items()}
+        return replace(found, by_vehicle={name: along_load(found.by_load, way) for name, way in ways.items()})
+
+    def moved_loads(
+        self, vehicles: Vehicles, values: Values, names: Sequence[str], which: Sequence[str]
+    ) -> dict[str, dict[str, Tensor]]:
+        """Derivatives of some tensors of the loads, by fields of the vehicles per row: field -> tensor's name -> it."""
 
         def loads(numbers: Tensor) -> tuple[Tensor, ...]:
             changed = replace(vehicles, **dict(zip(names, numbers, strict=True)))
             tensors = self.loads(columns(changed), values).tensors
-            return tuple(tensors[which] for which in by_load)
+            return tuple(tensors[one] for one in which)
 
         here = torch.stack([getattr(vehicles, name) for name in names])
         ways = [way[:, None].expand_as(here) for way in torch.eye(len(names), dtype=torch.float64)]
-        moved = zip(names, pushed_ways(loads, here, ways), strict=True)
-        by_vehicles = {name: along_load(by_load, dict(zip(by_load, way, strict=True))) for name, way in moved}
-        return replace(found, by_vehicle=by_vehicles)
+        found = zip(names, pushed_ways(loads, here, ways), strict=True)
+        return {name: dict(zip(which, way, strict=True)) for name, way in found}
+
+    def shifts(self, fiber: Fiber, vehicles: Vehicles, poisson_ratio: Tensor, values: Values) -> Sensitivities:
+        """`sensitivities` with the derivatives by shifts of the vehicles alone, some rows at a time.
+
+        What all rows' derivatives by the gauges take, ten times as much as these, is never held.
+        """
+        per_row = vehicles.rows(self.traffic)
+        load, gauges, ground = self.loads(columns(per_row), values), self.gauges(fiber, values), self.grounds(values)
+        moved, parts = self.moved_loads(per_row, values, SHIFTS, differentiated(load)), list[list[Tensor]]()
+        # Each point of a gauge has seven derivatives.
+        for rows in spans(len(load.share), AT_ONCE // (7 * gauges.points.shape[:2].numel())):
+            (alone, *_), by = _block(load.part(rows), ground(rows), gauges, poisson_ratio)
+            ways = ({name: way[rows] for name, way in of.items() if name in by} for of in moved.values())
+            parts.append([alone, *(along_load(by, way) for way in ways)])
+        alone, *found = (torch.cat(one) for one in zip(*parts, strict=True))
+        none = alone.new_zeros(0)
+        by_vehicle = dict(zip(SHIFTS, found, strict=True))
+        return Sensitivities(per_row.amplitude, gauges, load, alone, none, none, none, {}, by_vehicle)
 
     def by_gauges_and_loads(
         self, load: Load, gauges: Gauges, amplitude: Tensor, poisson_ratio: Tensor, ground: Grounds
@@ -183,6 +208,21 @@ class SignalPath:
         """Only the derivatives with respect to the tensors of the loads."""
         parts = (_block(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground))
         return _joined([by for _, by in parts])
+
+
+def spans(rows: int, count: int) -> list[slice]:
+    """Rows, so many at a time and at least one; one span of none where there are none.
+
+    >>> spans(5, 2)
+    [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
+    """
+    count = max(1, count)
+    return [slice(first, min(first + count, rows)) for first in range(0, max(rows, 1), count)]
+
+
+def differentiated(load: Load) -> list[str]:
+    """Names of the tensors of a load that strain rate is differentiated by: nothing else depends on the channel."""
+    return [name for name in load.tensors if name in ("position", "share", *FORCES, "trajectory.velocity")]
 
 
 def _joined(parts: Sequence[ByLoad]) -> ByLoad:
@@ -202,11 +242,10 @@ def _block(
         return x.detach().expand(*whole).requires_grad_()
 
     own = leaf(gauges.points, *shape, 3), leaf(gauges.weights, *shape, 3), leaf(gauges.ratio(poisson_ratio), *shape)
-    # Nothing else depends on the channel.
-    named = [name for name in load.tensors if name in ("position", "share", *FORCES, "trajectory.velocity")]
-    forces = {name: leaf(load.tensors[name], *shape[:2], *load.tensors[name].shape[2:]) for name in named}
+    tensors = load.tensors
+    forces = {name: leaf(tensors[name], *shape[:2], *tensors[name].shape[2:]) for name in differentiated(load)}
     with torch.enable_grad():
-        rate = strain_rates(load.with_tensors(load.tensors | forces), ground, *own)
+        rate = strain_rates(load.with_tensors(tensors | forces), ground, *own)
     by_point, by_weight, by_ratio, *found = torch.autograd.grad(rate.sum(), [*own, *forces.values()], allow_unused=True)
     by_load = {name: grad for name, grad in zip(forces, found, strict=True) if grad is not None}
     return (rate.detach(), by_point, by_weight, by_ratio), by_load

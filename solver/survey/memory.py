@@ -29,7 +29,7 @@ def reuse_freed_memory() -> None:
     except (AttributeError, OSError, TypeError):
         return
     mallopt(MMAP_THRESHOLD, LARGE)
-    mallopt(TRIM_THRESHOLD, 2 * LARGE)
+    mallopt(TRIM_THRESHOLD, LARGE // 4)
 
 
 def give_back() -> None:

@@ -24,7 +24,6 @@ from solver.criticism.comparison.region_search import regions_of
 from solver.criticism.comparison.split import SOURCES, fair_shares, normal_equations, split_of
 from solver.criticism.comparison.stack import stack_of
 from solver.criticism.comparison.windows import ladder, power_statistic, threshold, widest
-from solver.run import folder as run_folder
 from solver.run.run import run_of
 
 
@@ -349,7 +348,7 @@ def test_page_of_a_run_with_gaps_faded_channels_and_one_pass():
 
 
 def test_command_writes_beside_the_run_and_prints_words_or_json(survey, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_folder.report_page, "render", lambda run: "")
+    monkeypatch.setattr("solver.run.report.report_page.render", lambda run: "")
     monkeypatch.setattr(comparison.comparison_files, "figures_of", lambda *arguments: {})
     monkeypatch.setattr(comparison.comparison_files, "render", lambda *arguments: "")
     run_of(survey.result, **survey.arguments).save(tmp_path / "run")

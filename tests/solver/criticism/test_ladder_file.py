@@ -15,7 +15,6 @@ import roadfiber.command
 from solver.catalogue.catalogue import built_in
 from solver.criticism.diagnosis_files import check_out
 from solver.criticism.growth import check_names
-from solver.run import folder as run_folder
 from solver.run.folder import read_run
 from solver.run.ladder import climbed
 from solver.run.ladder_file import ladder_facts, read_ladder, write_ladder
@@ -32,7 +31,7 @@ def moved(run, meters: float):
 @pytest.fixture
 def runs(survey, tmp_path, monkeypatch) -> Path:
     """Folder with the runs a, b and c: b is 0.5 m beside a, c 0.8 m; c has the ladder of all."""
-    monkeypatch.setattr(run_folder.report_page, "render", lambda run: "<!doctype html>")
+    monkeypatch.setattr("solver.run.report.report_page.render", lambda run: "<!doctype html>")
     run_of(survey.result, **survey.arguments).save(tmp_path / "a")
     for before, after, meters in (("a", "b", 0.5), ("b", "c", 0.3)):
         run = read_run(tmp_path / before)

@@ -11,6 +11,7 @@ from solver.catalogue.catalogue import built_in
 from solver.criticism.placing import fixed_to_fiber, stage_of
 from solver.criticism.policy import POLICY
 from solver.criticism.score import Projected
+from solver.criticism.sums import Sums
 from solver.effect import Discrepancy
 
 KNOWN = built_in()
@@ -34,14 +35,19 @@ class Profiles:
         law = SimpleNamespace(across=np.array(across))
         problem = SimpleNamespace(passes=passes, law=law, extension=lambda effects: None)
         self.fit = SimpleNamespace(problem=problem, extension=SimpleNamespace(effects=()))
+        self.parts = [1 / 4, 3 / 4]
 
-    def columns(self, effect: Any, shape: Any, extension: Any) -> tuple[Any, list[int]]:
+    def columns(self, effect: Any, shape: Any, extension: Any, part: float) -> tuple[Any, list[int]]:
         numbers, passes = self.held.shape
-        return self.held, [passes] * numbers
+        return self.held * part, [passes] * numbers
 
-    def project(self, columns: list[Any]) -> list[Projected]:
+    def summed(self, columns: list[Any]) -> list[Sums]:
         score = columns[0].flatten()
-        return [Projected(score, torch.eye(len(score)).double(), torch.eye(len(score)).double())]
+        gram = torch.eye(len(score)).double() / len(self.parts)
+        return [Sums(score, gram, gram[:0])]
+
+    def left(self, sums: Sums) -> Projected:
+        return Projected(sums.score, sums.gram, sums.gram)
 
 
 WAYS = [1, -1, 1, -1]

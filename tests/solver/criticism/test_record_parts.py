@@ -1,6 +1,7 @@
 """A record that is scored part by part, against the same looked at as a whole."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,12 @@ from solver.criticism.scorer import Scorer
 from solver.fit.map_fit import MapFit
 from solver.fit.state import State
 from solver.fit.windowed import Windowed
+from solver.load.load import Load
 from solver.noise.law import NoiseLaw
 from solver.signal_path import few
+from solver.signal_path.sensitivities import Sensitivities
+from solver.signal_path.signal_path import SignalPath
+from solver.signal_path.traffic import Traffic
 
 KNOWN = built_in()
 #: Of each stage and scope; some of them mix samples, so that no part can be told by itself.
@@ -39,7 +44,7 @@ NAMES = (
     "generic_neighbors",
 )
 #: Those of which no part can be told by itself, and that which the scorer has already.
-AT_ONCE = ("lowpass", "median_filter", "saturation", "generic_gain", "track_jitter")
+AT_ONCE = ("lowpass", "median_filter", "saturation", "track_jitter")
 
 
 def fitted() -> tuple[MapFit, State]:
@@ -47,6 +52,17 @@ def fitted() -> tuple[MapFit, State]:
     fit = noisy(30, 6, KNOWN["gauge_length"], 0.05)
     law = NoiseLaw(0.5 ** np.arange(4.0), np.zeros(4), np.ones(1), np.zeros(1))
     return MapFit(replace(fit.problem, law=law)), trial_survey()[1]
+
+
+def apart_in_time(fit: MapFit, state: State) -> tuple[MapFit, State]:
+    """The same with the last half of the passes a minute later."""
+    problem = fit.problem
+    gap, count = round(60 * problem.sampling_rate), len(problem.passes) // 2
+    last = max(int(one.rows[-1]) for one in problem.passes) + 1
+    late = [replace(one, rows=one.rows + last + gap) for one in problem.passes[count:]]
+    record = np.concatenate([problem.record, np.zeros((gap, problem.record.shape[1])), problem.record])
+    passes = [*problem.passes[:count], *late]
+    return MapFit(replace(problem, record=record, passes=passes, traffic=Traffic.of(passes))), state
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +108,49 @@ def test_directions_are_those_of_the_whole(whole: Scorer, parted: Scorer, name: 
     total = sum((dense(one) for one in parts[1:]), dense(parts[0]))
     torch.testing.assert_close(total, dense(expected), rtol=1e-9, atol=1e-11 * size)
     assert (sum(bool(one.parts) for one in parts) > 1) == (name not in AT_ONCE)
+
+
+def test_the_fit_s_own_derivatives_are_those_of_the_whole(whole: Scorer, parted: Scorer) -> None:
+    expected = dense(whole.jacobian)
+    torch.testing.assert_close(dense(parted.jacobian), expected, rtol=1e-9, atol=1e-11 * float(expected.abs().max()))
+    torch.testing.assert_close(parted.residual, whole.residual)
+    torch.testing.assert_close(parted.step, whole.step, rtol=1e-6, atol=1e-9)
+
+
+def test_derivatives_of_all_vehicles_are_never_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of each gauge by each vehicle: of a long record they take more than all that is kept of it."""
+    rows: list[int] = []
+    found = SignalPath.by_gauges_and_loads
+
+    def watched(path: SignalPath, load: Load, *others: Any) -> Sensitivities:
+        rows.append(len(load.share))
+        return found(path, load, *others)
+
+    monkeypatch.setattr(record_parts, "WHOLE", 0.0)
+    monkeypatch.setattr(record_parts, "EACH", 1.5e5)
+    monkeypatch.setattr(SignalPath, "by_gauges_and_loads", watched)
+    fit, state = fitted()
+    scorer = Scorer(fit, state)
+    quick_scores(scorer, [KNOWN["generic_load"], KNOWN["gauge_length"]])
+    assert rows and max(rows) < 0.6 * len(fit.path.traffic.pass_index)
+
+
+@pytest.mark.parametrize("name", ["lowpass", "median_filter", "saturation", "generic_delay"])
+def test_what_mixes_samples_is_told_stretch_by_stretch(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Where nothing is heard for long enough that filters begin anew."""
+    monkeypatch.setattr("solver.fit.problem.OFTEN", 1.0)  # else a filter in time sees more moments than are measured
+    late = apart_in_time(*fitted())
+    whole = Scorer(*late)
+    monkeypatch.setattr(record_parts, "WHOLE", 0.0)
+    monkeypatch.setattr(record_parts, "EACH", 1.5e5)
+    parted, effect = Scorer(*late), KNOWN[name]
+    shape, extension = {p.name: p.grid[0] for p in effect.shapes}, parted.fit.problem.extension([effect])
+    expected = dense(whole.columns(effect, shape, whole.fit.problem.extension([effect]))[0])
+    each = [(part.reach, parted.columns(effect, shape, extension, part)[0]) for part in parted.parts]
+    assert [part.reach for part in parted.parts].count("stretch") == 2
+    assert {reach for reach, one in each if one.norm > 0} == {"stretch"}
+    total = sum(dense(one) for _, one in each)
+    torch.testing.assert_close(total, expected, rtol=1e-9, atol=1e-11 * float(expected.abs().max()))
 
 
 def test_quick_scores_are_those_of_the_whole(whole: Scorer, parted: Scorer) -> None:

@@ -36,6 +36,16 @@ def test_jacobian_by_finite_differences(case) -> None:
         torch.testing.assert_close(numeric, expected, rtol=1e-4, atol=1e-5 * float(expected.abs().max()))
 
 
+def test_a_glance_has_the_derivatives_that_weights_need(case, monkeypatch) -> None:
+    monkeypatch.setattr("solver.signal_path.signal_path.AT_ONCE", 1)  # row by row
+    fit = MapFit(case.problem)
+    state = fit.start()
+    whole, glance = fit.evaluate(state), fit.glance(state)
+    assert glance.local.bytes < 0.2 * whole.local.bytes
+    torch.testing.assert_close(glance.model, whole.model)
+    torch.testing.assert_close(fit.weighted(glance)[0].soft, fit.weighted(whole)[0].soft)
+
+
 @pytest.mark.parametrize("rows", ["shape", "anchors"])
 def test_prior_rows_by_finite_differences(case, rows: str) -> None:
     basis = SplineBasis(0.0, 60.0, 10.0)

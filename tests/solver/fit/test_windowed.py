@@ -5,6 +5,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from solver.fit import windowed
 from solver.fit.windowed import Part, Windowed, alike, joined
 
 SAMPLES, CHANNELS = 60, 5
@@ -99,9 +100,17 @@ def test_joined_parts_hold_what_each_held() -> None:
         Part(torch.tensor([1]), 0, 11, 2 * torch.ones(1, 11).double()),
         Part(torch.tensor([2]), 60, 70, 3 * torch.ones(1, 10).double()),
     ]
+    last = parts[2]
     found = {tuple(part.columns.tolist()): part for part in joined(parts)}
-    assert found[(2,)] is parts[2]
+    assert found[(2,)] is last
     (together,) = (part for key, part in found.items() if set(key) == {1, 4})
     assert (together.first, together.last) == (0, 12)
     rows = dict(zip(together.columns.tolist(), together.values.tolist(), strict=True))
     assert rows[4] == [0.0, 0.0, *[1.0] * 10] and rows[1] == [*[2.0] * 11, 0.0]
+
+
+def test_large_parts_are_not_merged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Merging holds what is merged twice, and makes products of large parts no faster."""
+    monkeypatch.setattr(windowed, "MERGED", 25)
+    found = joined([Part(torch.tensor([number]), 0, 10, torch.ones(1, 10).double()) for number in range(7)])
+    assert [part.columns.tolist() for part in found] == [[0, 1, 2], [3, 4, 5], [6]]

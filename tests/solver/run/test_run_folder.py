@@ -19,7 +19,7 @@ from vision.contract import InputError
 @pytest.fixture
 def quick(monkeypatch):
     """Leave the drawing to the tests of the report."""
-    monkeypatch.setattr(run_folder.report_page, "render", lambda run: "<!doctype html>")
+    monkeypatch.setattr("solver.run.report.report_page.render", lambda run: "<!doctype html>")
 
 
 def no_constant(text: str) -> None:
@@ -144,7 +144,7 @@ def test_nothing_is_left_when_writing_fails(survey, tmp_path, quick, monkeypatch
     def broken(run):
         raise OSError("disk full")
 
-    monkeypatch.setattr(run_folder.report_page, "render", broken)
+    monkeypatch.setattr("solver.run.report.report_page.render", broken)
     with pytest.raises(InputError, match="disk full"):
         run_of(survey.result, **survey.arguments).save(tmp_path / "out" / "run")
     assert list(tmp_path.iterdir()) == []

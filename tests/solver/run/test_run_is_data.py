@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 
 from roadfiber.command import app
 from solver.catalogue.plugins import catalogue
-from solver.run import folder as run_folder
 from solver.run.code import with_plugins
 from solver.run.folder import read_run, write_run
 from solver.run.run import Run, run_of
@@ -66,7 +65,7 @@ def grip(mine):
 @pytest.fixture
 def held(survey, grip, tmp_path, monkeypatch) -> Path:
     """Run folder of a model with a user's effect; drawing is left to other tests."""
-    monkeypatch.setattr(run_folder.report_page, "render", lambda run: "<!doctype html>")
+    monkeypatch.setattr("solver.run.report.report_page.render", lambda run: "<!doctype html>")
     run_of(survey.result, **survey.arguments).save(tmp_path / "run")
     run = read_run(tmp_path / "run")
     problem = replace(run.problem, effects=(grip["grip"],))

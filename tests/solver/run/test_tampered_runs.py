@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from test_run_is_data import COMMANDS, command
 
-from solver.run import folder as run_folder
 from solver.run.arrays import EXPECTED, SMALL, check_sizes
 from solver.run.folder import read_run
 from solver.run.read_stored import printable
@@ -33,7 +32,7 @@ def whole(survey, tmp_path_factory) -> Path:
     """A run as it was written, with a warning, a plugin and a coil in its facts, so that every key is there."""
     folder = tmp_path_factory.mktemp("whole") / "run"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_folder.report_page, "render", lambda run: "<!doctype html>")
+        patch.setattr("solver.run.report.report_page.render", lambda run: "<!doctype html>")
         run_of(survey.result, **survey.arguments, warnings=["a line"], disputed=["another"]).save(folder)
     facts = json.loads((folder / "fit.json").read_text())
     facts["plugins"] = [{"file": "mine.py", "sha256": "ab" * 32, "effects": ["grip"], "text": "x = 1\n"}]
