@@ -108,7 +108,9 @@ def patch_block(patch: Any, path: Path, name: str, whole: OnDisk | None = None) 
         path=path,
         format=name,
         data=np.asarray(patch.data) if whole is None else whole,
-        time=(patch.get_array("time") if whole is None else whole.time).astype("datetime64[ns]").astype(np.int64),
+        time=patch.get_array("time").astype("datetime64[ns]").astype(np.int64)
+        if whole is None
+        else np.asarray(whole.time, np.int64),
         distance=meters(np.asarray(distance.data, float), distance.units),
         first_channel=0,
         gauge_length=gauge_length if gauge_length > 0 else None,

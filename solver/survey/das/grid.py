@@ -48,7 +48,8 @@ def part_of(block: Block) -> Part:
     interval = file_interval(block)
     cuts = [0, *(np.flatnonzero(np.diff(block.time) > 1.5 * interval) + 1).tolist(), len(block.time)]
     runs = tuple((first, stop - first, int(block.time[first])) for first, stop in pairwise(cuts))
-    return Part(replace(block, time=block.time[:0]), interval, runs)
+    # A view of no samples would hold all of them.
+    return Part(replace(block, time=np.empty(0, np.int64)), interval, runs)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ class OnDisk:
     ----------
     path : of the file
     format, version : as DASCore names them
-    time : datetime64 of the rows as DASCore gives them [time]
+    time : of the rows [time], ns since 1970; a range where they are evenly apart, which takes no memory
     distance : of the columns as DASCore gives it, in its unit [channel]
     dtype : of the numbers
 
@@ -31,7 +31,7 @@ class OnDisk:
     path: Path
     format: str
     version: str
-    time: Any
+    time: range | NDArray[np.int64]
     distance: NDArray[np.float64]
     dtype: np.dtype[Any]
 
@@ -59,7 +59,7 @@ class OnDisk:
         # With a margin of half a step, so that limits stored in single precision are found too.
         step = float(np.median(np.diff(self.distance))) / 4 if len(self.distance) > 1 else 0.0
         chosen = {
-            "time": (self.time[rows[0]], self.time[rows[-1]]),
+            "time": tuple(np.datetime64(int(self.time[row]), "ns") for row in (rows[0], rows[-1])),
             "distance": (self.distance[columns[0]] - step, self.distance[columns[-1]] + step),
         }
         try:
@@ -109,4 +109,17 @@ def described(path: Path, name: str, version: str) -> tuple[Any, OnDisk] | None:
     distance = np.asarray(head.get_array("distance"), float)
     if len(distance) > 1 and np.diff(distance).min() <= 0:
         return None
-    return head, OnDisk(path, name, version, time, distance, head.data.dtype)
+    return head, OnDisk(path, name, version, evenly(time), distance, head.data.dtype)
+
+
+def evenly(time: NDArray[np.datetime64]) -> range | NDArray[np.int64]:
+    """Times in ns since 1970, as a range where they are evenly apart.
+
+    >>> evenly(np.array(["1970-01-01T00:00:00", "1970-01-01T00:00:01"], "datetime64[ns]"))
+    range(0, 2000000000, 1000000000)
+    """
+    found = time.astype("datetime64[ns]").astype(np.int64)
+    steps = np.diff(found)
+    if not len(steps) or steps[0] <= 0 or (steps != steps[0]).any():
+        return found
+    return range(int(found[0]), int(found[-1] + steps[0]), int(steps[0]))

@@ -50,6 +50,12 @@ def test_a_jump_inside_a_file_splits_it():
     assert np.array_equal(read(grid.placed[1]), values[5:])
 
 
+def test_a_part_holds_no_times():
+    """A day is more than a thousand files, each of thousands of samples."""
+    time = part(0, 1000).block.time
+    assert len(time) == 0 and time.base is None
+
+
 @pytest.mark.parametrize("shift", [-0.4, 0.3])
 def test_samples_off_the_grid_are_moved_onto_it(shift):
     start = round((150 + shift) * INTERVAL)

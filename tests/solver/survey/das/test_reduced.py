@@ -174,6 +174,8 @@ def test_parts_of_real_files_are_what_they_are_in_the_whole(shared_data, name):
     assert block.data.dtype == whole.dtype
     rows, columns = slice(7, len(whole) - 3), slice(2, 11)
     assert np.array_equal(block.data[rows, columns], whole[rows, columns])
+    # Evenly timed files hold no time that could be counted.
+    assert isinstance(block.data.time, range)
 
 
 @pytest.mark.parametrize("unit", ["strain", "rad"])
