@@ -23,7 +23,8 @@ import pandas as pd
 import torch
 
 from benchmarks.blind import surveyed
-from benchmarks.reliability import known_to, said
+from benchmarks.judged_probabilities import said
+from benchmarks.reliability import known_to
 from benchmarks.street_noise import CAMERA, KINDS
 from solver.simulator import Scenario
 from vision.contract import InputError

@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.reliability import AS_DRAWN, KINDS, binned, claims, draw, judged, report
+from benchmarks.judged_probabilities import binned, claims, judged, report
+from benchmarks.reliability import AS_DRAWN, KINDS, draw
 from solver.simulator import EFFECTS
 
 ECHO = {"kind": "unknown", "effects": ["generic_echo"], "stage": "interrogator", "probability": 0.2}
