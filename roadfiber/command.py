@@ -176,13 +176,17 @@ def summary(run: "Run | DriveRun", out: Path) -> str:
     if not isinstance(run, Run):
         return "\n".join([run.headline, run.trust, *run.warnings, f"report: {out / 'report.html'}"])
     known = run.route[run.route["constrained"]]
-    first, last = known["channel"].iloc[[0, -1]]
+    found = ["the data decide no place of the fiber"]
+    if len(known):
+        first, last = known["channel"].iloc[[0, -1]]
+        across, deep = known["sigma_y"].max(), known["sigma_z"].max()
+        found = [f"fiber located over {len(known)} channels, {first} to {last}"]
+        found += [f"1 sigma: {across:.2f} m across at most, {deep:.2f} m in depth"]
     return "\n".join(
         [
             run.headline,
             run.trust.replace("RUN", str(out)),
-            f"fiber located over {len(known)} channels, {first} to {last}",
-            f"1 sigma: {known['sigma_y'].max():.2f} m across at most, {known['sigma_z'].max():.2f} m in depth",
+            *found,
             *([run.corridor.replace("RUN", str(out))] if run.corridor else []),
             *run.warnings,
             f"report: {out / 'report.html'}",

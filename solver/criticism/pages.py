@@ -160,7 +160,8 @@ def diagnosis_body(diagnosis: "Diagnosis", run: Run | None = None) -> str:
     probable = (
         "<section><h2>How probable each explanation is</h2><p>All of them together hold 100 %. Each effect is weighed "
         "with a law that may be off by some percent and a size that may be as large as is plausible; gray are nothing "
-        f"that would show and something that the catalogue does not know.</p>{bars}</section>"
+        "that would show, something unnoticed, of which no model has a trace, and something that the catalogue does "
+        f"not know.</p>{bars}</section>"
     )
     support = (
         "<section><h2>What supports which explanation</h2><p>Orange is the one that the verdict names, blue are other "

@@ -67,11 +67,13 @@ def corridor_facts(
     narrower : what would narrow it, with commands between backticks
     explanations : title, kind, effects, stage and probability of each, most probable first
     """
+    # Sigmas of a fit that has not ended say nothing.
+    whole, own = (median_half(one) if result.converged else np.nan for one in (placed(result, added), result))
     return {
         "full": added is not None,
         "why": why if added is None else "",
-        "half_width": median_half(placed(result, added)),
-        "half_width_fit": median_half(result),
+        "half_width": whole,
+        "half_width_fit": own,
         "widest": widest,
         "title": title,
         "share": share,

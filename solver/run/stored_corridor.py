@@ -33,7 +33,8 @@ class CorridorFile(Stored):
     ----------
     full : whether it holds what the model may lack; else it takes the model for granted
     why : it does that; empty where it does not
-    half_width : half of its width, m, the median over channels that data decide; null where no sigma is known
+    half_width : half of its width, m, the median over channels that data decide; null where no sigma is known,
+        or the fit has not converged
     half_width_fit : the same if the model lacks nothing
     widest : effect that widens it most; empty where none does
     title : of that effect, in plain words

@@ -147,7 +147,9 @@ def prior_lines(run: Run) -> list[str]:
     """Lines on what the priors decided."""
     result, lines = run.result, []
     loose = ~result.constrained
-    if loose.any():
+    if not result.converged:
+        lines.append("The fit has not converged: its sigmas are those of where it stopped, and hold nothing.")
+    elif loose.any():
         lines.append(
             f"Sideways, the expected smoothness of a cable decides more than vehicles and anchors do, "
             f"{stretches(run, loose)}: dashed in the map."

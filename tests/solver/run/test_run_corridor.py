@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from roadfiber.command import summary
 from solver.run.folder import read_run
 from solver.run.geojson import Z95, half_width
 from solver.run.report.report_page import render
@@ -67,3 +68,15 @@ def test_nothing_is_said_of_what_widens_a_corridor_by_little(run):
 def test_a_route_without_sigmas_has_no_sentence(run):
     unknown = replace(run.result, covariance=np.full_like(run.result.covariance, np.nan))
     assert corridor_sentence(corridor_facts(unknown)) == ""
+
+
+def test_a_fit_that_has_not_converged_tells_no_corridor(survey, tmp_path):
+    result = replace(survey.result, converged=False, constrained=np.zeros_like(survey.result.constrained))
+    stopped = run_of(result, **survey.arguments)
+    assert stopped.corridor == "" and "half_width" in stopped.facts["corridor"]
+    page = render(stopped)
+    assert "The fit has not converged: its sigmas are those of where it stopped" in page
+    assert "expected smoothness of a cable decides more" not in page
+    stopped.save(tmp_path / "run")
+    assert read_run(tmp_path / "run").corridor == ""
+    assert "the data decide no place of the fiber" in summary(stopped, tmp_path / "run")
