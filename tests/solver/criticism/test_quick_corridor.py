@@ -28,7 +28,9 @@ def run(survey) -> Run:
 )
 def test_a_fit_that_cannot_be_criticized_keeps_its_own_corridor_and_says_why(run, changes, why):
     found = widened(replace(run, result=replace(run.result, **({"method": "spline", "converged": True} | changes))))
-    assert found.added is None and found.facts["corridor"]["why"] == why and found.corridor.endswith(f"{why}.")
+    assert found.added is None and found.facts["corridor"]["why"] == why
+    assert found.corridor.endswith(f"{why}." if found.result.converged else "")
+    assert bool(found.corridor) == found.result.converged
 
 
 def test_noise_that_is_not_understood_leaves_the_fits_own_corridor(run, monkeypatch):
