@@ -83,9 +83,8 @@ class Posterior:
         for one in explanations:
             whole = one.prior * np.exp(one.evidence - most)
             simpler, evidence = one.simpler
-            hidden = one.prior * np.exp(min(one.evidence, evidence) - most)
-            if one.kind in ("nothing", "overlooked"):
-                hidden = whole if one.kind == "nothing" else 0.0
+            below = one.prior * np.exp(min(one.evidence, evidence) - most)
+            hidden = {"nothing": whole, "overlooked": 0.0}.get(one.kind, below)
             cases.setdefault(simpler, []).append((float(hidden), None))
             cases.setdefault(one.key, []).append((float(whole - hidden), one))
         total = sum(share for found in cases.values() for share, _ in found)

@@ -219,8 +219,8 @@ def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
     course = Course.of(scorer)
 
     def gone(start: tuple[Refit, State]) -> Refit:
-        one, pace, known = start[0], FAR_PACE, start[0]
-        end = course.run(one.fit, start[1], pace)
+        (known, far), pace = start, FAR_PACE
+        one, end = known, course.run(known.fit, far, pace)
         while end is not None:
             one = replace(one, solution=end[0], fall=end[1])
             pace += PACE

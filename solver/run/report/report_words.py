@@ -124,6 +124,8 @@ def stretches(run: Run, flags: NDArray[np.bool_]) -> str:
 
 def held(run: Run) -> str:
     """What the corridor holds."""
+    if not run.result.converged:
+        return "The corridor is that of where the fit stopped: it need not hold the true route."
     if run.added is None:
         return "If the model holds, the true route lies inside the corridor at 95 of 100 places."
     return (
@@ -148,7 +150,9 @@ def prior_lines(run: Run) -> list[str]:
     result, lines = run.result, []
     loose = ~result.constrained
     if not result.converged:
-        lines.append("The fit has not converged: its sigmas are those of where it stopped, and hold nothing.")
+        lines.append(
+            "The fit has not converged: its sigmas are those of where it stopped, and need not hold the true route."
+        )
     elif loose.any():
         lines.append(
             f"Sideways, the expected smoothness of a cable decides more than vehicles and anchors do, "

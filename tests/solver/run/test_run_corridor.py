@@ -77,6 +77,7 @@ def test_a_fit_that_has_not_converged_tells_no_corridor(survey, tmp_path):
     page = render(stopped)
     assert "The fit has not converged: its sigmas are those of where it stopped" in page
     assert "expected smoothness of a cable decides more" not in page
+    assert "The corridor is that of where the fit stopped" in page and "at 95 of 100 places" not in page
     stopped.save(tmp_path / "run")
     assert read_run(tmp_path / "run").corridor == ""
     assert "the data decide no place of the fiber" in summary(stopped, tmp_path / "run")
