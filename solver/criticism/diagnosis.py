@@ -37,7 +37,7 @@ from solver.noise.quiet_windows import quiet
 def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
     """Fit a survey, from a state if there is one."""
     fit = MapFit(problem)
-    return fit, solve(fit, fit.start() if state is None else state, iterations=60).state
+    return fit, solve(fit, fit.start() if state is None else state).state
 
 
 def steps(effects: Sequence[Effect]) -> int:

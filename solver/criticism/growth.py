@@ -124,9 +124,9 @@ def grow(
         return Grown(new, end, before, unseen(new, end))
     # Tracks that may be off by anything would take up what shifts them all.
     trusted = MapFit(strict_tracks(fit.problem, track_spread(fit.problem.passes, state.vehicles.along.numpy())))
-    refit = fitted_with(trusted, solve(trusted, state, iterations=60).state, catalogue[name], advance)
+    refit = fitted_with(trusted, solve(trusted, state).state, catalogue[name], advance)
     new = MapFit(replace(refit.fit.problem, prior=fit.problem.prior))
-    end = solve(new, refit.solution.state, iterations=60)
+    end = solve(new, refit.solution.state)
     return Grown(new, end, before, unseen(new, end))
 
 
@@ -154,7 +154,7 @@ def fitted_with(fit: MapFit, state: State, effect: Effect, advance: Callable[[in
     if not scores or not scores[-1].freedom:
         raise InputError(f"{effect.name}: does nothing in this survey; nothing to add")
     result = race(scorer, scores[-1:], advance, elsewhere(scorer, [effect]))[effect.name]
-    end = solve(result.fit, result.solution.state, iterations=60)
+    end = solve(result.fit, result.solution.state)
     return replace(result, solution=end)
 
 

@@ -51,7 +51,7 @@ class Policy:
     leveled: float = 60.0
     negligible: float = 0.1
     extreme: float = 3.0
-    racers: int = 8
+    racers: int = 11
     unknown_racers: int = 3
     besides: int = 3
     far: float = 10.0

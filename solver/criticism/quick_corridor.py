@@ -90,7 +90,7 @@ def allowed_for(run: Run, found: Wander) -> Run:
     """The run fitted again with tracks that may wander so far; as it was where that fit does not converge."""
     before, state = fitted(run)
     fit = MapFit(with_slow_errors_of(run.problem, found.size))
-    end = solve(fit, carried_with_vehicles((before, state), fit), iterations=60)
+    end = solve(fit, carried_with_vehicles((before, state), fit))
     if not end.converged:
         return run
     grown = Grown(fit, end, None, held_out(fit.problem, at=(fit, end.state)))

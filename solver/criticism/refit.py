@@ -92,8 +92,10 @@ class Refit:
 
     @property
     def hoped(self) -> float:
-        """The evidence that it may still come to."""
-        return self.standing(0.0 if self.solution.converged else POLICY.hope * self.solution.at.open.decrement**2)
+        """The evidence that it may still come to: by its next step, or as the score test has it."""
+        if self.solution.converged:
+            return self.evidence
+        return max(self.standing(POLICY.hope * self.solution.at.open.decrement**2), self.score.evidence)
 
     def standing(self, more: float) -> float:
         """Evidence if the misfit fell by so much more; what numbers pay to their prior is not scaled by the noise."""

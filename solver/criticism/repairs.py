@@ -207,4 +207,4 @@ TAKEN_OUT = ("cycle_skips", "faded_channels")
 def mended(fit: MapFit, state: State, fault: Fault) -> tuple[MapFit, Solution]:
     """The survey with a fault mended, fitted again."""
     new = MapFit(fault.mend(fit.problem))
-    return new, solve(new, carried((fit, state), new), iterations=60)
+    return new, solve(new, carried((fit, state), new))

@@ -52,7 +52,7 @@ class Solution:
 def solve(
     fit: MapFit | Chain,
     start: State | Solution,
-    iterations: int = 40,
+    iterations: int = 60,
     advance: Callable[[int], None] = lambda n: None,
     hopeless: float = float("inf"),
 ) -> Solution:

@@ -91,8 +91,9 @@ def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
     """Mean depth, slope, curvature, length and burial of a spline route against the prior.
 
     Slope and curvature are white along the fiber with one independent value per `PATCH`; the length rows hold
-    |dr/ds| = 1, so that distance along the route is distance along the fiber. The burial rows, softplus((SHALLOW - z) /
-    SHALLOW_SD), keep a route below the surface without a hard bound, at which no fit could converge; 0 elsewhere.
+    |dr/ds| = 1, so that distance along the route is distance along the fiber. The burial rows, softplus of
+    (SHALLOW / z - 1) SHALLOW / SHALLOW_SD, keep a route below the surface: without bound at z = 0, as a hard limit would
+    stop a fit before it converges, and 0 elsewhere.
 
     Parameters
     ----------
@@ -108,9 +109,9 @@ def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
     length_rows = (tangent / length[:, None])[:, None, :] * slope[:, :, None] / stretch
     bends = (prior.curvature, prior.curvature, prior.depth_curvature)
     depth = value @ coefficients[:, 2]
-    short_of = (SHALLOW - depth) / SHALLOW_SD
+    short_of = (SHALLOW / depth - 1) * SHALLOW / SHALLOW_SD
     burial_rows = torch.zeros_like(length_rows)
-    burial_rows[:, :, 2] = -torch.sigmoid(short_of)[:, None] * value / SHALLOW_SD
+    burial_rows[:, :, 2] = -(torch.sigmoid(short_of) * (SHALLOW / depth) ** 2)[:, None] * value / SHALLOW_SD
     return Rows.stack(
         [
             Rows.linear(value.mean(0, keepdim=True), coefficients, 2, *prior.depth),

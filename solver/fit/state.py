@@ -11,6 +11,10 @@ from solver.signal_path.extension import Values
 from solver.signal_path.sensitivities import Sensitivities
 from solver.signal_path.traffic import Vehicles
 
+#: Least and largest Poisson ratio of a fit. Isotropic solids lie between -1 and .5; the prior keeps soils near .25, and a
+#: limit at 0, where a wrong model may press it, would stop a fit before it converges.
+POISSON = (-0.95, 0.495)
+
 
 @dataclass(frozen=True)
 class State:
@@ -41,7 +45,7 @@ class State:
         return cls(
             vector[layout["route"]].reshape(-1, AXES),
             replace(vehicles, **{name: vector[layout[name]] for name in PER_PASS}),
-            vector[layout["poisson_ratio"]][0].clamp(0.0, 0.495),
+            vector[layout["poisson_ratio"]][0].clamp(*POISSON),
             vector[layout["numbers"]],
         )
 

@@ -50,7 +50,8 @@ def test_a_glance_has_the_derivatives_that_weights_need(case, monkeypatch) -> No
 def test_prior_rows_by_finite_differences(case, rows: str) -> None:
     basis = SplineBasis(0.0, 60.0, 10.0)
     rng = np.random.default_rng(1)
-    route = torch.from_numpy(np.column_stack([np.linspace(-10, 70, basis.size), rng.normal(4, 1, (basis.size, 2))]))
+    aside, depth = rng.normal(4, 1, basis.size), rng.uniform(0.1, 0.4, basis.size)
+    route = torch.from_numpy(np.column_stack([np.linspace(-10, 70, basis.size), aside, depth]))
 
     def at(coefficients: torch.Tensor):
         if rows == "shape":
@@ -85,6 +86,14 @@ def test_a_route_that_is_pulled_out_of_the_ground_converges(case) -> None:
     """Loads taken for deeper than they look press the route against the surface."""
     shallow = replace(case.problem.prior, depth=(0.15, 0.01))
     fit = MapFit(replace(case.problem, prior=shallow, anchors=case.problem.anchors[:0]))
+    end = solve(fit, fit.start())
+    assert end.converged and fit.buried(end.state)
+
+
+def test_a_fit_that_its_record_pushes_out_of_the_ground_converges() -> None:
+    """Of a stiffness contrast that the model lacks; a weaker wall, or a Poisson ratio of 0 at least, holds steps up."""
+    contrast = simulator.Scenario(name="soft", seed=5, passes=4, snr_db=24.0, effects={"stiffness_contrast": -0.9})
+    fit = MapFit(case_of(simulator.simulate(contrast)).problem)
     end = solve(fit, fit.start())
     assert end.converged and fit.buried(end.state)
 
