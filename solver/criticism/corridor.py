@@ -124,10 +124,12 @@ def width(covariance: Array, across: Array) -> float:
 def hidden_size(score: Score) -> float:
     """Mean square of an effect's size where it does not show, in squares of what it came out as.
 
-    Noise leaves open, of a plausible size squared, its variance over that and the information; summed over numbers.
+    Noise leaves open, of a plausible size squared, its variance over that and the information; summed over numbers that
+    leave a trace, as those of vehicles that did not pass move nothing.
     """
     sizes = np.repeat([p.plausible for p in score.effect.amplitudes], score.counts)
     heard = np.isfinite(score.sigma)
     found = float(np.sum((score.estimate[heard] / sizes[heard]) ** 2))
-    left = score.variance / (score.variance + score.spectrum.information)
+    traced = np.sort(score.spectrum.information)[np.sum(~heard) :]
+    left = score.variance / (score.variance + traced)
     return float(left.sum() / found) if found > 0 else 0.0

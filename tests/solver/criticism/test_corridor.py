@@ -111,3 +111,12 @@ def test_a_fault_that_is_mended_moves_the_route_too():
     assert still.widest == "lowpass" and still.share == pytest.approx(0.8)
     doubted = small.with_move("cycle_skips", np.tile([0.0, 0.5, 0.0], (2, 1)), 0.2)
     assert doubted.covariance[0, 1, 1] == pytest.approx(0.01 + 0.2 * 0.25)
+
+
+def test_numbers_of_vehicles_that_did_not_pass_widen_nothing():
+    """An effect with a number per vehicle class, one of which passed and is heard as above."""
+    one = scored("lowpass", 0.2)
+    one.counts, one.sigma = (3,), np.array([np.nan, 1.0, np.nan])
+    one.estimate = np.array([0.0, one.estimate[0], 0.0])
+    one.spectrum = Spectrum(np.array([0.0, 0.0, 24.0]), np.zeros(3))
+    assert hidden_size(one) == pytest.approx(1 / 25 / 0.04)
