@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor, linalg
 
+from solver.criticism.policy import POLICY
+
 Array = NDArray[np.float64]
 
 
@@ -51,14 +53,33 @@ class Spectrum:
         return float(np.log1p(self.information / variance).sum() / 2)
 
     def evidence(self, variance: float) -> float:
-        """Ln of the Bayes factor of the effect, at a noise variance.
+        """Ln of the Bayes factor of the effect, at a noise variance; of many numbers, over how small they all may be.
 
         >>> two = Spectrum(np.array([99.0, 0.0]), np.array([99.0 * 20, 0.0]))
         >>> round(two.evidence(1.0), 3), round(float(20 * 0.99 / 2 - np.log(100) / 2), 3)
         (7.597, 7.597)
         """
-        gain = self.along / (variance * (variance + self.information))
-        return float(gain.sum() / 2) - self.told(variance)
+        return self.scaled(variance, 1.0) + self.smaller(variance)
+
+    def scaled(self, variance: float, scale: float) -> float:
+        """The same of numbers that are so many times as large as is plausible, at one scale."""
+        information, along = scale**2 * self.information, scale**2 * self.along
+        gain = along / (variance * (variance + information)) - np.log1p(information / variance)
+        return float(gain.sum() / 2)
+
+    def smaller(self, variance: float) -> float:
+        """What that ln gains where all of many numbers may be smaller: half way, in logs, to negligible, as probably.
+
+        A field along the fiber of half its plausible size would pay for the whole of it in each of its numbers.
+
+        >>> alike, one = (Spectrum(np.full(n, 99.0), np.full(n, 99.0 * 5)) for n in (8, 1))
+        >>> round(alike.smaller(1.0), 2), one.smaller(1.0)
+        (6.54, 0.0)
+        """
+        if np.count_nonzero(self.information) < 2:
+            return 0.0
+        whole, less = (self.scaled(variance, scale) for scale in (1.0, POLICY.negligible**0.5))
+        return mixture([whole, less]) - whole
 
     def falls(self) -> Array:
         """Fall of chi2 [direction], of those that leave a trace."""

@@ -101,7 +101,8 @@ class Refit:
         """Evidence if the misfit fell by so much more; what numbers pay to their prior is not scaled by the noise."""
         variance = self.score.variance
         gain = (self.fall + more + self.paid) / variance - self.paid
-        return gain / 2 - self.score.spectrum.told(variance) - float(np.log(self.score.trials))
+        spectrum = self.score.spectrum
+        return gain / 2 - spectrum.told(variance) + spectrum.smaller(variance) - float(np.log(self.score.trials))
 
     @cached_property
     def paid(self) -> float:

@@ -44,7 +44,7 @@ class Wander:
         >>> round(loud.size, 2), loud.evidence > 10
         (0.11, True)
         """
-        logs = np.array([spectrum(float(size)).evidence(variance) for size in SIZES])
+        logs = np.array([spectrum(float(size)).scaled(variance, 1.0) for size in SIZES])
         likely = np.exp(logs - logs.max())
         return cls(float(np.sqrt((likely * SIZES**2).sum() / likely.sum())), mixture(logs.tolist()))
 

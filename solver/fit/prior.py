@@ -92,8 +92,8 @@ def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
 
     Slope and curvature are white along the fiber with one independent value per `PATCH`; the length rows hold
     |dr/ds| = 1, so that distance along the route is distance along the fiber. The burial rows, softplus of
-    (SHALLOW / z - 1) SHALLOW / SHALLOW_SD, keep a route below the surface: without bound at z = 0, as a hard limit would
-    stop a fit before it converges, and 0 elsewhere.
+    (SHALLOW / z - 1) SHALLOW / SHALLOW_SD, keep a route below the surface: 0 where it is deep and without bound toward
+    z = 0, as a hard limit would stop a fit before it converges.
 
     Parameters
     ----------

@@ -11,8 +11,8 @@ from solver.signal_path.extension import Values
 from solver.signal_path.sensitivities import Sensitivities
 from solver.signal_path.traffic import Vehicles
 
-#: Least and largest Poisson ratio of a fit. Isotropic solids lie between -1 and .5; the prior keeps soils near .25, and a
-#: limit at 0, where a wrong model may press it, would stop a fit before it converges.
+#: Least and largest Poisson ratio of a fit. Isotropic solids lie between -1 and .5; the prior keeps soils near .25, and
+#: a limit at 0, where a wrong model may press it, would stop a fit before it converges.
 POISSON = (-0.95, 0.495)
 
 

@@ -145,7 +145,7 @@ def test_the_best_of_its_shapes_is_fitted(monkeypatch):
         return {"camber": growth.Refit(scores[0], "fit", SimpleNamespace(state="near"), 9.0)}  # type: ignore[arg-type]
 
     monkeypatch.setattr(growth, "race", race)
-    monkeypatch.setattr(growth, "solve", lambda fit, state, iterations: f"{fit}, on from {state}")
+    monkeypatch.setattr(growth, "solve", lambda fit, state: f"{fit}, on from {state}")
     found = fitted_with(SimpleNamespace(), SimpleNamespace(), CAMBER, lambda n: None)  # type: ignore[arg-type]
     assert raced == [[shapes[1]], [("elsewhere", [CAMBER])]]
     assert found.solution == "fit, on from near"

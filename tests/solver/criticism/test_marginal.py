@@ -6,6 +6,7 @@ import torch
 from scipy.stats import multivariate_normal
 
 from solver.criticism.marginal import Spectrum, fault_evidence, mixture
+from solver.criticism.policy import POLICY
 
 RNG = np.random.default_rng(4)
 
@@ -24,7 +25,9 @@ def test_the_evidence_is_the_ratio_of_densities_of_the_residual(variance):
     )
     noise = variance * np.eye(40)
     spread = (columns * size) @ (columns * size).T
-    assert left.evidence(variance) == pytest.approx(ratio(residual, noise + spread, noise), rel=1e-8)
+    scales = (1.0, POLICY.negligible)  # squared
+    expected = mixture([ratio(residual, noise + scale * spread, noise) for scale in scales])
+    assert left.evidence(variance) == pytest.approx(expected, rel=1e-8)
 
 
 def test_the_evidence_of_one_number_is_that_of_integrating_over_its_prior():

@@ -87,7 +87,7 @@ def test_the_spectrum_is_that_of_plausible_sizes(case):
     left = columns * size.numpy() - fitted @ np.linalg.lstsq(fitted, columns * size.numpy(), rcond=None)[0]
     whole = np.eye(60) * 1.5 + left @ left.T
     ratio = residual @ residual / 1.5 - residual @ np.linalg.solve(whole, residual) + 60 * np.log(1.5)
-    assert mine.evidence(1.5) == pytest.approx((ratio - np.linalg.slogdet(whole)[1]) / 2, rel=1e-8)
+    assert mine.scaled(1.5, 1.0) == pytest.approx((ratio - np.linalg.slogdet(whole)[1]) / 2, rel=1e-8)
 
 
 def test_mixes_share_one_number_over_passes_where_there_is_one_per_pass():
