@@ -3,15 +3,18 @@
 from abc import ABC, abstractmethod
 from dataclasses import replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from solver.fit.parameter_prior import ParameterPrior
+from solver.fit.prior import shape_grid
 from solver.fit.problem import Problem
 from solver.fit.state import State
 from solver.signal_path.traffic import Vehicles
 
-SHALLOWEST = 0.02
+#: Least depth of a route, m, which the wall in its prior stops a fit short of.
+SHALLOWEST = 0.001
 
 
 class ParameterSpace(ABC):
@@ -52,5 +55,6 @@ class ParameterSpace(ABC):
 
     def buried(self, state: State) -> bool:
         """Whether the whole route is under the ground, where the half-space is."""
-        everywhere = self.problem.distance_of(self.problem.route_channel)
+        channels = self.problem.distance_of(self.problem.route_channel)
+        everywhere = np.concatenate([channels, shape_grid(self.basis)])
         return bool(self.basis.along(state.coefficients[:, 2].numpy(), everywhere).min() > SHALLOWEST)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.cable.fiber import SplineBasis
@@ -87,6 +88,11 @@ class Rows:
         return cls(torch.cat([r.residual for r in rows]), torch.cat([r.jacobian for r in rows]))
 
 
+def shape_grid(basis: SplineBasis) -> NDArray[np.float64]:
+    """Distances [place], m, along a route at which its shape is compared with the prior: twice per interval."""
+    return np.linspace(basis.start, basis.stop, 2 * basis.intervals + 1)
+
+
 def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
     """Mean depth, slope, curvature, length and burial of a spline route against the prior.
 
@@ -99,7 +105,7 @@ def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
     ----------
     coefficients : [coefficient, 3], m
     """
-    grid = np.linspace(basis.start, basis.stop, 2 * basis.intervals + 1)
+    grid = shape_grid(basis)
     value, slope, bend = (torch.from_numpy(basis.at(grid, order)) for order in range(3))
     # The grid samples each interval twice; this keeps the weight of one value per patch.
     density = ((basis.stop - basis.start) / PATCH / len(grid)) ** 0.5
