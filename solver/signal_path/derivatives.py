@@ -1,7 +1,8 @@
 """Derivatives of the strain-rate map with respect to an effect's parameters: the chain rule through loads and gauges.
 
 The effect of a parameter on loads or gauges is differentiated automatically, for these are few numbers; the derivatives
-of strain rate with respect to them come from `solver.signal_path.sensitivities`.
+of strain rate with respect to them come from `solver.signal_path.sensitivities`. Laws of the ground are evaluated at
+every gauge and wheel, and differentiated from values nearby.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -9,10 +10,9 @@ from dataclasses import replace
 
 import torch
 from torch import Tensor
-from torch.autograd import forward_ad
 from torch.func import jvp
 
-from solver.ground.ground import Ground
+from solver.effect import Parameter
 from solver.signal_path.autodiff import pushed_all, pushed_ways, pushing
 from solver.signal_path.extension import Slot, Values
 from solver.signal_path.few import few_of
@@ -25,6 +25,8 @@ from solver.signal_path.traffic import columns
 
 #: Columns that are filtered together.
 COLUMNS = 16
+#: Share of a parameter's plausible size by which it is changed to see how a law of the ground changes.
+STEP = 1e-4
 
 Changed = Callable[[Tensor], Values]
 
@@ -178,30 +180,35 @@ def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
         total = total + seen.local.along_gauges(Gauges(*gauges(here)), moved)
     if own.response is None and own.settlement is None and own.radiation is None:
         return total
-    # Strain is proportional to the ground's response: apply the derivative of the response to the loads.
-    with forward_ad.dual_level():
-        dual = path.grounds(changed(forward_ad.make_dual(here, torch.ones_like(here))))
-        load = replace(local.load, thrust=None, thrust_rate=None)
-        rate = path.alone(load, local.here, local.poisson_ratio, local.grounds(lambda rows: varying(dual(rows))))
-    return total + local.amplitude * rate
+    load = replace(local.load, thrust=None, thrust_rate=None)
+
+    def rate(value: Tensor) -> Tensor:
+        grounds = local.grounds(path.grounds(changed(value)))
+        return path.alone(load, local.here, local.poisson_ratio, grounds)
+
+    return total + local.amplitude * slope(rate, here, slot.parameter)
 
 
-def varying(ground: Ground) -> Ground:
-    """Ground whose response is replaced by its derivative with respect to the parameter that carries one."""
+def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter) -> Tensor:
+    """Derivative of a law by a parameter from its values nearby, to second order, all of them within the bounds.
 
-    def tangent(answer: Callable[..., Tensor] | None) -> Callable[..., Tensor]:
-        def along(offset: Tensor, *others: Tensor) -> Tensor:
-            if answer is None:
-                return torch.zeros_like(offset)
-            value, found = forward_ad.unpack_dual(answer(offset, *others))
-            return torch.zeros_like(value) if found is None else found
+    Laws of the ground are fast where they carry no derivative: with a tangent PyTorch calls Python for every operand
+    that has none, and loads its compiler, which takes a second.
 
-        return along
+    Parameters
+    ----------
+    law : each row of what it returns depends on the parameter's value at that row
+    here : the parameter's value, [] or [row, 1]
 
-    radiation = None if ground.radiation is None else tangent(ground.radiation)
-    return replace(
-        ground, response=tangent(ground.response), settlement=tangent(ground.settlement), radiation=radiation
-    )
+    >>> here = torch.tensor(0.0, dtype=torch.float64)
+    >>> slope(lambda x: x.exp(), here, Parameter("share", "1", 0.2, lower=0))
+    tensor(1.0000, dtype=torch.float64)
+    """
+    step = STEP * of.plausible
+    if bool((here - step >= of.lower).all() and (here + step <= of.upper).all()):
+        return (law(here + step) - law(here - step)) / (2 * step)
+    way = step * torch.where(here + 2 * step > of.upper, -1.0, 1.0)
+    return (4 * law(here + way) - 3 * law(here) - law(here + 2 * way)) / (2 * way)
 
 
 def described_alone(path: SignalPath, slot: Slot, values: Values) -> Description:
