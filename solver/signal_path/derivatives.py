@@ -26,7 +26,7 @@ from solver.signal_path.traffic import columns
 #: Columns that are filtered together.
 COLUMNS = 16
 #: Share of a parameter's plausible size by which it is changed to see how a law of the ground changes.
-STEP = 1e-4
+STEP = 1e-5
 
 Changed = Callable[[Tensor], Values]
 
