@@ -26,7 +26,7 @@ from solver.signal_path.traffic import columns
 #: Columns that are filtered together.
 COLUMNS = 16
 #: Share of a parameter's plausible size by which it is changed to see how a law of the ground changes.
-STEP = 1e-5
+STEP = 1e-7
 
 Changed = Callable[[Tensor], Values]
 
@@ -84,7 +84,7 @@ def derivatives(seen: Seen, slot: Slot, numbers: Tensor) -> Iterator[Tensor]:
         weights = weights[section.samples]
     in_rows = acts_on_rows(seen, slot, values)
     by_gauge = in_rows and effect.stage in ("cable", "interrogator")
-    by_row = tangents(seen, slot, values) if in_rows and not by_gauge else []
+    by_row = tangents(seen, slot, values, numbers) if in_rows and not by_gauge else []
     on_map = acts_on_map(seen, slot, values)
     moved = pushing(lambda v: (observed(alone, change(v)),), here) if on_map else None
     for some in torch.arange(weights.shape[1]).split(few_of(alone.numel())):
@@ -98,7 +98,7 @@ def derivatives(seen: Seen, slot: Slot, numbers: Tensor) -> Iterator[Tensor]:
         yield sum(parts[1:], parts[0])
 
 
-def tangents(seen: Seen, slot: Slot, values: Values) -> list[Tensor]:
+def tangents(seen: Seen, slot: Slot, values: Values, numbers: Tensor) -> list[Tensor]:
     """Derivatives [row, channel] with respect to a parameter of loads or ground at its row, and to its rate."""
     p, name = slot.parameter, slot.effect.name
 
@@ -106,7 +106,7 @@ def tangents(seen: Seen, slot: Slot, values: Values) -> list[Tensor]:
         def changed(value: Tensor) -> Values:
             return {**values, name: {**values[name], which: value}}
 
-        return by_rows(seen, slot, changed, values[name][which])
+        return by_rows(seen, slot, changed, values[name][which], numbers)
 
     rated = p.rated and p.scope not in ("one", "fiber")
     return [along(p.name), *([along(p.rate_name)] if rated else [])]
@@ -131,10 +131,10 @@ def spread(seen: Seen, slot: Slot, by_row: Sequence[Tensor], some: Tensor) -> Te
     return out
 
 
-def by_rows(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
+def by_rows(seen: Seen, slot: Slot, changed: Changed, here: Tensor, numbers: Tensor) -> Tensor:
     """Derivative [row, channel] with respect to a parameter of loads or of the ground."""
     if slot.effect.stage == "ground":
-        return by_ground(seen, slot, changed, here)
+        return by_ground(seen, slot, changed, here, numbers)
     path, local, vehicles = seen.path, seen.local, columns(seen.local.vehicles)
     load = path.loads(vehicles, changed(here))
     by = local.by_load(load if local.section is None else load.with_tensors(local.at_rows(load.tensors)))
@@ -166,7 +166,7 @@ def by_gauges(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor]
     return total
 
 
-def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
+def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor, numbers: Tensor) -> Tensor:
     """Derivative [row, channel] with respect to a parameter of the ground's law or of its local properties."""
     path, local = seen.path, seen.local
     own = described_alone(path, slot, changed(here)).ground
@@ -186,11 +186,11 @@ def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
         grounds = local.grounds(path.grounds(changed(value)))
         return path.alone(load, local.here, local.poisson_ratio, grounds)
 
-    return total + local.amplitude * slope(rate, here, slot.parameter)
+    return total + local.amplitude * slope(rate, here, slot.parameter, local.law_at(path, numbers, lambda: rate(here)))
 
 
-def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter) -> Tensor:
-    """Derivative of a law by a parameter from its values nearby, to second order, all of them within the bounds.
+def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter, value: Tensor) -> Tensor:
+    """Derivative of a law by a parameter from its value there and one nearby, within the bounds.
 
     Laws of the ground are fast where they carry no derivative: with a tangent PyTorch calls Python for every operand
     that has none, and loads its compiler, which takes a second.
@@ -199,16 +199,15 @@ def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter) -> Tenso
     ----------
     law : each row of what it returns depends on the parameter's value at that row
     here : the parameter's value, [] or [row, 1]
+    value : of the law there
 
     >>> here = torch.tensor(0.0, dtype=torch.float64)
-    >>> slope(lambda x: x.exp(), here, Parameter("share", "1", 0.2, lower=0))
+    >>> slope(lambda x: x.exp(), here, Parameter("share", "1", 0.2, lower=0), torch.ones(()).double())
     tensor(1.0000, dtype=torch.float64)
     """
     step = STEP * of.plausible
-    if bool((here - step >= of.lower).all() and (here + step <= of.upper).all()):
-        return (law(here + step) - law(here - step)) / (2 * step)
-    way = step * torch.where(here + 2 * step > of.upper, -1.0, 1.0)
-    return (4 * law(here + way) - 3 * law(here) - law(here + 2 * way)) / (2 * way)
+    way = step * torch.where(here + step > of.upper, -1.0, 1.0)
+    return (law(here + way) - value) / way
 
 
 def described_alone(path: SignalPath, slot: Slot, values: Values) -> Description:
