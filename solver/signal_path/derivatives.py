@@ -27,6 +27,8 @@ from solver.signal_path.traffic import columns
 COLUMNS = 16
 #: Share of a parameter's plausible size by which it is changed to see how a law of the ground changes.
 STEP = 1e-7
+#: Share of the largest change that is rounding.
+ROUNDING = 1e-10
 
 Changed = Callable[[Tensor], Values]
 
@@ -87,13 +89,17 @@ def derivatives(seen: Seen, slot: Slot, numbers: Tensor) -> Iterator[Tensor]:
     by_row = tangents(seen, slot, values, numbers) if in_rows and not by_gauge else []
     on_map = acts_on_map(seen, slot, values)
     moved = pushing(lambda v: (observed(alone, change(v)),), here) if on_map else None
+    each = by_channel(moved, here, extension.chosen) if moved is not None and scope == "fiber" else None
     for some in torch.arange(weights.shape[1]).split(few_of(alone.numel())):
         ways = [way.reshape(here.shape) for way in weights[:, some].unbind(1)]
         parts = []
         if in_rows:
             columns = by_gauges(seen, change, here, ways) if by_gauge else spread(seen, slot, by_row, some)
             parts.append(observed_tangents(path.described(values), alone, columns, observed))
-        if moved is not None:
+        if each is not None:
+            chosen = slice(None) if extension.chosen is None else extension.chosen
+            parts.append(each * weights[chosen][:, some].T[:, None])
+        elif moved is not None:
             parts.append(torch.stack([moved(way)[0] for way in ways]))
         yield sum(parts[1:], parts[0])
 
@@ -230,3 +236,21 @@ def acts_on_map(seen: Seen, slot: Slot, values: Values) -> bool:
     alone = described_alone(seen.path, slot, values)
     gained = isinstance(alone.interrogator.gain, Tensor)
     return bool(gained or alone.along_fiber or alone.in_time or alone.nonlinear or alone.processing.steps)
+
+
+def by_channel(moved: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor, chosen: Tensor | None) -> Tensor | None:
+    """Derivative of the map [sample, channel] by a parameter's value at the channel itself; None where others matter.
+
+    A direction drawn at random tells: only where each channel depends on its own value alone is its change in
+    proportion to its share of the direction.
+
+    Parameters
+    ----------
+    moved : change of the map in a direction [computed channel]
+    here : the parameter's values
+    chosen : which of the computed channels were measured; all where None
+    """
+    drawn = torch.rand(here.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64) + 0.5
+    each, some = moved(torch.ones_like(here))[0], moved(drawn)[0]
+    expected = each * (drawn if chosen is None else drawn[chosen])
+    return each if bool((some - expected).abs().max() <= ROUNDING * some.abs().max()) else None

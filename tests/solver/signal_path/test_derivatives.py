@@ -5,7 +5,8 @@ import torch
 
 from solver.effect import Parameter
 from solver.ground.gibson import gibson_displacement_rate
-from solver.signal_path.derivatives import slope
+from solver.signal_path.autodiff import pushing
+from solver.signal_path.derivatives import by_channel, slope
 
 
 @pytest.mark.parametrize("here", [0.0, 0.4, 2.0])
@@ -35,3 +36,18 @@ def test_of_a_tabulated_law_as_automatic_differentiation_has_it(gradient: float)
     here = torch.tensor(gradient, dtype=torch.float64)
     found = slope(law, here, Parameter("gradient", "1/m", 1.0, lower=0, upper=3), law(here))
     torch.testing.assert_close(found, torch.func.jvp(law, (here,), (torch.ones_like(here),))[1], rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("chosen", [None, torch.tensor([True, False, True, True])])
+def test_what_each_channel_makes_of_its_own_value_holds_all_derivatives_only_where_no_other_matters(
+    chosen: torch.Tensor | None,
+) -> None:
+    here = torch.tensor([0.1, 0.4, -0.3, 0.2], dtype=torch.float64)
+    record = torch.arange(12.0, dtype=torch.float64).reshape(3, 4)
+    measured = slice(None) if chosen is None else chosen
+    alone = pushing(lambda v: ((record * v.exp())[:, measured],), here)
+    mixed = pushing(lambda v: ((record * (v - v.mean()).exp())[:, measured],), here)
+    each = by_channel(alone, here, chosen)
+    assert each is not None
+    torch.testing.assert_close(each, (record * here.exp())[:, measured])
+    assert by_channel(mixed, here, chosen) is None
