@@ -41,9 +41,9 @@ def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 
     def response(offset: Tensor, velocity: Tensor, nu: Tensor | float) -> Tensor:
         base = ground.displacement_rate(offset, velocity, nu)
-        speed = velocity.norm(dim=-1).clamp_min(1e-3)
-        ahead = (offset[..., :2] * velocity).sum(-1) / speed
-        square = (offset[..., :2] ** 2).sum(-1)
+        (x, y, _), (along, across) = offset.unbind(-1), velocity.unbind(-1)
+        ahead = (x * along + y * across) / (along**2 + across**2).sqrt().clamp_min(1e-3)
+        square = x**2 + y**2
         factor = torch.ones_like(square)
         for scale in SCALES:
             bell = torch.exp(-square / (2 * scale**2))

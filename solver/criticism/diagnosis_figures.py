@@ -15,7 +15,7 @@ from solver.fit.map_fit import MapFit
 from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
 from solver.run.report.misfit import misfit_of, pass_label, rows_of, whole_range
-from solver.run.report.misfit_figure import scale_figure, wave_figure
+from solver.run.report.misfit_figure import scale_figure, wave_pictures
 from solver.run.report.route_figure import abscissa, along_x, depth_profile, draw_line, draw_profile, sideways_profile
 from solver.run.run import Run
 from solver.run.run_corridor import median_half
@@ -109,10 +109,10 @@ def wave_section(pair: BeforeAfter, title: str) -> str:
     parts = [picture(before, part, CELLS) for part in (left, left - rest, rest)]
     scale = color_scale(parts[0])
     names = ("Left by the model before", f"What changes with it: {title}", "Left with it in the model")
-    runs = (pair.before, pair.after, pair.after)
+    drawn = wave_pictures(pair.before, pair.one, parts[:1], scale, PANEL)
+    drawn += wave_pictures(pair.after, pair.one, parts[1:], scale, PANEL)
     figures = "".join(
-        f"<figure><figcaption>{escape(name)}</figcaption>{svg(wave_figure(run, pair.one, part, scale, PANEL))}</figure>"
-        for name, run, part in zip(names, runs, parts, strict=True)
+        f"<figure><figcaption>{escape(name)}</figcaption>{one}</figure>" for name, one in zip(names, drawn, strict=True)
     )
     return (
         f"<section><h2>One vehicle, before and after</h2><p>{escape(pass_label(pair.one))}, the pass that gains most: "

@@ -107,9 +107,7 @@ class Directions:
         own, right = self.factor[:count, :count], (self.factor @ (self.factor.T @ self.step))[:count]
         crossed = self.jacobian.transposed_times(columns)[:count]
         step = torch.cholesky_solve(right[:, None], own)[:, 0]
-        return Projected.beyond(
-            Sums(columns.along(self.residual), columns.transposed_times(columns), crossed), own, step
-        )
+        return Projected.beyond(Sums(columns.along(self.residual), columns.gram, crossed), own, step)
 
     @cached_property
     def _anchors(self) -> Rows:
@@ -257,7 +255,7 @@ class Directions:
 
     def summed(self, columns: Sequence[Windowed]) -> list[Sums]:
         """Products of directions with one another, with the residual and with all that was fitted."""
-        own = [(one.along(self.residual), one.transposed_times(one)) for one in columns]
+        own = [(one.along(self.residual), one.gram) for one in columns]
         if self.alone or not columns:
             return [Sums(score, gram, gram[:0]) for score, gram in own]
         crossed = self.jacobian.transposed_times(Windowed.beside(columns)).split([one.width for one in columns], 1)

@@ -189,11 +189,14 @@ def race(
 
     begun = zip(starts, side_by_side(begin, starts, advance), strict=True)
     running = [Refit(score, fits[score.effect.name], *end) for (_, score), end in begun if end is not None]
-    for _ in range(ROUNDS - 1):
+    # Falls of each fit in its last two rounds, as one may go on damping alone; not known at first.
+    gained = [(np.inf, np.inf)] * len(running)
+    for left in range(ROUNDS - 1, 0, -1):
         least = POLICY.stay * max((one.evidence for one in running), default=0.0)
         unended = [n for n, one in enumerate(running) if not one.solution.converged]
-        going = [n for n in unended if n == 0 or running[n].hoped > least]
+        going = [n for n in unended if n == 0 or running[n].may_reach(least, left * max(gained[n]))]
         for n, (end, fall) in zip(going, side_by_side(onward, [running[n] for n in going]), strict=True):
+            gained[n] = gained[n][1], fall - running[n].fall
             running[n] = replace(running[n], solution=end, fall=fall)
     near = POLICY.stay * max((one.evidence for one in running), default=0.0)
     again = [one for one in running if one.single and one.evidence > max(near, POLICY.found)]

@@ -92,10 +92,18 @@ class Refit:
 
     @property
     def hoped(self) -> float:
-        """The evidence that it may still come to: by its next step, or as the score test has it."""
-        if self.solution.converged:
-            return self.evidence
-        return max(self.standing(POLICY.hope * self.solution.at.open.decrement**2), self.score.evidence)
+        """The evidence that it may still come to."""
+        return self.standing(0.0 if self.solution.converged else POLICY.hope * self.solution.at.open.decrement**2)
+
+    def may_reach(self, least: float, more: float) -> bool:
+        """Whether it may come to that evidence: soon, or at length, if its score test says so and the fall goes on.
+
+        Parameters
+        ----------
+        least : evidence
+        more : fall of the misfit, if all steps that are left gain as much as late ones
+        """
+        return self.hoped > least or min(self.standing(more), self.score.evidence) > least
 
     def standing(self, more: float) -> float:
         """Evidence if the misfit fell by so much more; what numbers pay to their prior is not scaled by the noise."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 from scipy.optimize import minimize
 
 from solver.cable.fiber import Fiber
@@ -26,8 +27,10 @@ from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
 
-#: Speeds that an unseen vehicle is searched at, m/s, and how far from the middle of the view it is followed, m.
+#: Speeds that an unseen vehicle is searched at, m/s, and bounds of the speed of the best match.
 SPEEDS = (6.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0)
+SLOWEST, FASTEST = SPEEDS[0] / 2, 2 * SPEEDS[-1]
+#: How far from the middle of the view it is followed, m.
 REACH = 90.0
 #: m; uncertainty of the track of an unseen vehicle, which drives straight on, and by how much all of it may be off.
 GUESSED, OFFSET = 0.3, 1.5
@@ -77,10 +80,15 @@ def lanes(problem: Problem) -> list[tuple[int, float]]:
     return [(way, float(np.median(y))) for way, y in found.items()]
 
 
+def half_rows(problem: Problem, speed: float) -> int:
+    """How many rows a vehicle is followed for before the middle, and after it."""
+    return int(np.ceil(REACH / speed * problem.sampling_rate))
+
+
 def template(fit: MapFit, state: State, speed: float, way: int, y: float) -> Array:
     """Strain rate [row, channel] of a typical car that passes the middle in the middle of the rows, 1/s."""
     problem = fit.problem
-    half = int(np.ceil(REACH / speed * problem.sampling_rate))
+    half = half_rows(problem, speed)
     one = straight(problem, speed, way, y, half / problem.sampling_rate, 2 * half + 1)
     traffic = Traffic.of([one])
     path = replace(fit.path, traffic=traffic, extension=type(fit.extension)())
@@ -136,11 +144,13 @@ def find_unseen_vehicle(fit: MapFit, state: State) -> Fault | None:
     counts = certain(fit, state)
     white = np.clip(white, -8, 8) * counts
     known = passing_times(problem)
+    longest = 2 * half_rows(problem, SLOWEST) + 1
+    along_white, along_counts = correlation_with(white, longest), correlation_with(counts, longest)
 
     def match(speed: float, way: int, y: float) -> Peak:
         shape = template(fit, state, speed, way, y)
         shape = replace(whiten, samples=np.arange(len(shape)))(torch.from_numpy(shape)).numpy()
-        product, energy = correlate(white, shape), correlate(counts, shape**2).clip(LEAST * (shape**2).sum())
+        product, energy = along_white(shape), along_counts(shape**2).clip(LEAST * (shape**2).sum())
         time = (np.arange(len(product)) - (len(shape) - 1) + len(shape) // 2) / problem.sampling_rate
         free = (time > 0) & (time < rows / problem.sampling_rate)
         for other, at in known:
@@ -173,17 +183,29 @@ def refined(coarse: Peak, match: Callable[[float, int, float], Peak]) -> Peak:
         return -match(float(at[0]), coarse.way, float(at[1])).snr
 
     corners = [[coarse.speed, coarse.y], [coarse.speed * 1.08, coarse.y], [coarse.speed, coarse.y + LANE / 2]]
-    bounds = [(SPEEDS[0] / 2, 2 * SPEEDS[-1]), (coarse.y - LANE, coarse.y + LANE)]
+    bounds = [(SLOWEST, FASTEST), (coarse.y - LANE, coarse.y + LANE)]
     options = {"initial_simplex": corners, "xatol": 0.02, "fatol": 0.05, "maxfev": 60}
     best = minimize(miss, corners[0], method="Nelder-Mead", bounds=bounds, options=options).x
     return match(float(best[0]), coarse.way, float(best[1]))
 
 
-def correlate(values: Array, shape: Array) -> Array:
-    """Sum over channels of the correlation in time of values [row, channel] with a shape [row, channel]."""
-    size = len(values) + len(shape) - 1
-    spectrum = np.fft.rfft(values, size, axis=0) * np.fft.rfft(shape[::-1], size, axis=0)
-    return np.asarray(np.fft.irfft(spectrum.sum(1), size))
+def correlation_with(values: Array, longest: int) -> Callable[[Array], Array]:
+    """Sum over channels of the correlation in time of values [row, channel], as a function of a shape [row, channel].
+
+    `longest` is how many rows a shape has at most: the spectrum of the values is computed once for all shapes.
+
+    >>> along = correlation_with(np.array([[0.0], [1.0], [3.0]]), 2)
+    >>> along(np.array([[1.0], [2.0]])).round(6).tolist()
+    [0.0, 2.0, 7.0, 3.0]
+    """
+    size = next_fast_len(len(values) + longest - 1, real=True)
+    spectrum = np.fft.rfft(values, size, axis=0)
+
+    def along(shape: Array) -> Array:
+        both = np.einsum("fc,fc->f", spectrum, np.fft.rfft(shape[::-1], size, axis=0))
+        return np.asarray(np.fft.irfft(both, size)[: len(values) + len(shape) - 1])
+
+    return along
 
 
 def with_pass(problem: Problem, one: Pass) -> Problem:

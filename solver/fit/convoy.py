@@ -215,7 +215,7 @@ class Sums:
         place = self._place[where.numpy()]
         mine, ours = np.flatnonzero(place < len(self.own)), np.flatnonzero(place >= len(self.own))
         own, shared = place[mine], place[ours] - len(self.own)
-        matrix, right = jacobian.transposed_times(jacobian).numpy(), jacobian.along(residual).numpy()
+        matrix, right = jacobian.gram.numpy(), jacobian.along(residual).numpy()
         self.matrix[np.ix_(own, own)] += matrix[np.ix_(mine, mine)]
         self.cross[np.ix_(own, shared)] += matrix[np.ix_(mine, ours)]
         self.block[np.ix_(shared, shared)] += matrix[np.ix_(ours, ours)]

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from solver.fit.parameter_layout import PER_PASS
+from solver.fit.route_response import RouteResponse
 from solver.fit.state import State
 from solver.signal_path.derivatives import derivatives, observed_tangents
 from solver.signal_path.extension import Values
@@ -71,25 +72,9 @@ def base_columns(
 def route_columns(
     fit: "MapFit", state: State, local: Sensitivities, values: Values, traffic: Traffic, few: int
 ) -> Iterator[Tensor]:
-    """Derivative of the model by the route's coefficients, [3 coefficient, sample, channel], about `few` at a time.
-
-    A coefficient moves the channels near its knot alone.
-    """
+    """Derivative of the model by the route's coefficients, [3 coefficient, sample, channel], about `few` at a time."""
     path, stages = fit.path, fit.path.described(values)
-    places, others = route_jacobian(fit.ends_of(path, stages), state.coefficients, stages, path.curved)
-    rows, channels = local.alone.shape
-    scale, others = local.amplitude[:, None], others.unflatten(2, (-1, 3))
-    for some in torch.arange(places.shape[2]).split(max(1, few // 3)):
-        at, other = places[:, :, some], others[:, :, some]
-        near = (at.any(2).any(1) | other.flatten(1).any(1)).nonzero()[:, 0]
-        # Of the channels near the knots alone: of all they would take as much memory as the derivatives themselves.
-        moved = local.by_point[:, near].permute(1, 3, 0, 2).mul(scale).flatten(1, 2)
-        columns = torch.bmm(moved, at[near]).reshape(len(near), 3, rows, -1).permute(3, 1, 2, 0)
-        gauges = local.by_weight[:, near].transpose(0, 1).flatten(2).mul(scale)
-        if local.gauges.change is not None:
-            gauges = torch.cat([gauges, local.by_ratio[:, near].transpose(0, 1).mul(scale)], 2)
-        turned = torch.bmm(gauges, other[near].flatten(2)).unflatten(2, (-1, 3)).permute(2, 3, 1, 0)
-        out = torch.zeros(3 * len(some), len(traffic.samples), channels, dtype=torch.float64)
-        found = torch.zeros(3 * len(some), len(traffic.samples), len(near), dtype=torch.float64)
-        out[:, :, near] = found.index_add_(1, traffic.sample_index, (columns + turned).flatten(0, 1))
-        yield out
+    jacobian = route_jacobian(fit.ends_of(path, stages), state.coefficients, stages, path.curved)
+    response, each = RouteResponse(local, *jacobian), max(1, few // 3)
+    for first in range(0, len(state.coefficients), each):
+        yield response.maps(slice(first, first + each), traffic.sample_index, len(traffic.samples))

@@ -1,4 +1,4 @@
-"""Independent tasks on all cores: in processes, since forward derivatives hold Python's lock."""
+"""Independent tasks on all cores: in processes, since derivatives hold Python's lock."""
 
 import multiprocessing
 import pickle
@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 import torch
-from torch.autograd import forward_ad
 
 from solver.fit.forks import can_fork
 from solver.survey.memory import available
@@ -66,9 +65,6 @@ def forked(function: Callable[[S], T], of: Sequence[S], workers: int) -> Iterato
         # Else tensors would go through shared memory, of which containers have little.
         return pickle.dumps(function(of[number]))
 
-    # PyTorch loads much at its first forward derivative, which each process would do anew.
-    with forward_ad.dual_level():
-        forward_ad.make_dual(torch.zeros(1), torch.zeros(1))
     context = multiprocessing.get_context("fork")
     with held_back() as interrupted, ProcessPoolExecutor(workers, context, _begin, (task,)) as pool:
         try:

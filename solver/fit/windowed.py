@@ -18,6 +18,8 @@ TOGETHER = 1.3
 BRIDGED = 16
 #: Values of parts that are merged, beyond which more would make products no faster.
 MERGED = 1 << 20
+#: Columns at a time of a product with itself.
+BLOCK = 32
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Windowed:
 
     >>> matrix = torch.block_diag(*[torch.ones(50, 1, dtype=torch.float64)] * 40)
     >>> windowed = Windowed.of(matrix, 5)
-    >>> bool((windowed.transposed_times(windowed) == matrix.T @ matrix).all())
+    >>> bool((windowed.gram == matrix.T @ matrix).all())
     True
     >>> sum(part.values.numel() for part in windowed.parts) / matrix.numel()
     0.025
@@ -155,6 +157,21 @@ class Windowed:
             product[part.columns] += part.values @ vector[part.first : part.last]
         return product
 
+    @property
+    def gram(self) -> Tensor:
+        """The product [column, column] of the transpose with the matrix itself, of which half is computed."""
+        product = torch.zeros(self.width, self.width, dtype=torch.float64)
+        for number, one in enumerate(self.parts):
+            product[one.columns[:, None], one.columns] += gram_of(one.values)
+            for two in self.parts[number + 1 :]:
+                first, last = max(one.first, two.first), min(one.last, two.last)
+                if first < last:
+                    mine, theirs = (part.values[:, first - part.first : last - part.first] for part in (one, two))
+                    crossed = mine @ theirs.T
+                    product[one.columns[:, None], two.columns] += crossed
+                    product[two.columns[:, None], one.columns] += crossed.T
+        return product
+
     def transposed_times(self, other: "Windowed") -> Tensor:
         """The product [column, other's] of the transpose with another matrix of as many rows."""
         product = torch.zeros(self.width, other.width, dtype=torch.float64)
@@ -165,6 +182,21 @@ class Windowed:
                     mine, theirs = (part.values[:, first - part.first : last - part.first] for part in (one, two))
                     product[one.columns[:, None], two.columns] += mine @ theirs.T
         return product
+
+
+def gram_of(columns: Tensor) -> Tensor:
+    """Products [column, column] of columns [column, row] with one another, of which half are computed.
+
+    >>> columns = torch.arange(800.0).reshape(100, 8)
+    >>> bool((gram_of(columns) == columns @ columns.T).all())
+    True
+    """
+    out = columns.new_empty(len(columns), len(columns))
+    for first in range(0, len(columns), BLOCK):
+        some = columns[first : first + BLOCK] @ columns[first:].T
+        out[first : first + BLOCK, first:] = some
+        out[first:, first : first + BLOCK] = some.T
+    return out
 
 
 def parts_of(columns: Tensor, acts: Tensor, grain: int) -> tuple[Part, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -28,7 +29,7 @@ def in_blocks(function: Callable[..., Tensor], vectors: list[Tensor], scalars: l
             [ 6.,  8., 10.]])
     """
     numbers = [double(s) for s in scalars]
-    shape = torch.broadcast_shapes(*(v.shape[:-1] for v in vectors), *(s.shape for s in numbers))
+    shape = np.broadcast_shapes(*(v.shape[:-1] for v in vectors), *(s.shape for s in numbers))
     columns = [v.expand(*shape, v.shape[-1]).reshape(-1, v.shape[-1]).split(BLOCK) for v in vectors]
     whole = [(s,) * len(columns[0]) if s.ndim == 0 else s.expand(shape).reshape(-1).split(BLOCK) for s in numbers]
     parts = [function(*block) for block in zip(*columns, *whole, strict=True)]

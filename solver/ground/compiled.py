@@ -12,14 +12,16 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F, *, fastmath: bool = False) -> F:
     """Compile a function on its first call; without a cache if none can be written.
 
+    A division by zero gives infinity as in NumPy: a check of every division would keep loops from being vectorized.
+
     >>> compiled(lambda x: x + 1)(2)
     3
     """
     made: Any
     try:
-        made = njit(nogil=True, fastmath=fastmath, cache=True)(function)
+        made = njit(nogil=True, fastmath=fastmath, error_model="numpy", cache=True)(function)
     except RuntimeError:  # neither the installation's nor the user's folder is writable
-        made = njit(nogil=True, fastmath=fastmath)(function)
+        made = njit(nogil=True, fastmath=fastmath, error_model="numpy")(function)
     else:
         # Numba raises the error of a full disk, except on Windows.
         made._cache._guard_against_spurious_io_errors = lambda: suppress(OSError)

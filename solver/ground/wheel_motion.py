@@ -14,6 +14,10 @@ from solver.ground.compiled import compiled
 
 Array = NDArray[np.float64]
 
+#: Channels that are worked on together; a multiple of 8, and not of 64, so that the parts of an array of so many
+#: are not taken for one another in the processor's cache.
+LANES = 136
+
 
 def gauge_response(
     point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: Tensor, ratio: Tensor
@@ -167,70 +171,106 @@ def add_derivatives(
     by_point : [7, row, point, channel], with respect to weight (3), point (3) and Poisson's ratio
     by_wheel : [3, wheel, row, channel], with respect to place (2) and share
     by_velocity : [2, row, channel]
+    """
+    wheels, rows = share.shape
+    points, channels = point.shape[2:]
+    # What is read and written side by side lies in two arrays: only then does the compiler know that they are apart,
+    # and work on several channels at once.
+    given, found = np.ones(7 * LANES), np.empty(12 * LANES)
+    for row in range(rows):
+        at, by, of = min(row, point.shape[1] - 1), min(row, weight.shape[1] - 1), min(row, len(softness) - 1)
+        for p in range(points):
+            for first in range(0, channels, LANES):
+                count = min(LANES, channels - first)
+                for i in range(3):
+                    put(point[i, at, p, first:], given[i * LANES :], count)
+                    put(weight[i, by, p, first:], given[(3 + i) * LANES :], count)
+                put(softness[of, p, first:], given[6 * LANES :], count)
+                found[: 9 * LANES] = 0
+                for wheel in range(wheels):
+                    x, y, w = place[0, wheel, row], place[1, wheel, row], share[wheel, row]
+                    add_wheel(given, x, y, w, velocity[0, row], velocity[1, row], (count + 7) // 8 * 8, found)
+                    for i in range(3):
+                        add(found[(9 + i) * LANES :], by_wheel[i, wheel, row, first:], count)
+                for i in range(7):
+                    add(found[i * LANES :], by_point[i, row, p, first:], count)
+                for i in range(2):
+                    add(found[(7 + i) * LANES :], by_velocity[i, row, first:], count)
+
+
+@compiled
+def put(values: Array, into: Array, count: int) -> None:
+    """Copy the first values."""
+    for k in range(count):
+        into[k] = values[k]
+
+
+@compiled
+def add(values: Array, to: Array, count: int) -> None:
+    """Add the first values."""
+    for k in range(count):
+        to[k] += values[k]
+
+
+@partial(compiled, fastmath=True)
+def add_wheel(given: Array, px: float, py: float, w: float, vx: float, vy: float, count: int, found: Array) -> None:
+    """Derivatives at one wheel for the first channels, a multiple of 8 as the processor takes them.
+
+    Parameters
+    ----------
+    given : [7 * LANES], point (3), weight (3) and softness
+    px, py, w : place and share of the wheel
+    vx, vy : velocity
+    found : [12 * LANES]; those of `by_point` (7) and of `by_velocity` (2) are added, of `by_wheel` (3) set
 
     Notes
     -----
     With offset (x, y, z) and load velocity v, h = (x, y), C = h . v, the horizontal response h a, the vertical b:
     motion = -(v a + h C a', C b'), where a' and b' are derivatives by r, over r (Johnson 1985, eq. 3.18).
     """
-    wheels, rows = share.shape
-    points, channels = point.shape[2:]
-    for row in range(rows):
-        vx, vy = velocity[0, row], velocity[1, row]
-        at, by, of = min(row, point.shape[1] - 1), min(row, weight.shape[1] - 1), min(row, len(softness) - 1)
-        for p in range(points):
-            xs, ys, zs = point[0, at, p], point[1, at, p], point[2, at, p]
-            dxs, dys, dzs = weight[0, by, p], weight[1, by, p], weight[2, by, p]
-            softs = softness[of, p]
-            mxs, mys, mzs = by_point[0, row, p], by_point[1, row, p], by_point[2, row, p]
-            gxs, gys, gzs, nus = by_point[3, row, p], by_point[4, row, p], by_point[5, row, p], by_point[6, row, p]
-            vxs, vys = by_velocity[0, row], by_velocity[1, row]
-            for wheel in range(wheels):
-                w, px, py = share[wheel, row], place[0, wheel, row], place[1, wheel, row]
-                wxs, wys, wss = by_wheel[0, wheel, row], by_wheel[1, wheel, row], by_wheel[2, wheel, row]
-                for k in range(channels):
-                    x, y, z = xs[k] - px, ys[k] - py, zs[k]
-                    dx, dy, dz = dxs[k], dys[k], dzs[k]
-                    i2 = 1 / (x * x + y * y + z * z)
-                    i = np.sqrt(i2)
-                    i3 = i2 * i
-                    s = i / (1 + z * i)
-                    shallow = i * s
-                    bulge = i * s * shallow * (2 + z * i)
-                    softness_here = softs[k]
-                    soft, lobe = softness_here * shallow, softness_here * bulge
-                    zi3 = z * i3
-                    z3i5 = 3 * zi3 * i2
-                    # a, a' = da/dr / r, and a'' = da'/dr / r; b likewise.
-                    a = zi3 - soft
-                    a1 = lobe - z3i5
-                    a2 = 5 * z3i5 * i2 + soft * s * i2 * (2 * i - (2 + z * i) * (3 * i + 2 * s))
-                    b1 = -(z * z3i5 + (1 + softness_here) * i3)
-                    b2 = i2 * (5 * z * z3i5 + 3 * (1 + softness_here) * i3)
-                    # Derivatives by depth at constant r.
-                    a_z = i3 + soft * s
-                    a1_z = soft * s * i2 - 2 * lobe * s - 3 * i3 * i2
-                    b1_z = -2 * z3i5
-                    c = vx * x + vy * y
-                    reach = c * a1
-                    along = dx * x + dy * y
-                    speed = dx * vx + dy * vy
-                    mx, my, mz = vx * a + x * reach, vy * a + y * reach, c * b1
-                    inner = along * a1 + dz * b1
-                    outer = speed * a1 + c * (along * a2 + dz * b2)
-                    gx = w * (x * outer + vx * inner + dx * reach)
-                    gy = w * (y * outer + vy * inner + dy * reach)
-                    gz = z * outer + speed * a_z + c * (along * a1_z + dz * b1_z)
-                    mxs[k] -= w * mx
-                    mys[k] -= w * my
-                    mzs[k] -= w * mz
-                    gxs[k] -= gx
-                    gys[k] -= gy
-                    gzs[k] -= w * gz
-                    # By `softness`, whose derivative by Poisson's ratio is -2.
-                    nus[k] += 2 * w * (c * (along * bulge - dz * i3) - speed * shallow)
-                    wxs[k] += gx
-                    wys[k] += gy
-                    wss[k] -= mx * dx + my * dy + mz * dz
-                    vxs[k] -= w * (dx * a + x * inner)
-                    vys[k] -= w * (dy * a + y * inner)
+    for k in range(count):
+        x, y, z = given[k] - px, given[LANES + k] - py, given[2 * LANES + k]
+        dx, dy, dz = given[3 * LANES + k], given[4 * LANES + k], given[5 * LANES + k]
+        softness = given[6 * LANES + k]
+        i2 = 1 / (x * x + y * y + z * z)
+        i = np.sqrt(i2)
+        i3 = i2 * i
+        s = i / (1 + z * i)
+        shallow = i * s
+        bulge = i * s * shallow * (2 + z * i)
+        soft, lobe = softness * shallow, softness * bulge
+        zi3 = z * i3
+        z3i5 = 3 * zi3 * i2
+        # a, a' = da/dr / r, and a'' = da'/dr / r; b likewise.
+        a = zi3 - soft
+        a1 = lobe - z3i5
+        a2 = 5 * z3i5 * i2 + soft * s * i2 * (2 * i - (2 + z * i) * (3 * i + 2 * s))
+        b1 = -(z * z3i5 + (1 + softness) * i3)
+        b2 = i2 * (5 * z * z3i5 + 3 * (1 + softness) * i3)
+        # Derivatives by depth at constant r.
+        a_z = i3 + soft * s
+        a1_z = soft * s * i2 - 2 * lobe * s - 3 * i3 * i2
+        b1_z = -2 * z3i5
+        c = vx * x + vy * y
+        reach = c * a1
+        along = dx * x + dy * y
+        speed = dx * vx + dy * vy
+        mx, my, mz = vx * a + x * reach, vy * a + y * reach, c * b1
+        inner = along * a1 + dz * b1
+        outer = speed * a1 + c * (along * a2 + dz * b2)
+        gx = w * (x * outer + vx * inner + dx * reach)
+        gy = w * (y * outer + vy * inner + dy * reach)
+        gz = z * outer + speed * a_z + c * (along * a1_z + dz * b1_z)
+        found[k] -= w * mx
+        found[LANES + k] -= w * my
+        found[2 * LANES + k] -= w * mz
+        found[3 * LANES + k] -= gx
+        found[4 * LANES + k] -= gy
+        found[5 * LANES + k] -= w * gz
+        # By `softness`, whose derivative by Poisson's ratio is -2.
+        found[6 * LANES + k] += 2 * w * (c * (along * bulge - dz * i3) - speed * shallow)
+        found[7 * LANES + k] -= w * (dx * a + x * inner)
+        found[8 * LANES + k] -= w * (dy * a + y * inner)
+        found[9 * LANES + k] = gx
+        found[10 * LANES + k] = gy
+        found[11 * LANES + k] = -(mx * dx + my * dy + mz * dz)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -77,7 +78,7 @@ class Load:
 
     def joined(self, position: Tensor, share: Tensor) -> "Load":
         """With more wheels: position [row, 1 or channel, wheel, 2], share [row, 1 or channel, wheel]."""
-        lead = torch.broadcast_shapes(self.share.shape[:-1], share.shape[:-1])
+        lead = np.broadcast_shapes(self.share.shape[:-1], share.shape[:-1])
 
         def both(one: Tensor, other: Tensor, tail: int) -> Tensor:
             cut = one.shape[len(one.shape) - tail :], other.shape[len(other.shape) - tail :]

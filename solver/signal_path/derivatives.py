@@ -1,7 +1,8 @@
 """Derivatives of the strain-rate map with respect to an effect's parameters: the chain rule through loads and gauges.
 
 The effect of a parameter on loads or gauges is differentiated automatically, for these are few numbers; the derivatives
-of strain rate with respect to them come from `solver.signal_path.sensitivities`.
+of strain rate with respect to them come from `solver.signal_path.sensitivities`. Laws of the ground are evaluated at
+every gauge and wheel, and differentiated from values nearby.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -9,10 +10,9 @@ from dataclasses import replace
 
 import torch
 from torch import Tensor
-from torch.autograd import forward_ad
 from torch.func import jvp
 
-from solver.ground.ground import Ground
+from solver.effect import Parameter
 from solver.signal_path.autodiff import pushed_all, pushed_ways, pushing
 from solver.signal_path.extension import Slot, Values
 from solver.signal_path.few import few_of
@@ -25,6 +25,10 @@ from solver.signal_path.traffic import columns
 
 #: Columns that are filtered together.
 COLUMNS = 16
+#: Share of a parameter's plausible size by which it is changed to see how a law of the ground changes.
+STEP = 1e-7
+#: Share of the largest change that is rounding.
+ROUNDING = 1e-10
 
 Changed = Callable[[Tensor], Values]
 
@@ -82,21 +86,25 @@ def derivatives(seen: Seen, slot: Slot, numbers: Tensor) -> Iterator[Tensor]:
         weights = weights[section.samples]
     in_rows = acts_on_rows(seen, slot, values)
     by_gauge = in_rows and effect.stage in ("cable", "interrogator")
-    by_row = tangents(seen, slot, values) if in_rows and not by_gauge else []
+    by_row = tangents(seen, slot, values, numbers) if in_rows and not by_gauge else []
     on_map = acts_on_map(seen, slot, values)
     moved = pushing(lambda v: (observed(alone, change(v)),), here) if on_map else None
+    each = by_channel(moved, here, extension.chosen) if moved is not None and scope == "fiber" else None
     for some in torch.arange(weights.shape[1]).split(few_of(alone.numel())):
         ways = [way.reshape(here.shape) for way in weights[:, some].unbind(1)]
         parts = []
         if in_rows:
             columns = by_gauges(seen, change, here, ways) if by_gauge else spread(seen, slot, by_row, some)
             parts.append(observed_tangents(path.described(values), alone, columns, observed))
-        if moved is not None:
+        if each is not None:
+            chosen = slice(None) if extension.chosen is None else extension.chosen
+            parts.append(each * weights[chosen][:, some].T[:, None])
+        elif moved is not None:
             parts.append(torch.stack([moved(way)[0] for way in ways]))
         yield sum(parts[1:], parts[0])
 
 
-def tangents(seen: Seen, slot: Slot, values: Values) -> list[Tensor]:
+def tangents(seen: Seen, slot: Slot, values: Values, numbers: Tensor) -> list[Tensor]:
     """Derivatives [row, channel] with respect to a parameter of loads or ground at its row, and to its rate."""
     p, name = slot.parameter, slot.effect.name
 
@@ -104,7 +112,7 @@ def tangents(seen: Seen, slot: Slot, values: Values) -> list[Tensor]:
         def changed(value: Tensor) -> Values:
             return {**values, name: {**values[name], which: value}}
 
-        return by_rows(seen, slot, changed, values[name][which])
+        return by_rows(seen, slot, changed, values[name][which], numbers)
 
     rated = p.rated and p.scope not in ("one", "fiber")
     return [along(p.name), *([along(p.rate_name)] if rated else [])]
@@ -129,10 +137,10 @@ def spread(seen: Seen, slot: Slot, by_row: Sequence[Tensor], some: Tensor) -> Te
     return out
 
 
-def by_rows(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
+def by_rows(seen: Seen, slot: Slot, changed: Changed, here: Tensor, numbers: Tensor) -> Tensor:
     """Derivative [row, channel] with respect to a parameter of loads or of the ground."""
     if slot.effect.stage == "ground":
-        return by_ground(seen, slot, changed, here)
+        return by_ground(seen, slot, changed, here, numbers)
     path, local, vehicles = seen.path, seen.local, columns(seen.local.vehicles)
     load = path.loads(vehicles, changed(here))
     by = local.by_load(load if local.section is None else load.with_tensors(local.at_rows(load.tensors)))
@@ -164,7 +172,7 @@ def by_gauges(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor]
     return total
 
 
-def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
+def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor, numbers: Tensor) -> Tensor:
     """Derivative [row, channel] with respect to a parameter of the ground's law or of its local properties."""
     path, local = seen.path, seen.local
     own = described_alone(path, slot, changed(here)).ground
@@ -178,30 +186,34 @@ def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Tensor:
         total = total + seen.local.along_gauges(Gauges(*gauges(here)), moved)
     if own.response is None and own.settlement is None and own.radiation is None:
         return total
-    # Strain is proportional to the ground's response: apply the derivative of the response to the loads.
-    with forward_ad.dual_level():
-        dual = path.grounds(changed(forward_ad.make_dual(here, torch.ones_like(here))))
-        load = replace(local.load, thrust=None, thrust_rate=None)
-        rate = path.alone(load, local.here, local.poisson_ratio, local.grounds(lambda rows: varying(dual(rows))))
-    return total + local.amplitude * rate
+    load = replace(local.load, thrust=None, thrust_rate=None)
+
+    def rate(value: Tensor) -> Tensor:
+        grounds = local.grounds(path.grounds(changed(value)))
+        return path.alone(load, local.here, local.poisson_ratio, grounds)
+
+    return total + local.amplitude * slope(rate, here, slot.parameter, local.law_at(path, numbers, lambda: rate(here)))
 
 
-def varying(ground: Ground) -> Ground:
-    """Ground whose response is replaced by its derivative with respect to the parameter that carries one."""
+def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter, value: Tensor) -> Tensor:
+    """Derivative of a law by a parameter from its value there and one nearby, within the bounds.
 
-    def tangent(answer: Callable[..., Tensor] | None) -> Callable[..., Tensor]:
-        def along(offset: Tensor, *others: Tensor) -> Tensor:
-            if answer is None:
-                return torch.zeros_like(offset)
-            value, found = forward_ad.unpack_dual(answer(offset, *others))
-            return torch.zeros_like(value) if found is None else found
+    Laws of the ground are fast where they carry no derivative: with a tangent PyTorch calls Python for every operand
+    that has none, and loads its compiler, which takes a second.
 
-        return along
+    Parameters
+    ----------
+    law : each row of what it returns depends on the parameter's value at that row
+    here : the parameter's value, [] or [row, 1]
+    value : of the law there
 
-    radiation = None if ground.radiation is None else tangent(ground.radiation)
-    return replace(
-        ground, response=tangent(ground.response), settlement=tangent(ground.settlement), radiation=radiation
-    )
+    >>> here = torch.tensor(0.0, dtype=torch.float64)
+    >>> slope(lambda x: x.exp(), here, Parameter("share", "1", 0.2, lower=0), torch.ones(()).double())
+    tensor(1.0000, dtype=torch.float64)
+    """
+    step = STEP * of.plausible
+    way = step * torch.where(here + step > of.upper, -1.0, 1.0)
+    return (law(here + way) - value) / way
 
 
 def described_alone(path: SignalPath, slot: Slot, values: Values) -> Description:
@@ -224,3 +236,21 @@ def acts_on_map(seen: Seen, slot: Slot, values: Values) -> bool:
     alone = described_alone(seen.path, slot, values)
     gained = isinstance(alone.interrogator.gain, Tensor)
     return bool(gained or alone.along_fiber or alone.in_time or alone.nonlinear or alone.processing.steps)
+
+
+def by_channel(moved: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor, chosen: Tensor | None) -> Tensor | None:
+    """Derivative of the map [sample, channel] by a parameter's value at the channel itself; None where others matter.
+
+    A direction drawn at random tells: only where each channel depends on its own value alone is its change in
+    proportion to its share of the direction.
+
+    Parameters
+    ----------
+    moved : change of the map in a direction [computed channel]
+    here : the parameter's values
+    chosen : which of the computed channels were measured; all where None
+    """
+    drawn = torch.rand(here.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64) + 0.5
+    each, some = moved(torch.ones_like(here))[0], moved(drawn)[0]
+    expected = each * (drawn if chosen is None else drawn[chosen])
+    return each if bool((some - expected).abs().max() <= ROUNDING * some.abs().max()) else None

@@ -1,17 +1,25 @@
 """Response of gauges to loads: the ground's velocity at each gauge's points, weighted and summed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from solver.ground.boussinesq import plain_values
+from solver.ground.compiled import compiled
 from solver.ground.ground import Ground
 from solver.ground.tangential import tangential_displacement, tangential_displacement_rate
 from solver.ground.wheel_motion import gauge_response
 from solver.load.load import Load
 
+Array = NDArray[np.float64]
 #: From a force, offsets, velocity of the load and Poisson's ratio to the ground's velocity.
 Moved = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
+#: Share of each wheel, None for 1, and velocity of the ground under it, see `motions`.
+Part = tuple[Tensor | None, Tensor]
 
 
 def strain_rates(load: Load, ground: Ground, points: Tensor, weights: Tensor, ratio: Tensor) -> Tensor:
@@ -25,18 +33,63 @@ def strain_rates(load: Load, ground: Ground, points: Tensor, weights: Tensor, ra
     static = None
     if ground.response is None:
         static = gauge_response(points, weights, load.position, load.share, load.trajectory.velocity, ratio)
-    moving = ground_motion(load, ground, points, ratio, static is None)
-    if moving is None:
+    parts = motions(load, ground, points, ratio, static is None)
+    if not parts:
         assert static is not None
         return static
-    rest = (weights * moving).sum((-1, -2))
+    if plain_values(weights, *(one for part in parts for one in part if one is not None)) is None:
+        rest = (weights * total_motion(parts)).sum((-1, -2))
+    else:
+        rest = torch.from_numpy(gauge_sums(weights, parts))
     return rest if static is None else static + rest
 
 
-def ground_motion(
-    load: Load, ground: Ground, point: Tensor, poisson_ratio: Tensor, static: bool = True
-) -> Tensor | None:
-    """Velocity of the ground under loads, per unit amplitude.
+def gauge_sums(weights: Tensor, parts: Sequence[Part]) -> Array:
+    """Sum [row, channel] of weight . velocity of the ground, in one pass over memory; `parts` as of `motions`.
+
+    `weights` is [..., channel, point, 3].
+    """
+    whole = weights if weights.ndim == 4 else weights[None]
+    shape = np.broadcast_shapes(whole[..., None, :].shape, *(motion.shape for _, motion in parts))
+    out = np.zeros(shape[:2])
+    for share, motion in parts:
+        shares = torch.ones(1, 1, shape[3], dtype=torch.float64) if share is None else share
+        outermost = motion.expand(shape).movedim(-1, 0)
+        add_gauges(whole.contiguous().numpy(), shares.contiguous().numpy(), outermost.contiguous().numpy(), out)
+    return out
+
+
+def total_motion(parts: Sequence[Part]) -> Tensor:
+    """Velocity of the ground [row, channel, point, 3] under all wheels; `parts` as of `motions`."""
+    moved = [motion if share is None else share[..., None, :, None] * motion for share, motion in parts]
+    return sum(moved[1:], moved[0]).sum(-2)
+
+
+@partial(compiled, fastmath=True)
+def add_gauges(weights: Array, share: Array, motion: Array, out: Array) -> None:
+    """Add a part of `gauge_sums` to `out` [row, channel].
+
+    Parameters
+    ----------
+    weights : [1 or row, channel, point, 3]
+    share : [1 or row, 1 or channel, wheel]
+    motion : [3, row, channel, point, wheel]
+    """
+    rows, channels, points, wheels = motion.shape[1:]
+    for row in range(rows):
+        by, of = weights[min(row, len(weights) - 1)], share[min(row, len(share) - 1)]
+        for channel in range(channels):
+            shares, total = of[min(channel, len(of) - 1)], 0.0
+            for p in range(points):
+                wx, wy, wz = by[channel, p]
+                x, y, z = motion[0, row, channel, p], motion[1, row, channel, p], motion[2, row, channel, p]
+                for wheel in range(wheels):
+                    total += shares[wheel] * (wx * x[wheel] + wy * y[wheel] + wz * z[wheel])
+            out[row, channel] += total
+
+
+def motions(load: Load, ground: Ground, point: Tensor, poisson_ratio: Tensor, static: bool = True) -> list[Part]:
+    """Velocity of the ground under each wheel, per unit amplitude, in parts to be summed.
 
     Parameters
     ----------
@@ -46,25 +99,25 @@ def ground_motion(
 
     Returns
     -------
-    [row, channel, point, 3], or None if that part is excluded and there is no other
+    share [row, 1 or channel, wheel] of what a part is to be multiplied by, None for 1, and that part
+    [row, channel, point, wheel, 3]
     """
     others = ground.radiation, load.share_rate, load.thrust, load.thrust_rate
     if not static and all(one is None for one in others):
-        return None
-    parts = []
+        return []
+    parts = list[Part]()
     offset = offsets(point, load.position[..., None, :, :])
     velocity = load.trajectory.velocity[..., None, None, :]
     nu = poisson_ratio[..., None] if poisson_ratio.ndim else poisson_ratio
-    share = load.share[..., None, :, None]
     if static:
-        parts.append(share * ground.displacement_rate(offset, velocity, nu))
+        parts.append((load.share, ground.displacement_rate(offset, velocity, nu)))
     if ground.radiation is not None:
-        parts.append(share * ground.radiation(offset, velocity, load.trajectory.time[..., None, None]))
+        parts.append((load.share, ground.radiation(offset, velocity, load.trajectory.time[..., None, None])))
     for force, moved in forces(load, ground):
         # Of a force that is nothing yet, only what more of it would do is ever asked for.
         at = (offset, velocity, nu) if bool(force.any()) else (offset.detach(), velocity.detach(), nu.detach())
-        parts.append(moved(force, *at))
-    return sum(parts[1:], parts[0]).sum(-2)
+        parts.append((None, moved(force, *at)))
+    return parts
 
 
 def forces(load: Load, ground: Ground) -> list[tuple[Tensor, Moved]]:

@@ -206,8 +206,8 @@ class SignalPath:
 
     def by_load(self, load: Load, gauges: Gauges, poisson_ratio: Tensor, ground: Grounds) -> ByLoad:
         """Only the derivatives with respect to the tensors of the loads."""
-        parts = (_block(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground))
-        return _joined([by for _, by in parts])
+        parts = (_by_load(load.part(r), ground(r), gauges, poisson_ratio) for r in self.blocks(load, gauges, ground))
+        return _joined(list(parts))
 
 
 def spans(rows: int, count: int) -> list[slice]:
@@ -225,6 +225,17 @@ def differentiated(load: Load) -> list[str]:
     return [name for name in load.tensors if name in ("position", "share", *FORCES, "trajectory.velocity")]
 
 
+def leaf(x: Tensor, *whole: int) -> Tensor:
+    """A copy of its own for each row and channel, to be differentiated by."""
+    return x.detach().expand(*whole).requires_grad_()
+
+
+def leaves(load: Load, rows: int, channels: int) -> dict[str, Tensor]:
+    """The tensors of a load that strain rate is differentiated by, each row and channel with its own."""
+    tensors = load.tensors
+    return {name: leaf(tensors[name], rows, channels, *tensors[name].shape[2:]) for name in differentiated(load)}
+
+
 def _joined(parts: Sequence[ByLoad]) -> ByLoad:
     """Join blocks of rows."""
     if len(parts) == 1:
@@ -237,15 +248,20 @@ def _block(
 ) -> tuple[tuple[Tensor, Tensor, Tensor, Tensor], dict[str, Tensor]]:
     """Strain rate [row, channel] of some rows, and its derivatives by points, weights, ratio and loads."""
     shape = (len(load.share), *gauges.points.shape[:2])
-
-    def leaf(x: Tensor, *whole: int) -> Tensor:
-        return x.detach().expand(*whole).requires_grad_()
-
     own = leaf(gauges.points, *shape, 3), leaf(gauges.weights, *shape, 3), leaf(gauges.ratio(poisson_ratio), *shape)
-    tensors = load.tensors
-    forces = {name: leaf(tensors[name], *shape[:2], *tensors[name].shape[2:]) for name in differentiated(load)}
+    forces = leaves(load, *shape[:2])
     with torch.enable_grad():
-        rate = strain_rates(load.with_tensors(tensors | forces), ground, *own)
+        rate = strain_rates(load.with_tensors(load.tensors | forces), ground, *own)
     by_point, by_weight, by_ratio, *found = torch.autograd.grad(rate.sum(), [*own, *forces.values()], allow_unused=True)
     by_load = {name: grad for name, grad in zip(forces, found, strict=True) if grad is not None}
     return (rate.detach(), by_point, by_weight, by_ratio), by_load
+
+
+def _by_load(load: Load, ground: Ground, gauges: Gauges, poisson_ratio: Tensor) -> dict[str, Tensor]:
+    """The derivatives by loads alone."""
+    forces = leaves(load, len(load.share), len(gauges.points))
+    own = gauges.points, gauges.weights, gauges.ratio(poisson_ratio).expand(gauges.points.shape[:2])
+    with torch.enable_grad():
+        rate = strain_rates(load.with_tensors(load.tensors | forces), ground, *own)
+    found = torch.autograd.grad(rate.sum(), list(forces.values()), allow_unused=True)
+    return {name: grad for name, grad in zip(forces, found, strict=True) if grad is not None}

@@ -16,6 +16,7 @@ INK, MUTED, RULE, PAPER = "#1f2933", "#66707a", "#d5dae0", "#fefefe"
 THEME = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)", PAPER: "var(--paper)"}
 
 DPI = 96  # figures are laid out in CSS pixels
+PLACE = ("x", "y", "width", "height")
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.0,
@@ -61,6 +62,19 @@ def svg(figure: Figure) -> str:
     for color, variable in THEME.items():
         rest = rest.replace(color, variable)
     return f"<svg {view.group(0) if view else ''} role='img'>{rest}"
+
+
+def with_picture(drawn: str, png: bytes, left: float, top: float, width: float, height: float) -> str:
+    """An SVG element with a picture beneath what `svg` drew, placed in CSS pixels from the upper left corner.
+
+    >>> with_picture("<svg viewBox='0 0 75 75'></svg>", b"abc", 4, 0, 40, 20)[25:65]
+    '<image x="3" y="0" width="30" height="15'
+    """
+    box = (f'{name}="{pixels * 72 / DPI:g}"' for name, pixels in zip(PLACE, (left, top, width, height), strict=True))
+    sharp = "image-rendering:crisp-edges;image-rendering:pixelated"
+    image = f'<image {" ".join(box)} preserveAspectRatio="none" style="{sharp}" href="{data_uri(png)}"/>'
+    head, rest = drawn.split(">", 1)
+    return f"{head}>{image}{rest}"
 
 
 def png_bytes(image: NDArray[Any]) -> bytes:

@@ -1,5 +1,6 @@
 """Measured, model and residual as pictures, and where the model fails."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from solver.run.report.misfit import Misfit, nearest_channel, pass_label, rows_o
 from solver.run.seen import Seen
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract.drawing import canvas, coarse, color_map, place
-from vision.contract.figures import INK, styled
+from vision.contract.figures import INK, png_bytes, styled, svg, with_picture
 from vision.contract.palette import ROUTE
 
 
@@ -34,27 +35,45 @@ def pictures_of(result: FitResult, one: Pass, cells: int) -> Pictures:
     return Pictures(*(coarse(whole_range(result, part / result.noise), cells) for part in maps))
 
 
-@styled
-def wave_figure(run: Seen, one: Pass, picture: NDArray[np.float64], scale: AsinhNorm, width: int) -> Figure:
-    """One map [time, channel] of one pass; the dotted line is the vehicle.
+def wave_pictures(
+    run: Seen, one: Pass, pictures: Sequence[NDArray[np.float64]], scale: AsinhNorm, width: int
+) -> list[str]:
+    """SVG elements of maps [time, channel] of one pass, all in the same axes, which are drawn once.
 
     Parameters
     ----------
-    picture : one of `Pictures`
+    pictures : as of `Pictures`
     scale : color scale, noise sigmas
+    width : of each, CSS pixels
+    """
+    drawn, colors = svg(wave_figure(run, one, width)), color_map()
+    images = (png_bytes(colors(scale(np.ma.masked_invalid(picture)))) for picture in pictures)
+    return [with_picture(drawn, image, *map_place(width)) for image in images]
+
+
+def map_place(width: int) -> tuple[float, float, float, float]:
+    """Left, top, width and height of the map in a wave figure, CSS pixels."""
+    return 50, 6, width - 56, 0.95 * width - 48
+
+
+@styled
+def wave_figure(run: Seen, one: Pass, width: int) -> Figure:
+    """The axes [time, channel] of a map of one pass, to be drawn over it; the dotted line is the vehicle.
+
+    Parameters
+    ----------
     width : of the figure, CSS pixels
     """
     result = run.result
     seconds = run.time[rows_of(result, one)]
     step = float(np.median(np.diff(seconds))) if len(seconds) > 1 else 1.0
     first, last = result.fitted_channel[[0, -1]]
-    extent = (first - 0.5, last + 0.5, seconds[-1] + step / 2 - seconds[0], -step / 2)
     figure = canvas(width, round(0.95 * width))
-    axes = place(figure, "map", 50, 6, width - 56, 0.95 * width - 48)
-    axes.imshow(picture, aspect="auto", extent=extent, cmap=color_map(), norm=scale, interpolation="none")
+    axes = place(figure, "map", *map_place(width))
     inside = np.isin(one.rows, result.samples)
     axes.plot(nearest_channel(result, one)[inside], seconds - seconds[0], color="#222222", lw=0.9, ls=(0, (1, 2.5)))
-    axes.set(xlabel="channel", ylabel="time, s", xlim=extent[:2], ylim=extent[2:])
+    axes.set(xlabel="channel", ylabel="time, s")
+    axes.set(xlim=(first - 0.5, last + 0.5), ylim=(seconds[-1] + step / 2 - seconds[0], -step / 2))
     return figure
 
 

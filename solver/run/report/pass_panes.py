@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.colors import AsinhNorm
 
 from solver.run.report.misfit import Misfit, pass_label
-from solver.run.report.misfit_figure import Pictures, pictures_of, scale_figure, wave_figure, worst
+from solver.run.report.misfit_figure import Pictures, pictures_of, scale_figure, wave_pictures, worst
 from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract.drawing import coarse, color_map, color_scale
@@ -30,10 +30,11 @@ def chip(one: Pass, number: int, chi2: float, pictures: Pictures, scale: AsinhNo
 
 def pane(run: Run, number: int, pictures: Pictures, scale: AsinhNorm) -> str:
     """Measured, model and residual of one pass."""
+    names, maps = zip(*vars(pictures).items(), strict=True)
+    drawn = wave_pictures(run, run.passes[number], maps, scale, PANEL)
     figures = [
-        f"<figure><figcaption>{name.capitalize()}</figcaption>"
-        f"{svg(wave_figure(run, run.passes[number], picture, scale, PANEL))}</figure>"
-        for name, picture in vars(pictures).items()
+        f"<figure><figcaption>{name.capitalize()}</figcaption>{one}</figure>"
+        for name, one in zip(names, drawn, strict=True)
     ]
     return f'<div class="pane pane-{number}">{"".join(figures)}</div>'
 

@@ -81,6 +81,27 @@ def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
+    ("fall", "decrement", "more", "goes_on"),
+    [
+        (20.0, 9.0, 0.0, True),  # its next steps are large
+        (20.0, 2.0, 90.0, True),  # small ones, which go on
+        (20.0, 2.0, 30.0, False),
+        (-900.0, 2.0, np.inf, True),  # too early to tell
+    ],
+)
+def test_a_fit_goes_on_as_long_as_it_may_lead(fall: float, decrement: float, more: float, goes_on: bool) -> None:
+    """Where the score test says that it may: a layer's fit falls slowly, and had been given up."""
+    ended: Any = SimpleNamespace(converged=False, at=SimpleNamespace(open=SimpleNamespace(decrement=decrement)))
+    found = tried("layered_ground", 200.0)
+    one = replace(found, fall=fall, solution=ended)
+    vars(one)["paid"] = 0.0
+    assert one.may_reach(30.0, more) is goes_on
+    doubtful = replace(one, score=tried("layered_ground", 10.0).score)
+    vars(doubtful)["paid"] = 0.0
+    assert doubtful.may_reach(30.0, more) is (decrement == 9.0)
+
+
+@pytest.mark.parametrize(
     ("name", "numbers", "impossible"),
     [
         ("track_bend", [2.0, -1.8, 2.2, -2.3], True),

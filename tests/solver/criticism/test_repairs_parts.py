@@ -17,7 +17,7 @@ from solver.criticism.repairs import (
     REACH,
     SPEEDS,
     Peak,
-    correlate,
+    correlation_with,
     lanes,
     passing_times,
     refined,
@@ -83,7 +83,7 @@ def test_known_vehicles_pass_the_middle_at_the_row_nearest_to_it(problem):
 
 def test_correlation_is_the_sum_of_products_at_every_shift():
     values, shape = RNG.normal(size=(40, 3)), RNG.normal(size=(7, 3))
-    found = correlate(values, shape)
+    found = correlation_with(values, len(shape) + 5)(shape)
     assert found.shape == (46,)
     padded = np.pad(values, ((6, 6), (0, 0)))
     expected = [(padded[at : at + 7] * shape).sum() for at in range(46)]
@@ -93,7 +93,7 @@ def test_correlation_is_the_sum_of_products_at_every_shift():
 def test_a_shape_is_found_where_it_was_put():
     values, shape = np.zeros((60, 4)), RNG.normal(size=(9, 4))
     values[23:32] += 2.5 * shape
-    found = correlate(values, shape)
+    found = correlation_with(values, len(shape) + 5)(shape)
     assert int(found.argmax()) == 23 + 8
     assert found.max() == pytest.approx(2.5 * (shape**2).sum())
 

@@ -54,6 +54,7 @@ def test_products_are_those_of_the_whole_matrices():
     torch.testing.assert_close(dense(both), torch.cat([a, b], 1))
     torch.testing.assert_close(one.transposed_times(other), a.T @ b)
     torch.testing.assert_close(both.transposed_times(both), torch.cat([a, b], 1).T @ torch.cat([a, b], 1))
+    torch.testing.assert_close(both.gram, both.transposed_times(both))
     torch.testing.assert_close(one.along(b[:, 0]), a.T @ b[:, 0])
     assert np.isclose(one.norm, a.norm())
 

@@ -92,6 +92,16 @@ def test_derivatives_by_parameters(name: str, log_ratio: float) -> None:
     assert name == "thickness" or forward.abs().max() > 1e-2
 
 
+@pytest.mark.parametrize("ratio", [0.3, torch.linspace(0.2, 0.4, 120).double()])
+def test_values_alone_are_those_that_come_with_derivatives(ratio: float | Tensor) -> None:
+    """Beyond the table's depth, and on the load's axis, too."""
+    offset = offsets()
+    offset[0, :2], offset[1, 2] = 0.0, 900.0
+    alone = layered_displacement_rate(offset, VELOCITY, ratio, 0.7, 2.0)
+    both = layered_displacement_rate(offset.requires_grad_(), VELOCITY, ratio, 0.7, 2.0)
+    torch.testing.assert_close(alone, both.detach(), rtol=1e-12, atol=1e-14)
+
+
 def test_derivative_of_pavement_at_null() -> None:
     stiffness = scalar(0.0).requires_grad_()
     rate = pavement_displacement_rate(offsets(), VELOCITY, 0.25, stiffness)

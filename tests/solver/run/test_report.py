@@ -1,12 +1,15 @@
 """The report: one file, offline, saying what the run says."""
 
+import base64
 import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from io import BytesIO
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from solver.catalogue.catalogue import built_in
 from solver.fit.result import Parameter
@@ -15,13 +18,13 @@ from solver.run.report import misfit as misfit_module
 from solver.run.report import report_words as words
 from solver.run.report.fit_tables import gauge_words, parameter_tables
 from solver.run.report.misfit import misfit_of, nearest_channel
-from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure
+from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure, wave_pictures
 from solver.run.report.pass_panes import waves
 from solver.run.report.report_page import render
 from solver.run.report.report_words import told
 from solver.run.report.route_figure import along_x, route_figure, same_scale
 from solver.run.run import Run
-from vision.contract.drawing import coarse, color_scale
+from vision.contract.drawing import coarse, color_map, color_scale
 from vision.contract.figures import svg
 
 VOID = {"meta", "img", "input", "br", "path", "use", "link"}
@@ -318,14 +321,31 @@ def test_svg_follows_the_theme_and_repeats_under_the_same_salt(survey):
 
 def test_wave_figure_shows_the_vehicle_over_its_channels(survey):
     run = made_run(survey)
-    model = pictures_of(run.result, run.passes[0], 300).model
-    figure = wave_figure(run, run.passes[0], model, color_scale(model), 340)
+    figure = wave_figure(run, run.passes[0], 340)
     (axes,) = figure.axes
     channel, seconds = axes.lines[0].get_data()
     crossed = np.isfinite(channel)
     # 6 m/s from x = -5 m at 0 s; channel 50 is at x = 0.
     np.testing.assert_allclose(channel[crossed], 45 + 6 * seconds[crossed], atol=0.8)
     assert axes.get_xlim() == (52.5, 107.5)
+
+
+def test_a_picture_lies_pixel_by_pixel_where_its_axes_are(survey):
+    """Row 0 on top, channels from left to right, as the axes over it have them."""
+    run = made_run(survey)
+    model = pictures_of(run.result, run.passes[0], 300).model
+    scale = color_scale(model)
+    (drawn,) = wave_pictures(run, run.passes[0], [model], scale, 340)
+    box = dict(re.findall(r'(x|y|width|height)="([^"]*)"', re.search(r"<image [^>]*>", drawn).group()))
+    view = [float(number) for number in re.search(r'viewBox="([^"]*)"', drawn).group(1).split()]
+    inside = wave_figure(run, run.passes[0], 340).axes[0].get_position()
+    left, top = inside.x0 * view[2], (1 - inside.y1) * view[3]
+    np.testing.assert_allclose([float(box["x"]), float(box["y"])], [left, top], atol=0.01)
+    size = [inside.width * view[2], inside.height * view[3]]
+    np.testing.assert_allclose([float(box["width"]), float(box["height"])], size, atol=0.3)
+    png = base64.b64decode(re.search(r"base64,([^\"]*)", drawn).group(1))
+    colors = np.asarray(Image.open(BytesIO(png)).convert("RGB"))
+    np.testing.assert_allclose(colors, 255 * color_map()(scale(np.ma.masked_invalid(model)))[..., :3], atol=1)
 
 
 def test_parameters_named_by_pass_are_one_row_each(survey):

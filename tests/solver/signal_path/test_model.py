@@ -8,7 +8,7 @@ import torch
 
 from solver.cable.fiber import Fiber, GaugeEnds, SplineBasis
 from solver.ground.ground import Ground
-from solver.signal_path.ground_motion import strain_rates
+from solver.signal_path.ground_motion import gauge_sums, strain_rates
 from solver.signal_path.signal_path import SignalPath
 from solver.signal_path.traffic import Traffic, Vehicles
 from solver.trajectory.vehicle_pass import Pass
@@ -185,3 +185,23 @@ def test_finer_traffic_passes_through_the_samples_and_bends_between_them():
     np.testing.assert_allclose(fine.position, expected, atol=2e-4)
     np.testing.assert_allclose(fine.heading.norm(dim=1), 1.0)
     assert fine.record_sample[:6].tolist() == [2, 2, 2, 2, 3, 3]
+
+
+@pytest.mark.parametrize("channels", [1, 4])
+def test_gauges_are_summed_in_one_pass_as_they_are_with_derivatives(channels: int) -> None:
+    """Of several forces, whose wheels may be elsewhere for each channel."""
+    random = torch.Generator().manual_seed(5)
+
+    def drawn(*shape: int) -> torch.Tensor:
+        return torch.rand(*shape, generator=random, dtype=torch.float64) - 0.5
+
+    rows, points, wheels = 6, 3, 2
+    parts = [(drawn(rows, 1, wheels), drawn(rows, channels, points, wheels, 3)), (None, drawn(rows, 1, points, 1, 3))]
+    parts += [(drawn(rows, channels, wheels), drawn(rows, channels, points, wheels, 3))]
+    for weights in (drawn(channels, points, 3), drawn(rows, channels, points, 3)):
+        plain = torch.zeros(rows, channels, dtype=torch.float64)
+        for share, motion in parts:
+            moved = motion.expand(rows, channels, points, wheels, 3)
+            shares = torch.ones(1, 1, wheels).double() if share is None else share
+            plain += (weights[..., None, :] * shares[..., None, :, None] * moved).sum((-1, -2, -3))
+        torch.testing.assert_close(torch.from_numpy(gauge_sums(weights, parts)), plain)

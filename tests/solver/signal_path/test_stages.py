@@ -12,7 +12,7 @@ from solver.ground.tangential import tangential_displacement
 from solver.interrogator.interrogator import Interrogator
 from solver.load.load import Load
 from solver.processing.processing import Processing
-from solver.signal_path.ground_motion import ground_motion
+from solver.signal_path.ground_motion import motions, total_motion
 from solver.trajectory.trajectory import Trajectory
 
 
@@ -109,7 +109,7 @@ def test_a_push_that_changes_moves_the_ground_as_its_displacement_changes():
     )
     alone = replace(pushing, share=torch.zeros_like(pushing.share))
     numeric = (displaced(t + step) - displaced(t - step)) / (2 * step)
-    motion = ground_motion(alone, Ground(), point[:, None], nu)
+    motion = total_motion(motions(alone, Ground(), point[:, None], nu))
     assert motion is not None
     torch.testing.assert_close(motion[0, :, 0], numeric, rtol=1e-7, atol=1e-9)
 
