@@ -105,6 +105,21 @@ def other_vehicle(there: Array, dead: NDArray[np.bool_], low: NDArray[np.int64],
     return np.maximum(other, 1e-60)
 
 
+def likelihoods(heard: Heard, dead: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
+    """Likelihoods [channel, place] of what channels hear where the cable runs on, in a loop, and of another vehicle.
+
+    All are over the exponential of the first that is returned, the largest log likelihood ratio [channel, 1].
+    """
+    ratio = heard.ratio.astype(np.float64)
+    top = np.maximum(ratio.max(1, keepdims=True), 0.0)
+    deaf = np.exp(-top)
+    other = np.where(ratio > 0, DEAF * deaf + (1 - DEAF) * np.exp(ratio - top), DEAF * deaf)
+    car = np.exp(ratio + heard.price - top)
+    even, odd = DEAF * deaf + (1 - DEAF) * car, (1 - LEAKS) * deaf + LEAKS * car
+    even[dead], odd[dead] = 1.0, 1.0
+    return top, np.maximum(even, 1e-60), np.maximum(odd, 1e-60), other
+
+
 def map_channels(
     heard: Heard, dead: NDArray[np.bool_], spacing: float, factor: Array | float, bend: Array | float = 0.0
 ) -> ChannelMap:
@@ -122,15 +137,8 @@ def map_channels(
     channels, width = heard.ratio.shape
     advance = np.broadcast_to(spacing / np.asarray(factor, float) / STEP, channels).astype(float)
     on, edge, wide = kernels(advance, bend)
-    ratio = heard.ratio.astype(np.float64)
-    top = np.maximum(ratio.max(1, keepdims=True), 0.0)
-    car = np.exp(ratio + heard.price - top)
-    even = DEAF * np.exp(-top) + (1 - DEAF) * car
-    odd = (1 - LEAKS) * np.exp(-top) + LEAKS * car
-    even[dead], odd[dead] = 1.0, 1.0
-    even, odd = np.maximum(even, 1e-60), np.maximum(odd, 1e-60)
-    any_vehicle = DEAF * np.exp(-top) + np.where(ratio > 0, (1 - DEAF) * np.exp(ratio - top), 0.0)
-    other = other_vehicle(any_vehicle, dead, heard.low, wide)
+    top, even, odd, other = likelihoods(heard, dead)
+    other = other_vehicle(other, dead, heard.low, wide)
     begins = np.full(channels, min(0.2, LOOPS * spacing))
     changes = (min(0.5, spacing / LENGTH), min(0.2, COMPANIONS * spacing), min(0.5, spacing / COMPANY))
     model = Model(even, odd, other, heard.low, on, edge, begins, *changes)
