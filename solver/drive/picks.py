@@ -11,9 +11,8 @@ from solver.drive.response import Legs, Responses
 
 Array = NDArray[np.float64]
 
-#: Cells to either side of where a channel is expected in which its peak is sought: at first, when the clock may be off
-#: by a second, which moves the picks of legs forth and back apart, and later.
-FIRST_SIDE, SIDE = 30, 14
+#: Cells to either side of where a channel is expected in which its peak is sought.
+SIDE = 14
 #: Log likelihood ratio of a leg above which a channel is heard.
 AUDIBLE = 4.0
 #: Channels to either side of which so many, itself included, hear it too.
@@ -60,14 +59,7 @@ class Picks:
 
 
 def pick(
-    quiet: Quiet,
-    of: Responses,
-    legs: Legs,
-    expected: Array,
-    polarity: int,
-    floor: Array,
-    quietly: NDArray[np.bool_],
-    side: int = SIDE,
+    quiet: Quiet, of: Responses, legs: Legs, expected: Array, polarity: int, floor: Array, quietly: NDArray[np.bool_]
 ) -> Picks:
     """Pick the peaks.
 
@@ -76,18 +68,17 @@ def pick(
     expected : cell of each channel [channel]
     floor : least amplitude [channel, leg]
     quietly : channels that are not looked at: dead, or in a loop [channel]
-    side : cells to either side of `expected` in which peaks are sought
     """
     channels = len(expected)
     shape = (legs.count, channels)
     cell, sigma, speed = (np.full(shape, np.nan) for _ in range(3))
     amplitude, ratio = np.zeros(shape), np.zeros(shape)
     row = np.zeros(shape, np.int64)
-    low = np.round(expected).astype(np.int64) - side
+    low = np.round(expected).astype(np.int64) - SIDE
     for leg in range(legs.count):
-        found = heard(quiet, of, low, 2 * side + 1, polarity, floor, leg)
+        found = heard(quiet, of, low, 2 * SIDE + 1, polarity, floor, leg)
         top, where = peaks(found.ratio.astype(np.float64))
-        ok = (top.ratio > AUDIBLE) & (where > 1) & (where < 2 * side - 1) & ~quietly
+        ok = (top.ratio > AUDIBLE) & (where > 1) & (where < 2 * SIDE - 1) & ~quietly
         # One that no neighbor confirms is chance.
         ok &= np.convolve(ok, np.ones(2 * NEAR + 1), "same") >= CONFIRMED
         cell[leg, ok] = low[ok] + where[ok]

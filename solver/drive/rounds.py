@@ -17,7 +17,7 @@ from solver.drive.loops import Loop, flags_of, loops_of, sure
 from solver.drive.loudness import loudness
 from solver.drive.misstated import DRIFT, SPACING, TOLD
 from solver.drive.path import BESIDE, STEP, Path
-from solver.drive.picks import FIRST_SIDE, SIDE, Picks, pick
+from solver.drive.picks import Picks, pick
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs, legs_of, responses
 from solver.drive.timing import clock_of_shapes
@@ -109,7 +109,7 @@ def one_round(
     flags, middle = sure(channels), channels.best.astype(float)
     for again in range(2):
         silent = quiet.dead | flags | (channels.other > OTHER)
-        picks = pick(quiet, of, legs, middle, polarity, floor, silent, SIDE if side <= LATER else FIRST_SIDE)
+        picks = pick(quiet, of, legs, middle, polarity, floor, silent)
         picks = beside_loops(picks, flags, quiet.gauge_length, spacing)
         if not again:
             # Heard both ways, places tell the clock so much better that shapes are not worth their time.

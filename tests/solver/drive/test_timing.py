@@ -14,9 +14,9 @@ from solver.drive.channel_fit import likeliest
 from solver.drive.coarse import LEAD, looks
 from solver.drive.loudness import loudness
 from solver.drive.path import path_of
-from solver.drive.picks import FIRST_SIDE, SIDE, Picks, passing, pick
+from solver.drive.picks import passing
 from solver.drive.response import Clock, legs_of
-from solver.drive.rounds import FIRST, LATER, ROUNDS, one_round, responses, settled
+from solver.drive.rounds import LATER, ROUNDS, one_round, responses, settled
 from solver.drive.timing import clock_of_shapes
 
 
@@ -33,34 +33,6 @@ def test_shapes_tell_the_clock(drive: rf.Drive, run: rf.DriveRun, truth: dict[st
     told, sigma = clock_of_shapes(quiet, path, car, legs, clock, picks, polarity, floor)
     assert 0.1 < sigma < 0.4
     assert abs(told + off) < 2 * sigma < abs(off) + 0.3
-
-
-@pytest.mark.parametrize(("side", "sought", "heard"), [(FIRST, FIRST_SIDE, True), (LATER, SIDE, False)])
-def test_first_round_seeks_picks_where_a_clock_that_is_off_has_them(
-    monkeypatch: pytest.MonkeyPatch,
-    drive: rf.Drive,
-    run: rf.DriveRun,
-    truth: dict[str, Any],
-    side: int,
-    sought: int,
-    heard: bool,
-) -> None:
-    """Legs forth and back are 20 m from where channels are expected, with a clock that is off by a second or two."""
-    quiet, path = drive.quiet(), path_of(drive.vertices)
-    car, cell = car_of(drive.tracks, quiet.start), run.arrays["along"] + path.first
-    polarity, clock = int(run.facts["parameters"]["polarity"]["value"]), Clock(truth["clock_offset"])
-    found = []
-
-    def picked(*given: Any) -> Picks:
-        assert given[-1] == sought
-        moved = pick(*given[:3], given[3] + 20.0, *given[4:])
-        found.append(float(moved.audible[:, run.arrays["heard"]].any(0).mean()))
-        return pick(*given)
-
-    monkeypatch.setattr(rounds, "pick", picked)
-    one_round(drive, quiet, path, car, clock, cell, polarity, side)
-    assert (found[0] > 0.7) == heard
-    assert found[0] > 0.7 or found[0] < 0.4
 
 
 def test_offsets_that_score_alike_are_told_apart(drive: rf.Drive) -> None:
