@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: How much the stretch wanders over 100 m of cable, as the map is off by meters that change over some hundred meters,
-#: and each step besides, as shares.
-WANDER, JITTER = 0.01, 0.01
+#: How much the stretch wanders over 100 m of cable, and each step besides, as shares.
+WANDER, JITTER = 0.003, 0.01
+#: m of path over which it changes how far the map lies beside the cable: beside a bend it is longer or shorter by that.
+OFFSET = 300.0
 #: m, about the length of a bend, all through which the map is off by the same.
 BEND = 30.0
 #: s, correlation time of the slow errors of a GPS track at least; share of a fix's sigma that is so slow that no
@@ -81,6 +82,7 @@ class Steps:
     ----------
     advance : cells, without stretch [channel]; that of the first is not used
     stretched : cells per unit of stretch [channel]
+    bent : cells for each standard deviation of how far the map lies beside the cable [channel]
     variance : of the advance, cells^2 [channel]
     askew : standard deviation of where the car seems to pass, cells [channel]: what lies square to a map that turns is
         not sure
@@ -88,6 +90,7 @@ class Steps:
 
     advance: Array
     stretched: Array
+    bent: Array
     variance: Array
     askew: Array
 
@@ -111,8 +114,7 @@ def steps_of(
     sigma : of the map, m: in bends a cable beside the path is longer or shorter than the path
     """
     step = spacing / factor / STEP
-    bend = bends_of(path, cell, spacing, sigma)
-    variance = (JITTER * step) ** 2 + bend**2
+    variance = np.full(len(cell), (JITTER * step) ** 2)
     # Each step is no step at all with that probability: mean and variance.
     share = np.where(loop, 0.0, slack)
     share = np.where(share > RARE, share, 0.0)
@@ -120,11 +122,13 @@ def steps_of(
     before = np.concatenate([[False], loop[:-1]])
     # Into a loop and out of it the path goes on by any part of a step; within it, not at all.
     edge, inside = loop ^ before, loop & before
+    bent = path.heading_at(cell, step) * sigma / np.sqrt(2) / STEP * (1 - share)
+    bent[edge], bent[inside] = bent[edge] / 2, 0.0
     advance[edge], stretched[edge] = step / 2, 0.0
     variance[edge] = step**2 / 12
     advance[inside], stretched[inside], variance[inside] = 0.0, 0.0, 1e-6
     number = np.clip(np.round(cell).astype(np.int64), 0, len(path.points) - 1)
-    return Steps(advance, stretched, variance, path.spread_of_heading(sigma)[number] * sigma / STEP)
+    return Steps(advance, stretched, bent, variance, path.spread_of_heading(sigma)[number] * sigma / STEP)
 
 
 def smoothed_along(
@@ -179,7 +183,7 @@ class Model:
     Parameters
     ----------
     slow, fast : standard deviations of the car's errors, cells [leg, channel]
-    keeps : share that each error keeps from the channel before [slow and fast legs, channel]
+    keeps : share that each error keeps from the channel before [slow and fast legs and the map, channel]
     loose : how much wider the fast errors are than `fast` [leg, channel]
     wander : variance of the stretch from channel to channel
     half : of the record, s: the clock's drift counts from its middle
@@ -222,7 +226,13 @@ class Model:
             steps,
             slow=np.where(there, SLOW * gps[1] / STEP, 0.0),
             fast=np.where(there, np.hypot(sigma[picks.row], steps.askew), 0.0),
-            keeps=np.concatenate([np.exp(-gone / max(MEMORY, gps[0])), np.exp(-gone / FAST)]),
+            keeps=np.concatenate(
+                [
+                    np.exp(-gone / max(MEMORY, gps[0])),
+                    np.exp(-gone / FAST),
+                    np.exp(-steps.advance * STEP / OFFSET)[None],
+                ]
+            ),
             loose=np.ones(picks.row.shape),
             factor_sigma=factor_sigma,
             wander=WANDER**2 * spacing / 100,
@@ -244,18 +254,18 @@ class Model:
 
     def fitted(self, mean: Array) -> tuple[Array, Array]:
         """Error of the car along the path, and the picks as fitted, cells [leg, channel], of means [channel, state]."""
-        error = np.asarray((self.scale * mean[:, ERRORS:].T).reshape(2, *self.slow.shape).sum(0))
+        error = np.asarray((self.scale * mean[:, ERRORS:-1].T).reshape(2, *self.slow.shape).sum(0))
         return error, mean[:, 0] + self.picks.speed * mean[:, 2] + self.lever * mean[:, 3] + error
 
     def loosened(self, mean: Array) -> "Model":
         """The same with fast errors as wide as Student's t has them, given means [channel, state]."""
-        off = self.loose * mean[:, ERRORS + len(self.slow) :].T
+        off = self.loose * mean[:, ERRORS + len(self.slow) : -1].T
         return replace(self, loose=np.sqrt(np.maximum(1.0, (FREEDOM + off**2) / (FREEDOM + 1))))
 
     def smooth(self, weight: Array) -> tuple[Array, Array]:
         """Mean [channel, state] and covariance [channel, state, state]."""
         legs = len(weight)
-        size = ERRORS + 2 * legs
+        size = ERRORS + 2 * legs + 1
         first = next((int(one) for one in np.flatnonzero((weight > 0).any(0))), 0)
         begun = np.nanmin(np.where(weight[:, first] > 0, self.picks.cell[:, first], np.nan)) if weight.any() else 0.0
         mean, covariance = np.zeros(size), np.eye(size)
@@ -270,11 +280,12 @@ class Model:
         return smooth(
             self.steps.advance,
             self.steps.stretched,
+            self.steps.bent,
             self.steps.variance,
             self.wander,
             self.keeps,
-            np.ascontiguousarray(self.scale),
-            np.tile(np.arange(legs), 2),
+            np.concatenate([self.scale, np.zeros((1, len(self.steps.advance)))]),
+            np.append(np.tile(np.arange(legs), 2), -1),
             channel,
             leg,
             taken[0],

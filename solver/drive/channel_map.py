@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.drive.likelihood import Heard
+from solver.drive.likelihood import TRAFFIC, Heard
 from solver.drive.path import STEP
 from solver.drive.recursions import Model, recursions
 
@@ -27,9 +27,6 @@ LOOPS, LENGTH = 1.5e-3, 120.0
 JITTER, LEAST, ANY = 0.03, 0.45, 1e-5
 #: Share of loops' channels that hear the car at the manhole.
 LEAKS = 0.3
-#: Probability that another vehicle looks like the car to a channel, at a cell where it is not: companions do so for
-#: many channels in a row, so that no channel alone may tell much.
-TRAFFIC = 0.06
 #: Times per m of cable that another vehicle is heard in place of the car, and m over which it is.
 COMPANIONS, COMPANY = 1e-3, 150.0
 #: How much faster or slower it seems to go than the car, and the share of channels at which it is not the one before.
@@ -108,6 +105,21 @@ def other_vehicle(there: Array, dead: NDArray[np.bool_], low: NDArray[np.int64],
     return np.maximum(other, 1e-60)
 
 
+def likelihoods(heard: Heard, dead: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
+    """Likelihoods [channel, place] of what channels hear where the cable runs on, in a loop, and of another vehicle.
+
+    All are over the exponential of the first that is returned, the largest log likelihood ratio [channel, 1].
+    """
+    ratio = heard.ratio.astype(np.float64)
+    top = np.maximum(ratio.max(1, keepdims=True), 0.0)
+    deaf = np.exp(-top)
+    other = np.where(ratio > 0, DEAF * deaf + (1 - DEAF) * np.exp(ratio - top), DEAF * deaf)
+    car = np.exp(ratio + heard.price - top)
+    even, odd = DEAF * deaf + (1 - DEAF) * car, (1 - LEAKS) * deaf + LEAKS * car
+    even[dead], odd[dead] = 1.0, 1.0
+    return top, np.maximum(even, 1e-60), np.maximum(odd, 1e-60), other
+
+
 def map_channels(
     heard: Heard, dead: NDArray[np.bool_], spacing: float, factor: Array | float, bend: Array | float = 0.0
 ) -> ChannelMap:
@@ -125,13 +137,8 @@ def map_channels(
     channels, width = heard.ratio.shape
     advance = np.broadcast_to(spacing / np.asarray(factor, float) / STEP, channels).astype(float)
     on, edge, wide = kernels(advance, bend)
-    ratio = heard.ratio.astype(np.float64)
-    top = np.maximum(ratio.max(1, keepdims=True), 0.0)
-    even = DEAF * np.exp(-top) + (1 - DEAF) * np.exp(ratio - top)
-    odd = (1 - LEAKS) * np.exp(-top) + LEAKS * np.exp(ratio - top)
-    even[dead], odd[dead] = 1.0, 1.0
-    even, odd = np.maximum(even, 1e-60), np.maximum(odd, 1e-60)
-    other = other_vehicle(np.where(ratio > 0, even, DEAF * np.exp(-top)), dead, heard.low, wide)
+    top, even, odd, other = likelihoods(heard, dead)
+    other = other_vehicle(other, dead, heard.low, wide)
     begins = np.full(channels, min(0.2, LOOPS * spacing))
     changes = (min(0.5, spacing / LENGTH), min(0.2, COMPANIONS * spacing), min(0.5, spacing / COMPANY))
     model = Model(even, odd, other, heard.low, on, edge, begins, *changes)

@@ -12,13 +12,14 @@ from solver.drive.car import Car
 from solver.drive.channel_map import ChannelMap, against_traffic, map_channels
 from solver.drive.coarse import Coarse
 from solver.drive.drive import Drive
-from solver.drive.likelihood import LEAST, heard
+from solver.drive.likelihood import heard
 from solver.drive.loops import Loop, flags_of, loops_of, sure
+from solver.drive.loudness import loudness
 from solver.drive.misstated import DRIFT, SPACING, TOLD
 from solver.drive.path import BESIDE, STEP, Path
-from solver.drive.picks import AUDIBLE, Picks, pick
+from solver.drive.picks import Picks, pick
 from solver.drive.quiet import Quiet
-from solver.drive.response import Clock, Legs, Responses, legs_of, responses
+from solver.drive.response import Clock, Legs, legs_of, responses
 from solver.drive.timing import clock_of_shapes
 from solver.drive.waterfall import SeenDrive
 from solver.start.alignment import NotFollowingError
@@ -33,10 +34,6 @@ FIRST, LATER = 700, 40
 #: Rounds at most; s, or of its standard deviation, by which the clock moves in the last two: it may halt once where
 #: loops change, and may go to and fro between two ways to have them.
 ROUNDS, STILL, SHARE = 12, 0.02, 0.3
-#: Cells to either side in which the car's loudness is looked for.
-LOOKED = 25
-#: Channels over which an amplitude is typical.
-NEIGHBORS = 40
 #: Share of the channels beside which the car drove that hear it; below it, the drive is not found.
 FOUND = 0.2
 #: The same where another clock offset explains the record nearly as well.
@@ -104,14 +101,15 @@ def one_round(
         )
     of = responses(quiet, path, car, legs)
     low = np.round(expected).astype(np.int64) - side
-    floor = loudness(quiet, of, legs, expected, polarity)
-    found = heard(quiet, of, low, 2 * side + 1, polarity, floor)
+    floor, usual = loudness(quiet, of, legs, expected, polarity)
+    found = heard(quiet, of, low, 2 * side + 1, polarity, floor, usual=usual)
     found = with_anchors(replace(found, ratio=against_traffic(found.ratio)), drive.anchors, quiet, path)
     bend = bends_of(path, expected, spacing, drive.sigma)
     channels = map_channels(found, quiet.dead, spacing, factor, bend)
     flags, middle = sure(channels), channels.best.astype(float)
     for again in range(2):
-        picks = pick(quiet, of, legs, middle, polarity, floor, quiet.dead | flags | (channels.other > OTHER))
+        silent = quiet.dead | flags | (channels.other > OTHER)
+        picks = pick(quiet, of, legs, middle, polarity, floor, silent)
         picks = beside_loops(picks, flags, quiet.gauge_length, spacing)
         if not again:
             # Heard both ways, places tell the clock so much better that shapes are not worth their time.
@@ -123,33 +121,6 @@ def one_round(
         loops = loops_of(channels, along, spacing, factor, quiet.gauge_length)
         flags = flags_of(loops, len(flags))
     return Round(legs, channels, picks, along, loops, told)
-
-
-def loudness(quiet: Quiet, of: Responses, legs: Legs, expected: Array, polarity: int) -> Array:
-    """Least amplitude [channel, leg] of the car on a channel, from what is heard near where it is expected."""
-    nothing = np.zeros((len(quiet.channel), legs.count))
-    low = np.round(expected).astype(np.int64) - LOOKED
-    floor = nothing.copy()
-    for leg in range(legs.count):
-        one = heard(quiet, of, low, 2 * LOOKED + 1, polarity, nothing, leg)
-        best = one.ratio.argmax(1)
-        loud = one.amplitude[np.arange(len(best)), best].astype(float)
-        loud[(one.ratio.max(1) < AUDIBLE) | quiet.dead] = np.nan
-        floor[:, leg] = LEAST * typical(loud)
-    return floor
-
-
-def typical(values: Array) -> Array:
-    """Median of neighbors [channel], NaN left out; 0 where fewer than a third are numbers."""
-    size = 2 * NEIGHBORS + 1
-    padded = np.pad(values, NEIGHBORS, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, size)
-    known = np.isfinite(windows).sum(1)
-    found = np.zeros(len(values))
-    some = known >= size // 3
-    if some.any():
-        found[some] = np.nanmedian(windows[some], axis=1)
-    return found
 
 
 def beside_loops(picks: Picks, flags: NDArray[np.bool_], gauge_length: float, spacing: float) -> Picks:

@@ -13,16 +13,17 @@ ERRORS = 4
 
 
 @compiled
-def moved(mean: Array, covariance: Array, advance: float, stretched: float, keeps: Array) -> None:
+def moved(mean: Array, covariance: Array, advance: float, stretched: float, bent: float, keeps: Array) -> None:
     """A state and its covariance at the next channel, but for what is added on the way, in place."""
     size = len(mean)
-    mean[0] += advance + stretched * mean[1]
+    beside = size - 1
+    mean[0] += advance + stretched * mean[1] + bent * mean[beside]
     for error in range(size - ERRORS):
         mean[ERRORS + error] *= keeps[error]
     for other in range(size):
-        covariance[0, other] += stretched * covariance[1, other]
+        covariance[0, other] += stretched * covariance[1, other] + bent * covariance[beside, other]
     for other in range(size):
-        covariance[other, 0] += stretched * covariance[other, 1]
+        covariance[other, 0] += stretched * covariance[other, 1] + bent * covariance[other, beside]
     for error in range(size - ERRORS):
         for other in range(size):
             covariance[ERRORS + error, other] *= keeps[error]
@@ -34,6 +35,7 @@ def moved(mean: Array, covariance: Array, advance: float, stretched: float, keep
 def smooth(
     advance: Array,
     stretched: Array,
+    bent: Array,
     variance: Array,
     wander: float,
     keeps: Array,
@@ -50,11 +52,12 @@ def smooth(
 ) -> tuple[Array, Array]:
     """Means [channel, state] and covariances [channel, state, state] of all channels.
 
-    The state is a cell, the stretch, the clock, its drift, and the errors of unit variance. From channel to channel the
-    cell goes on by `advance` and `stretched` times the stretch, an error keeps the share `keeps` [error, channel]. A
-    pick [pick] of a channel, sorted by channel, is the cell, plus `speed` times the clock and `lever` times its drift,
-    plus `scale` [error, channel] times each of the errors that `leg` [error] says are of its leg. `mean` [state] and
-    `covariance` [state, state] are those before the first channel, and are overwritten.
+    The state is a cell, the stretch, the clock, its drift, and the errors of unit variance; the last of those is of the
+    map, which no pick has. From channel to channel the cell goes on by `advance`, `stretched` times the stretch and
+    `bent` times the error of the map, an error keeps the share `keeps` [error, channel]. A pick [pick] of a channel,
+    sorted by channel, is the cell, plus `speed` times the clock and `lever` times its drift, plus `scale` [error,
+    channel] times each of the errors that `leg` [error] says are of its leg. `mean` [state] and `covariance` [state,
+    state] are those before the first channel, and are overwritten.
     """
     channels, size = len(advance), len(mean)
     ahead, means = np.zeros((channels, size)), np.zeros((channels, size))
@@ -63,7 +66,7 @@ def smooth(
     pick = 0
     for channel in range(channels):
         if channel:
-            moved(mean, covariance, advance[channel], stretched[channel], keeps[:, channel])
+            moved(mean, covariance, advance[channel], stretched[channel], bent[channel], keeps[:, channel])
             covariance[0, 0] += variance[channel]
             covariance[1, 1] += wander
             for error in range(size - ERRORS):
@@ -84,7 +87,7 @@ def smooth(
     for channel in range(channels - 2, -1, -1):
         after = channel + 1
         move = np.eye(size)
-        move[0, 1] = stretched[after]
+        move[0, 1], move[0, size - 1] = stretched[after], bent[after]
         for error in range(size - ERRORS):
             move[ERRORS + error, ERRORS + error] = keeps[error, after]
         back = np.linalg.solve(spread[after], move @ covariances[channel])

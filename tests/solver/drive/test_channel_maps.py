@@ -19,7 +19,8 @@ def made(cells: np.ndarray, quiet: np.ndarray, height: float = 12.0) -> Heard:
     width = int(cells.max()) + 60
     away = np.arange(width)[None] - cells[:, None]
     ratio = np.where(quiet[:, None], -6.0, height - 0.5 * (away / 1.5) ** 2).clip(-6.0)
-    return Heard(low, ratio.astype(np.float32), np.ones_like(ratio, dtype=np.float32))
+    ones = np.ones_like(ratio, dtype=np.float32)
+    return Heard(low, ratio.astype(np.float32), ones, 0 * ones)
 
 
 def test_straight_cable_is_followed_past_quiet_channels() -> None:
@@ -77,6 +78,22 @@ def test_no_channel_alone_tells_much() -> None:
     assert np.abs(found.cell - cells).max() < 1.0
 
 
+@pytest.mark.parametrize("louder", [False, True])
+def test_vehicle_that_is_heard_alone_is_told_by_its_loudness(louder: bool) -> None:
+    """Seventeen channels hear a vehicle 80 m ahead of the car, between quiet ones and before a loop of slack."""
+    truth = np.concatenate([8.0 * np.arange(57), np.full(10, 452.0), 456 + 8.0 * np.arange(40)]) + 100
+    number = np.arange(107)
+    alone, quiet = (number >= 40) & (number < 57), (number >= 20) & (number < 70)
+    one = made(truth - 80.0 * alone, quiet & ~alone, 8.0)
+    nothing = np.where((quiet & ~alone)[:, None], 0.0, one.ratio)
+    price = np.where(alone[:, None] & (one.ratio > 0), -6.0, 0.0)
+    one = replace(one, ratio=against_traffic(nothing), price=louder * price)
+    found = map_channels(one, np.zeros(107, bool), 8.0, 1.0)
+    assert (found.other[42:55].min() > 0.9) == louder
+    assert (np.abs(found.best - truth)[42:55].max() < 4.0) == louder
+    assert np.abs(found.best - truth)[[*range(19), *range(72, 107)]].max() < 4.0
+
+
 def test_vehicle_that_outruns_the_car_is_one_event() -> None:
     """Thirty channels hear a vehicle that leaves the car behind, faster by a quarter; the car is lost among it."""
     cells = 20 + 8.0 * np.arange(80)
@@ -112,3 +129,24 @@ def test_only_loops_that_are_nearly_certain_are_named() -> None:
         found = ChannelMap(cells, np.ones(50), cells.astype(np.int64), inside, loop, np.zeros(50), 0.0)
         assert len(loops_of(found, along, 8.0, 1.0, 10.0)) == named
         assert sure(found).sum() == 10 * named
+
+
+def test_map_of_few_points_is_a_road_that_bends() -> None:
+    """Chords of 50 m of a circle of 250 m are 1.25 m beside it at their middles, and 0.17 % shorter."""
+    angle = np.arange(0, 1.21, 0.2)
+    path = path_of(250.0 * np.stack([np.sin(angle), 1 - np.cos(angle)], -1))
+    inside = path.points[path.first + 100 : path.first + 200]
+    assert np.abs(np.hypot(inside[:, 0], inside[:, 1] - 250.0) - 250.0).max() < 0.1
+    assert path.length == pytest.approx(300.0, abs=0.2)
+    heading = np.arctan2(*path.along[path.first + 100 : path.first + 200, ::-1].T)
+    middle = np.arctan2(inside[:, 0], 250.0 - inside[:, 1])
+    assert np.abs(heading - middle).max() < 0.02
+
+
+def test_long_straights_stay_straight_beside_a_bend() -> None:
+    path = path_of(np.array([[0.0, 0.0], [1000.0, 0.0], [1900.0, 400.0]]))
+    before = path.points[path.first + 20 : path.first + 930]
+    assert np.abs(before[:, 1]).max() < 0.01
+    corner = path_of(np.array([[0.0, 0.0], [150.0, 0.0], [150.0, 150.0]]))
+    off = np.minimum(np.abs(corner.points[:, 1]), np.abs(corner.points[:, 0] - 150.0))
+    assert off.max() < 3.5

@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from solver.drive.along import QUARTZ, Model, Steps, smoothed_along, steps_of
 from solver.drive.path import path_of
@@ -15,17 +16,19 @@ CHANNELS, SPACING = 60, 8.0
 
 def test_smoother_is_the_conditional_gaussian() -> None:
     rng = np.random.default_rng(2)
-    channels, size = 4, 6
+    channels, size = 4, 7
     advance, stretched, variance, wander = np.full(channels, 8.0), np.full(channels, 7.0), np.full(channels, 0.3), 0.02
-    keeps, scale = rng.uniform(0.3, 0.9, (2, channels)), rng.uniform(0.5, 2.0, (2, channels))
-    first = np.diag([9.0, 0.1, 0.5, 0.3, 1.0, 1.0])
-    start = np.array([3.0, 0.0, 0.2, -0.1, 0.0, 0.0])
+    keeps, scale = rng.uniform(0.3, 0.9, (3, channels)), rng.uniform(0.5, 2.0, (3, channels))
+    bent = rng.normal(size=channels)
+    scale[2] = 0.0
+    first = np.diag([9.0, 0.1, 0.5, 0.3, 1.0, 1.0, 1.0])
+    start = np.array([3.0, 0.0, 0.2, -0.1, 0.0, 0.0, 0.0])
     # All states at once: their prior mean and covariance, then conditioned on the picks.
     means, blocks = [start], {(0, 0): first}
     for channel in range(1, channels):
         move = np.diag([1.0, 1.0, 1.0, 1.0, *keeps[:, channel]])
-        move[0, 1] = stretched[channel]
-        means.append(move @ means[-1] + np.array([advance[channel], 0, 0, 0, 0, 0]))
+        move[0, 1], move[0, 6] = stretched[channel], bent[channel]
+        means.append(move @ means[-1] + np.array([advance[channel], 0, 0, 0, 0, 0, 0]))
         for other in range(channel):
             blocks[channel, other] = move @ blocks[channel - 1, other]
             blocks[other, channel] = blocks[channel, other].T
@@ -45,9 +48,9 @@ def test_smoother_is_the_conditional_gaussian() -> None:
     gain = prior @ rows.T @ np.linalg.inv(rows @ prior @ rows.T + np.diag(noise))
     mean = np.concatenate(means) + gain @ (value - rows @ np.concatenate(means))
     covariance = prior - gain @ rows @ prior
-    leg, of_leg = np.zeros(2, np.int64), np.zeros(3, np.int64)
+    leg, of_leg = np.array([0, 0, -1]), np.zeros(3, np.int64)
     found = smooth(
-        *(advance, stretched, variance, wander, keeps, scale, leg, picked, of_leg, value, noise, speed, lever),
+        *(advance, stretched, bent, variance, wander, keeps, scale, leg, picked, of_leg, value, noise, speed, lever),
         *(start.copy(), first.copy()),
     )
     np.testing.assert_allclose(found[0], mean.reshape(channels, size), atol=1e-9)
@@ -68,7 +71,7 @@ def forth_and_back(pulled: float) -> Picks:
 def test_vehicle_that_pulls_many_picks_moves_the_clock_little() -> None:
     legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
     step = np.full(CHANNELS, SPACING)
-    steps = Steps(step, step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
+    steps = Steps(step, step, 0 * step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
     clean, pulled = (smoothed_along(forth_and_back(off), legs, steps, 0.02, (1.0, 1.5), SPACING) for off in (0.0, 8.0))
     assert abs(clean.clock) < 1e-6
     assert abs(pulled.clock) < 1.5 * pulled.clock_sigma
@@ -79,7 +82,7 @@ def test_vehicle_that_pulls_many_picks_moves_the_clock_little() -> None:
 def test_a_drift_moves_passes_apart_as_they_are_apart_in_time() -> None:
     legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
     step = np.full(CHANNELS, SPACING)
-    steps = Steps(step, step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
+    steps = Steps(step, step, 0 * step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
     picks = forth_and_back(0.0)
     late = picks.row / 6.0 - 4001 / 12.0
     picks = replace(picks, cell=picks.cell + picks.speed * (0.3 + 0.05 * late))
@@ -93,9 +96,15 @@ def test_far_off_fast_errors_are_let_loose() -> None:
     legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
     step = np.full(CHANNELS, SPACING)
     model = Model.of(
-        forth_and_back(0.0), legs, Steps(step, step, step, np.zeros(CHANNELS)), 0.02, (1.0, 1.5), SPACING, QUARTZ
+        forth_and_back(0.0),
+        legs,
+        Steps(step, step, 0 * step, step, np.zeros(CHANNELS)),
+        0.02,
+        (1.0, 1.5),
+        SPACING,
+        QUARTZ,
     )
-    mean = np.zeros((CHANNELS, 8))
+    mean = np.zeros((CHANNELS, 9))
     mean[30, 6] = 5.0  # the fast error of the first leg, sigmas
     loose = model.loosened(mean).loose
     assert loose[0, 30] == np.sqrt((3 + 25) / 4)
@@ -109,6 +118,34 @@ def test_heading_is_unsure_at_a_corner() -> None:
     found = corner.spread_of_heading(8.0)
     assert found[corner.first + 150] > 0.45
     assert found[corner.first + 100] < 1e-3
+
+
+def test_cable_beside_a_corner_of_the_map_is_shorter_or_longer() -> None:
+    """As a whole, by as much as the map lies beside it for each radian; on straight streets lengths are kept."""
+    path = path_of(np.array([[0.0, 0.0], [150.0, 0.0], [150.0, 150.0]]))
+    cell = path.first + 50.0 + 8.0 * np.arange(25)
+    nothing = np.zeros(25)
+    found = steps_of(path, cell, np.zeros(25, bool), nothing, 8.0, 1.0, 8.0)
+    assert found.bent.sum() == pytest.approx(np.pi / 2 * 8.0 / np.sqrt(2), rel=0.02)
+    assert np.abs(found.bent[:7]).max() < 0.01 < 1.0 < found.bent[12:14].max()
+    np.testing.assert_allclose(found.variance, found.variance[0])
+    looped = steps_of(path, cell, np.abs(np.arange(25) - 12) < 3, nothing, 8.0, 1.0, 8.0)
+    assert np.abs(looped.bent[11:15]).max() == 0.0
+
+
+def test_picks_before_and_behind_a_corner_say_how_far_beside_it_the_cable_lies() -> None:
+    """The map is 5 m longer than the cable at each of two corners: after the first, the second is known better."""
+    legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
+    step, bent = np.full(CHANNELS, SPACING), np.zeros(CHANNELS)
+    bent[[20, 30]] = 6.0
+    picks = forth_and_back(0.0)
+    picks.cell[:, 20:] += 5.0
+    picks.cell[:, 30:] += 5.0
+    picks.cell[:, 25:] = np.nan
+    once = Steps(step, step, bent, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
+    found = smoothed_along(picks, legs, once, 0.002, (1.0, 1.5), SPACING)
+    assert found.cell[35] == pytest.approx(8.0 * 35 + 10.0, abs=1.5)
+    assert found.sigma[35] < found.sigma[28] + 4.0
 
 
 def test_step_is_none_with_the_probability_of_slack() -> None:
@@ -132,7 +169,7 @@ def test_what_else_tells_the_clock_moves_a_single_pass() -> None:
     picks.cell[1] = np.nan
     legs = SimpleNamespace(driven=SimpleNamespace(sigma=np.full((4001, 2), 0.8)), cell=np.zeros(4001), rate=6.0)
     step = np.full(CHANNELS, SPACING)
-    steps = Steps(step, step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
+    steps = Steps(step, step, 0 * step, np.full(CHANNELS, 0.006), np.zeros(CHANNELS))
     alone, told = (
         smoothed_along(picks, legs, steps, 0.02, (1.0, 1.5), SPACING, clock=one) for one in ((0.0, np.inf), (0.5, 0.1))
     )

@@ -12,10 +12,11 @@ from solver.drive import rounds
 from solver.drive.car import car_of
 from solver.drive.channel_fit import likeliest
 from solver.drive.coarse import LEAD, looks
+from solver.drive.loudness import loudness
 from solver.drive.path import path_of
 from solver.drive.picks import passing
 from solver.drive.response import Clock, legs_of
-from solver.drive.rounds import LATER, ROUNDS, loudness, one_round, responses, settled
+from solver.drive.rounds import LATER, ROUNDS, one_round, responses, settled
 from solver.drive.timing import clock_of_shapes
 
 
@@ -27,7 +28,7 @@ def test_shapes_tell_the_clock(drive: rf.Drive, run: rf.DriveRun, truth: dict[st
     one = one_round(drive, quiet, path, car, Clock(truth["clock_offset"]), cell, polarity, LATER)
     clock = Clock(truth["clock_offset"] + off)
     legs = legs_of(quiet, path, car, clock)
-    floor = loudness(quiet, responses(quiet, path, car, legs), legs, cell, polarity)
+    floor, _ = loudness(quiet, responses(quiet, path, car, legs), legs, cell, polarity)
     picks = replace(one.picks, cell=one.picks.cell - off * one.picks.speed)
     told, sigma = clock_of_shapes(quiet, path, car, legs, clock, picks, polarity, floor)
     assert 0.1 < sigma < 0.4

@@ -68,7 +68,9 @@ def test_car_is_drawn_where_it_is_expected(drive: rf.Drive, run: rf.DriveRun) ->
     legs = legs_of(quiet, path, car_of(drive.tracks, quiet.start), Clock(run.clock_offset))
     seen = SeenDrive.of("no channel hears it", quiet, legs, run.arrays["along"] + path.first)
     known = np.interp(seen.time, run.arrays["car_time"], run.arrays["car_channel"])
-    assert len(seen.time) > 500 and np.abs(seen.channel - known).max() < 2.0
+    # By a loop of slack the car goes from one sample to the next, and the clock is the run's to a fraction of one.
+    around = np.stack([np.roll(known, step) for step in (-1, 0, 1)])
+    assert len(seen.time) > 500 and np.abs(seen.channel - around).min(0).max() < 2.0
     axes = seen.figure().axes[0]
     assert axes.get_title(loc="left") == "no channel hears it" and len(axes.lines) == 1
 
