@@ -53,7 +53,7 @@ def wave_pictures(
 
 def map_place(width: int) -> tuple[float, float, float, float]:
     """Left, top, width and height of the map in a wave figure, CSS pixels."""
-    return 50, 6, width - 56, 0.95 * width - 48
+    return 50, 6, width - 62, 0.95 * width - 48
 
 
 @styled
