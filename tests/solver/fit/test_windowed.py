@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from solver.fit import windowed
-from solver.fit.windowed import Part, Windowed, alike, joined
+from solver.fit.acting_rows import alike
+from solver.fit.windowed import Part, Windowed, joined
 
 SAMPLES, CHANNELS = 60, 5
 
