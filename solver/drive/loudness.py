@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 #: Cells to either side in which the car's loudness is looked for.
 LOOKED = 25
-#: Channels over which an amplitude is typical.
-NEIGHBORS = 40
+#: Channels to either side over which an amplitude is typical, and of how many it is known where that is a limit.
+NEIGHBORS, KNOWN = 40, 27
 #: Standard deviations of the car's log amplitude, at least: from channel to channel, along a leg, and of legs.
 SCATTER, ALONG, LEGS = 0.4, 0.35, 0.6
 #: The same of any vehicle, and the probability that a stretch hears another one.
@@ -39,7 +39,7 @@ def loudness(quiet: Quiet, of: Responses, legs: Legs, expected: Array, polarity:
         best = one.ratio.argmax(1)
         known = (one.ratio.max(1) >= AUDIBLE) & ~quiet.dead
         loud[known, leg] = one.amplitude[np.arange(len(best)), best][known]
-    floor = np.stack([LEAST * typical(one) for one in loud.T], -1)
+    floor = np.stack([LEAST * typical(one, KNOWN) for one in loud.T], -1)
     return floor, usual_of(np.log(loud))
 
 
@@ -62,18 +62,18 @@ def usual_of(loud: Array) -> Usual:
         known = np.isfinite(one)
         if known.sum() >= ENOUGH:
             level[:, leg] += departure(np.median(one[known] - level[known, leg]), LEGS)
-            near = local(one - level[:, leg])
+            near = typical(one - level[:, leg], ENOUGH)
             sigma = max(ALONG, MAD * float(np.median(np.abs(near))))
             level[:, leg] += departure(near, sigma)
     return Usual(np.exp(level), max(SCATTER, MAD * float(np.nanmedian(np.abs(loud - level)))))
 
 
-def local(values: Array) -> Array:
-    """Median of neighbors [channel], NaN left out; 0 where too few are numbers."""
+def typical(values: Array, enough: int) -> Array:
+    """Median of neighbors [channel], NaN left out; 0 where not enough of them are numbers."""
     known, found = np.flatnonzero(np.isfinite(values)), np.zeros(len(values))
     number = np.arange(len(values))
     first, last = (np.searchsorted(known, number + side * (NEIGHBORS + 0.5)) for side in (-1, 1))
-    for channel in np.flatnonzero(last - first >= ENOUGH):
+    for channel in np.flatnonzero(last - first >= enough):
         found[channel] = np.median(values[known[first[channel] : last[channel]]])
     return found
 
@@ -87,16 +87,3 @@ def departure(off: Array | float, sigma: float) -> Array:
     car = (1 - OTHERS) / sigma * np.exp(-0.5 * (np.asarray(off) / sigma) ** 2)
     other = OTHERS / ANY * np.exp(-0.5 * (np.asarray(off) / ANY) ** 2)
     return np.asarray(off * car / (car + other))
-
-
-def typical(values: Array) -> Array:
-    """Median of neighbors [channel], NaN left out; 0 where fewer than a third are numbers."""
-    size = 2 * NEIGHBORS + 1
-    padded = np.pad(values, NEIGHBORS, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, size)
-    known = np.isfinite(windows).sum(1)
-    found = np.zeros(len(values))
-    some = known >= size // 3
-    if some.any():
-        found[some] = np.nanmedian(windows[some], axis=1)
-    return found

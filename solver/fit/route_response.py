@@ -7,6 +7,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from solver.fit.acting_rows import acting
 from solver.ground.compiled import compiled
 from solver.ground.wheel_motion import LANES, put
 from solver.signal_path.sensitivities import Sensitivities
@@ -34,7 +35,7 @@ class RouteResponse:
             turned = torch.cat([turned, local.by_ratio.permute(0, 2, 1)[None]])
         near = places.any(1) | others.unflatten(2, (-1, 3)).any(3).any(1)
         #: First channel that each coefficient moves, and that after the last, [coefficient, 2].
-        self._near = np.array([_span(one) for one in near.T.numpy()]).reshape(-1, 2)
+        self._near = acting(near.T).numpy()
         #: Derivatives by points [3, row, point, channel], by weights and ratio [3 or 4, row, point, channel], and of
         #: these by coefficients: [coefficient, point, channel] and [coefficient, 3, 3 or 4, point, channel].
         self._given = local.by_point.permute(3, 0, 2, 1).contiguous().numpy(), turned.contiguous().numpy()
@@ -49,11 +50,6 @@ class RouteResponse:
         at = sample.contiguous().numpy()
         add_maps(point, turned, places[some], factors[some], self._near[some], self._scale, at, out)
         return torch.from_numpy(out)
-
-
-def _span(acts: NDArray[np.bool_]) -> tuple[int, int]:
-    at = np.flatnonzero(acts)
-    return (int(at[0]), int(at[-1]) + 1) if len(at) else (0, 0)
 
 
 @partial(compiled, fastmath=True)
