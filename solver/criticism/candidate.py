@@ -37,7 +37,8 @@ class Candidate:
     retained_share : of its signal that the fit leaves visible
     detectable_size : smallest size (5 sigma) that this survey would have shown
     confounded_with : names it cannot be told apart from here
-    held_out_gain : fall of the held-out chi2 per degree of freedom; None where it was not tried
+    held_out_gain : fall of the held-out chi2 per degree of freedom; None where it was not tried, or too few passes show
+        the effect
     refitted : whether it was fitted in full
     families : of effects that surveys often cannot tell apart, those it belongs to
     route_change : largest way, m, that it moves the route where it is ignored; None where that was not computed

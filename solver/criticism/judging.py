@@ -25,8 +25,8 @@ from solver.criticism.verdict_words import (
     untrusted_words,
 )
 from solver.effect import Effect
-from solver.fit.held_out import held_out as held_out_misfit
-from solver.fit.side_by_side import side_by_side
+from solver.fit.held_out_gain import HeldOutGain, held_out_gain
+from solver.fit.map_fit import MapFit
 
 if TYPE_CHECKING:
     from solver.criticism.bench import Asked, Bench
@@ -139,9 +139,9 @@ def confirmed(
     winner, beside = tried[first.effect], weighing.besides.get(first.effect)
     left = 0.0 if beside is None else beside.second
     first = replace(first, confounded_with=not_told_from(first, weighing.posterior, asked.effects))
-    gain = held_out_gain(bench.scorer, winner) if asked.held_out else None
-    first, separate = replace(first, held_out_gain=gain), advice(first, asked.effects)
-    if gain is not None and gain <= 0:
+    gain = gain_of(bench.scorer, winner) if asked.held_out else None
+    first, separate = replace(first, held_out_gain=gain and gain.per_dof), advice(first, asked.effects)
+    if gain is not None and gain.refuses(bench.scorer.variance):
         named = leading(listed, replace(first, verdict="inconclusive"))
         return concluded(bench, "inconclusive", untrusted_words(first), named, separate=separate, left=left)
     words = missing_words(first, left)
@@ -175,8 +175,8 @@ def leading(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, .
     return order([absent(c) for c in listed], first)
 
 
-def held_out_gain(scorer: Scorer, winner: Refit) -> float | None:
-    """Fall of the held-out chi2 per degree of freedom with the winner in the model."""
+def gain_of(scorer: Scorer, winner: Refit) -> HeldOutGain | None:
+    """Fall of the misfit of held-out passes with the winner in the model."""
     fits = (scorer.fit, scorer.state), (winner.fit, winner.solution.state)
-    without, with_it = side_by_side(lambda at: held_out_misfit(as_located(at[0].problem), at=at), fits)
-    return None if without is None or with_it is None else without.chi2_per_dof - with_it.chi2_per_dof
+    without, with_it = ((MapFit(as_located(fit.problem)), state) for fit, state in fits)
+    return held_out_gain(without, with_it)

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import torch
 
-from solver.fit.carried import carried, carried_with_vehicles, legs, slots_of
+from solver.fit.carried import carried, carried_with_vehicles, chained, legs, slots_of
 from solver.fit.chain import Chain, Link
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
@@ -24,6 +24,8 @@ from solver.trajectory.vehicle_pass import Pass
 FOLDS = 2
 #: Standard deviations of chi2 from its mean at which an effect shows in the passes that are seen.
 SHOWN = 2.0
+#: The fit of all passes, and where it ended.
+Whole = tuple[Chain, State]
 
 
 @dataclass(frozen=True)
@@ -126,21 +128,28 @@ class Fold:
         held, free = Chain.of(rest, known_ground=True, basis=basis), Chain.of(rest, basis=basis)
         return cls(Chain.of(problem), held, free, problem.passes)
 
-    def fitted(self, whole: tuple[Chain, State] | None) -> Solution:
+    def fitted(self, whole: Whole | None) -> Solution:
         """Fit the passes that are seen, from where the fit of all ended."""
         return solve(self.seen, carried_with_vehicles(whole, self.seen) if whole else self.seen.start())
 
-    def judged(self, ground: Solution, whole: tuple[Chain, State] | None) -> HeldOut:
-        """Misfit of the held-out passes on the route and ground that the others found."""
+    def ended(self, ground: Solution, whole: Whole | None) -> Solution:
+        """Fit of what the held-out passes have of their own, on the route and ground that the others found."""
         held = self.held
         start = carried((self.seen, ground.state), held)
         if whole and set(legs(held)) <= set(legs(whole[0])):
             start = replace(start, vehicles=carried_with_vehicles(whole, held).vehicles)
-        end = solve(held, start)
+        return solve(held, start)
+
+    def alone(self) -> list[torch.Tensor]:
+        """Samples [sample] of each link in which no fitted vehicle is within reach."""
+        return [own_samples(link, self.rest) for link in self.held.links]
+
+    def judged(self, ground: Solution, end: Solution) -> HeldOut:
+        """Misfit of the held-out passes where their own fit ended."""
+        held = self.held
         # What held-out passes are shifted or changed by is misfit too: a clock that is off shows there.
         misfit, freedom, every = held.prior.cost(end.state), -float(held.free.sum()), 0.0
-        for link, residual, weights in zip(held.links, end.at.residuals, end.at.weights, strict=True):
-            alone = own_samples(link, self.rest)
+        for alone, residual, weights in zip(self.alone(), end.at.residuals, end.at.weights, strict=True):
             misfit += float((residual[alone] ** 2).sum())
             counts = weights.good * weights.soft
             freedom, every = freedom + float(counts[alone].sum()), every + float(counts.sum())
@@ -177,6 +186,10 @@ def blur(ground: Solution, seen: Chain, free: Chain, at: State) -> tuple[float, 
     return max(mean, 0.0), 2 * square + 4 * max(mean, 0.0)
 
 
+#: Makes a fold of a survey.
+Make = Callable[[Problem], Fold]
+
+
 def held_out(
     problem: Problem,
     advance: Callable[[int], None] = lambda n: None,
@@ -203,30 +216,19 @@ def held_out(
     -------
     None where there are fewer than two passes, or never one vehicle alone
     """
-    count = len(problem.passes)
-    if count < 2 and rest is None:
+    if len(problem.passes) < 2 and rest is None:
         return None
-    whole = at and (at[0] if isinstance(at[0], Chain) else Chain.single(at[0]), at[1])
+    whole = at and (chained(at[0]), at[1])
     spread = (track_spread(whole[0].passes, whole[1].vehicles.along.numpy()),) if whole else ()
     problem = strict_tracks(problem, *spread)
-    every, folds = by_direction(problem.passes), min(folds, count)
-    groups = [np.sort(every[first::folds]) for first in range(folds)]
-    made: list[Callable[[Problem], Fold]] = [partial(Fold.of, group=group) for group in groups]
+    made = dealt(problem, folds)
     if rest is not None:
         strict = strict_tracks(rest, *spread)
         made = [lambda seen: Fold.apart(seen, replace(strict, effects=seen.effects))]
-    elif is_long(problem):
-        made = [Fold.dealt]
 
-    def judged(make: Callable[[Problem], Fold]) -> HeldOut:
-        fold = make(problem)
-        ground = fold.fitted(whole)
-        if make is not Fold.dealt and (silent := unshown(fold.seen, ground)):
-            # An effect that the fitted passes do not show predicts nothing about the others.
-            effects = tuple(one for one in problem.effects if one.name not in silent)
-            fold = make(replace(problem, effects=effects))
-            ground = fold.fitted(whole)
-        return fold.judged(ground, whole)
+    def judged(make: Make) -> HeldOut:
+        fold, ground, _ = shown(make, problem, whole)
+        return fold.judged(ground, fold.ended(ground, whole))
 
     found = side_by_side(judged, made, advance)
     freedom = sum(one.freedom for one in found)
@@ -234,3 +236,26 @@ def held_out(
         return None
     chi2, blurred, width = (sum(getattr(one, name) for one in found) for name in ("chi2", "blurred", "blur"))
     return HeldOut(chi2, freedom, blurred, width)
+
+
+def dealt(problem: Problem, folds: int = FOLDS) -> list[Make]:
+    """What makes each fold of a survey: of two directions each gets passes of both."""
+    if is_long(problem):
+        return [Fold.dealt]
+    every = by_direction(problem.passes)
+    folds = min(folds, len(every))
+    return [partial(Fold.of, group=np.sort(every[first::folds])) for first in range(folds)]
+
+
+def shown(make: Make, problem: Problem, whole: Whole | None) -> tuple[Fold, Solution, list[str]]:
+    """A fold, the fit of its passes that are seen, and the effects that these do not show and that its model lacks.
+
+    Such an effect predicts nothing about the passes held out.
+    """
+    fold = make(problem)
+    ground = fold.fitted(whole)
+    silent = unshown(fold.seen, ground)
+    if silent:
+        fold = make(replace(problem, effects=tuple(one for one in problem.effects if one.name not in silent)))
+        ground = fold.fitted(whole)
+    return fold, ground, silent

@@ -13,10 +13,11 @@ from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis import steps, with_fault
 from solver.criticism.explaining import Explainer, in_order
 from solver.criticism.explanations import Explanation, Posterior, Weighed
-from solver.criticism.judging import NEVER_ALONE, Weighing, held_out_gain, hidden_with, judge, leading, order
+from solver.criticism.judging import NEVER_ALONE, Weighing, hidden_with, judge, leading, order
 from solver.criticism.placing import levels
 from solver.criticism.policy import POLICY
 from solver.effect import Effect
+from solver.fit.held_out_gain import HeldOutGain
 
 KNOWN = built_in()
 EVERY = list(KNOWN.values())
@@ -199,28 +200,29 @@ def test_what_shows_at_a_size_that_does_not_matter_is_not_missing():
     assert found.verdict == "adequate" and "road_bump shows, but is negligible" in found.words
 
 
-def test_passes_held_out_may_object(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(judging, "held_out_gain", lambda scorer, winner: -1e-6)
+@pytest.mark.parametrize(
+    ("gain", "verdict"),
+    [
+        (HeldOutGain(-30.0, 1e4, 1.0, 25.0), "inconclusive"),
+        # By chance, as far as the effect changes what is predicted.
+        (HeldOutGain(-9.0, 1e4, 1.0, 25.0), "missing-effect"),
+        (HeldOutGain(30.0, 1e4, 1.0, 25.0), "missing-effect"),
+        # No group of passes shows it: they say nothing about the others.
+        (None, "missing-effect"),
+    ],
+)
+def test_passes_held_out_may_object_beyond_chance(monkeypatch: pytest.MonkeyPatch, gain, verdict) -> None:
+    monkeypatch.setattr(judging, "gain_of", lambda scorer, winner: gain)
     bench: Any = Judged()
     tried: Any = {"track_scale": SimpleNamespace(pushed=False)}
     posterior = Posterior((share("effect", 0.99, "track_scale"), share("nothing", 0.01)))
     asked = replace(ASKED, held_out=True)
     found = judge(bench, [candidate("track_scale", 29.0)], tried, asked, Weighing(posterior, {}))
-    assert found.verdict == "inconclusive"
+    assert found.verdict == verdict
+    assert found.candidates[0].held_out_gain == (None if gain is None else gain.fall / gain.freedom)
     assert found.candidates[0].confounded_with == ("track_offset", "track_rotation", "channel_stretch")
     assert "cannot tell it from track_offset, track_rotation, channel_stretch" in found.words
     assert "anchors" in found.separate
-
-
-def test_the_gain_held_out_is_the_fall_of_the_misfit_and_none_where_it_was_not_tried(monkeypatch):
-    monkeypatch.setattr(judging, "as_located", lambda problem: problem)
-    scorer: Any = SimpleNamespace(fit=SimpleNamespace(problem="without"), state=None)
-    winner: Any = SimpleNamespace(fit=SimpleNamespace(problem="with"), solution=SimpleNamespace(state=None))
-    found = {"without": SimpleNamespace(chi2_per_dof=1.25), "with": SimpleNamespace(chi2_per_dof=1.05)}
-    monkeypatch.setattr(judging, "held_out_misfit", lambda problem, at: found[problem])
-    assert held_out_gain(scorer, winner) == pytest.approx(0.2)
-    monkeypatch.setattr(judging, "held_out_misfit", lambda problem, at: None)
-    assert held_out_gain(scorer, winner) is None
 
 
 def test_a_fault_that_was_mended_is_part_of_every_known_explanation():

@@ -113,8 +113,9 @@ def test_an_effect_has_one_sigma_and_one_held_out_misfit(case, monkeypatch: pyte
     refit = Refit(score, ranked, replace(end, at=Chain.single(ranked).visit(end.state)), 100.0)
     assert refit.sigma[0] == pytest.approx(told.parameters["gauge_length.relative"].sigma, rel=1e-6)
     judged: list[float] = []
-    monkeypatch.setattr(judging, "held_out_misfit", lambda problem, at: judged.append(problem.signal_noise))
-    monkeypatch.setattr(judging, "side_by_side", lambda function, of: [function(one) for one in of])
+    monkeypatch.setattr(
+        judging, "held_out_gain", lambda *ends: judged.extend(one[0].problem.signal_noise for one in ends)
+    )
     scorer: Any = SimpleNamespace(fit=ranked, state=end.state)
-    judging.held_out_gain(scorer, refit)
+    judging.gain_of(scorer, refit)
     assert judged == [0.0, 0.0]
