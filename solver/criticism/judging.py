@@ -140,7 +140,7 @@ def confirmed(
     left = 0.0 if beside is None else beside.second
     first = replace(first, confounded_with=not_told_from(first, weighing.posterior, asked.effects))
     gain = gain_of(bench.scorer, winner) if asked.held_out else None
-    first, separate = replace(first, held_out_gain=gain and gain.per_dof), advice(first, asked.effects)
+    first, separate = replace(first, held_out_gain=None if gain is None else gain.per_dof), advice(first, asked.effects)
     if gain is not None and gain.refuses(bench.scorer.variance):
         named = leading(listed, replace(first, verdict="inconclusive"))
         return concluded(bench, "inconclusive", untrusted_words(first), named, separate=separate, left=left)

@@ -88,7 +88,7 @@ def held_out_gain(without: End, with_it: End) -> HeldOutGain | None:
 
 def residuals(fold: Fold, end: Solution) -> dict[tuple[int, int], torch.Tensor]:
     """Whitened residual [channel] of each stretch and sample where held-out passes are alone."""
-    found = {}
+    found: dict[tuple[int, int], torch.Tensor] = {}
     for link, alone, residual in zip(fold.held.links, fold.alone(), end.at.residuals, strict=True):
         samples = link.fit.problem.traffic.samples
         found |= {(link.stretch, int(samples[row])): residual[row] for row in torch.nonzero(alone)[:, 0].tolist()}

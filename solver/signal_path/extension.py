@@ -22,8 +22,10 @@ from solver.trajectory.trajectory import Trajectory
 #: Effect -> parameter -> value, local to rows and channels.
 Values = Mapping[str, Mapping[str, Tensor]]
 
-#: Knot spacing of splines along the fiber, m (half a usual gauge length), along the road, m, and in time, s.
-SMOOTH, SMOOTH_ROAD, SMOOTH_TIME = 5.0, 10.0, 2.0
+#: Knot spacing of splines along fiber and road, m (half a usual gauge length), and in time, s.
+SMOOTH, SMOOTH_TIME = 5.0, 2.0
+#: The same along the road for what shifts tracks, m: a camera's map bends more slowly than a road is uneven.
+SMOOTH_BEND = 10.0
 #: What an effect's function takes and returns.
 STAGE_VALUES: dict[str, type] = {
     "trajectory": Trajectory,
@@ -62,8 +64,11 @@ class Scopes:
         """Scopes of a survey's traffic, computed channels and times `sampled`, s; the fiber is along `road` in x, m."""
         one_hot = torch.nn.functional.one_hot(traffic.pass_index, traffic.passes).double()
         x, time = traffic.position[:, 0].numpy(), since[:, 0].numpy()
-        along_road, inside = _smooth(*road, SMOOTH_ROAD), np.clip(x, *road)
-        at, slope = (torch.from_numpy(along_road.at(inside, order)) for order in (0, 1))
+        inside = np.clip(x, *road)
+        (at, slope), (bend, turn) = (
+            [torch.from_numpy(_smooth(*road, spacing).at(inside, order)) for order in (0, 1)]
+            for spacing in (SMOOTH, SMOOTH_BEND)
+        )
         speed, beyond = traffic.velocity[:, :1], torch.from_numpy(x - inside)[:, None]
         tracks, faster = [one_hot[:, :0]], [one_hot[:, :0]]
         for number in range(traffic.passes):
@@ -71,8 +76,8 @@ class Scopes:
             basis = _smooth(0.0, float(time[mine.numpy()].max(initial=0.0)), SMOOTH_TIME)
             tracks.append(torch.from_numpy(basis.at(time)) * mine[:, None])
             faster.append(torch.from_numpy(basis.at(time, 1)) * mine[:, None])
-        rows = {"pass": one_hot, "road": at, STRAIGHT_ON: at + beyond * slope, "track": torch.cat(tracks, 1)}
-        rates = {"road": speed * (beyond == 0) * slope, STRAIGHT_ON: speed * slope, "track": torch.cat(faster, 1)}
+        rows = {"pass": one_hot, "road": at, STRAIGHT_ON: bend + beyond * turn, "track": torch.cat(tracks, 1)}
+        rates = {"road": speed * (beyond == 0) * slope, STRAIGHT_ON: speed * turn, "track": torch.cat(faster, 1)}
         swings = _spread(sampled, SMOOTH_TIME)
         return cls(rows, rates, _spread(distance, SMOOTH), swings[:, swings.any(0)])
 
@@ -112,12 +117,17 @@ class Slot:
 
     @property
     def spread(self) -> str:
-        """Scope by whose splines its numbers are spread.
+        """Scope by whose splines its numbers are spread."""
+        return spread_of(self.effect, self.parameter)
 
-        What tracks are off by along the road goes on straight beyond it, as tracks do where nobody saw the vehicle.
-        """
-        straight_on = self.parameter.scope == "road" and self.effect.stage == "trajectory"
-        return STRAIGHT_ON if straight_on else self.parameter.scope
+
+def spread_of(effect: Effect, parameter: Parameter) -> str:
+    """Scope by whose splines the numbers of an effect's parameter are spread.
+
+    What tracks are off by along the road goes on straight beyond it, as tracks do where nobody saw the vehicle.
+    """
+    straight_on = parameter.scope == "road" and effect.stage == "trajectory"
+    return STRAIGHT_ON if straight_on else parameter.scope
 
 
 @dataclass(frozen=True)
@@ -147,7 +157,7 @@ class Extension:
         for one in self.effects:
             for parameter in one.parameters:
                 assert self.scopes is not None
-                count = self.scopes.count(parameter.scope)
+                count = self.scopes.count(spread_of(one, parameter))
                 slots.append(Slot(one, parameter, slice(first, first + count)))
                 first += count
         object.__setattr__(self, "slots", tuple(slots))
