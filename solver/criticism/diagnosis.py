@@ -43,7 +43,8 @@ def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
 def steps(effects: Sequence[Effect]) -> int:
     """How often a diagnosis advances at most where no fault is mended: two tables, four races, one from two places."""
     known = POLICY.racers - POLICY.unknown_racers
-    return 2 * len(effects) + 2 * POLICY.racers + known + 2 * POLICY.besides * known
+    many = sum(one.varies and not one.generic for one in effects)
+    return 2 * len(effects) + 2 * POLICY.racers + known + 2 * POLICY.besides * known + 2 * many
 
 
 def diagnose(

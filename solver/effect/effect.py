@@ -111,6 +111,16 @@ class Effect:
         """Parameters with a null."""
         return tuple(p for p in self.parameters if not p.is_shape)
 
+    @property
+    def varies(self) -> bool:
+        """Whether its size has many numbers: by pass, or along fiber, road or time.
+
+        >>> from solver.catalogue.catalogue import built_in
+        >>> [name for name in ("lowpass", "track_jitter", "dynamic_load") if built_in()[name].varies]
+        ['track_jitter', 'dynamic_load']
+        """
+        return any(p.scope != "one" for p in self.amplitudes)
+
     def tried(self, hear: Callable[[], Heard]) -> Proposal:
         """Shapes to try: those that it seeks in what `hear` gives, else all of the grids.
 
