@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor, linalg
 
@@ -26,22 +27,29 @@ class Spectrum:
     ----------
     information : [direction], squared signal of a plausible size, in noise variances
     along : [direction], squared product of that signal with the residual
+    alike : the same of numbers that are alike where they are neighbors; None where they have no order
     """
 
     information: Array
     along: Array
+    alike: "Spectrum | None" = None
 
     @classmethod
-    def of(cls, information: Tensor, score: Tensor, size: Tensor) -> "Spectrum":
+    def of(cls, information: Tensor, score: Tensor, size: Tensor, alike: Tensor | None = None) -> "Spectrum":
         """From information [number, number], score [number] and plausible sizes [number] of an effect's numbers.
+
+        `alike` is a root [number, number] of the correlation of neighbors, see `solver.criticism.fields`.
 
         >>> import torch
         >>> one = Spectrum.of(torch.tensor([[4.0]]), torch.tensor([6.0]), torch.tensor([0.5]))
         >>> float(one.information[0]), float(one.along[0])
         (1.0, 9.0)
         """
-        values, vectors = linalg.eigh(information * size[:, None] * size)
-        return cls(values.clamp_min(0).numpy(), (vectors.T @ (size * score)).square().numpy())
+        plausible, along = information * size[:, None] * size, size * score
+        values, vectors = linalg.eigh(plausible)
+        every = torch.ones_like(size)
+        together = None if alike is None else cls.of(alike.T @ plausible @ alike, alike.T @ along, every)
+        return cls(values.clamp_min(0).numpy(), (vectors.T @ along).square().numpy(), together)
 
     @property
     def occam(self) -> float:
@@ -70,7 +78,8 @@ class Spectrum:
     def smaller(self, variance: float) -> float:
         """What that ln gains where all of many numbers may be smaller: half way, in logs, to negligible, as probably.
 
-        A field along the fiber of half its plausible size would pay for the whole of it in each of its numbers.
+        A field along the fiber of half its plausible size would pay for the whole of it in each of its numbers. As
+        probable is one whose neighbors are alike: it would pay for changes over meters that it does not have.
 
         >>> alike, one = (Spectrum(np.full(n, 99.0), np.full(n, 99.0 * 5)) for n in (8, 1))
         >>> round(alike.smaller(1.0), 2), one.smaller(1.0)
@@ -78,8 +87,9 @@ class Spectrum:
         """
         if np.count_nonzero(self.information) < 2:
             return 0.0
-        whole, less = (self.scaled(variance, scale) for scale in (1.0, POLICY.negligible**0.5))
-        return mixture([whole, less]) - whole
+        fields = [self] if self.alike is None else [self, self.alike]
+        logs = [one.scaled(variance, scale) for one in fields for scale in (1.0, POLICY.negligible**0.5)]
+        return mixture(logs) - logs[0]
 
     def falls(self) -> Array:
         """Fall of chi2 [direction], of those that leave a trace."""

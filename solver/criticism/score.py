@@ -139,8 +139,11 @@ class Outcome(NamedTuple):
     spectrum: Spectrum
 
 
-def outcome(projected: Projected, sign: int | None, size: Tensor) -> Outcome:
-    """The score test of numbers of plausible `size` [number]; `sign` is what a single number must have."""
+def outcome(projected: Projected, sign: int | None, size: Tensor, alike: Tensor | None = None) -> Outcome:
+    """The score test of numbers of plausible `size` [number]; `sign` is what a single number must have.
+
+    `alike` is as of a `Spectrum`.
+    """
     # A parameter to which nothing is sensitive gets no estimate, rather than a huge one.
     scale = projected.gram.diagonal().clamp_min(projected.least).sqrt()
     values, vectors = torch.linalg.eigh(projected.information / scale[:, None] / scale)
@@ -149,7 +152,7 @@ def outcome(projected: Projected, sign: int | None, size: Tensor) -> Outcome:
     fall = float(((scaled.T @ projected.score).square() / values[keep]).sum())
     inverse = scaled / values[keep] @ scaled.T
     estimate = inverse @ projected.score
-    spectrum = Spectrum.of(projected.information, projected.score, size)
+    spectrum = Spectrum.of(projected.information, projected.score, size, alike)
     if sign is not None and float(estimate[0]) * sign < 0:
         fall, spectrum = 0.0, replace(spectrum, along=0 * spectrum.along)
     sigma = inverse.diagonal().clamp_min(0).sqrt()

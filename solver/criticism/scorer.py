@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.criticism.directions import Directions
+from solver.criticism.fields import alike
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
 from solver.criticism.score import Outcome, Score, mixes, one_sided, outcome
@@ -60,7 +61,8 @@ class Scorer(Directions):
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
         columns, counts = self.columns(effect, shape, extension)
         each = torch.eye(sum(counts), dtype=torch.float64)
-        return outcome(self.project([columns])[0], None, sizes_of(effect, counts, each)).spectrum
+        sizes = sizes_of(effect, counts, each)
+        return outcome(self.project([columns])[0], None, sizes, alike(effect, counts)).spectrum
 
     def scores(self, effect: Effect, near: Mapping[str, float] | None = None) -> Iterator[Score]:
         """The best shape of an effect, of all or near one, with separate and with shared numbers of passes."""
@@ -105,7 +107,8 @@ class Scorer(Directions):
             heard = projected.gram.diagonal().numpy() > projected.least
             for shared, mix in mixes(effect, one.counts):
                 sizes = sizes_of(effect, one.counts, mix)
-                found = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]), sizes)
+                near = None if shared else alike(effect, one.counts)
+                found = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]), sizes, near)
                 of = mix.argmax(1).numpy()
                 estimate, sigma = found.estimate[of], np.where(heard, found.sigma[of], np.nan)
                 signal = None if one.columns is None else self.kept(one.columns.times(torch.from_numpy(estimate)))

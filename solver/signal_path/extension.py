@@ -130,6 +130,17 @@ def spread_of(effect: Effect, parameter: Parameter) -> str:
     return STRAIGHT_ON if straight_on else parameter.scope
 
 
+def spacing_of(effect: Effect, parameter: Parameter) -> float | None:
+    """How far apart the numbers of an effect's parameter are along fiber or road, m; None where they are not.
+
+    >>> from solver.catalogue.catalogue import built_in
+    >>> effects = [built_in()[name] for name in ("channel_coupling", "track_bend", "clock_offset")]
+    >>> [spacing_of(one, one.parameters[0]) for one in effects]
+    [5.0, 10.0, None]
+    """
+    return {"fiber": SMOOTH, "road": SMOOTH, STRAIGHT_ON: SMOOTH_BEND}.get(spread_of(effect, parameter))
+
+
 @dataclass(frozen=True)
 class Extension:
     """Effects beyond the base model in one survey.
