@@ -1,0 +1,47 @@
+"""Numbers along fiber or road whose neighbors may be alike."""
+
+import numpy as np
+import pytest
+import torch
+
+from solver.catalogue.catalogue import built_in
+from solver.criticism.fields import ALIKE, alike, root
+from solver.criticism.marginal import Spectrum
+
+KNOWN = built_in()
+
+
+@pytest.mark.parametrize(
+    ("name", "counts"), [("clock_offset", [1]), ("track_jitter", [12, 12]), ("dynamic_load", [4, 4])]
+)
+def test_numbers_without_a_place_have_no_neighbors(name, counts):
+    assert alike(KNOWN[name], counts) is None
+
+
+def test_neighbors_are_alike_over_tens_of_meters_whatever_the_spacing_of_knots():
+    fine, coarse = (root(13, spacing) @ root(13, spacing).T for spacing in (5.0, 10.0))
+    torch.testing.assert_close(fine[0, ::2], coarse[0, :7])
+    assert float(fine[0, 1]) > 0.9 and float(fine[0, 4]) == pytest.approx((1 + 3**0.5) * np.exp(-(3**0.5)))
+    assert ALIKE == 4 * 5.0
+
+
+def test_each_parameter_of_a_field_is_alike_by_itself():
+    field = alike(KNOWN["generic_track"], [8, 8])
+    assert field is not None and not field[:8, 8:].any()
+    torch.testing.assert_close(field[:8, :8], root(8, 10.0))
+
+
+def test_a_gradual_field_is_more_probable_than_its_numbers_one_by_one_and_a_rough_one_hardly_less():
+    """Evidence of an effect that is read off directly, with noise of one tenth of its plausible size."""
+    count, variance = 24, 1.0
+    information, size = 100 * torch.eye(count, dtype=torch.float64), torch.ones(count, dtype=torch.float64)
+    rng = np.random.default_rng(2)
+    gained = {"gradual": [], "rough": []}
+    for _ in range(40):
+        drawn, noise = torch.from_numpy(rng.normal(size=count)), 10 * torch.from_numpy(rng.normal(size=count))
+        for kind, field in (("gradual", root(count, 5.0) @ drawn), ("rough", drawn)):
+            with_it = Spectrum.of(information, 100 * field + noise, size, root(count, 5.0))
+            without = Spectrum.of(information, 100 * field + noise, size)
+            gained[kind].append(with_it.evidence(variance) - without.evidence(variance))
+    assert np.median(gained["gradual"]) > 15
+    assert min(gained["rough"]) > -np.log(2) - 1e-9, "no more than the odds of two kinds"
