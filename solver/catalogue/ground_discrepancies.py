@@ -44,10 +44,9 @@ def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         (x, y, _), (along, across) = offset.unbind(-1), velocity.unbind(-1)
         ahead = (x * along + y * across) / (along**2 + across**2).sqrt().clamp_min(1e-3)
         square = x**2 + y**2
-        factor = torch.ones_like(square)
+        factor, beside = torch.ones_like(square), 1 - ahead**2 / square.clamp_min(1e-6)
         for scale in SCALES:
             bell = torch.exp(-square / (2 * scale**2))
-            beside = 1 - ahead**2 / square.clamp_min(1e-6)
             even = p[f"near_{scale:g}"] + p[f"ahead_{scale:g}"] * ahead / scale + p[f"beside_{scale:g}"] * beside
             factor = factor + even * bell
         return base * factor[..., None]

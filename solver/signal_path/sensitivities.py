@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import product
 
 import torch
 from torch import Tensor
@@ -96,7 +95,9 @@ def add_products(total: Tensor, one: Tensor, other: Tensor) -> None:
 
     Numbers of one row lie side by side by channel; a sum over the last axes would go from one to the next across them.
     """
-    for at in product(*map(range, one.shape[2:])):
-        factor = other[(..., *at)]
-        if bool(factor.any()):
-            total.addcmul_(one[(..., *at)], factor)
+    if one.ndim == 2:
+        if bool(other.any()):
+            total.addcmul_(one, other)
+        return
+    for mine, theirs in zip(one.unbind(-1), other.unbind(-1), strict=True):
+        add_products(total, mine, theirs)
