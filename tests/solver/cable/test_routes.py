@@ -98,8 +98,9 @@ def test_what_other_physics_leaves_is_not_fitted_on_finer_knots(
 
     monkeypatch.setitem(METHODS, "spline", (fit, METHODS["spline"][1]))
     monkeypatch.setattr(route_fits, "fit_spline", fit)
-    shown = {"noise": "street", "track_noise": "camera", "snr_db": 18.0, "effects": {"gauge_length": 0.15}}
-    survey = simulate(Scenario(seed=4, passes=4, **shown))
+    hidden = {"gauge_length": 0.15}
+    scenario = Scenario(seed=4, passes=4, noise="street", track_noise="camera", snr_db=18.0, effects=hidden)
+    survey = simulate(scenario)
     found = locate(Read.read(write_survey(survey, tmp_path / "s")))
     assert found.result.chi2_per_dof > LEFT_OVER and set(fitted) == {found.problem.knot_spacing}
 
