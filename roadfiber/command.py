@@ -1,5 +1,6 @@
 """The `roadfiber` command: one sub-command group of each package, and the main job across them."""
 
+import gc
 import json
 import logging
 import os
@@ -25,7 +26,7 @@ from roadfiber import (
     survey_commands,
     web_commands,
 )
-from solver.survey.memory import reuse_freed_memory
+from solver.survey.memory import collect_seldom, reuse_freed_memory
 from vision.contract.errors import InputError, machine_words
 
 if TYPE_CHECKING:
@@ -287,11 +288,14 @@ def run_command(*words: object) -> None:
 def main() -> None:
     """Run the command; what the user can mend, and what the machine refuses, is one line and exit status 2."""
     reuse_freed_memory()
+    collect_seldom()
     try:
         try:
             app()
         finally:
             flush()
+            # Else Python looks through hundreds of thousands of objects once more before they go.
+            gc.freeze()
     except SystemExit as end:
         if end.code == INTERRUPTED:
             tell("interrupted; the unfinished output is discarded")

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from solver.catalogue.sieve import SOURCE
 from solver.effect import Discrepancy, Parameter, Plain, Surroundings, effect
+from solver.ground.boussinesq import plain_values
 from solver.ground.ground import Ground
 from solver.ground.ground_effects import TROUGH
 
@@ -20,6 +21,15 @@ SCALES = (1.5, 4.0, 10.0)
 SLACKS = (10, 20, 50, 100)
 #: m aside at which a wave that follows a vehicle has lost a third.
 ASIDE = 10.0
+
+
+def nothing(*numbers: Tensor) -> bool:
+    """Whether numbers are all zero, and no derivative by them is asked for.
+
+    >>> nothing(torch.zeros(2).double()), nothing(torch.zeros(2).double().requires_grad_())
+    (True, False)
+    """
+    return plain_values(*numbers) is not None and not any(bool(one.any()) for one in numbers)
 
 
 @effect(
@@ -44,10 +54,11 @@ def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         (x, y, _), (along, across) = offset.unbind(-1), velocity.unbind(-1)
         ahead = (x * along + y * across) / (along**2 + across**2).sqrt().clamp_min(1e-3)
         square = x**2 + y**2
-        factor = torch.ones_like(square)
+        factor, beside = torch.ones_like(square), 1 - ahead**2 / square.clamp_min(1e-6)
         for scale in SCALES:
+            if nothing(p[f"near_{scale:g}"], p[f"ahead_{scale:g}"], p[f"beside_{scale:g}"]):
+                continue
             bell = torch.exp(-square / (2 * scale**2))
-            beside = 1 - ahead**2 / square.clamp_min(1e-6)
             even = p[f"near_{scale:g}"] + p[f"ahead_{scale:g}"] * ahead / scale + p[f"beside_{scale:g}"] * beside
             factor = factor + even * bell
         return base * factor[..., None]
@@ -146,13 +157,16 @@ def generic_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     k = 2 * torch.pi / p["wavelength"]
 
     def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
+        waves = [(p[name], shape) for name, shape in (("sine", torch.sin), ("cosine", torch.cos))]
+        shown = [(size.reshape(time.shape), shape) for size, shape in waves if not nothing(size)]
+        if not shown:
+            return torch.zeros_like(offset)
         (x, y, _), (along, across) = offset.unbind(-1), velocity.unbind(-1)
         speed = (along**2 + across**2).sqrt().clamp_min(1e-3)
         along, across = along / speed, across / speed
         behind = -(x * along + y * across) - p["behind"]
         aside = (x * across - y * along) / ASIDE
-        sine, cosine = (p[name].reshape(time.shape) for name in ("sine", "cosine"))
-        wave = sine * torch.sin(k * behind) + cosine * torch.cos(k * behind)
+        wave = sum(size * shape(k * behind) for size, shape in shown)
         moved = speed / TROUGH**3 / k * torch.exp(-2 * (behind / p["wavelength"]) ** 2) * (1 + aside**2) ** -0.5 * wave
         return torch.stack([moved * along, moved * across, torch.zeros_like(moved)], -1)
 

@@ -209,5 +209,5 @@ def stepped(scorer: Scorer, score: Score) -> Refit | None:
         end = solve(fit, started(fit, scorer, score, weights), iterations=STEPS)
     except UNSOLVED:
         return None
-    fall = loss(scorer.fit, scorer.state, counts) - loss(fit, end.state, counts)
+    fall = loss(scorer.fit, scorer.state, counts) - loss(fit, end.state, counts, end.at.models[0])
     return Refit(score, fit, end, fall)

@@ -57,7 +57,7 @@ class Course:
             end = solve(fit, start, iterations=pace)
         except UNSOLVED:
             return None
-        return end, self.before - loss(fit, end.state, self.counts)
+        return end, self.before - loss(fit, end.state, self.counts, end.at.models[0])
 
 
 def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> State:
@@ -96,8 +96,7 @@ def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> Stat
         trial = fit.bounded(replace(there, numbers=numbers))
         if not fit.buried(trial):
             continue
-        trial = fit.settled(trial, weights)
-        new = fit.cost(trial, weights)
+        trial, new = fit.settled_at(trial, weights)
         if new < cost:
             best, cost = trial, new
     return best

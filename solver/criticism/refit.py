@@ -33,20 +33,22 @@ def counted(fit: MapFit, at: Linearized) -> Tensor:
     return at.weights.good / (1 + fit.added_variance(at.local, at.model)).sqrt()
 
 
-def misfit(fit: MapFit, state: State, counts: Tensor) -> Tensor:
+def misfit(fit: MapFit, state: State, counts: Tensor, model: Tensor | None = None) -> Tensor:
     """Huber's loss of the whitened residual, of each sample, so that fits can be compared.
 
     Parameters
     ----------
     counts : [sample, channel], see `counted`; the same for all fits that are compared
+    model : [sample, channel], 1/s, at the state, if known
     """
-    size = (fit.whiten(fit.unexplained(fit.model(state)) * (counts > 0)) * counts).abs()
+    model = fit.model(state) if model is None else model
+    size = (fit.whiten(fit.unexplained(model) * (counts > 0)) * counts).abs()
     return torch.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum(1)
 
 
-def loss(fit: MapFit, state: State, counts: Tensor) -> float:
-    """Robust misfit plus priors."""
-    return float(misfit(fit, state, counts).sum()) + fit.prior.total(state)
+def loss(fit: MapFit, state: State, counts: Tensor, model: Tensor | None = None) -> float:
+    """Robust misfit plus priors; arguments as of `misfit`."""
+    return float(misfit(fit, state, counts, model).sum()) + fit.prior.total(state)
 
 
 def largest_share(without: Directions, refit: "Refit", counts: Tensor) -> float:

@@ -94,8 +94,7 @@ class Chain(ChainLayout):
         links = self.links  # Amplitudes of several surveys do not meet: all at once is each by itself.
         every = [Weights(one, one) for one in (link.fit.measured.double() for link in links)]
         if len(links) == 1:
-            state = links[0].fit.settled(state, every[0])
-            return state, links[0].fit.cost(state, every[0])
+            return links[0].fit.settled_at(state, every[0])
         states = [self.part_of(state, link) for link in links]
         rows = ((link.fit, link.fit.values(one), one) for link, one in zip(links, states, strict=True))
         maps = (fit.alone(fit.unit_rows(one, values), values) for fit, values, one in rows)

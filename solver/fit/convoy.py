@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from solver.fit.links import Link
 
 #: Bytes of local derivatives that are kept from a look to its equations; beyond, they are computed again.
-KEPT = 1e8
+KEPT = 2e8
 
 
 def carried(links: Sequence["Link"], columns: Iterable[tuple[Tensor, Tensor]]) -> Iterator[tuple[Tensor, Tensor]]:

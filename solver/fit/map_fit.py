@@ -120,12 +120,19 @@ class MapFit(ParameterSpace):
 
     def settled(self, state: State, weights: Weights) -> State:
         """The same state with the amplitudes that fit best: they enter linearly, so no step need search for them."""
+        return self.settled_at(state, weights)[0]
+
+    def settled_at(self, state: State, weights: Weights) -> tuple[State, float]:
+        """The same, and its cost, from one look at what the vehicles do."""
         values = self.values(state)
         if self.path.described(values).nonlinear and bool((state.vehicles.amplitude != 1).any()):
             # What clips is not linear; the steps themselves find the amplitudes.
-            return state
+            return state, self.cost(state, weights)
         rows = self.unit_rows(state, values)
-        return replace(state, vehicles=replace(state.vehicles, amplitude=self.amplitudes(rows, values, weights)))
+        amplitude = self.amplitudes(rows, values, weights)
+        state = replace(state, vehicles=replace(state.vehicles, amplitude=amplitude))
+        whole = self.path.traffic.superpose(amplitude[self.path.traffic.pass_index][:, None] * rows)
+        return state, self.cost(state, weights, self.path.observed(whole, values))
 
     def unit_rows(self, state: State, values: Values) -> Tensor:
         """What each vehicle of a state does alone with unit amplitude, [row, channel]."""
@@ -162,12 +169,8 @@ class MapFit(ParameterSpace):
         """(measured - model) / noise, [sample, channel], 0 where not measured; not whitened."""
         return self.unexplained(self.model(state)) / self.problem.noise
 
-    def whitened(self, state: State, weights: Weights) -> Tensor:
-        """Whitened residual [sample, channel], with weights."""
-        return self.whitened_of(self.model(state), weights)
-
     def whitened_of(self, model: Tensor, weights: Weights) -> Tensor:
-        """The same of a model [sample, channel], 1/s."""
+        """Whitened residual [sample, channel] of a model [sample, channel], 1/s, with weights."""
         return self.whiten(self.unexplained(model) * weights.good) * weights.soft.sqrt()
 
     def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
@@ -216,9 +219,10 @@ class MapFit(ParameterSpace):
         """Variance, in noise units, beside the noise's own: uncertain tracks, noise that grows with the signal."""
         return self.track_variance(local) + self.problem.signal_noise * (model / self.problem.noise) ** 2
 
-    def cost(self, state: State, weights: Weights) -> float:
-        """Weighted misfit plus priors."""
-        return float((self.whitened(state, weights) ** 2).sum()) + self.prior.total(state)
+    def cost(self, state: State, weights: Weights, model: Tensor | None = None) -> float:
+        """Weighted misfit plus priors; `model` [sample, channel], 1/s, there if known."""
+        model = self.model(state) if model is None else model
+        return float((self.whitened_of(model, weights) ** 2).sum()) + self.prior.total(state)
 
     def weighted(self, evaluation: Evaluation) -> tuple[Weights, Tensor]:
         """Weights of the samples, and the whitened residual [sample, channel] of those that are not spikes."""

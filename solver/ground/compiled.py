@@ -9,10 +9,11 @@ from numba import guvectorize, njit
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def compiled(function: F, *, fastmath: bool = False) -> F:
+def compiled(function: F, *, fastmath: bool | set[str] = False) -> F:
     """Compile a function on its first call; without a cache if none can be written.
 
     A division by zero gives infinity as in NumPy: a check of every division would keep loops from being vectorized.
+    `fastmath` is Numba's: all that may change the last digits, or some of it.
 
     >>> compiled(lambda x: x + 1)(2)
     3

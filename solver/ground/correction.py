@@ -1,12 +1,13 @@
 """Boussinesq's response plus a tabulated correction."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
 
 from solver.ground.blocks import double, in_blocks
 from solver.ground.boussinesq import Ratio, displacement, displacement_rate
+from solver.ground.corrected_motion import table_rate
 from solver.ground.response_table import RadialTable, RatioTable
 
 #: Distance of the three Poisson ratios through which a correction that varies with them is interpolated.
@@ -82,7 +83,8 @@ def corrected_rate(tables: Tables, offset: Tensor, velocity: Tensor, poisson_rat
         return displacement_rate(offset, velocity, nu) + extra
 
     nu, interpolate = _interpolation(tables, poisson_ratio)
-    return in_blocks(total, [offset, velocity], [nu, length]).to(offset.dtype)
+    plain = table_rate(offset, velocity, nu, *interpolate.by_ratio(nu), double(length))
+    return in_blocks(total, [offset, velocity], [nu, length]).to(offset.dtype) if plain is None else plain
 
 
 def _places(offset: Tensor, length: Tensor) -> tuple[Tensor, Tensor]:
@@ -90,14 +92,11 @@ def _places(offset: Tensor, length: Tensor) -> tuple[Tensor, Tensor]:
     return x * x + y * y, z
 
 
-def _interpolation(
-    tables: Tables, poisson_ratio: Ratio
-) -> tuple[Tensor, Callable[[Tensor, Tensor, Tensor], Sequence[Tensor]]]:
-    """Poisson ratio as a tensor, and the function of r^2, depth and it."""
+def _interpolation(tables: Tables, poisson_ratio: Ratio) -> tuple[Tensor, RadialTable | RatioTable]:
+    """Poisson ratio as a tensor, and the table of r^2, depth and it."""
     nu = double(poisson_ratio)
     if nu.numel() == 1:
-        table = tables.at(nu)
-        return nu.reshape(()), lambda square, depth, _: table(square, depth)
+        return nu.reshape(()), tables.at(nu)
     # The equations of nearly incompressible layers are ill-conditioned: all three ratios stay below one half.
     middle = nu.detach().mean().double().clamp(max=0.49 - SPREAD)
     return nu, tables.around(middle)

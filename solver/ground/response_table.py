@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.ground.boussinesq import plain_values
-from solver.ground.compiled import compiled
+from solver.ground.cell_values import interpolated, interpolated_back, values_at
 from solver.ground.images import Images
 
 #: Values and slopes at 0 and 1 (f0, f1, d0, d1) -> coefficients of 1, x, x^2, x^3.
@@ -80,19 +80,24 @@ class RadialTable:
         coefficients = torch.einsum("ip,jq,qfcpn->cnifj", HERMITE, HERMITE, corners)
         return cls(coefficients.reshape(-1, 32), cells.depth, images.step)
 
-    def __call__(self, square: Tensor, depth: Tensor) -> tuple[Tensor, ...]:
+    def __call__(self, square: Tensor, depth: Tensor, poisson_ratio: Tensor) -> tuple[Tensor, ...]:
         """Interpolate; beyond the last node the last value holds.
 
         Parameters
         ----------
         square : [point], r^2
         depth : [point]
+        poisson_ratio : the table's own
 
         Returns
         -------
         u_r / r, its derivative by t, u_z, its derivative by t : [point]
         """
-        return looked_up(square, depth, torch.zeros_like(square), self.coefficients[:, None], self)
+        return looked_up(square, depth, *self.by_ratio(poisson_ratio))
+
+    def by_ratio(self, poisson_ratio: Tensor) -> tuple[Tensor, Tensor, "RadialTable"]:
+        """Distance from the middle of the table's ratios, coefficients of its powers, and their cells."""
+        return torch.zeros_like(poisson_ratio), self.coefficients[:, None], self
 
 
 @dataclass(frozen=True)
@@ -113,7 +118,11 @@ class RatioTable:
 
     def __call__(self, square: Tensor, depth: Tensor, poisson_ratio: Tensor) -> tuple[Tensor, ...]:
         """As `RadialTable` gives it, all [point]."""
-        return looked_up(square, depth, (poisson_ratio - self.ratio) / self.spread, self.parabolas, self.middle)
+        return looked_up(square, depth, *self.by_ratio(poisson_ratio))
+
+    def by_ratio(self, poisson_ratio: Tensor) -> tuple[Tensor, Tensor, RadialTable]:
+        """As of `RadialTable`."""
+        return (poisson_ratio - self.ratio) / self.spread, self.parabolas, self.middle
 
     @cached_property
     def parabolas(self) -> Tensor:
@@ -171,99 +180,3 @@ class _Interpolated(torch.autograd.Function):
         if bool(tangents[3].any()):
             moved = moved + _Interpolated.apply(square, depth, away, tangents[3], edges, ctx.step)[0]
         return moved, None
-
-
-@compiled
-def placed(square: float, depth: float, edges: Array, columns: int, step: float) -> tuple[int, float, float, float]:
-    """Cell, position in it (0 to 1) in depth and in t, and the derivative of t, in steps, by `square`."""
-    row = min(max(int(np.searchsorted(edges, depth, side="right")) - 1, 0), len(edges) - 2)
-    x = min(max((depth - edges[row]) / (edges[row + 1] - edges[row]), 0.0), 1.0)
-    t = np.log1p(square) * (0.5 / step)
-    column = min(int(t), columns - 1)
-    passed = 0.5 / (step * (1 + square)) if t <= columns else 0.0
-    return row * columns + column, x, min(t, float(columns)) - column, passed
-
-
-@compiled
-def values_at(square: Array, depth: Array, away: Array, parabolas: Array, edges: Array, step: float) -> Array:
-    """Values [4, point], see `looked_up`: half the work of `interpolated`."""
-    columns, powers = len(parabolas) // (len(edges) - 1), parabolas.shape[1]
-    value, by_t = np.empty((4, len(square))), np.empty(4)
-    for point in range(len(square)):
-        number, x, y, _ = placed(square[point], depth[point], edges, columns, step)
-        cell, a = parabolas[number], away[point]
-        for which in range(2):
-            for power in range(4):
-                height = 0.0
-                for x_power in range(3, -1, -1):
-                    at = 8 * x_power + 4 * which + power
-                    here = cell[powers - 1, at]
-                    for a_power in range(powers - 2, -1, -1):
-                        here = cell[a_power, at] + a * here
-                    height = here + x * height
-                by_t[power] = height
-            c0, c1, c2, c3 = by_t[0], by_t[1], by_t[2], by_t[3]
-            value[2 * which, point] = c0 + y * (c1 + y * (c2 + y * c3))
-            value[2 * which + 1, point] = (c1 + y * (2 * c2 + y * 3 * c3)) / step
-    return value
-
-
-@compiled
-def interpolated(
-    square: Array, depth: Array, away: Array, parabolas: Array, edges: Array, step: float
-) -> tuple[Array, Array]:
-    """Values [4, point], see `looked_up`, and their derivatives [4, 3, point] by the first three arguments."""
-    columns, powers = len(parabolas) // (len(edges) - 1), parabolas.shape[1]
-    value, slope = np.zeros((4, len(square))), np.zeros((4, 3, len(square)))
-    by_t = np.empty((2, 4, 3))  # u_r / r and u_z; powers of t; value, derivative by depth, by away
-    for point in range(len(square)):
-        number, x, y, passed = placed(square[point], depth[point], edges, columns, step)
-        row = number // columns
-        within = 1 / (edges[row + 1] - edges[row]) if edges[0] <= depth[point] <= edges[-1] else 0.0
-        cell, a = parabolas[number], away[point]
-        for which in range(2):
-            for power in range(4):
-                height, down, turned = 0.0, 0.0, 0.0
-                for x_power in range(3, -1, -1):
-                    at = 8 * x_power + 4 * which + power
-                    here, by_away = cell[powers - 1, at], 0.0
-                    for a_power in range(powers - 2, -1, -1):
-                        by_away = here + a * by_away
-                        here = cell[a_power, at] + a * here
-                    down = height + x * down
-                    height = here + x * height
-                    turned = by_away + x * turned
-                by_t[which, power, 0], by_t[which, power, 1], by_t[which, power, 2] = height, down * within, turned
-        for which in range(2):
-            for way in range(3):
-                c0, c1, c2, c3 = by_t[which, 0, way], by_t[which, 1, way], by_t[which, 2, way], by_t[which, 3, way]
-                height = c0 + y * (c1 + y * (c2 + y * c3))
-                rise = c1 + y * (2 * c2 + y * 3 * c3)
-                if way == 0:
-                    value[2 * which, point], value[2 * which + 1, point] = height, rise / step
-                    slope[2 * which, 0, point] = rise * passed
-                    slope[2 * which + 1, 0, point] = (2 * c2 + y * 6 * c3) / step * passed
-                else:
-                    slope[2 * which, way, point], slope[2 * which + 1, way, point] = height, rise / step
-    return value, slope
-
-
-@compiled
-def interpolated_back(
-    square: Array, depth: Array, away: Array, parabolas: Array, edges: Array, by_value: Array, step: float
-) -> Array:
-    """Gradient [cell, power, 32] by `parabolas`, from the gradient by the values, `by_value` [4, point]."""
-    columns, out = len(parabolas) // (len(edges) - 1), np.zeros_like(parabolas)
-    for point in range(len(square)):
-        number, x, y, _ = placed(square[point], depth[point], edges, columns, step)
-        for a_power in range(parabolas.shape[1]):
-            for x_power in range(4):
-                share = away[point] ** a_power * x**x_power
-                for which in range(2):
-                    value, rise = by_value[2 * which, point], by_value[2 * which + 1, point] / step
-                    at = 8 * x_power + 4 * which
-                    out[number, a_power, at] += share * value
-                    out[number, a_power, at + 1] += share * (y * value + rise)
-                    out[number, a_power, at + 2] += share * (y * y * value + 2 * y * rise)
-                    out[number, a_power, at + 3] += share * (y**3 * value + 3 * y * y * rise)
-    return out

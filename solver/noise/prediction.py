@@ -1,6 +1,7 @@
 """Prediction filters along time: what is new in each sample of stationary noise, in units of its standard deviation."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ class _Filtered(torch.autograd.Function):
         return out, None
 
 
-@compiled
+@partial(compiled, fastmath={"contract"})
 def filter_maps(maps: Array, weights: Array, order: NDArray[np.int64], lead: int, out: Array) -> None:
     """Add each sample and those before it, weighted; samples of zeros, as of a vehicle that is gone, take no time.
 

@@ -11,7 +11,7 @@ import torch
 from solver.fit.anchor_check import contradiction
 from solver.fit.carried import carried_with_vehicles
 from solver.fit.chain import Chain
-from solver.fit.least_squares import solve
+from solver.fit.least_squares import PATIENCE, solve
 from solver.fit.pose import bent_ends, shortened
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
@@ -133,11 +133,18 @@ def laid_again(chain: Chain, result: FitResult, problem: Problem) -> State:
 
 
 def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem]:
-    """Fit again on twice as many knots where much is left over; kept if the route alone explains most of that."""
+    """Fit again on twice as many knots where much is left over; kept if the route alone explains most of that.
+
+    Where the fit ended these knots say themselves how much they can explain, and mostly that is too little to try.
+    """
     if method != "spline" or is_long(problem) or not (result.converged and result.chi2_per_dof > LEFT_OVER):
         return result, problem
     fine = replace(shortened(problem, slice(None), result), knot_spacing=problem.knot_spacing / 2)
     most = result.chi2 * (1 / result.chi2_per_dof + (1 - BY_ROUTE) * (1 - 1 / result.chi2_per_dof))
+    chain = Chain.of(fine)
+    there = chain.visit(laid_again(chain, result, problem))
+    if there.misfit - PATIENCE * there.open.decrement**2 > most:
+        return result, problem
     with progress("fitting the route on finer knots", METHODS[method][1]) as advance:
         again = fit_spline(fine, advance, hopeless=most)
     if not again.converged or again.chi2 > most:

@@ -159,7 +159,7 @@ class Local:
         new = self.path.by_gauges_and_loads(
             self.load, here.part(other), self.amplitude[:, 0], self.poisson_ratio, ground
         )
-        return self.by.part(~other).along_gauges(change.part(~other)) + new.along_gauges(change.part(other))
+        return self.by.along_gauges(change, ~other) + new.along_gauges(change.part(other))
 
     def law_at(self, path: "SignalPath", numbers: Tensor, told: Callable[[], Tensor]) -> Tensor:
         """What each vehicle does alone, [row, channel], with effects at some `numbers`: once for all of these.

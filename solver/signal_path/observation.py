@@ -8,9 +8,11 @@ import torch
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from torch import Tensor
+from torch.nn.functional import pad
 
 from solver.cable.cable import Cable
 from solver.effect.transfers import FiberTransfer, TimeTransfer
+from solver.ground.boussinesq import plain_values
 from solver.ground.ground import Ground
 from solver.interrogator.interrogator import Interrogator
 from solver.noise.sample_runs import blocks_of
@@ -51,11 +53,24 @@ def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling
     for transfer in transfers:
         one = transfer(s)
         factor = factor * (one if one.ndim > 1 else one[:, None])
+
+    def filtered(x: Tensor, factor: Tensor) -> Tensor:
+        return torch.fft.irfft(torch.fft.rfft(x * fall, size, dim=0) * factor, size, dim=0)[:samples] / fall
+
+    def where_it_acts(x: Tensor) -> Tensor:
+        if plain_values(x) is None:
+            return filtered(x, factor)
+        acts = x.any(0).nonzero()[:, 0]
+        if not len(acts):
+            return x
+        # A knot of the route moves the channels near it alone.
+        first, last = int(acts[0]), int(acts[-1]) + 1
+        here = filtered(x[:, first:last], factor if factor.shape[1] == 1 else factor[:, first:last])
+        return pad(here, (first, x.shape[1] - last))
+
     # One map at a time stays within the processor's cache: twice as fast.
     maps = values.flatten(0, -3) if values.ndim > 2 else values[None]
-    found = [
-        torch.fft.irfft(torch.fft.rfft(x * fall, size, dim=0) * factor, size, dim=0)[:samples] / fall for x in maps
-    ]
+    found = [where_it_acts(x) for x in maps]
     return torch.stack(found).reshape(values.shape) if found else values
 
 

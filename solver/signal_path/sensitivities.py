@@ -59,12 +59,6 @@ class Sensitivities:
         by_vehicle = {name: self.by_vehicle[name] for name in SHIFTS}
         return replace(self, by_point=none, by_weight=none, by_ratio=none, by_load={}, by_vehicle=by_vehicle)
 
-    def part(self, chosen: Tensor) -> "Sensitivities":
-        """Those by some of the gauges' points, [point] bool."""
-        by_point, by_weight, by_ratio = (x[:, :, chosen] for x in (self.by_point, self.by_weight, self.by_ratio))
-        gauges = self.gauges.part(chosen)
-        return replace(self, gauges=gauges, by_point=by_point, by_weight=by_weight, by_ratio=by_ratio)
-
     @property
     def poisson_ratio(self) -> Tensor:
         """Derivative [row, channel] with respect to Poisson's ratio everywhere."""
@@ -74,15 +68,36 @@ class Sensitivities:
         """Derivative [row, channel] with respect to a field of `Vehicles`."""
         return self.alone if name == "amplitude" else self.amplitude[:, None] * self.by_vehicle[name]
 
-    def along_gauges(self, change: Gauges) -> Tensor:
-        """Directional derivative [row, channel] for these changes of the gauges' points and weights."""
-        total = (self.by_point * change.points).sum((-1, -2)) + (self.by_weight * change.weights).sum((-1, -2))
-        if change.change is not None:
-            total = total + (self.by_ratio * change.change).sum(-1)
+    def along_gauges(self, change: Gauges, among: Tensor | None = None) -> Tensor:
+        """Directional derivative [row, channel] for these changes of the gauges' points and weights.
+
+        Only the points `among` [point] bool change; all where None.
+        """
+        total = torch.zeros_like(self.alone)
+        for point in range(self.by_point.shape[2]) if among is None else among.nonzero()[:, 0].tolist():
+            for by, moved in ((self.by_point, change.points), (self.by_weight, change.weights)):
+                add_products(total, by[:, :, point], moved[..., point, :])
+            if change.change is not None:
+                total.addcmul_(self.by_ratio[:, :, point], change.change[..., point])
         return self.amplitude[:, None] * total
 
 
 def along_load(by: ByLoad, change: Mapping[str, Tensor]) -> Tensor:
     """Directional derivative [row, channel], per unit amplitude, for these changes of the loads."""
-    moved = [(by[name] * tangent).flatten(2).sum(-1) for name, tangent in change.items() if bool(tangent.any())]
-    return sum(moved[1:], moved[0]) if moved else torch.zeros(next(iter(by.values())).shape[:2], dtype=torch.float64)
+    total = torch.zeros(next(iter(by.values())).shape[:2], dtype=torch.float64)
+    for name, tangent in change.items():
+        add_products(total, by[name], tangent)
+    return total
+
+
+def add_products(total: Tensor, one: Tensor, other: Tensor) -> None:
+    """Add to a total [row, channel] products [row, channel, ...] summed over the further axes.
+
+    Numbers of one row lie side by side by channel; a sum over the last axes would go from one to the next across them.
+    """
+    if one.ndim == 2:
+        if bool(other.any()):
+            total.addcmul_(one, other)
+        return
+    for mine, theirs in zip(one.unbind(-1), other.unbind(-1), strict=True):
+        add_products(total, mine, theirs)

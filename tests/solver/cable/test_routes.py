@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +14,14 @@ from solver.criticism.growth import fitted_with
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import Posterior
+from solver.fit.problem import Problem
+from solver.fit.result import FitResult
+from solver.fit.spline import fit_spline
 from solver.fit.track_trust import strict_tracks
+from solver.run import route_fits
 from solver.run.locate import locate
+from solver.run.methods import METHODS
+from solver.run.route_fits import LEFT_OVER
 from solver.run.run import Run
 from solver.simulator import Scenario, Survey, simulate, write_survey
 from solver.start.coil import find_coil
@@ -78,6 +85,24 @@ def test_a_dip_takes_finer_knots_and_sigma_says_how_well_it_is_known(tmp_path: P
     sigma = found.result.sigma[(truth[:, 0] > 5.0) & (truth[:, 0] < 95.0)]
     assert (np.abs(off) < 1.96 * sigma).mean() > 0.8
     assert found.problem.knot_spacing < 10.0
+
+
+def test_what_other_physics_leaves_is_not_fitted_on_finer_knots(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitted = list[float]()
+
+    def fit(problem: Problem, *rest: Any, **more: Any) -> FitResult:
+        fitted.append(problem.knot_spacing)
+        return fit_spline(problem, *rest, **more)
+
+    monkeypatch.setitem(METHODS, "spline", (fit, METHODS["spline"][1]))
+    monkeypatch.setattr(route_fits, "fit_spline", fit)
+    hidden = {"gauge_length": 0.15}
+    scenario = Scenario(seed=4, passes=4, noise="street", track_noise="camera", snr_db=18.0, effects=hidden)
+    survey = simulate(scenario)
+    found = locate(Read.read(write_survey(survey, tmp_path / "s")))
+    assert found.result.chi2_per_dof > LEFT_OVER and set(fitted) == {found.problem.knot_spacing}
 
 
 def test_a_fiber_that_bends_away_is_located_up_to_the_bend(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

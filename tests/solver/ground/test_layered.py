@@ -102,6 +102,26 @@ def test_values_alone_are_those_that_come_with_derivatives(ratio: float | Tensor
     torch.testing.assert_close(alone, both.detach(), rtol=1e-12, atol=1e-14)
 
 
+def test_derivatives_in_machine_code_are_those_of_the_operations() -> None:
+    """By place, velocity and a Poisson's ratio of each point; forward mode goes through PyTorch's operations."""
+    rng = np.random.default_rng(3)
+    at = offsets(40), torch.from_numpy(rng.normal(size=(40, 2))), torch.from_numpy(rng.uniform(0.2, 0.4, 40))
+    ways = [torch.from_numpy(rng.normal(size=one.shape)) for one in at]
+    weight = torch.from_numpy(rng.normal(size=(40, 3)))
+
+    def rate(offset: Tensor, velocity: Tensor, ratio: Tensor) -> Tensor:
+        return layered_displacement_rate(offset, velocity, ratio, 0.7, 2.0)
+
+    leaves = [one.clone().requires_grad_() for one in at]
+    found = torch.autograd.grad((weight * rate(*leaves)).sum(), leaves)
+    for number, way in enumerate(ways):
+        with forward_ad.dual_level():
+            moved = [forward_ad.make_dual(one, way) if n == number else one for n, one in enumerate(at)]
+            expected = forward_ad.unpack_dual(rate(*moved)).tangent
+        along = float((weight * expected).sum())
+        assert float((found[number] * way).sum()) == pytest.approx(along, rel=1e-9)
+
+
 def test_derivative_of_pavement_at_null() -> None:
     stiffness = scalar(0.0).requires_grad_()
     rate = pavement_displacement_rate(offsets(), VELOCITY, 0.25, stiffness)
