@@ -5,8 +5,8 @@
 
 Drives are those of `benchmarks/drive.py`. Each seed hides nothing, a gauge that is off by 8 to 30 %, a clock that
 drifts by 0.1 to 0.5 %, or a spacing that is off by 1 to 4 % where the length factor is known to 0.5 %. What is named is
-fitted, and the route is compared with the truth before and after. One file may be filled by several runs; seeds in it
-are left out.
+fitted, and the route, and how much of it lies in its 95 % band, are compared with the truth before and after. One file
+may be filled by several runs; seeds in it are left out.
 """
 
 import argparse
@@ -56,8 +56,9 @@ def tried(seed: int) -> dict[str, Any]:
             drive = replace(drive, length_factor=KNOWN)
         nearest = nearest_fix(drive)
 
-        def rms(run: DriveRun) -> float:
-            return judged(run, truth, settings["gauge_length"], nearest).rms
+        def held(run: DriveRun, when: str) -> dict[str, float]:
+            one = judged(run, truth, settings["gauge_length"], nearest)
+            return {when: one.rms, f"inside {when}": one.inside}
 
         try:
             run = rf.locate(drive)
@@ -65,8 +66,8 @@ def tried(seed: int) -> dict[str, Any]:
             return row | {"refused": str(error)}
         table = run.misstated
         named = table.loc[table["probability"] >= NAMED, "effect"].tolist()
-        row |= {"named": named, "misstated": run.facts["misstated"], "before": rms(run)}
-        return row | ({"after": rms(rf.locate(drive, effects=named))} if named else {})
+        row |= {"named": named, "misstated": run.facts["misstated"]} | held(run, "before")
+        return row | (held(rf.locate(drive, effects=named), "after") if named else {})
 
 
 def judged_row(row: Mapping[str, Any]) -> dict[str, float]:
@@ -89,12 +90,14 @@ def report(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print what the drives show together."""
     there = [row for row in rows if "refused" not in row]
     print(f"{len(rows)} drives, {len(rows) - len(there)} refused")
-    kept = ("hidden", "before", "after")
+    kept = ("hidden", "before", "after", "inside before", "inside after")
     table = pd.DataFrame([{name: row.get(name, np.nan) for name in kept} | judged_row(row) for row in there])
     shares = table.groupby("hidden")[["wrong", "named", "named where small"]]
     spread = table.groupby("hidden")["sigmas"].agg(lambda one: float(np.sqrt((one**2).mean())))
     route = table.groupby("hidden")[["before", "after"]].median()
-    print(shares.mean().join(spread).join(route).join(table.groupby("hidden").size().rename("drives")).round(2))
+    bands = table.groupby("hidden")[["inside before", "inside after"]].mean()
+    drives = table.groupby("hidden").size().rename("drives")
+    print(shares.mean().join([spread, route, bands, drives]).round(2).to_string())
 
 
 def main() -> None:

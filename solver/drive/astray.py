@@ -61,7 +61,7 @@ def places(fit: "Fit") -> Gate:
     """Whether the car is heard where its GPS has it, and both estimates of the channels' places agree."""
     legs = fit.legs.count
     audible = fit.picks.audible[:legs]
-    straight = audible.any(0) & ~fit.channels.best_loop
+    straight = audible.any(0) & ~fit.channels.loop
     found = [longest_off(np.abs(fit.along.error[leg]) * STEP, audible[leg]) for leg in range(legs)]
     found.append(longest_off(np.abs(fit.channels.cell - fit.along.cell) * STEP, straight))
     worst = max((one for one in found if one is not None), key=lambda one: one.size, default=None)
@@ -86,7 +86,7 @@ def between_others(fit: "Fit") -> list[tuple[int, int]]:
     """
     other, audible = others_of(fit), fit.picks.audible[: fit.legs.count]
     count, loud = audible.sum(0), np.log(np.maximum(fit.picks.amplitude[: fit.legs.count], 1e-9))
-    index = np.flatnonzero((other | (count > 0)) & ~fit.channels.best_loop & ~fit.quiet.dead)
+    index = np.flatnonzero((other | (count > 0)) & ~fit.channels.loop & ~fit.quiet.dead)
     if not len(index):
         return []
     runs = np.split(index, np.flatnonzero(np.diff(other[index].astype(int))) + 1)

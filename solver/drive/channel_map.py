@@ -4,7 +4,7 @@ A channel's state is a cell of the path, and whether its cable runs on, lies in 
 is heard in place of the car. From channel to channel the cell moves on by the channel spacing, with some jitter; in a
 loop it stays. Where another vehicle is heard, what is heard says nothing of the cell: a companion that goes faster or
 slower than the car is one event, however many channels hear it. Forward and backward recursions give the posterior
-(Rabiner 1989, Proc. IEEE 77, 257), Viterbi's the best path.
+(Rabiner 1989, Proc. IEEE 77, 257).
 """
 
 from dataclasses import dataclass
@@ -31,6 +31,8 @@ LEAKS = 0.3
 COMPANIONS, COMPANY = 1e-3, 150.0
 #: How much faster or slower it seems to go than the car, and the share of channels at which it is not the one before.
 OTHER_SPEED, AFRESH = 0.25, 0.05
+#: Probability beyond which a channel lies in a loop.
+LIKELY = 0.5
 
 
 @dataclass(frozen=True)
@@ -40,18 +42,18 @@ class ChannelMap:
     Parameters
     ----------
     cell, spread : mean and standard deviation of each channel's cell [channel]
-    best : cells of the best path [channel]
+    likeliest : cells of the path whose cells are most probable, each by itself [channel]
     in_loop : probability that a channel lies in a loop [channel]
-    best_loop : whether it does on the best path [channel]
+    loop : whether it rather does than not [channel]
     other : probability that it hears another vehicle in place of the car [channel]
     evidence : log of the probability of all data
     """
 
     cell: Array
     spread: Array
-    best: NDArray[np.int64]
+    likeliest: NDArray[np.int64]
     in_loop: Array
-    best_loop: NDArray[np.bool_]
+    loop: NDArray[np.bool_]
     other: Array
     evidence: float
 
@@ -144,11 +146,11 @@ def map_channels(
     model = Model(even, odd, other, heard.low, on, edge, begins, *changes)
     alpha = np.zeros((channels, width, 3))
     evidence = run.forward(model, alpha)
-    path = np.zeros((channels, 2), np.int64)
     run.backward(model, alpha)
-    run.viterbi(model, path)
     both = alpha.sum(2)
     both /= both.sum(1, keepdims=True)
+    likeliest = np.zeros(channels, np.int64)
+    run.decoded(both, heard.low, on.shape[1], likeliest)
     kind = alpha.sum(1) / alpha.sum((1, 2))[:, None]
     places = np.arange(width)
     mean = both @ places
@@ -156,9 +158,9 @@ def map_channels(
     return ChannelMap(
         cell=heard.low + mean,
         spread=spread,
-        best=path[:, 0],
+        likeliest=likeliest,
         in_loop=kind[:, 1],
-        best_loop=path[:, 1] == 1,
+        loop=kind[:, 1] > LIKELY,
         other=kind[:, 2],
         evidence=float(evidence + top.sum()),
     )

@@ -56,9 +56,9 @@ def runs_of(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def sure(channels: ChannelMap) -> NDArray[np.bool_]:
-    """Which channels lie in loops of the best path that are likely to be just there [channel]."""
-    found = np.zeros(len(channels.best_loop), bool)
-    for first, last in runs_of(channels.best_loop):
+    """Which channels lie in loops that are likely to be just there [channel]."""
+    found = np.zeros(len(channels.loop), bool)
+    for first, last in runs_of(channels.loop):
         found[first : last + 1] = channels.in_loop[first : last + 1].max() > SURE
     return found
 
@@ -70,7 +70,7 @@ def loops_of(
     factor: float,
     gauge_length: float,
 ) -> list[Loop]:
-    """Loops longer than a gauge on the best path, those among quiet channels too.
+    """Loops longer than a gauge, those among quiet channels too.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def loops_of(
     factor : meters of cable per meter of path
     """
     found, cell, sigma = [], along.cell, along.sigma
-    for first, last in runs_of(channels.best_loop):
+    for first, last in runs_of(channels.loop):
         if first == 0 or last == len(cell) - 1:
             continue
         gone = (cell[last + 1] - cell[first - 1]) * STEP * factor

@@ -14,9 +14,6 @@ import numpy as np
 
 from solver.ground.compiled import compiled
 
-#: More than the steps of any kernel: codes of a state and a step hold both.
-WAYS = 1024
-
 
 class Model(NamedTuple):
     """The model of a drive's channels: what each hears in a band of places, and how the state goes on to the next.
@@ -50,14 +47,14 @@ class Recursions(NamedTuple):
 
     forward: Any
     backward: Any
-    viterbi: Any
     followed: Any
+    decoded: Any
 
 
 @cache
 def recursions() -> Recursions:
     """Compile them, at the first call."""
-    return Recursions(compiled(forward), compiled(backward), compiled(viterbi), compiled(followed))
+    return Recursions(compiled(forward), compiled(backward), compiled(followed), compiled(decoded))
 
 
 def followed(even: Any, low: Any, wide: Any, afresh: float, other: Any) -> None:
@@ -163,49 +160,30 @@ def backward(model: Model, alpha: Any) -> None:
                 alpha[channel, place, kind] /= max(whole, 1e-290)
 
 
-def viterbi(model: Model, path: Any) -> None:
-    """The most probable cells and states [channel, 2], into `path`."""
-    even, odd, other, low, on, edge, begins, ends, joins, leaves = model
-    channels, width = even.shape
-    trace = np.zeros((channels, width, 3), np.int16)
-    score, ahead = np.zeros((width, 3)), np.zeros((width, 3))
-    change = np.zeros((3, 3))
+def decoded(there: Any, low: Any, steps: int, path: Any) -> None:
+    """The path [channel] whose cells are most probable, each by itself, into `path`.
+
+    Of `there` [channel, place], the probability of each place whatever the other channels do, the product is largest
+    along it; from channel to channel it goes on by less than `steps` (Fariselli, Martelli and Casadio 2005, BMC
+    Bioinformatics 6, S12). Viterbi's path holds one cell of the car against all cells of another vehicle at once, and
+    goes on by the one most probable step, in whole cells, where nothing tells of them.
+    """
+    channels, width = there.shape
+    trace = np.zeros((channels, width), np.int16)
+    score, ahead = np.zeros(width), np.zeros(width)
     for channel in range(channels):
-        begin = begins[channel]
-        # From a state (row) to a state (column), but for the advance.
-        change[0, 0], change[0, 1], change[0, 2] = (1 - begin) * (1 - joins), begin, (1 - begin) * joins
-        change[1, 0], change[1, 1], change[1, 2] = ends * (1 - joins), 1 - ends, ends * joins
-        change[2, 0], change[2, 1], change[2, 2] = (1 - begin) * leaves, begin, (1 - begin) * (1 - leaves)
-        change[:] = np.log(change)
-        ahead_on, at_edge = np.log(on[channel]), np.log(np.maximum(edge[channel], 1e-300))
+        shift = low[channel] - low[max(channel - 1, 0)]
         for place in range(width):
-            for kind in range(3):
-                best, how = -1e18, 0
-                if channel == 0:
-                    best = np.log(begin) if kind == 1 else change[0, kind]
-                shift = low[channel] + place - low[max(channel - 1, 0)]
-                for was in range(3):
-                    if channel == 0:
-                        break
-                    if was == 1 and kind == 1:
-                        if 0 <= shift < width and score[shift, 1] + change[1, 1] > best:
-                            best, how = score[shift, 1] + change[1, 1], WAYS
-                        continue
-                    for step in range(on.shape[1]):
-                        before = shift - step
-                        if 0 <= before < width:
-                            share = at_edge[step] if was == 1 or kind == 1 else ahead_on[step]
-                            value = score[before, was] + change[was, kind] + share
-                            if value > best:
-                                best, how = value, was * WAYS + step
-                heard = other[channel] if kind == 2 else (odd if kind == 1 else even)[channel, place]
-                ahead[place, kind] = best + np.log(heard)
-                trace[channel, place, kind] = how
+            best, how = -1e18, 0
+            for step in range(steps if channel else 0):
+                before = place + shift - step
+                if 0 <= before < width and score[before] > best:
+                    best, how = score[before], step
+            ahead[place] = (best if channel else 0.0) + np.log(max(there[channel, place], 1e-300))
+            trace[channel, place] = how
         score, ahead = ahead, score
-    place, mode = divmod(int(score.argmax()), 3)
+    place = int(score.argmax())
     for channel in range(channels - 1, -1, -1):
-        path[channel, 0], path[channel, 1] = low[channel] + place, mode
-        if channel == 0:
-            break
-        mode, step = divmod(int(trace[channel, place, mode]), WAYS)
-        place = min(max(path[channel, 0] - low[channel - 1] - step, 0), width - 1)
+        path[channel] = low[channel] + place
+        if channel:
+            place = min(max(path[channel] - low[channel - 1] - trace[channel, place], 0), width - 1)

@@ -106,7 +106,7 @@ def one_round(
     found = with_anchors(replace(found, ratio=against_traffic(found.ratio)), drive.anchors, quiet, path)
     bend = bends_of(path, expected, spacing, drive.sigma)
     channels = map_channels(found, quiet.dead, spacing, factor, bend)
-    flags, middle = sure(channels), channels.best.astype(float)
+    flags, middle = sure(channels), channels.likeliest.astype(float)
     for again in range(2):
         silent = quiet.dead | flags | (channels.other > OTHER)
         picks = pick(quiet, of, legs, middle, polarity, floor, silent)
@@ -130,25 +130,40 @@ def beside_loops(picks: Picks, flags: NDArray[np.bool_], gauge_length: float, sp
     return replace(picks, sigma=np.where(near, np.hypot(picks.sigma, gauge_length / 4 / STEP), picks.sigma))
 
 
-def beside_car(path: Path, legs: Legs, cell: Array) -> NDArray[np.bool_]:
-    """Whether the car drove beside a channel [channel]."""
-    driven = np.zeros(len(path.points) + 1, bool)
+def driven_beside(path: Path, legs: Legs) -> NDArray[np.bool_]:
+    """Whether the car drove beside each cell [cell]."""
+    driven = np.zeros(len(path.points), bool)
     driven[np.unique(legs.cell[legs.near])] = True
     # At 30 m/s it is beside every thirtieth cell or so at each sample.
-    wide = np.convolve(driven, np.ones(21), "same") > 0
-    return np.asarray(wide[np.clip(np.round(cell).astype(np.int64), 0, len(path.points) - 1)])
+    return np.asarray(np.convolve(driven, np.ones(21), "same") > 0)
+
+
+def beside_car(path: Path, legs: Legs, cell: Array) -> NDArray[np.bool_]:
+    """Whether the car drove beside a channel [channel]."""
+    return driven_beside(path, legs)[np.clip(np.round(cell).astype(np.int64), 0, len(path.points) - 1)]
+
+
+def channels_beside(drive: Drive, quiet: Quiet, path: Path, legs: Legs) -> int:
+    """Channels that the car drove beside, by the map: as many as its way takes, of those that there are.
+
+    A fit that hears little may lay all the rest of the cable into loops, and be right of what is left.
+    """
+    inside = slice(path.first, path.first + round(path.length / STEP) + 1)
+    way = float(driven_beside(path, legs)[inside].sum()) * STEP * drive.length_factor[0]
+    return min(round(way / quiet.channel_spacing * float((~quiet.dead).mean())), int((~quiet.dead).sum()))
 
 
 def check_found(drive: Drive, quiet: Quiet, coarse: Coarse, one: Round) -> None:
     """Raise NotFollowingError where too few of the channels beside which the car drove hear it."""
-    there = beside_car(coarse.path, one.legs, one.along.cell) & ~quiet.dead & ~one.channels.best_loop
-    heard = one.picks.audible[: one.legs.count, there].any(0)
-    share, needed = float(heard.mean()) if there.any() else 0.0, FOUND if coarse.told_apart else UNSURE
+    there = beside_car(coarse.path, one.legs, one.along.cell) & ~quiet.dead & ~one.channels.loop
+    count = int(one.picks.audible[: one.legs.count, there].any(0).sum())
+    beside = max(int(there.sum()), channels_beside(drive, quiet, coarse.path, one.legs))
+    share, needed = count / max(beside, 1), FOUND if coarse.told_apart else UNSURE
     if share >= needed:
         return
     why = "" if coarse.told_apart else ", as another clock offset explains the record nearly as well"
     words = (
-        f"{int(heard.sum())} of the {int(there.sum())} channels beside which the car drove hear it, "
+        f"{count} of the {beside} channels beside which the car drove hear it, "
         f"{100 * needed:.0f} % are needed{why}; the car as expected with the best clock offset, "
         f"{coarse.clock_offset:+.1f} s, is the line"
     )

@@ -19,7 +19,7 @@ def fit_of(**changed: Any) -> SimpleNamespace:
     one = {
         "legs": SimpleNamespace(count=1),
         "picks": SimpleNamespace(audible=audible, amplitude=np.tile(np.array([9.0, 11.0]), (1, CHANNELS // 2))),
-        "channels": SimpleNamespace(cell=cell.copy(), best_loop=np.zeros(CHANNELS, bool), other=np.zeros(CHANNELS)),
+        "channels": SimpleNamespace(cell=cell.copy(), loop=np.zeros(CHANNELS, bool), other=np.zeros(CHANNELS)),
         "along": SimpleNamespace(cell=cell, error=np.zeros((1, CHANNELS)), stretch=np.zeros(CHANNELS)),
         "quiet": SimpleNamespace(
             channel=np.arange(100, 160), channel_spacing=10.0, dead=np.zeros(CHANNELS, bool), gauge_length=10.0

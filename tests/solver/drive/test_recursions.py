@@ -10,7 +10,7 @@ from solver.drive.recursions import Model, recursions
 CHANNELS, WIDTH, ENDS, JOINS, LEAVES = 4, 3, 0.3, 0.2, 0.4
 
 
-def test_posterior_and_best_path_are_those_of_all_sequences() -> None:
+def test_posterior_is_that_of_all_sequences() -> None:
     rng = np.random.default_rng(5)
     even, odd = rng.uniform(0.05, 1.0, (2, CHANNELS, WIDTH))
     other, begins = rng.uniform(0.05, 1.0, CHANNELS), rng.uniform(0.1, 0.3, CHANNELS)
@@ -50,13 +50,10 @@ def test_posterior_and_best_path_are_those_of_all_sequences() -> None:
         for channel, (place, kind) in enumerate(sequence):
             posterior[channel, place, kind] += value / weight.sum()
     run, model = recursions(), Model(even, odd, other, low, on, edge, begins, ENDS, JOINS, LEAVES)
-    alpha, path = np.zeros((CHANNELS, WIDTH, 3)), np.zeros((CHANNELS, 2), np.int64)
+    alpha = np.zeros((CHANNELS, WIDTH, 3))
     assert run.forward(model, alpha) == pytest.approx(np.log(weight.sum()))
     run.backward(model, alpha)
     np.testing.assert_allclose(alpha, posterior, atol=1e-12)
-    run.viterbi(model, path)
-    best = every[int(weight.argmax())]
-    assert path.tolist() == [[low[channel] + place, kind] for channel, (place, kind) in enumerate(best)]
 
 
 def test_followed_vehicle_is_summed_over_where_it_may_be() -> None:
@@ -75,3 +72,15 @@ def test_followed_vehicle_is_summed_over_where_it_may_be() -> None:
         there = (0.9 * moved + 0.1 / WIDTH) * even[channel]
         assert other[channel] == pytest.approx(there.sum())
         there /= there.sum()
+
+
+def test_decoded_path_has_the_largest_product_of_its_cells_own_probabilities() -> None:
+    rng = np.random.default_rng(7)
+    there, low, path = rng.uniform(0.05, 1.0, (CHANNELS, WIDTH)), np.array([0, 1, 1, 2]), np.zeros(CHANNELS, np.int64)
+    recursions().decoded(there, low, 2, path)
+
+    def probability(places: tuple[int, ...]) -> float:
+        steps = np.diff(low + np.array(places))
+        return float(there[np.arange(CHANNELS), places].prod()) * bool(((steps >= 0) & (steps < 2)).all())
+
+    assert path.tolist() == (low + np.array(max(product(range(WIDTH), repeat=CHANNELS), key=probability))).tolist()

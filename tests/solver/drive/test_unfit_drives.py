@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from solver.drive.car import car_of
 from solver.drive.operator_map import read_operator_map
 from solver.drive.path import path_of
 from solver.drive.response import Clock, legs_of
+from solver.drive.rounds import check_found
 from solver.drive.waterfall import SeenDrive
 from solver.start.alignment import NotFollowingError
 from vision.contract import LocalFrame
@@ -61,6 +63,22 @@ def test_record_of_another_cable_and_what_was_seen(drive: rf.Drive, tmp_path: Pa
     assert seen.channels == (0, 149)
     assert pictured(caught.value, tmp_path / "run") == f"; what was seen: {tmp_path / 'run-refused.png'}"
     assert (tmp_path / "run-refused.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_cable_in_loops_does_not_make_a_drive_found(drive: rf.Drive, run: rf.DriveRun) -> None:
+    """Twelve channels hear the car, all others are laid into loops: the car's way takes more than twelve."""
+    quiet, path, clock = drive.quiet(), path_of(drive.vertices), Clock(run.clock_offset)
+    cell, hears = run.arrays["along"] + path.first, run.arrays["heard"]
+    hears = hears & (np.cumsum(hears) <= 12)
+    one: Any = SimpleNamespace(
+        legs=legs_of(quiet, path, car_of(drive.tracks, quiet.start), clock),
+        along=SimpleNamespace(cell=cell),
+        channels=SimpleNamespace(loop=~hears),
+    )
+    one.picks = SimpleNamespace(audible=np.tile(hears, (one.legs.count, 1)))
+    coarse: Any = SimpleNamespace(path=path, told_apart=True, clock_offset=clock.offset, cell=cell)
+    with pytest.raises(NotFollowingError, match="only 7 % of the channels beside which the car drove hear it"):
+        check_found(drive, quiet, coarse, one)
 
 
 def test_car_is_drawn_where_it_is_expected(drive: rf.Drive, run: rf.DriveRun) -> None:
