@@ -13,12 +13,23 @@ from solver.drive.channel_map import ChannelMap
 from solver.drive.coarse import Coarse, looks
 from solver.drive.drive import Drive
 from solver.drive.loops import Loop, confirmed, flags_of
-from solver.drive.misstated import DRIFT, GAUGE, SPACING, Estimate, Misstated, gauge_of, misstated, sized
+from solver.drive.misstated import DRIFT, GAUGE, SPACING, TOLD, Estimate, Misstated, gauge_of, misstated, sized
 from solver.drive.path import STEP, Path, path_of
 from solver.drive.picks import Picks
 from solver.drive.quiet import Quiet
 from solver.drive.response import Clock, Legs
-from solver.drive.rounds import FIRST, LATER, ROUNDS, Advance, Settled, beside_car, one_round, settled
+from solver.drive.rounds import (
+    FIRST,
+    LATER,
+    ROUNDS,
+    Advance,
+    Round,
+    Settled,
+    beside_car,
+    length_sigma_of,
+    one_round,
+    settled,
+)
 from solver.start.alignment import NotFollowingError
 from vision.contract import progress
 
@@ -159,17 +170,7 @@ def estimates(
 ) -> dict[str, Estimate]:
     """What a fit says of all that files may state wrongly, relative to what is stated, by the name of the effect."""
     one = done.last
-    steps = steps_of(
-        coarse.path,
-        one.along.cell,
-        flags_of(one.loops, len(one.along.cell)),
-        one.channels.in_loop,
-        quiet.channel_spacing,
-        drive.length_factor[0],
-        drive.sigma,
-    )
-    errors = (car.memory, car.sigma)
-    free = smoothed_along(one.picks, one.legs, steps, FREE_LENGTH, errors, quiet.channel_spacing, FREE_DRIFT, one.told)
+    free = smoothed_again(drive, quiet, coarse, car, one, FREE_LENGTH, FREE_DRIFT)
     heard = np.flatnonzero(one.picks.audible[: one.legs.count].any(0))
     way = max(1.0, float(np.ptp(free.cell[heard])))
     stretch = float(free.stretch[heard].mean())
@@ -179,6 +180,37 @@ def estimates(
         SPACING: Estimate(stretch, float(np.hypot(*free.sigma[heard[[0, -1]]])) / way),
         DRIFT: Estimate(done.clock.drift + free.drift, free.drift_sigma),
     }
+
+
+def smoothed_again(
+    drive: Drive, quiet: Quiet, coarse: Coarse, car: Car, one: Round, factor_sigma: float, drift_sigma: float
+) -> Along:
+    """A round's picks smoothed with other standard deviations of length factor and drift."""
+    spacing, cell = quiet.channel_spacing, one.along.cell
+    flags, factor = flags_of(one.loops, len(cell)), drive.length_factor[0]
+    steps = steps_of(coarse.path, cell, flags, one.channels.in_loop, spacing, factor, drive.sigma)
+    errors = (car.memory, car.sigma)
+    return smoothed_along(one.picks, one.legs, steps, factor_sigma, errors, spacing, drift_sigma, one.told)
+
+
+def may_drift(
+    drive: Drive, quiet: Quiet, coarse: Coarse, car: Car, done: Settled, wrong: list[Misstated]
+) -> NDArray[np.float64]:
+    """Variance [channel], squared cells, by a clock that may drift though that does not show enough to be named.
+
+    Of two explanations, places as they are and places moved by d with a drift of probability p, the mixture has the
+    variance p d^2 more, and p times that by which the moved ones are less sure.
+    """
+    probability = next(one.probability for one in wrong if one.effect == DRIFT)
+    if DRIFT in drive.effects:
+        return np.zeros(len(done.last.along.cell))
+    plausible = TOLD[DRIFT].parameters[0].plausible
+    moved, along = (
+        smoothed_again(drive, quiet, coarse, car, done.last, length_sigma_of(drive), plausible),
+        done.last.along,
+    )
+    wider = np.maximum(moved.sigma**2 - along.sigma**2, 0)
+    return np.asarray(probability * ((moved.cell - along.cell) ** 2 + wider))
 
 
 def fitted(
@@ -202,6 +234,7 @@ def fitted(
     number = np.clip(np.round(one.along.cell).astype(np.int64), 0, len(coarse.path.points) - 1)
     heading = coarse.path.spread_of_heading(drive.sigma)[number]
     askew = heading * np.hypot(aside.far, aside.sigma) / STEP
+    drifted = may_drift(drive, quiet, coarse, car, done, wrong)
     return Fit(
         quiet=quiet,
         path=coarse.path,
@@ -218,7 +251,7 @@ def fitted(
         misstated=wrong,
         stated=stated,
         cell=one.along.cell,
-        sigma=np.sqrt(one.along.sigma**2 + several**2 + askew**2 + (FINEST / STEP) ** 2),
+        sigma=np.sqrt(one.along.sigma**2 + several**2 + askew**2 + drifted + (FINEST / STEP) ** 2),
         aside=aside,
         beside=beside_car(coarse.path, legs, one.along.cell),
         rounds=done.count,

@@ -89,9 +89,7 @@ def one_round(
     drive: Drive, quiet: Quiet, path: Path, car: Car, clock: Clock, expected: Array, polarity: int, side: int
 ) -> Round:
     """Map the channels with one clock, and find the offset that is left."""
-    spacing, (factor, factor_sigma) = quiet.channel_spacing, drive.length_factor
-    if SPACING in drive.effects:
-        factor_sigma = float(np.hypot(factor_sigma, factor * TOLD[SPACING].parameters[0].plausible))
+    spacing, factor, factor_sigma = quiet.channel_spacing, drive.length_factor[0], length_sigma_of(drive)
     drift = TOLD[DRIFT].parameters[0].plausible if DRIFT in drive.effects else QUARTZ
     legs = legs_of(quiet, path, car, clock)
     if not legs.near.any():
@@ -121,6 +119,14 @@ def one_round(
         loops = loops_of(channels, along, spacing, factor, quiet.gauge_length)
         flags = flags_of(loops, len(flags))
     return Round(legs, channels, picks, along, loops, told)
+
+
+def length_sigma_of(drive: Drive) -> float:
+    """Standard deviation of the length factor, with that of the channel spacing if it is fitted."""
+    factor, sigma = drive.length_factor
+    if SPACING not in drive.effects:
+        return sigma
+    return float(np.hypot(sigma, factor * TOLD[SPACING].parameters[0].plausible))
 
 
 def beside_loops(picks: Picks, flags: NDArray[np.bool_], gauge_length: float, spacing: float) -> Picks:

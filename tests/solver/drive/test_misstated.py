@@ -2,6 +2,8 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -121,3 +123,20 @@ def test_a_drive_that_is_located_is_not_refused_for_sizes(hidden, wrong, monkeyp
     np.testing.assert_array_equal(found.route, wrong.route)
     assert list(found.misstated["probability"]) == list(wrong.misstated["probability"])
     assert (found.misstated["value"] != wrong.misstated["value"]).any()
+
+
+def test_a_drift_that_is_not_named_widens_the_bands_by_where_it_would_move_them(monkeypatch) -> None:
+    """Bands held a half of the route where a drift of 0.2 % did not show enough to be named."""
+    moved = SimpleNamespace(cell=np.array([10.0, 25.0]), sigma=np.array([2.0, 5.0]))
+    monkeypatch.setattr(channel_fit, "smoothed_again", lambda *given: moved)
+    along: Any = SimpleNamespace(cell=np.array([10.0, 20.0]), sigma=np.array([2.0, 3.0]))
+    done: Any = SimpleNamespace(last=SimpleNamespace(along=along))
+    survey: Any = SimpleNamespace(effects=(), length_factor=(1.0, 0.01))
+    rest: Any = None
+    wrong = misstated({"clock_drift": Estimate(0.002, 0.0008), "gauge_length": Estimate(0.3, 0.04)}, 0.02, ())
+    probability = next(one.probability for one in wrong if one.effect == "clock_drift")
+    assert 0.2 < probability < 0.95
+    variance = channel_fit.may_drift(survey, rest, rest, rest, done, wrong)
+    assert variance.tolist() == pytest.approx([0.0, probability * (5.0**2 + 5.0**2 - 3.0**2)])
+    fitted: Any = SimpleNamespace(effects=("clock_drift",), length_factor=(1.0, 0.01))
+    assert not channel_fit.may_drift(fitted, rest, rest, rest, done, wrong).any()
