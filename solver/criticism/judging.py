@@ -139,7 +139,7 @@ def confirmed(
     winner, beside = tried[first.effect], weighing.besides.get(first.effect)
     left = 0.0 if beside is None else beside.second
     first = replace(first, confounded_with=not_told_from(first, weighing.posterior, asked.effects))
-    gain = gain_of(bench.scorer, winner) if asked.held_out else None
+    gain = gain_of(bench.scorer, best_pair(first.effect, weighing) or winner) if asked.held_out else None
     first, separate = replace(first, held_out_gain=None if gain is None else gain.per_dof), advice(first, asked.effects)
     if gain is not None and gain.refuses(bench.scorer.variance):
         named = leading(listed, replace(first, verdict="inconclusive"))
@@ -173,6 +173,15 @@ def leading(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, .
     Whatever else lowers the misfit may do so in its place: that is open until it is in the model.
     """
     return order([absent(c) for c in listed], first)
+
+
+def best_pair(name: str, weighing: Weighing) -> Refit | None:
+    """The fit with a known effect and the one that explains most beside it; None where one suffices, or no such fit."""
+    best = next((one for one in weighing.posterior.weighed if one.effects[:1] == (name,)), None)
+    beside = weighing.besides.get(name)
+    if best is None or best.kind != "two" or beside is None:
+        return None
+    return next((one for one in beside.seconds if one.effect.name in best.effects), None)
 
 
 def gain_of(scorer: Scorer, winner: Refit) -> HeldOutGain | None:

@@ -23,13 +23,15 @@ class HeldOutGain:
     ----------
     fall : of chi2
     freedom : degrees of freedom
-    blurred : by how much more the uncertainty of what was fitted adds to the misfit with the effect than without it
+    blurred, blur : by how much more the uncertainty of what was fitted adds to the misfit with the effect than without
+        it, and the variance of that
     change : squared length of the change of the whitened residual
     """
 
     fall: float
     freedom: float
     blurred: float
+    blur: float
     change: float
 
     @property
@@ -41,12 +43,12 @@ class HeldOutGain:
         """Whether the misfit rises by more than chance, where the noise counts as so much.
 
         A change d of the prediction changes chi2 by |d|^2 +- 2 |d| sigmas where either is right (Vuong 1989,
-        Econometrica 57, 307).
+        Econometrica 57, 307); what few passes leave uncertain adds `blur`.
 
-        >>> [HeldOutGain(fall, 1e4, 1.0, 25.0).refuses(1.0) for fall in (-30.0, -15.0, 25.0)]
+        >>> [HeldOutGain(fall, 1e4, 1.0, 2.0, 25.0).refuses(1.0) for fall in (-30.0, -15.0, 25.0)]
         [True, False, False]
         """
-        return self.fall + self.blurred < -CHANCE * 2 * float(np.sqrt(self.change * variance))
+        return self.fall + self.blurred < -CHANCE * float(np.sqrt((4 * self.change + self.blur) * variance))
 
 
 def held_out_gain(without: End, with_it: End) -> HeldOutGain | None:
@@ -71,14 +73,15 @@ def held_out_gain(without: End, with_it: End) -> HeldOutGain | None:
 
     def compared(make: Make) -> HeldOutGain | None:
         fold, ground, silent = shown(make, more, after)
-        if set(silent) - known:
+        if {one.name for one in more.effects} - known <= set(silent):
             return None
         new, changed = fold.judged(ground, end := fold.ended(ground, after)), residuals(fold, end)
         fold = make(replace(less, effects=tuple(one for one in less.effects if one.name not in silent)))
         ground = fold.fitted(before)
         old, left = fold.judged(ground, end := fold.ended(ground, before)), residuals(fold, end)
         change = sum(float((left[key] - changed[key]).square().sum()) for key in left.keys() & changed.keys())
-        return HeldOutGain(old.chi2 - new.chi2, new.freedom, new.blurred - old.blurred, change)
+        blur = abs(new.blur - old.blur)
+        return HeldOutGain(old.chi2 - new.chi2, new.freedom, new.blurred - old.blurred, blur, change)
 
     found = [one for one in side_by_side(compared, dealt(more)) if one is not None]
     if not found:

@@ -13,7 +13,7 @@ from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis import steps, with_fault
 from solver.criticism.explaining import Explainer, in_order
 from solver.criticism.explanations import Explanation, Posterior, Weighed
-from solver.criticism.judging import NEVER_ALONE, Weighing, hidden_with, judge, leading, order
+from solver.criticism.judging import NEVER_ALONE, Weighing, best_pair, hidden_with, judge, leading, order
 from solver.criticism.placing import levels
 from solver.criticism.policy import POLICY
 from solver.effect import Effect
@@ -203,10 +203,10 @@ def test_what_shows_at_a_size_that_does_not_matter_is_not_missing():
 @pytest.mark.parametrize(
     ("gain", "verdict"),
     [
-        (HeldOutGain(-30.0, 1e4, 1.0, 25.0), "inconclusive"),
+        (HeldOutGain(-30.0, 1e4, 1.0, 2.0, 25.0), "inconclusive"),
         # By chance, as far as the effect changes what is predicted.
-        (HeldOutGain(-9.0, 1e4, 1.0, 25.0), "missing-effect"),
-        (HeldOutGain(30.0, 1e4, 1.0, 25.0), "missing-effect"),
+        (HeldOutGain(-9.0, 1e4, 1.0, 2.0, 25.0), "missing-effect"),
+        (HeldOutGain(30.0, 1e4, 1.0, 2.0, 25.0), "missing-effect"),
         # No group of passes shows it: they say nothing about the others.
         (None, "missing-effect"),
     ],
@@ -223,6 +223,17 @@ def test_passes_held_out_may_object_beyond_chance(monkeypatch: pytest.MonkeyPatc
     assert found.candidates[0].confounded_with == ("track_offset", "track_rotation", "channel_stretch")
     assert "cannot tell it from track_offset, track_rotation, channel_stretch" in found.words
     assert "anchors" in found.separate
+
+
+def test_two_effects_that_explain_together_are_held_out_together():
+    pair: Any = SimpleNamespace(effect=KNOWN["gibson_soil"])
+    other: Any = SimpleNamespace(effect=KNOWN["lowpass"])
+    beside: Any = SimpleNamespace(seconds=(other, pair))
+    two = Weighed("two", ("road_bump", "gibson_soil"), "load", 0.9)
+    alone = Weighed("effect", ("road_bump",), "load", 0.1)
+    assert best_pair("road_bump", Weighing(Posterior((two, alone)), {"road_bump": beside})) is pair
+    assert best_pair("road_bump", Weighing(Posterior((alone, two)), {"road_bump": beside})) is None
+    assert best_pair("road_bump", Weighing(Posterior((two,)), {})) is None
 
 
 def test_a_fault_that_was_mended_is_part_of_every_known_explanation():
