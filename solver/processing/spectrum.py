@@ -13,6 +13,8 @@ BLOCK = 25.0
 HIGHEST, SLOWEST = (0.5, 0.7, 1.0, 1.4, 2.0), (1.5, 2.5, 4.0, 6.0)
 #: Least wavenumber that is looked at, 1/m, and how many cells of the spectrum on each side.
 LONGEST, CELLS = 0.03, 20
+#: Neighbors that are compared at once: some tens of seconds, in which noise is about as loud.
+PART = 500
 
 
 def power(record: Array, sampling_rate: float, spacing: float) -> tuple[Array, Array, Array]:
@@ -94,13 +96,19 @@ def repeated_share(record: Array) -> float:
 
 
 def repeated_in_time(record: Array) -> float:
-    """The same for neighbors along the first axis."""
+    """The same for neighbors along the first axis.
+
+    Noise that is louder at times is a mixture of densities, which is not log-concave: each channel is judged in parts
+    of `PART` samples, and their mean counts.
+    """
     apart = np.abs(np.diff(record, axis=0))
     apart = apart[:, (np.nan_to_num(apart) > 0).any(0)]
     if apart.size == 0:
         return 0.0
-    step = np.nanmin(np.where(apart > 0, apart, np.inf), axis=0)
-    steps = np.rint(apart / step)[np.isfinite(apart)]
-    none, one, two = (float(np.mean(steps == number)) for number in range(3))
-    # Shares of both signs together: p1 = one / 2, p2 = two / 2.
-    return none - min(1.0, one**2 / (2 * two) if two else 1.0)
+    steps = np.rint(apart / np.nanmin(np.where(apart > 0, apart, np.inf), axis=0))
+    parts = np.array_split(steps, max(1, len(steps) // PART))
+    none, one, two = (np.stack([(part == number).sum(0) for part in parts]) for number in range(3))
+    count = np.stack([np.isfinite(part).sum(0) for part in parts])
+    # Shares of both signs together: p1 = one / 2, p2 = two / 2; one more of each where there are none of two steps.
+    explained = np.minimum(count, (one + 1) ** 2 / (2 * (two + 1)))
+    return float((none - explained).sum() / count.sum())
