@@ -193,22 +193,18 @@ def smoothed_again(
     return smoothed_along(one.picks, one.legs, steps, factor_sigma, errors, spacing, drift_sigma, one.told)
 
 
-def may_drift(
-    drive: Drive, quiet: Quiet, coarse: Coarse, car: Car, done: Settled, wrong: list[Misstated]
-) -> NDArray[np.float64]:
+def may_drift(drive: Drive, quiet: Quiet, coarse: Coarse, car: Car, done: Settled, wrong: list[Misstated]) -> Array:
     """Variance [channel], squared cells, by a clock that may drift though that does not show enough to be named.
 
     Of two explanations, places as they are and places moved by d with a drift of probability p, the mixture has the
     variance p d^2 more, and p times that by which the moved ones are less sure.
     """
-    probability = next(one.probability for one in wrong if one.effect == DRIFT)
+    along = done.last.along
     if DRIFT in drive.effects:
-        return np.zeros(len(done.last.along.cell))
+        return np.zeros(len(along.cell))
+    probability = next(one.probability for one in wrong if one.effect == DRIFT)
     plausible = TOLD[DRIFT].parameters[0].plausible
-    moved, along = (
-        smoothed_again(drive, quiet, coarse, car, done.last, length_sigma_of(drive), plausible),
-        done.last.along,
-    )
+    moved = smoothed_again(drive, quiet, coarse, car, done.last, length_sigma_of(drive), plausible)
     wider = np.maximum(moved.sigma**2 - along.sigma**2, 0)
     return np.asarray(probability * ((moved.cell - along.cell) ** 2 + wider))
 
