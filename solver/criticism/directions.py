@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
+from solver.criticism.ending import sharpness
 from solver.criticism.policy import POLICY
 from solver.criticism.record_parts import RecordPart, linearized, reach_of
 from solver.criticism.score import Projected, Score
@@ -58,6 +59,8 @@ class Directions:
         self._seen: Seen | None = None
         self._slow: list[int] | None = None
         factor = factor_of(matrix)
+        #: How sharply the fit ends.
+        self.sharpness = sharpness(factor)
         #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
         #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.

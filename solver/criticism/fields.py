@@ -13,8 +13,8 @@ from solver.signal_path.extension import spacing_of
 ALIKE = 20.0
 
 
-def alike(effect: Effect, counts: Sequence[int]) -> Tensor | None:
-    """Root [number, number] of the correlation of an effect's numbers; None where none are along fiber or road.
+def alike(effect: Effect, counts: Sequence[int], passes: bool = False) -> Tensor | None:
+    """Root [number, process] of the correlation of an effect's numbers; None where none are alike.
 
     Neighbors are correlated as by a once differentiable process (Matern, order 3/2; Rasmussen and Williams 2006,
     Gaussian Processes for Machine Learning, equation 4.17).
@@ -22,11 +22,13 @@ def alike(effect: Effect, counts: Sequence[int]) -> Tensor | None:
     Parameters
     ----------
     counts : how many numbers each amplitude has
+    passes : whether numbers of passes are all the same
     """
-    spacings = [spacing_of(effect, parameter) for parameter in effect.amplitudes]
-    if not any(spacings):
+    roots = [root(count, spacing_of(effect, p)) for p, count in zip(effect.amplitudes, counts, strict=True)]
+    same = [passes and p.scope == "pass" for p in effect.amplitudes]
+    if not any(same) and not any(spacing_of(effect, p) for p in effect.amplitudes):
         return None
-    return torch.block_diag(*(root(count, spacing) for count, spacing in zip(counts, spacings, strict=True)))
+    return torch.block_diag(*(torch.ones(len(one), 1).double() if s else one for one, s in zip(roots, same, strict=True)))
 
 
 @cache

@@ -27,7 +27,7 @@ class Spectrum:
     ----------
     information : [direction], squared signal of a plausible size, in noise variances
     along : [direction], squared product of that signal with the residual
-    alike : the same of numbers that are alike where they are neighbors; None where they have no order
+    alike : the same of numbers that are alike, as neighbors are; None where none need be
     """
 
     information: Array
@@ -38,18 +38,21 @@ class Spectrum:
     def of(cls, information: Tensor, score: Tensor, size: Tensor, alike: Tensor | None = None) -> "Spectrum":
         """From information [number, number], score [number] and plausible sizes [number] of an effect's numbers.
 
-        `alike` is a root [number, number] of the correlation of neighbors, see `solver.criticism.fields`.
+        `alike` is a root [number, process] of the correlation of numbers, see `solver.criticism.fields`.
 
         >>> import torch
         >>> one = Spectrum.of(torch.tensor([[4.0]]), torch.tensor([6.0]), torch.tensor([0.5]))
         >>> float(one.information[0]), float(one.along[0])
         (1.0, 9.0)
         """
-        plausible, along = information * size[:, None] * size, size * score
-        values, vectors = linalg.eigh(plausible)
-        every = torch.ones_like(size)
-        together = None if alike is None else cls.of(alike.T @ plausible @ alike, alike.T @ along, every)
-        return cls(values.clamp_min(0).numpy(), (vectors.T @ along).square().numpy(), together)
+        return cls.of_plausible(information * size[:, None] * size, size * score, alike)
+
+    @classmethod
+    def of_plausible(cls, information: Tensor, score: Tensor, alike: Tensor | None = None) -> "Spectrum":
+        """The same of numbers in plausible sizes."""
+        values, vectors = linalg.eigh(information)
+        together = None if alike is None else cls.of_plausible(alike.T @ information @ alike, alike.T @ score)
+        return cls(values.clamp_min(0).numpy(), (vectors.T @ score).square().numpy(), together)
 
     @property
     def occam(self) -> float:

@@ -210,4 +210,4 @@ def stepped(scorer: Scorer, score: Score) -> Refit | None:
     except UNSOLVED:
         return None
     fall = loss(scorer.fit, scorer.state, counts) - loss(fit, end.state, counts, end.at.models[0])
-    return Refit(score, fit, end, fall)
+    return Refit(score, fit, end, fall, scorer.sharpness)

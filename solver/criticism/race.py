@@ -187,7 +187,8 @@ def race(
         return run(one.fit, one.solution, PACE) or (replace(one.solution, converged=True), one.fall)
 
     begun = zip(starts, side_by_side(begin, starts, advance), strict=True)
-    running = [Refit(score, fits[score.effect.name], *end) for (_, score), end in begun if end is not None]
+    without = scorer.sharpness
+    running = [Refit(score, fits[score.effect.name], *end, without) for (_, score), end in begun if end is not None]
     # Falls of each fit in its last two rounds, as one may go on damping alone; not known at first.
     gained = [(np.inf, np.inf)] * len(running)
     for left in range(ROUNDS - 1, 0, -1):

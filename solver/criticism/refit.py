@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.criticism.directions import Directions
+from solver.criticism.ending import Ending, sizes
 from solver.criticism.policy import POLICY
 from solver.criticism.score import Score
 from solver.effect import Effect, Parameter
@@ -68,6 +69,7 @@ class Refit:
     score : of the candidate
     fit, solution : with it
     fall : how far the robust misfit fell
+    before : `sharpness` of the fit without it
     lone : one pass alone speaks for what, if it were there, all would show
     """
 
@@ -75,6 +77,7 @@ class Refit:
     fit: MapFit
     solution: Solution
     fall: float
+    before: float
     lone: bool = False
 
     @property
@@ -109,17 +112,21 @@ class Refit:
 
     def standing(self, more: float) -> float:
         """Evidence if the misfit fell by so much more; what numbers pay to their prior is not scaled by the noise."""
-        variance = self.score.variance
+        variance, left = self.score.variance, self.ending.spectrum
         gain = (self.fall + more + self.paid) / variance - self.paid
-        spectrum = self.score.spectrum
-        return gain / 2 - spectrum.told(variance) + spectrum.smaller(variance) - float(np.log(self.score.trials))
+        told = left.told(variance) - left.smaller(variance) + self.ending.sharpness - self.before
+        return gain / 2 - told - float(np.log(self.score.trials))
+
+    @cached_property
+    def ending(self) -> Ending:
+        """How sharply it ended."""
+        return Ending.of(self.fit, self.solution.at, self.effect)
 
     @cached_property
     def paid(self) -> float:
         """Squares of the numbers, in plausible sizes: what they pay to their prior."""
         slots = [slot for slot in self.slots if not slot.parameter.is_shape]
-        away = ((self.numbers(slot) - slot.parameter.null) / slot.parameter.plausible for slot in slots)
-        return float(sum((one**2).sum() for one in away))
+        return float((sizes(slots, self.solution.state.numbers)[1] ** 2).sum())
 
     @property
     def estimate(self) -> NDArray[np.float64]:

@@ -31,6 +31,16 @@ def test_each_parameter_of_a_field_is_alike_by_itself():
     torch.testing.assert_close(field[:8, :8], root(8, 10.0))
 
 
+def test_passes_may_have_one_number():
+    """One process for all of them; what has no number for each pass stays as it is."""
+    same = alike(KNOWN["dynamic_load"], [4, 4], passes=True)
+    assert same is not None and same.tolist() == [[1, 0]] * 4 + [[0, 1]] * 4
+    assert alike(KNOWN["clock_offset"], [1], passes=True) is None
+    size, information = torch.ones(6, dtype=torch.float64), 400 * torch.eye(6, dtype=torch.float64)
+    one = Spectrum.of(information, 400 * 0.5 * size, size, torch.ones(6, 1, dtype=torch.float64))
+    assert one.smaller(1.0) > 10, "six numbers that are the same pay for one"
+
+
 def test_a_gradual_field_is_more_probable_than_its_numbers_one_by_one_and_a_rough_one_hardly_less():
     """Evidence of an effect that is read off directly, with noise of one tenth of its plausible size."""
     count, variance = 24, 1.0

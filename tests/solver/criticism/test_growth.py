@@ -142,7 +142,7 @@ def test_the_best_of_its_shapes_is_fitted(monkeypatch):
 
     def race(scorer: Any, scores: Any, advance: Any, others: Any) -> Any:
         raced.extend([scores, others])
-        return {"camber": growth.Refit(scores[0], "fit", SimpleNamespace(state="near"), 9.0)}  # type: ignore[arg-type]
+        return {"camber": growth.Refit(scores[0], "fit", SimpleNamespace(state="near"), 9.0, 0.0)}  # type: ignore[arg-type]
 
     monkeypatch.setattr(growth, "race", race)
     monkeypatch.setattr(growth, "solve", lambda fit, state: f"{fit}, on from {state}")

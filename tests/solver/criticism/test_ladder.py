@@ -110,7 +110,7 @@ def test_an_effect_has_one_sigma_and_one_held_out_misfit(case, monkeypatch: pyte
     told = assemble(problem, fit, end.state, method="spline", iterations=1, seconds=0.0, converged=True)
     ranked = MapFit(replace(problem, signal_noise=0.02))
     score: Any = SimpleNamespace(effect=gauge)
-    refit = Refit(score, ranked, replace(end, at=Chain.single(ranked).visit(end.state)), 100.0)
+    refit = Refit(score, ranked, replace(end, at=Chain.single(ranked).visit(end.state)), 100.0, 0.0)
     assert refit.sigma[0] == pytest.approx(told.parameters["gauge_length.relative"].sigma, rel=1e-6)
     judged: list[float] = []
     monkeypatch.setattr(

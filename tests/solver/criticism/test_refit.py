@@ -14,6 +14,7 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism import refit
 from solver.criticism.candidate import score_candidate
+from solver.criticism.ending import Ending
 from solver.criticism.marginal import Spectrum
 from solver.criticism.race import race, rests_on_one
 from solver.criticism.refit import Refit, with_effect
@@ -33,8 +34,13 @@ def tried(name: str, fall: float) -> Refit:
     left = Spectrum(np.ones(1), np.full(1, fall))
     score = Score(built_in()[name], {}, False, fall, 1, 1, (1,), one, one, 1.0, None, torch.zeros(0), left, 1.0)
     with_it: Any = SimpleNamespace(fit="with", solution=SimpleNamespace(state=None))
-    found = Refit(score, with_it.fit, with_it.solution, fall)
+    return settled(Refit(score, with_it.fit, with_it.solution, fall, before=0.0))
+
+
+def settled(found: Refit) -> Refit:
+    """A full fit that paid nothing, and ended with one number told from those plausible as its score says."""
     vars(found)["paid"] = 0.0
+    vars(found)["ending"] = Ending(found.score.spectrum, 0.0)
     return found
 
 
@@ -75,8 +81,7 @@ def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
     assert said.detectable_size == float("inf")
     sharper = replace(found.score, sigma=np.array([0.05]))
     assert score_candidate(sharper, found).detectable_size == pytest.approx(0.25)
-    lone = Refit(found.score, found.fit, found.solution, found.fall, lone=True)
-    vars(lone)["paid"] = 0.0
+    lone = settled(replace(found, lone=True))
     assert score_candidate(found.score, lone).verdict == "inconclusive"
 
 
@@ -93,11 +98,9 @@ def test_a_fit_goes_on_as_long_as_it_may_lead(fall: float, decrement: float, mor
     """Where the score test says that it may: a layer's fit falls slowly, and had been given up."""
     ended: Any = SimpleNamespace(converged=False, at=SimpleNamespace(open=SimpleNamespace(decrement=decrement)))
     found = tried("layered_ground", 200.0)
-    one = replace(found, fall=fall, solution=ended)
-    vars(one)["paid"] = 0.0
+    one = settled(replace(found, fall=fall, solution=ended))
     assert one.may_reach(30.0, more) is goes_on
-    doubtful = replace(one, score=tried("layered_ground", 10.0).score)
-    vars(doubtful)["paid"] = 0.0
+    doubtful = settled(replace(one, score=tried("layered_ground", 10.0).score))
     assert doubtful.may_reach(30.0, more) is (decrement == 9.0)
 
 

@@ -11,6 +11,7 @@ import torch
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.bench import scorable
+from solver.criticism.ending import Ending
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
 from solver.criticism.refit import (
@@ -56,7 +57,13 @@ def ended(name: str, numbers: list[float], fall: float = 100.0, *, converged: bo
     state = SimpleNamespace(numbers=torch.tensor(numbers, dtype=torch.float64))
     solution: Any = SimpleNamespace(converged=converged, at=at, state=state)
     fit: Any = SimpleNamespace(extension=SimpleNamespace(slots=slots))
-    return Refit(score(name), fit, solution, fall)
+    return settled(Refit(score(name), fit, solution, fall, before=0.0))
+
+
+def settled(refit: Refit, sharper: float = 0.0) -> Refit:
+    """A fit whose numbers are told from 25 of the plausible ones, and all else by how much more sharply than before."""
+    vars(refit)["ending"] = Ending(refit.score.spectrum, refit.before + sharper)
+    return refit
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +117,7 @@ def test_the_share_of_the_pass_that_gains_most(flat):
     scorer: Any = SimpleNamespace(
         fit=SimpleNamespace(**vars(flat), problem=SimpleNamespace(traffic=traffic)), state=before
     )
-    after: Any = Refit(score("camber"), flat, SimpleNamespace(state=torch.zeros_like(before)), 1.0)  # type: ignore[arg-type]
+    after: Any = Refit(score("camber"), flat, SimpleNamespace(state=torch.zeros_like(before)), 1.0, 0.0)  # type: ignore[arg-type]
     # The second sample is of the first pass and of the third.
     assert largest_share(scorer, after, torch.ones_like(before)) == pytest.approx(1.0 + 1.44)
 
@@ -119,7 +126,7 @@ def test_evidence_is_of_the_full_fit_and_hope_of_its_next_step():
     """Half the fall, less what the size is told from: 25 of the plausible ones."""
     done = ended("camber", [0.1], 80.0, converged=True, step=5.0)
     assert done.evidence == done.hoped == pytest.approx(40 - np.log(25) / 2)
-    going = replace(done, solution=ended("camber", [0.1], converged=False, step=5.0).solution)
+    going = settled(replace(done, solution=ended("camber", [0.1], converged=False, step=5.0).solution))
     assert going.evidence == done.evidence
     assert going.hoped == pytest.approx(40 + POLICY.hope * 25.0 / 2 - np.log(25) / 2)
     assert done.standing(-10.0) == pytest.approx(35 - np.log(25) / 2)
@@ -130,14 +137,20 @@ def test_a_size_pays_to_its_prior_however_inexact_the_base_model_is():
     p = KNOWN["camber"].parameters[0]
     one = ended("camber", [p.null + 4 * p.plausible], 80.0)
     assert one.paid == pytest.approx(16.0)
-    loose = replace(one, score=replace(one.score, variance=2.0))
+    loose = settled(replace(one, score=replace(one.score, variance=2.0)))
     assert loose.evidence == pytest.approx((80 + 16) / 2 / 2 - 8 - np.log(13) / 2)
 
 
 def test_one_pass_that_speaks_for_all_is_no_evidence():
     one = ended("camber", [0.1], 80.0)
     assert one.told == one.evidence > 0
-    assert replace(one, lone=True).told == 0.0
+    assert settled(replace(one, lone=True)).told == 0.0
+
+
+def test_what_lets_all_else_be_told_less_sharply_is_more_probable():
+    """Of a layer that the depth follows more depths are left: e-fold odds for each e-fold of all that may be."""
+    one = ended("camber", [0.1], 80.0)
+    assert settled(replace(one), -3.0).evidence == pytest.approx(one.evidence + 3)
 
 
 def test_numbers_are_told_from_those_of_the_shape():
