@@ -49,7 +49,9 @@ class Ending:
         slots = [slot for slot in fit.extension.slots if slot.effect is effect]
         amplitudes = [slot for slot in slots if not slot.parameter.is_shape]
         first = chain.layout["numbers"].start
-        where, every = (np.concatenate([place[numbers_of(slot, first)] for slot in some]) for some in (amplitudes, slots))
+        where, every = (
+            np.concatenate([place[numbers_of(slot, first)] for slot in some]) for some in (amplitudes, slots)
+        )
         rest = np.setdiff1d(place[place >= 0], every)
         lower = np.linalg.cholesky(matrix[np.ix_(rest, rest)] + np.diag(ROUNDING * np.diagonal(matrix)[rest]))
         across = np.linalg.solve(lower, matrix[np.ix_(rest, where)])

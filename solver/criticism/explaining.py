@@ -57,7 +57,7 @@ class Explainer:
             name = score.effect.name
             one = self.tried.get(name)
             if score.effect.generic:
-                found.append(self.unknown(score.effect, (name,), score.evidence if one is None else one.evidence, 1.0))
+                found.append(self.unknown(score.effect, (name,), score.evidence if one is None else one.told, 1.0))
             elif one is None or name not in besides:
                 found += self.alone(score.effect, score.evidence if one is None else one.told, one)
             else:

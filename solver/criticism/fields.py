@@ -28,7 +28,9 @@ def alike(effect: Effect, counts: Sequence[int], passes: bool = False) -> Tensor
     same = [passes and p.scope == "pass" for p in effect.amplitudes]
     if not any(same) and not any(spacing_of(effect, p) for p in effect.amplitudes):
         return None
-    return torch.block_diag(*(torch.ones(len(one), 1).double() if s else one for one, s in zip(roots, same, strict=True)))
+    return torch.block_diag(
+        *(torch.ones(len(one), 1).double() if s else one for one, s in zip(roots, same, strict=True))
+    )
 
 
 @cache

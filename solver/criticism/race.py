@@ -211,7 +211,7 @@ def race(
 
 
 def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
-    """Known effects of one number that fit better from far beyond what is plausible, where something unknown leads.
+    """Known effects of one size that fit better from far beyond what is plausible, where something unknown leads.
 
     What the route and the ground have followed a long way, as a wide pulse, may have a second minimum where little of
     it is there, and the discrepancy models then imitate the rest.

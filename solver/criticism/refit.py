@@ -159,13 +159,13 @@ class Refit:
 
     @property
     def single(self) -> bool:
-        """Whether it is a known effect of one number beside its shape's."""
-        return not self.effect.generic and len(self.estimate) == 1
+        """Whether it is a known effect of one number, or of one for each pass, beside its shape's."""
+        return not self.effect.generic and [p.scope for p in self.effect.amplitudes] in (["one"], ["pass"])
 
     def farther(self, weights: Weights) -> State:
         """Where it ended, with its one number farther from null and the vehicles as heavy as then fits best."""
         parameter = self.amplitude.parameter
-        size = float(self.numbers(self.amplitude)[0])
+        size = self.solution.state.numbers[self.amplitude.where]
         return self._sized(size + (FARTHER - 1) * (size - parameter.null), weights)
 
     def extremes(self, weights: Weights) -> list[State]:
@@ -177,7 +177,7 @@ class Refit:
         )
         return [self._sized(size, weights) for size in sizes if size != p.null]
 
-    def _sized(self, size: float, weights: Weights) -> State:
+    def _sized(self, size: float | Tensor, weights: Weights) -> State:
         state = self.solution.state
         numbers = state.numbers.clone()
         numbers[self.amplitude.where] = size

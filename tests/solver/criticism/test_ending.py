@@ -53,7 +53,7 @@ def test_it_leaves_what_the_whole_covariance_says(record, name):
 
 
 def test_all_else_and_the_candidate_are_the_whole(record):
-    fit, chain, visit = begun(record, "channel_coupling")
+    fit, _, visit = begun(record, "channel_coupling")
     end = Ending.of(fit, visit, KNOWN["channel_coupling"])
     p = KNOWN["channel_coupling"].amplitudes[0]
     whole = np.linalg.slogdet(visit.normal.dense()[0])[1] / 2

@@ -197,6 +197,28 @@ class Numbers:
     numbers: torch.Tensor
 
 
+@pytest.mark.parametrize(
+    ("name", "numbers", "starts"),
+    [
+        ("long_vehicle", [0.3, 0.0, 0.2, 12.0], [[1.0, 1.0, 1.0, 12.0]]),
+        ("gauge_length", [0.1], [[pytest.approx(-0.3)], [pytest.approx(0.3)]]),
+    ],
+)
+def test_far_starts_are_as_far_as_is_plausible_of_all_passes(name, numbers, starts):
+    """Axles over 11 m fell behind from a third of the load, and lead from all of it."""
+    parameters = KNOWN[name].parameters
+    slots = [Slot(KNOWN[name], parameters[0], slice(0, len(numbers) - len(parameters) + 1))]
+    slots += [Slot(KNOWN[name], one, slice(len(numbers) - 1, len(numbers))) for one in parameters[1:]]
+    fit: Any = SimpleNamespace(
+        extension=SimpleNamespace(slots=slots), bounded=lambda state: state, settled=lambda state, weights: state
+    )
+    solution: Any = SimpleNamespace(state=Numbers(torch.tensor(numbers, dtype=torch.float64)))
+    one = replace(ended("gauge_length", [0.1]), score=score(name), fit=fit, solution=solution)
+    assert one.single
+    assert [state.numbers.tolist() for state in one.extremes("weights")] == starts  # type: ignore[arg-type]
+    assert not replace(one, score=score("channel_coupling")).single, "a field along the fiber"
+
+
 def test_a_second_start_is_farther_from_null():
     one = ended("gauge_length", [0.12])
     state = Numbers(torch.tensor([0.12], dtype=torch.float64))
