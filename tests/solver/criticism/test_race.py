@@ -147,6 +147,7 @@ def test_the_race_finds_the_size_and_the_winner(scorer: Scorer, score: Any) -> N
     assert best.fall > found["clock_offset"].fall and best.evidence > POLICY.found
     assert best.estimate[0] == pytest.approx(LONGER, abs=5 * float(best.sigma[0]))
     assert best.fit.problem.effects[-1] is GAUGE and not best.lone
+    assert best.solution.converged and found["clock_offset"].solution.iterations == 0, "seen to be behind at its start"
 
 
 def refit(evidence: float, share: float, scope: str = "one") -> Any:
