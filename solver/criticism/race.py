@@ -199,8 +199,8 @@ def race(
             for n in unended
             if n == 0 or running[n].may_reach(least, left * max(gained[n])) or (pace < PACE and running[n].fall < 0)
         ]
-        ends = side_by_side(partial(onward, course, pace), [running[n] for n in going])
-        for n, (end, fall) in zip(going, ends, strict=True):
+        led = side_by_side(partial(onward, course, pace), [running[n] for n in going])
+        for n, (end, fall) in zip(going, led, strict=True):
             if pace == PACE:
                 gained[n] = gained[n][1], fall - running[n].fall
             running[n] = replace(running[n], solution=end, fall=fall)
