@@ -150,7 +150,9 @@ def started_elsewhere(scorer: Scorer, effect: Effect) -> tuple[Scorer, Score] | 
     at = Scorer(fit, begun, alone=True, variance=scorer.variance)
     signal, sigma = Windowed((), len(at.residual), 1), np.ones(len(numbers))
     nothing = torch.zeros(at.fitted, dtype=torch.float64)
-    told = counts, numbers, sigma, 1.0, signal, nothing, at.spectrum(effect, dict(start.shape)), at.variance
+    spectrum = at.spectrum(effect, dict(start.shape))
+    spectrum = replace(spectrum, along=0 * spectrum.along)
+    told = counts, numbers, sigma, 1.0, signal, nothing, spectrum, at.variance
     return at, Score(effect, dict(start.shape), False, 0.0, len(numbers), 1, *told)
 
 

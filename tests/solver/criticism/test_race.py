@@ -100,6 +100,7 @@ def test_an_effect_may_say_where_its_fit_starts(scorer: Scorer) -> None:
         at, score = started_elsewhere(scorer, effect) or (None, None)
         assert at is not None and score is not None
         assert score.estimate.tolist() == [0.2] and score.counts == (1,) and score.fall == 0.0
+        assert score.evidence <= 0.0, "its fit goes on by what its own steps gain"
         assert at.alone and at.variance == scorer.variance
         if route is None:
             torch.testing.assert_close(at.state.coefficients, scorer.state.coefficients)
