@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -19,7 +20,8 @@ from solver.fit.state import State, Weights
 from solver.fit.windowed import Windowed
 from solver.signal_path.traffic import Vehicles
 
-#: Steps of each round of the race, of the first one from far away, and rounds.
+#: Steps of each round of the race, of the first one from far away, and rounds; of the first round each step is looked
+#: at by itself.
 PACE, FAR_PACE, ROUNDS = 2, 3, 12
 #: What is raised where steps led to where the model has no numbers: who gets there stops, and the rest goes on.
 UNSOLVED = (ValueError, np.linalg.LinAlgError, torch.linalg.LinAlgError)
@@ -148,7 +150,9 @@ def started_elsewhere(scorer: Scorer, effect: Effect) -> tuple[Scorer, Score] | 
     at = Scorer(fit, begun, alone=True, variance=scorer.variance)
     signal, sigma = Windowed((), len(at.residual), 1), np.ones(len(numbers))
     nothing = torch.zeros(at.fitted, dtype=torch.float64)
-    told = counts, numbers, sigma, 1.0, signal, nothing, at.spectrum(effect, dict(start.shape)), at.variance
+    spectrum = at.spectrum(effect, dict(start.shape))
+    spectrum = replace(spectrum, along=0 * spectrum.along)
+    told = counts, numbers, sigma, 1.0, signal, nothing, spectrum, at.variance
     return at, Score(effect, dict(start.shape), False, 0.0, len(numbers), 1, *told)
 
 
@@ -181,25 +185,29 @@ def race(
     def begin(start: tuple[Scorer, Score]) -> tuple[Solution, float] | None:
         at, score = start
         fit = fits[score.effect.name]
-        return run(fit, started(fit, at, score, weights), PACE if at is scorer else FAR_PACE)
+        return run(fit, started(fit, at, score, weights), 0 if at is scorer else FAR_PACE)
 
-    def onward(one: Refit) -> tuple[Solution, float]:
-        return run(one.fit, one.solution, PACE) or (replace(one.solution, converged=True), one.fall)
-
-    begun = zip(starts, side_by_side(begin, starts, advance), strict=True)
-    without = scorer.sharpness
-    running = [Refit(score, fits[score.effect.name], *end, without) for (_, score), end in begun if end is not None]
+    begun = [(*start, end) for start, end in zip(starts, side_by_side(begin, starts, advance), strict=True) if end]
+    running = [Refit(score, fits[score.effect.name], *end, scorer.sharpness) for _, score, end in begun]
+    near = [at is scorer for at, _, _ in begun]
     # Falls of each fit in its last two rounds, as one may go on damping alone; not known at first.
     gained = [(np.inf, np.inf)] * len(running)
-    for left in range(ROUNDS - 1, 0, -1):
+    for pace, left in [(1, ROUNDS)] * PACE + [(PACE, left) for left in range(ROUNDS - 1, 0, -1)]:
         least = POLICY.stay * max((one.evidence for one in running), default=0.0)
-        unended = [n for n, one in enumerate(running) if not one.solution.converged]
-        going = [n for n in unended if n == 0 or running[n].may_reach(least, left * max(gained[n]))]
-        for n, (end, fall) in zip(going, side_by_side(onward, [running[n] for n in going]), strict=True):
-            gained[n] = gained[n][1], fall - running[n].fall
+        unended = [n for n, one in enumerate(running) if not one.solution.converged and (near[n] or pace == PACE)]
+        # A start that is worse than nothing tells nothing yet.
+        going = [
+            n
+            for n in unended
+            if n == 0 or running[n].may_reach(least, left * max(gained[n])) or (pace < PACE and running[n].fall < 0)
+        ]
+        led = side_by_side(partial(onward, course, pace), [running[n] for n in going])
+        for n, (end, fall) in zip(going, led, strict=True):
+            if pace == PACE:
+                gained[n] = gained[n][1], fall - running[n].fall
             running[n] = replace(running[n], solution=end, fall=fall)
-    near = POLICY.stay * max((one.evidence for one in running), default=0.0)
-    again = [one for one in running if one.single and one.evidence > max(near, POLICY.found)]
+    least = POLICY.stay * max((one.evidence for one in running), default=0.0)
+    again = [one for one in running if one.single and one.evidence > max(least, POLICY.found)]
     ends = side_by_side(lambda one: run(one.fit, one.farther(weights), PACE * ROUNDS), again)
     running += [replace(one, solution=end[0], fall=end[1]) for one, end in zip(again, ends, strict=True) if end]
     best: dict[str, Refit] = {}
@@ -208,6 +216,11 @@ def race(
         if name not in best or one.fall > best[name].fall:
             best[name] = one
     return {name: replace(one, lone=rests_on_one(scorer, one, course.counts)) for name, one in best.items()}
+
+
+def onward(course: Course, pace: int, one: Refit) -> tuple[Solution, float]:
+    """Where so many steps lead from where a fit is, and how far its misfit falls; where that is nowhere it ends."""
+    return course.run(one.fit, one.solution, pace) or (replace(one.solution, converged=True), one.fall)
 
 
 def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:

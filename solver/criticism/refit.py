@@ -135,8 +135,11 @@ class Refit:
 
     @cached_property
     def sigma(self) -> NDArray[np.float64]:
-        """Standard deviations [number] of those, as a run with the candidate in its model will have them."""
-        if self.fit.problem.signal_noise == 0:
+        """Standard deviations [number] of those, as a run with the candidate in its model will have them.
+
+        Of a fit that was stopped on its way, and so is no run's, they are those of its last step.
+        """
+        if self.fit.problem.signal_noise == 0 or not self.solution.converged:
             chain, end = Chain.single(self.fit), self.solution.at
         else:
             chain = Chain.single(MapFit(as_located(self.fit.problem)))

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from solver.cable.fiber import SplineBasis
 from solver.fit.chain_layout import ChainLayout
-from solver.fit.convoy import Sums, best_amplitudes, glances, jacobians, settled, weighed, whitened
+from solver.fit.convoy import Glance, Sums, best_amplitudes, glances, jacobians, settled, weighed, whitened
 from solver.fit.links import Link, linked
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Assembly
@@ -132,13 +132,19 @@ class Chain(ChainLayout):
         return np.asarray(((at <= lower) & (push < 0)) | ((at >= upper) & (push > 0)))
 
     def look(
-        self, group: Sequence[int], state: State, before: Sequence[Weights] | None, precision: Tensor, shift: Tensor
-    ) -> Looked:
+        self,
+        group: Sequence[int],
+        state: State,
+        before: Sequence[Weights] | None,
+        pull: tuple[Tensor, Tensor],
+        most: float = float("inf"),
+    ) -> Looked | None:
         """Some convoys near the chain's `state` [parameter]; amplitudes settled by the weights `before` of all links.
 
         Parameters
         ----------
-        precision, shift : [parameter], of the priors, and from the state to their means
+        pull : [parameter] of the priors: their precision, and the way from the state to their means
+        most : cost, with priors where this is all of the chain, beyond which there are no equations: None is returned
         """
         numbers = self.links_of(group)
         links = [self.links[number] for number in numbers]
@@ -149,6 +155,8 @@ class Chain(ChainLayout):
             maps = [one.link.fit.unexplained(one.evaluation.model) for one in seen]
             left = whitened(links, (one * w.good for one, w in zip(maps, old, strict=True)))
             cost = sum(float((one**2 * w.soft).sum()) for one, w in zip(left, old, strict=True))
+            if cost + self.known_priors(group, state, seen) > most:
+                return None
         weights, residuals = weighed(links, seen, old)
         if old is None:
             cost = sum(float((one**2).sum()) for one in residuals)
@@ -159,12 +167,18 @@ class Chain(ChainLayout):
             for _ in self.convoys[convoy]:
                 (where, jacobian), residual = next(every)
                 sums.add(where, jacobian, residual.flatten())
-            equations.append(self.equations_of(convoy, sums, precision, shift))
+            equations.append(self.equations_of(convoy, sums, *pull))
         models = [one.evaluation.model for one in seen]
         if self.long:
             weights = [Weights(w.good.bool(), w.soft.float()) for w in weights]
             models = [one.float() for one in models]
         return Looked([one.state.vehicles.amplitude for one in seen], cost, weights, models, residuals, equations)
+
+    def known_priors(self, group: Sequence[int], state: State, seen: Sequence[Glance]) -> float:
+        """What the priors cost at a state with the amplitudes of some convoys, where these are all; else at least 0."""
+        if len(group) < len(self.convoys):
+            return 0.0
+        return self.prior.total(self.with_amplitudes(state, [one.state.vehicles.amplitude for one in seen]))
 
     def equations_of(self, convoy: int, sums: Sums, precision: Tensor, shift: Tensor) -> tuple[Block, np.ndarray, Part]:
         """Normal equations of a convoy, priors on what is its own included, as `Assembly.add` takes them."""
@@ -194,15 +208,23 @@ class Chain(ChainLayout):
 
     def visit(self, state: State, before: Sequence[Weights] | None = None) -> Visit:
         """The chain near a state; with amplitudes that fit best by the weights of the visit `before`."""
+        found = self.tried(state, before, float("inf"))
+        assert found is not None
+        return found
+
+    def tried(self, state: State, before: Sequence[Weights] | None, most: float) -> Visit | None:
+        """The same; None, and no derivatives, where it costs more than `most`, as far as convoys tell one by one."""
         precision, shift = self.prior.precision(state), self.mean - state.vector()
         cost, misfit = 0.0, 0.0
         assembly = Assembly(self.size, len(self.border))
         weights, models, residuals, amplitudes = [], [], [], []
 
-        def work(group: list[int]) -> Looked:
-            return self.look(group, state, before, precision, shift)
+        def work(group: list[int]) -> Looked | None:
+            return self.look(group, state, before, (precision, shift), most)
 
         for seen in self.each(work):
+            if seen is None:
+                return None
             cost, misfit = cost + seen.cost, misfit + seen.misfit
             for equations in seen.equations:
                 assembly.add(*equations)

@@ -87,7 +87,7 @@ def solve(
         step = at.open.step(damping)
         better = mixed(at.open, step, last)
         candidate = chain.stepped(at.state, better or step)
-        new = chain.visit(candidate, at.weights) if chain.buried(candidate) else None
+        new = chain.tried(candidate, at.weights, cost) if chain.buried(candidate) else None
         # Where a route nearly stands still, equations are singular to rounding: from there no step leads on.
         if new is None or new.cost > cost or not np.isfinite(new.open.decrement):
             damping, last = damping if better else max(8 * damping, DAMPING), None

@@ -20,7 +20,7 @@ from solver.criticism.verdict_words import left_open
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
-from solver.fit.posterior import assemble
+from solver.fit.posterior import Posterior, assemble
 from solver.run.ladder import climbed, first_rung
 from solver.run.ladder_file import read_ladder, write_ladder
 from solver.run.report.ladder_page import ladder_page
@@ -112,6 +112,11 @@ def test_an_effect_has_one_sigma_and_one_held_out_misfit(case, monkeypatch: pyte
     score: Any = SimpleNamespace(effect=gauge)
     refit = Refit(score, ranked, replace(end, at=Chain.single(ranked).visit(end.state)), 100.0, 0.0)
     assert refit.sigma[0] == pytest.approx(told.parameters["gauge_length.relative"].sigma, rel=1e-6)
+    stopped = replace(refit, solution=replace(refit.solution, converged=False))
+    chain = Chain.single(ranked)
+    known = Posterior(chain, refit.solution.at).sigmas()[chain.layout["numbers"]]
+    np.testing.assert_allclose(stopped.sigma, known)
+    assert stopped.sigma[0] > refit.sigma[0]
     judged: list[float] = []
     monkeypatch.setattr(
         judging, "held_out_gain", lambda *ends: judged.extend(one[0].problem.signal_noise for one in ends)

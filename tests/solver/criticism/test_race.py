@@ -100,6 +100,7 @@ def test_an_effect_may_say_where_its_fit_starts(scorer: Scorer) -> None:
         at, score = started_elsewhere(scorer, effect) or (None, None)
         assert at is not None and score is not None
         assert score.estimate.tolist() == [0.2] and score.counts == (1,) and score.fall == 0.0
+        assert score.evidence <= 0.0, "its fit goes on by what its own steps gain"
         assert at.alone and at.variance == scorer.variance
         if route is None:
             torch.testing.assert_close(at.state.coefficients, scorer.state.coefficients)
@@ -147,6 +148,7 @@ def test_the_race_finds_the_size_and_the_winner(scorer: Scorer, score: Any) -> N
     assert best.fall > found["clock_offset"].fall and best.evidence > POLICY.found
     assert best.estimate[0] == pytest.approx(LONGER, abs=5 * float(best.sigma[0]))
     assert best.fit.problem.effects[-1] is GAUGE and not best.lone
+    assert best.solution.converged and found["clock_offset"].solution.iterations == 0, "seen to be behind at its start"
 
 
 def refit(evidence: float, share: float, scope: str = "one") -> Any:

@@ -82,6 +82,18 @@ def test_the_end_is_a_minimum(case) -> None:
     assert end.iterations < 10
 
 
+def test_a_step_that_is_not_taken_has_no_derivatives(case, monkeypatch) -> None:
+    """Most of a visit is derivatives, and the cost is known before them."""
+    fit = MapFit(case.problem)
+    chain, start = Chain.single(fit), fit.start()
+    before = chain.visit(start)
+    whole = chain.visit(start, before.weights)
+    monkeypatch.setattr(MapFit, "whitened_columns", lambda *_: pytest.fail("derivatives that nothing asks for"))
+    assert chain.tried(start, before.weights, whole.cost * (1 - 1e-9)) is None
+    with pytest.raises(pytest.fail.Exception):
+        chain.tried(start, before.weights, whole.cost * (1 + 1e-9))
+
+
 def test_a_route_that_is_pulled_out_of_the_ground_converges(case) -> None:
     """Loads taken for deeper than they look press the route against the surface."""
     shallow = replace(case.problem.prior, depth=(0.15, 0.01))
