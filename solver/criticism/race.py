@@ -193,14 +193,9 @@ def race(
     # Falls of each fit in its last two rounds, as one may go on damping alone; not known at first.
     gained = [(np.inf, np.inf)] * len(running)
     for pace, left in [(1, ROUNDS)] * PACE + [(PACE, left) for left in range(ROUNDS - 1, 0, -1)]:
-        least = POLICY.stay * max((one.evidence for one in running), default=0.0)
+        most = max((one.evidence for one in running), default=0.0)
         unended = [n for n, one in enumerate(running) if not one.solution.converged and (near[n] or pace == PACE)]
-        # A start that is worse than nothing tells nothing yet.
-        going = [
-            n
-            for n in unended
-            if n == 0 or running[n].may_reach(least, left * max(gained[n])) or (pace < PACE and running[n].fall < 0)
-        ]
+        going = [n for n in unended if n == 0 or goes_on(running[n], most, left * max(gained[n]), pace < PACE)]
         led = side_by_side(partial(onward, course, pace), [running[n] for n in going])
         for n, (end, fall) in zip(going, led, strict=True):
             if pace == PACE:
@@ -216,6 +211,15 @@ def race(
         if name not in best or one.fall > best[name].fall:
             best[name] = one
     return {name: replace(one, lone=rests_on_one(scorer, one, course.counts)) for name, one in best.items()}
+
+
+def goes_on(one: Refit, most: float, more: float, early: bool) -> bool:
+    """Whether a fit goes on that may come near the leader, whose evidence is `most`; `more` is as of `may_reach`.
+
+    Early on a start that is worse than nothing tells nothing yet, and where evidence is small odds that count are near.
+    """
+    least = POLICY.stay * most
+    return (early and one.fall < 0) or one.may_reach(min(least, most - POLICY.far) if early else least, more)
 
 
 def onward(course: Course, pace: int, one: Refit) -> tuple[Solution, float]:

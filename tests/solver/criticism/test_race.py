@@ -12,7 +12,16 @@ from noisy_trials import noisy
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.policy import POLICY
-from solver.criticism.race import elsewhere, from_far, race, rests_on_one, started, started_elsewhere, unshifted
+from solver.criticism.race import (
+    elsewhere,
+    from_far,
+    goes_on,
+    race,
+    rests_on_one,
+    started,
+    started_elsewhere,
+    unshifted,
+)
 from solver.criticism.refit import Refit, counted, with_effect
 from solver.criticism.scorer import Scorer
 from solver.effect import Start
@@ -137,6 +146,23 @@ def test_a_wide_pulse_is_found_from_far_where_something_unknown_leads() -> None:
     assert found.evidence > tried["generic_neighbors"].evidence
     assert found.estimate[0] == pytest.approx(9.65**2, abs=5 * float(found.sigma[0]))
     assert not from_far(scorer, {"pulse_width": found})
+
+
+@pytest.mark.parametrize(
+    ("hoped", "fall", "most", "early", "expected"),
+    [
+        (7.0, 1.0, 12.0, False, False),
+        (7.0, 1.0, 12.0, True, True),  # five e-folds behind: its probability counts
+        (200.0, 1.0, 300.0, True, False),
+        (-50.0, -1.0, 300.0, True, True),  # worse than nothing at its start
+        (-50.0, -1.0, 300.0, False, False),
+    ],
+)
+def test_early_only_what_is_far_behind_stops(
+    hoped: float, fall: float, most: float, early: bool, expected: bool
+) -> None:
+    one: Any = SimpleNamespace(fall=fall, may_reach=lambda least, more: hoped > least)
+    assert goes_on(one, most, float("inf"), early) is expected
 
 
 def test_the_race_finds_the_size_and_the_winner(scorer: Scorer, score: Any) -> None:
