@@ -96,11 +96,20 @@ def beside(
 
 
 def ratios_of(
-    quiet: Quiet, path: Path, car: Car, legs: Legs, cell: Array, polarity: int, side: int = 0, depth: float = DEPTH
+    quiet: Quiet,
+    path: Path,
+    car: Car,
+    legs: Legs,
+    cell: Array,
+    polarity: int,
+    side: int = 0,
+    depth: float = DEPTH,
+    reach: float | None = None,
 ) -> Array:
     """Log likelihood ratios [distance, leg, channel] of the car at `DISTANCES`, at the best of `side` cells around.
 
-    `cell`, of each channel [channel] or on each leg [leg, channel], may be NaN: nothing is asked of it.
+    `cell`, of each channel [channel] or on each leg [leg, channel], may be NaN: nothing is asked of it. `reach` is as
+    of `solver.drive.response.responses`.
     """
     cell = np.broadcast_to(cell, (legs.count, np.shape(cell)[-1]))
     asked, count = np.isfinite(cell), len(path.points)
@@ -108,7 +117,7 @@ def ratios_of(
     cells = (low[asked][:, None] + np.arange(2 * side + 1)).ravel()
     wanted = np.zeros(count, bool)
     wanted[cells[(cells >= 0) & (cells < count)]] = True
-    whole = responses(quiet, path, car, legs, DISTANCES, wanted, depth)
+    whole = responses(quiet, path, car, legs, DISTANCES, wanted, depth, reach)
     nothing = np.zeros((cell.shape[1], legs.count))
     found = np.zeros((len(DISTANCES), *cell.shape))
     for number in range(len(DISTANCES)):

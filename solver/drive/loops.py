@@ -104,7 +104,7 @@ def flags_of(loops: list[Loop], channels: int) -> NDArray[np.bool_]:
 
 
 def goes_by(heard: int, asked: int) -> float:
-    """Probability that the car goes by cable of which some of the channels that are `asked` seem to hear it, the first too.
+    """Probability that the car goes by cable of which some of the channels `asked` seem to hear it, the first too.
 
     Where it does, any share of them may hear it, each as probable; where it does not, `CHANCE` do. As no pick stands
     that another one beside it does not confirm, the first tells nothing.
