@@ -30,9 +30,9 @@ OFFSET = 300.0
 BEND = 30.0
 #: s, correlation time of the slow errors of a GPS track at least; share of a fix's sigma that is so slow that no
 #: smoothing takes it out, as receivers' errors from the ionosphere and from walls are.
-MEMORY, SLOW = 30.0, 0.7
+MEMORY, SLOW = 30.0, 0.55
 #: s, correlation time of the fast errors, and their standard deviation, m, beside what smoothing leaves of a fix's.
-FAST, PULL = 5.0, 0.5
+FAST, PULL = 3.0, 0.25
 #: Degrees of freedom of the fast errors: a vehicle close to the car may pull by meters.
 FREEDOM = 3.0
 #: s, of the clock offset that is left after the first look.

@@ -96,24 +96,34 @@ def beside(
 
 
 def ratios_of(
-    quiet: Quiet, path: Path, car: Car, legs: Legs, cell: Array, polarity: int, side: int = 0, depth: float = DEPTH
+    quiet: Quiet,
+    path: Path,
+    car: Car,
+    legs: Legs,
+    cell: Array,
+    polarity: int,
+    side: int = 0,
+    depth: float = DEPTH,
+    reach: float | None = None,
 ) -> Array:
     """Log likelihood ratios [distance, leg, channel] of the car at `DISTANCES`, at the best of `side` cells around.
 
-    `cell` [channel] may be NaN: nothing is asked of that channel.
+    `cell`, of each channel [channel] or on each leg [leg, channel], may be NaN: nothing is asked of it. `reach` is as
+    of `solver.drive.response.responses`.
     """
+    cell = np.broadcast_to(cell, (legs.count, np.shape(cell)[-1]))
     asked, count = np.isfinite(cell), len(path.points)
     low = np.where(asked, np.round(np.nan_to_num(cell)), -2 * side - 2).astype(np.int64) - side
-    cells = (low[asked, None] + np.arange(2 * side + 1)).ravel()
+    cells = (low[asked][:, None] + np.arange(2 * side + 1)).ravel()
     wanted = np.zeros(count, bool)
     wanted[cells[(cells >= 0) & (cells < count)]] = True
-    whole = responses(quiet, path, car, legs, DISTANCES, wanted, depth)
-    nothing = np.zeros((len(cell), legs.count))
-    found = np.zeros((len(DISTANCES), legs.count, len(cell)))
+    whole = responses(quiet, path, car, legs, DISTANCES, wanted, depth, reach)
+    nothing = np.zeros((cell.shape[1], legs.count))
+    found = np.zeros((len(DISTANCES), *cell.shape))
     for number in range(len(DISTANCES)):
         one = replace(whole, values=whole.values[number : number + 1], norm=whole.norm[number : number + 1])
         for leg in range(legs.count):
-            found[number, leg] = heard(quiet, one, low, 2 * side + 1, polarity, nothing, leg).ratio.max(1)
+            found[number, leg] = heard(quiet, one, low[leg], 2 * side + 1, polarity, nothing, leg).ratio.max(1)
     return found
 
 

@@ -161,8 +161,7 @@ def likeliest(drive: Drive, quiet: Quiet, car: Car, several: list[Coarse]) -> Co
 def gauge_in(quiet: Quiet, coarse: Coarse, car: Car, done: Settled) -> Estimate:
     """The gauge length that a fit tells, relative to the one that it was made with."""
     one = done.last
-    audible = one.picks.audible[: one.legs.count]
-    return gauge_of(quiet, coarse.path, car, one.legs, one.along.cell, audible, coarse.polarity)
+    return gauge_of(quiet, coarse.path, car, one.legs, one.picks.cell[: one.legs.count], coarse.polarity)
 
 
 def estimates(

@@ -1,6 +1,6 @@
 """Loops of slack: runs of channels between which the path does not go on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,9 @@ APART = 2
 #: Probability that a loop has at least: where the map cuts a street corner, picks lie closer together than the channels
 #: do, which looks like slack of a gauge.
 SURE = 0.9
-#: m of cable before and after a loop of which this share hears the car: elsewhere nothing tells a loop from quiet.
-BESIDE, HEARD = 60.0, 0.2
+#: m of cable before and after a quiet stretch that are asked whether the car goes by; share of channels that seem to
+#: hear it where it does not, beside another that does: of some 1,500, 950 of them in loops, two did.
+BESIDE, CHANCE = 60.0, 0.001
 #: Standard deviations by which its length is above zero at least.
 CLEAR = 3.0
 
@@ -102,13 +103,54 @@ def flags_of(loops: list[Loop], channels: int) -> NDArray[np.bool_]:
     return found
 
 
+def goes_by(heard: int, asked: int) -> float:
+    """Probability that the car goes by cable of which some of the channels `asked` seem to hear it, the first too.
+
+    Where it does, any share of them may hear it, each as probable; where it does not, `CHANCE` do. As no pick stands
+    that another one beside it does not confirm, the first tells nothing.
+
+    >>> [round(goes_by(heard, 14), 2) for heard in (2, 3, 14)]
+    [0.85, 1.0, 1.0]
+    """
+    from scipy.stats import binom
+
+    by, chance = 1 / asked, float(binom.pmf(heard - 1, asked - 1, CHANCE))
+    return by / (by + chance)
+
+
+def there(first: int, last: int, before: int, after: int) -> float:
+    """Probability that slack on the quiet channels between two that hear the car is, at least partly, where it is said.
+
+    Quiet cable tells nothing of where in it a loop lies: as long a one may as well begin at any other of its channels.
+
+    >>> there(10, 19, 8, 21), there(10, 19, 0, 41)
+    (1.0, 0.6129032258064516)
+    """
+    length = last - first
+    begins = np.arange(before + 1, max(after - length, before + 2))
+    return float(np.mean((begins <= last) & (begins + length >= first)))
+
+
 def confirmed(loops: list[Loop], audible: NDArray[np.bool_], spacing: float) -> list[Loop]:
-    """Loops with cable that hears the car just before and after them: among quiet channels nothing tells a loop."""
-    reach = int(np.ceil(BESIDE / spacing)) + 1
+    """Loops that are nearly certain to be where they are said, by the cable beside them that hears the car.
 
-    def held(one: Loop) -> bool:
-        before = audible[max(0, one.first - reach) : one.first]
-        after = audible[one.last + 1 : one.last + 1 + reach]
-        return bool(min(before.sum(), after.sum()) >= HEARD * reach)
+    The nearest channels before and after a loop that seem to hear it tell how much slack there is, if the car does go
+    by them, and between which channels it lies.
 
-    return [one for one in loops if held(one)]
+    Parameters
+    ----------
+    audible : whether a channel seems to hear the car [channel]
+    spacing : of the channels, m
+    """
+    reach, hear, found = int(np.ceil(BESIDE / spacing)) + 1, np.flatnonzero(audible), []
+    for one in loops:
+        before, after = hear[hear < one.first], hear[hear > one.last]
+        if not len(before) or not len(after):
+            continue
+        last, first = int(before[-1]), int(after[0])
+        sides = audible[max(0, last - reach + 1) : last + 1], audible[first : first + reach]
+        probability = one.probability * there(one.first, one.last, last, first)
+        probability *= float(np.prod([goes_by(int(side.sum()), len(side)) for side in sides]))
+        if probability > SURE:
+            found.append(replace(one, probability=probability))
+    return found

@@ -18,7 +18,7 @@ from solver.drive.aside import COUNTED, STRETCH, ratios_of
 from solver.drive.car import Car
 from solver.drive.path import STEP, Path
 from solver.drive.quiet import Quiet
-from solver.drive.response import Legs
+from solver.drive.response import REACH, Legs
 from solver.effect import STATED, Effect
 
 Array = NDArray[np.float64]
@@ -98,31 +98,30 @@ class Misstated:
         )
 
 
-def gauge_of(
-    quiet: Quiet, path: Path, car: Car, legs: Legs, cell: Array, audible: NDArray[np.bool_], polarity: int
-) -> Estimate:
+def gauge_of(quiet: Quiet, path: Path, car: Car, legs: Legs, cell: Array, polarity: int) -> Estimate:
     """By what share the gauge length is off, from the shape of what channels hear.
 
     Parameters
     ----------
-    cell : of each channel [channel]
-    audible : whether it is heard on a leg [leg, channel]
+    cell : at which each leg puts each channel; NaN where it is not heard [leg, channel]. Where the GPS is off, all else
+        looks blurred, as by a longer gauge
     polarity : of the record
 
     For each gauge, distances from the car and depths are weighed: one distance for all channels of a stretch on a leg,
-    one depth for all.
+    one depth for all. All are compared on the same samples: one that looks farther explains more, be it right or not.
     """
-    hear = np.flatnonzero(audible.any(0))
+    hear = np.flatnonzero(np.isfinite(cell).any(0))
     some = hear[np.linspace(0, len(hear) - 1, min(ASKED, len(hear))).astype(np.int64)]
-    asked = np.full(len(cell), np.nan)
-    asked[some] = cell[some]
-    leg, channel = np.nonzero(audible & np.isfinite(asked))
-    stretch = np.floor(cell[channel] * STEP / STRETCH).astype(np.int64)
+    asked = np.full(cell.shape, np.nan)
+    asked[:, some] = cell[:, some]
+    leg, channel = np.nonzero(np.isfinite(asked))
+    stretch = np.floor(cell[leg, channel] * STEP / STRETCH).astype(np.int64)
     group = np.unique(np.stack([leg, stretch]), axis=1, return_inverse=True)[1].reshape(-1)
+    reach = REACH + quiet.gauge_length * (1 + GAUGES[-1]) / 2
     log = np.zeros((len(GAUGES), len(DEPTHS)))
     for (number, more), (row, depth) in product(enumerate(GAUGES), enumerate(DEPTHS)):
         other = replace(quiet, gauge_length=quiet.gauge_length * (1 + more))
-        ratio = ratios_of(other, path, car, legs, asked, polarity, SIDE, depth)[:, leg, channel]
+        ratio = ratios_of(other, path, car, legs, asked, polarity, SIDE, depth, reach)[:, leg, channel]
         sums = np.stack([np.bincount(group, one) for one in ratio])
         log[number, row] = np.logaddexp.reduce(COUNTED * sums, axis=0).sum()
     log = np.logaddexp.reduce(log, axis=1)

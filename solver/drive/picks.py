@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.drive.likelihood import heard
+from solver.drive.likelihood import COUNTED, heard
 from solver.drive.quiet import Quiet
 from solver.drive.response import Legs, Responses
 
@@ -82,7 +82,8 @@ def pick(
         # One that no neighbor confirms is chance.
         ok &= np.convolve(ok, np.ones(2 * NEAR + 1), "same") >= CONFIRMED
         cell[leg, ok] = low[ok] + where[ok]
-        sigma[leg, ok] = np.hypot(top.width[ok], SHARPEST)
+        # Half of the samples count where vehicles are told apart; of where a peak lies all of them tell.
+        sigma[leg, ok] = np.hypot(np.sqrt(COUNTED) * top.width[ok], SHARPEST)
         row[leg], speed[leg] = passing(legs, leg, low + where)
         passes = speed[leg, ok].copy()
         speed[leg, ok] = heard_speed(of, legs, leg, (low + where)[ok], passes)

@@ -144,14 +144,16 @@ def responses(
     aside: tuple[float, ...] = ASIDE,
     wanted: NDArray[np.bool_] | None = None,
     depth: float = DEPTH,
+    reach: float | None = None,
 ) -> Responses:
     """Responses of the wanted cells of a path [cell], or of all.
 
-    The fiber is taken to run along the path, moved sideways so that the car goes by at each distance of `aside`.
+    The fiber is taken to run along the path, moved sideways so that the car goes by at each distance of `aside`. It is
+    looked at within `reach` m along the path; within `REACH` and half a gauge if None.
     """
     cells = len(path.points)
     asked = np.ones(cells, bool) if wanted is None else wanted
-    begin, segment = segments_of(legs, cells, REACH + quiet.gauge_length / 2, asked)
+    begin, segment = segments_of(legs, cells, REACH + quiet.gauge_length / 2 if reach is None else reach, asked)
     lag = len(quiet.whitener) - 1
     segment[:, 0] = np.maximum(segment[:, 0], lag)
     size = np.maximum(segment[:, 1] - segment[:, 0], 0)

@@ -7,6 +7,7 @@ any place. Picks tell the clock by their places; the heights of their peaks tell
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.drive.along import SLOW
 from solver.drive.aside import COUNTED
 from solver.drive.car import Car
 from solver.drive.likelihood import heard
@@ -36,7 +37,7 @@ def clock_of_shapes(
     polarity, floor : as of `solver.drive.likelihood.heard`
 
     Each offset d weighs exp(`COUNTED` times the sum of all peaks with it), as errors of ground and depth are common to
-    neighbors. An error of the GPS moves the car's stops, too: the standard deviation has it, over the car's speed.
+    neighbors. A slow error of the GPS moves the car's stops, too: the standard deviation has it, over the car's speed.
     """
     audible = picks.audible[: legs.count]
     channel = np.flatnonzero(audible.any(0))
@@ -54,7 +55,7 @@ def clock_of_shapes(
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     mean = float(weight @ offset)
-    slow = car.sigma / STEP / float(np.median(np.abs(picks.speed[: legs.count][audible])))
+    slow = SLOW * car.sigma / STEP / float(np.median(np.abs(picks.speed[: legs.count][audible])))
     return mean, float(np.sqrt(weight @ (offset - mean) ** 2 + BETWEEN**2 / 12 + slow**2))
 
 

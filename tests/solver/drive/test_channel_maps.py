@@ -9,7 +9,7 @@ import pytest
 
 from solver.drive.channel_map import ChannelMap, against_traffic, kernels, map_channels
 from solver.drive.likelihood import Heard
-from solver.drive.loops import loops_of, runs_of, sure
+from solver.drive.loops import Loop, confirmed, loops_of, runs_of, sure
 from solver.drive.path import path_of
 
 
@@ -139,6 +139,29 @@ def test_only_loops_that_are_nearly_certain_are_named() -> None:
         found = ChannelMap(cells, np.ones(50), cells.astype(np.int64), inside, loop, np.zeros(50), 0.0)
         assert len(loops_of(found, along, 8.0, 1.0, 10.0)) == named
         assert sure(found).sum() == 10 * named
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "heard", "named"),
+    [
+        (1, 1, 3, True),  # three of sixteen channels are more than chance
+        (1, 1, 2, False),  # a vehicle that two channels hear is not the car
+        (1, 1, 0, False),
+        (6, 6, 16, True),  # quiet cable on both sides, where a loop as long overlaps with it wherever it lies
+        (40, 40, 16, False),
+    ],
+)
+def test_loops_are_named_by_how_probable_they_are_where_they_are_said(
+    before: int, after: int, heard: int, named: bool
+) -> None:
+    """Twenty channels of slack, quiet cable before and after, then cable of which some channels hear the car."""
+    audible = np.ones(200, bool)
+    first, last = 100, 119
+    audible[first - before + 1 : last + after] = False
+    audible[last + after + heard :] = False
+    found = confirmed([Loop(first, last, 500.0, 80.0, 1.0, 0.99)], audible, 4.0)
+    assert len(found) == named
+    assert all(0.9 < one.probability <= 0.99 for one in found)
 
 
 def test_map_of_few_points_is_a_road_that_bends() -> None:

@@ -16,7 +16,7 @@ from solver.start.alignment import NotFollowingError
 from tests.solver.drive.conftest import SHORT
 from tests.solver.drive.test_located_drive import along_error
 
-HIDDEN = {"gauge_length": 0.25, "clock_drift": -0.005}
+HIDDEN = {"clock_drift": -0.005, "gauge_length": 0.25}
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_what_is_stated_wrongly_is_named_with_its_size(wrong):
     for name, amount in HIDDEN.items():
         assert abs(table.loc[name, "value"] - amount) < 3 * table.loc[name, "sigma"] < abs(amount)
     gate = next(one for one in wrong.facts["trust"]["gates"] if one["name"] == "stated")
-    assert gate["verdict"] == "failed" and "--effects gauge_length,clock_drift" in gate["mend"][0]
+    assert gate["verdict"] == "failed" and "--effects clock_drift,gauge_length" in gate["mend"][0]
 
 
 def test_fitted_it_brings_the_route_back(hidden, wrong):
@@ -70,8 +70,9 @@ def test_diagnose_tells_it(wrong, tmp_path, capsys):
     wrong.save(tmp_path / "run")
     app(["diagnose", str(tmp_path / "run")], standalone_mode=False)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("Gauge length, above 99.9 % probable to be wrong: The interrogator averages strain over")
-    assert "next: locate again with `--effects gauge_length,clock_drift`, which fits that" in lines
+    assert lines[0].startswith("Clock drift, above 99.9 % probable to be wrong: ")
+    assert lines[1].startswith("Gauge length, above 99.9 % probable to be wrong: The interrogator averages strain over")
+    assert "next: locate again with `--effects clock_drift,gauge_length`, which fits that" in lines
     app(["diagnose", str(tmp_path / "run"), "--json"], standalone_mode=False)
     assert json.loads(capsys.readouterr().out) == wrong.facts["misstated"]
     assert "Are the files right?" in (tmp_path / "run" / "report.html").read_text()

@@ -6,10 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from solver.drive.along import QUARTZ, Model, Steps, smoothed_along, steps_of
+from solver.drive.along import QUARTZ, SLOW, Model, Steps, smoothed_along, steps_of
+from solver.drive.car import smoothed_car
 from solver.drive.path import path_of
 from solver.drive.picks import Picks
 from solver.drive.smoother import smooth
+from solver.simulator.drive_road import Ground
+from solver.simulator.drive_scenario import DriveScenario
+from solver.simulator.drive_traffic import car_motion, gps_fixes
+from solver.trajectory.tracks import Track
 
 CHANNELS, SPACING = 60, 8.0
 
@@ -176,3 +181,20 @@ def test_what_else_tells_the_clock_moves_a_single_pass() -> None:
     assert abs(alone.clock) < 1e-6 and alone.clock_sigma > 1.9
     assert abs(told.clock - 0.5) < 0.01 and abs(told.clock_sigma - 0.1) < 0.001
     assert np.abs(told.cell - alone.cell + 5.0).max() < 0.1
+
+
+def test_slow_errors_of_a_receiver_are_as_large_as_they_are_taken() -> None:
+    """What smoothing leaves of simulated receivers' errors along the road, between moments 6 to 12 s apart."""
+    products = []
+    for seed in range(6):
+        scenario = DriveScenario(seed=seed, length=4000.0, gps_outliers=0.0)
+        motion = car_motion(scenario, Ground(scenario).road)
+        time, fixes, sigma = gps_fixes(scenario, motion)
+        car = smoothed_car(Track("1", "car", time, fixes, np.full(fixes.shape, sigma)))
+        moments = np.arange(time[0] + 5, time[-1] - 5)
+        (place, heading), driven = motion.at(moments), car.at(moments)
+        moves = driven.speed > 2
+        off = np.where(moves, ((driven.position - place) * heading).sum(1) / sigma, 0.0)
+        products += [(off[lag:] * off[:-lag])[moves[lag:] & moves[:-lag]] for lag in range(6, 13)]
+    measured = np.sqrt(np.concatenate(products).mean())
+    assert measured < SLOW < 1.4 * measured

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import roadfiber as rf
-from solver.drive import rounds
+from solver.drive import aside, rounds
 from solver.drive.car import car_of
-from solver.drive.channel_fit import likeliest
+from solver.drive.channel_fit import gauge_in, likeliest
 from solver.drive.coarse import LEAD, looks
 from solver.drive.loudness import loudness
 from solver.drive.path import path_of
 from solver.drive.picks import passing
-from solver.drive.response import Clock, legs_of
-from solver.drive.rounds import LATER, ROUNDS, one_round, responses, settled
+from solver.drive.response import Clock, Responses, legs_of
+from solver.drive.rounds import LATER, ROUNDS, Settled, one_round, responses, settled
 from solver.drive.timing import clock_of_shapes
 
 
@@ -89,3 +89,38 @@ def test_picks_move_with_the_clock_as_fast_as_the_car_is_heard(
     heard, passed = (float(np.median(np.abs(moved - one)[slow])) for one in (right.picks.speed, passes))
     assert slow.sum() >= 5
     assert heard < 0.6 * passed
+
+
+def test_picks_are_as_sharp_as_they_are_off(drive: rf.Drive, run: rf.DriveRun, truth: dict[str, Any]) -> None:
+    """From neighbor to neighbor: what the GPS is off is the same for both."""
+    quiet, path = drive.quiet(), path_of(drive.vertices)
+    car, cell = car_of(drive.tracks, quiet.start), run.arrays["along"] + path.first
+    polarity = int(run.facts["parameters"]["polarity"]["value"])
+    picks = one_round(drive, quiet, path, car, Clock(truth["clock_offset"]), cell, polarity, LATER).picks
+    real = path.nearest(np.array(truth["route_xyz"])[:, :2])[0]
+    off = np.diff(picks.cell - real, axis=1) / np.hypot(picks.sigma[:, 1:], picks.sigma[:, :-1])
+    assert 0.5 < np.nanmedian(np.abs(off)) / 0.6745 < 1.3
+
+
+def test_gauges_are_compared_where_each_leg_puts_a_channel_and_on_the_same_samples(
+    drive: rf.Drive, run: rf.DriveRun, truth: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not where channels lie: where the GPS is off the car passes elsewhere. One that looks farther explains more."""
+    quiet, path = drive.quiet(), path_of(drive.vertices)
+    car, cell = car_of(drive.tracks, quiet.start), run.arrays["along"] + path.first
+    polarity = int(run.facts["parameters"]["polarity"]["value"])
+    one = one_round(drive, quiet, path, car, Clock(truth["clock_offset"]), cell, polarity, LATER)
+    coarse: Any = SimpleNamespace(path=path, polarity=polarity)
+    samples = set()
+
+    def counted(*asked: Any) -> Responses:
+        found = responses(*asked)
+        samples.add(int(found.size.sum()))
+        return found
+
+    monkeypatch.setattr(aside, "responses", counted)
+    moved = [replace(one, along=replace(one.along, cell=one.along.cell + off)) for off in (0.0, 4.0)]
+    found = [gauge_in(quiet, coarse, car, Settled(last, Clock(0.0), 1, True)) for last in moved]
+    assert len(samples) == 1
+    assert found[0] == found[1]
+    assert abs(found[0].value) < 3 * found[0].sigma < 0.3
