@@ -7,12 +7,11 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from solver.criticism.ending import sharpness
 from solver.criticism.policy import POLICY
 from solver.criticism.record_parts import RecordPart, linearized, reach_of
 from solver.criticism.score import Projected, Score
 from solver.criticism.slow_errors import slow_variance
-from solver.criticism.sums import Sums, factor_of
+from solver.criticism.sums import Sums, factor_of, sharpness
 from solver.effect import Effect, Heard
 from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit

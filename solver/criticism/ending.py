@@ -35,7 +35,7 @@ class Ending:
     Parameters
     ----------
     spectrum : what is left of the candidate's numbers, with the score that leads to where they ended
-    sharpness : see `sharpness`, of all else
+    sharpness : see `solver.criticism.sums.sharpness`, of all else
     """
 
     spectrum: Spectrum
@@ -83,13 +83,3 @@ def sizes(slots: Sequence[Slot], numbers: Tensor) -> tuple[Array, Array]:
     null = np.concatenate([np.full(len(numbers_of(slot, 0)), slot.parameter.null) for slot in slots])
     there = np.concatenate([numbers[slot.where].numpy() for slot in slots])
     return plausible, (there - null) / plausible
-
-
-def sharpness(factor: Tensor) -> float:
-    """Half the ln of the determinant of a normal matrix, from its factor [free, free].
-
-    >>> import torch
-    >>> round(sharpness(torch.diag(torch.tensor([2.0, 3.0]))), 3) == round(torch.tensor(6.0).log().item(), 3)
-    True
-    """
-    return float(factor.diagonal().log().sum())

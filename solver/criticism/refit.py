@@ -69,7 +69,7 @@ class Refit:
     score : of the candidate
     fit, solution : with it
     fall : how far the robust misfit fell
-    before : `sharpness` of the fit without it
+    before : `solver.criticism.sums.sharpness` of the fit without it
     lone : one pass alone speaks for what, if it were there, all would show
     """
 

@@ -8,10 +8,10 @@ import torch
 
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
-from solver.criticism.ending import Ending, normal_matrix, sharpness
+from solver.criticism.ending import Ending, normal_matrix
 from solver.criticism.refit import with_effect
 from solver.criticism.scorer import Scorer
-from solver.criticism.sums import factor_of
+from solver.criticism.sums import factor_of, sharpness
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 
