@@ -28,6 +28,7 @@ from vision.contract import InputError
 
 if TYPE_CHECKING:
     from solver.criticism.finding import Diagnosis
+    from solver.criticism.growth import Grown
     from solver.fit.map_fit import MapFit
     from solver.fit.state import State
     from solver.run.run import Run
@@ -104,21 +105,21 @@ def beyond_fit(located: "Run", without: "Run") -> float:
     return float(left.information) / directions.variance
 
 
-def beside(scenario: Scenario, located: "Run", named: str, first: str) -> float:
+def beside(scenario: Scenario, both: "Grown", samples: int, named: str, first: str) -> float:
     """Misfit that the second of two hidden effects adds once the first is in the model, in variances of the noise.
 
     Parameters
     ----------
+    both : the fit with the first in the model, of so many samples of the record that holds both
     named, first : the first in the catalogue, and in the simulator
     """
     from solver.catalogue.catalogue import built_in
     from solver.criticism.growth import grow
 
     _, alone, _ = surveyed(replace(scenario, effects={first: scenario.effects[first]}))
-    ends = [grow(*fitted(run), named, built_in(), None) for run in (located, alone)]
-    samples = located.problem.strain_rate.numel()
-    both, one = (missed(end.fit, end.solution.state, end.result(0.0).chi2_per_dof, samples) for end in ends)
-    return (both - one) / variance(ends[0].fit, ends[0].solution.state)
+    ends = both, grow(*fitted(alone), named, built_in(), None)
+    with_it, without = (missed(end.fit, end.solution.state, end.result(0.0).chi2_per_dof, samples) for end in ends)
+    return (with_it - without) / variance(both.fit, both.solution.state)
 
 
 def tried(seed: int, wanted: str | None = None) -> dict[str, Any]:
@@ -128,6 +129,7 @@ def tried(seed: int, wanted: str | None = None) -> dict[str, Any]:
     """
     from solver.catalogue.catalogue import built_in
     from solver.criticism.diagnosis import diagnose
+    from solver.criticism.growth import grow
     from solver.criticism.refit import as_located
     from solver.run.geojson import half_width, normals
 
@@ -149,10 +151,11 @@ def tried(seed: int, wanted: str | None = None) -> dict[str, Any]:
     named = known_to(found)
     first = next((name for name in scenario.effects if name in said(named[:1])), None)
     if kind == "two" and first is not None:
-        second = beside(scenario, located, named[0], first)
-        if named[0] in found.fits:
-            fit, state = found.fits[named[0]]
-            then = known_to(diagnose(as_located(fit.problem), state, effects=effects))
+        both = grow(*fitted(located), named[0], built_in(), None)
+        second = beside(scenario, both, located.problem.strain_rate.numel(), named[0], first)
+        # A filter of the maker is told by the noise alone, and has no fit of its own.
+        fit, state = found.fits.get(named[0], (both.fit, both.solution.state))
+        then = known_to(diagnose(as_located(fit.problem), state, effects=effects))
     facts = {
         "seed": seed,
         "kind": kind,

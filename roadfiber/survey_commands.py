@@ -49,8 +49,9 @@ def simulate(
         print(json.dumps(made.to_dict()))
         return
     first, last = made.active_channels
+    passed = "one pass" if made.passes == 1 else f"{made.passes} passes"
     print(
-        f"wrote {made.site}: {made.passes} passes, {made.channels} channels, {made.seconds:g} s; "
+        f"wrote {made.site}: {passed}, {made.channels} channels, {made.seconds:g} s; "
         f"channels {first} to {last} are in view"
     )
 
