@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import roadfiber as rf
-from roadfiber.command import pictured
+from roadfiber.locate_commands import pictured
 from solver.drive.car import car_of
 from solver.drive.operator_map import read_operator_map
 from solver.drive.path import path_of

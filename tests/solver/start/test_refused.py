@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from roadfiber.command import pictured
+from roadfiber.locate_commands import pictured
 from solver.start.alignment import NotFollowingError
 from solver.start.initialization import initialize
 from solver.start.refused_figure import refused_figure
