@@ -11,8 +11,8 @@ from solver.fit.least_squares import Solution
 from solver.fit.side_by_side import side_by_side
 from solver.fit.track_trust import strict_tracks, track_spread
 
-#: Standard deviations.
-CHANCE = 2.0
+#: Standard deviations by which the misfit rises where an effect is refused.
+REFUSED = 2.0
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class HeldOutGain:
         >>> [HeldOutGain(fall, 1e4, 1.0, 2.0, 25.0).refuses(1.0) for fall in (-30.0, -15.0, 25.0)]
         [True, False, False]
         """
-        return self.fall + self.blurred < -CHANCE * float(np.sqrt((4 * self.change + self.blur) * variance))
+        return self.fall + self.blurred < -REFUSED * float(np.sqrt((4 * self.change + self.blur) * variance))
 
 
 def held_out_gain(without: End, with_it: End) -> HeldOutGain | None:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from solver.fit.acting_rows import acting
 from solver.ground.compiled import compiled
-from solver.ground.wheel_motion import LANES, put
+from solver.ground.lanes import LANES, put
 from solver.signal_path.sensitivities import Sensitivities
 
 Array = NDArray[np.float64]

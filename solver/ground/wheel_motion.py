@@ -11,12 +11,9 @@ from torch.autograd.function import once_differentiable
 
 from solver.ground.boussinesq import forward_mode
 from solver.ground.compiled import compiled
+from solver.ground.lanes import LANES, add, put
 
 Array = NDArray[np.float64]
-
-#: Channels that are worked on together; a multiple of 8, and not of 64, so that the parts of an array of so many
-#: are not taken for one another in the processor's cache.
-LANES = 136
 
 
 def gauge_response(
@@ -196,20 +193,6 @@ def add_derivatives(
                     add(found[i * LANES :], by_point[i, row, p, first:], count)
                 for i in range(2):
                     add(found[(7 + i) * LANES :], by_velocity[i, row, first:], count)
-
-
-@compiled
-def put(values: Array, into: Array, count: int) -> None:
-    """Copy the first values."""
-    for k in range(count):
-        into[k] = values[k]
-
-
-@compiled
-def add(values: Array, to: Array, count: int) -> None:
-    """Add the first values."""
-    for k in range(count):
-        to[k] += values[k]
 
 
 @partial(compiled, fastmath=True)

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from solver.fit.route_response import RouteResponse
-from solver.ground.wheel_motion import LANES
+from solver.ground.lanes import LANES
 
 ROWS, POINTS, COEFFICIENTS, SAMPLES = 5, 3, 4, 4
 

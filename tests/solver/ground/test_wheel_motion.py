@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from solver.ground.boussinesq import displacement_rate
-from solver.ground.wheel_motion import LANES, gauge_response
+from solver.ground.lanes import LANES
+from solver.ground.wheel_motion import gauge_response
 
 
 @pytest.mark.parametrize("channels", [1, 7, LANES, 2 * LANES + 3])
