@@ -215,7 +215,7 @@ class Directions:
     def _white(self, maps: Tensor) -> Tensor:
         """Whitened, weighted maps [column, sample, channel]."""
         weights = self.at.weights
-        return self.fit.whiten(maps * weights.good) * weights.soft.sqrt()
+        return self.fit.whiten(maps, weights.good, weights.soft.sqrt())
 
     def change(self, extension: Extension, base: Tensor, numbers: Tensor) -> Windowed:
         """Change of the whitened record and of the anchors' rows from the numbers `base` to others."""

@@ -70,9 +70,9 @@ class RecordPart:
     def white(self, maps: Tensor) -> Tensor:
         """Whitened, weighted maps [column, its own sample, channel]."""
         if self.section is None:
-            return self.fit.whiten(maps * self.weights.good) * self.weights.soft.sqrt()
+            return self.fit.whiten(maps, self.weights.good, self.weights.soft.sqrt())
         samples = self.section.samples
-        return self.whitener(maps * self.weights.good[samples]) * self.weights.soft[self.first : samples.stop].sqrt()
+        return self.whitener(maps, self.weights.good[samples], self.weights.soft[self.first : samples.stop].sqrt())
 
 
 def linearized(fit: "MapFit", state: State) -> tuple[Linearized, list[RecordPart]]:

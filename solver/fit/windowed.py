@@ -7,7 +7,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor
 
-from solver.fit.acting_rows import acting, alike, remembered, runs, spanned
+from solver.fit.acting_rows import acting, acting_rows, alike, remembered, runs, spanned
 from solver.signal_path.few import few_of
 
 T = TypeVar("T")
@@ -86,7 +86,7 @@ class Windowed:
     def _through(cls, maps: Tensor, linear: Callable[[Tensor], Tensor], memory: int) -> "Windowed":
         count, samples, channels = maps.shape
         white = linear(maps)
-        acts = remembered(maps.ne(0).any(-1), memory)[:, samples - white.shape[1] :]
+        acts = remembered(acting_rows(maps), memory)[:, samples - white.shape[1] :]
         return cls(parts_of(white.flatten(1), acts, channels), white.shape[1] * channels, count)
 
     @classmethod

@@ -166,17 +166,19 @@ class Whitener:
         return len(self.law.own) - 1
 
     @cached_property
-    def _parts(self) -> tuple[Tensor, Tensor, PredictionFilter, PredictionFilter]:
-        """Mixing of channels, direction of the common mode after it, filters of the own part and along that direction.
+    def _parts(self) -> tuple[Tensor, PredictionFilter]:
+        """Mixing of channels, and the filter after it.
 
         The common mode's direction holds both parts; all other directions hold own noise only.
         """
-        spatial = torch.from_numpy(self._spatial())
-        ones = spatial @ torch.ones(len(self.level), dtype=torch.float64)
-        size, blocks = float(ones.norm()), blocks_of(self.samples)
+        spatial, blocks = torch.from_numpy(self._spatial()), blocks_of(self.samples)
         own = PredictionFilter.of(self.law.own, blocks, self.lead)
+        if not self.law.common[0] > 0:
+            return spatial, own
+        ones = spatial.sum(1).numpy()
+        size = float(np.linalg.norm(ones))
         both = PredictionFilter.of(self.law.own + size**2 * self.law.common, blocks, self.lead)
-        return spatial, ones / size, own, both
+        return spatial, own.along(ones / size, both)
 
     def _spatial(self) -> Array:
         """Inverse square root [channel, channel] of the correlation between channels."""
@@ -188,17 +190,18 @@ class Whitener:
         values, vectors = np.linalg.eigh(matrix)
         return np.asarray(vectors / np.sqrt(np.maximum(values, 0.02)) @ vectors.T)
 
-    def __call__(self, values: Tensor) -> Tensor:
+    def __call__(self, values: Tensor, good: Tensor | None = None, scale: Tensor | None = None) -> Tensor:
         """Whiten maps [..., sample, channel], in the record's unit; 0 where not measured.
 
         The first `lead` samples feed the filter and are left out of the result.
+
+        Parameters
+        ----------
+        good : [sample, channel], what the maps are multiplied by first
+        scale : [sample after the lead, channel], what the result is multiplied by
         """
-        spatial, direction, own, both = self._parts
-        scaled = values / self.level if len(self.law.across) == 1 else values @ (spatial / self.level).T
-        white = own(scaled)
-        if not self.law.common[0] > 0:
-            return white
-        shared = (scaled @ direction)[..., None]
-        change = both(shared) - own(shared)
-        # In place where no gradient is asked for: a new copy of all maps takes as long as the filter.
-        return torch.addcmul(white, change, direction) if white.requires_grad else white.addcmul_(change, direction)
+        spatial, filtered = self._parts
+        if len(self.law.across) == 1:
+            return filtered(values, (1.0 if good is None else good) / self.level, scale)
+        known = values if good is None else values * good
+        return filtered(known @ (spatial / self.level).T, after=scale)
