@@ -129,11 +129,14 @@ class Directions:
 
     def _anchor_columns(self, effect: Effect, numbers: Tensor, extension: Extension) -> Tensor:
         """Derivatives [anchor, number] of the anchors' rows by an effect's amplitudes, which may move channels."""
+        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
+        if not any(slot.effect is effect for slot in extension.moving):
+            count = sum(slot.where.stop - slot.where.start for slot in slots)
+            return self._below(torch.zeros(len(self._anchors.residual), count, dtype=torch.float64))
         place, by_number = extension.moves(numbers, torch.from_numpy(self.fit.prior.anchor_distance))
         counts = [slot.where.stop - slot.where.start for slot in extension.moving]
         parts = zip(extension.moving, by_number.split(counts, 1), strict=True)
         found = {slot.parameter.name: part for slot, part in parts if slot.effect is effect}
-        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
         nothing = [torch.zeros(len(place), s.where.stop - s.where.start, dtype=torch.float64) for s in slots]
         by_amplitude = torch.cat([found.get(s.parameter.name, none) for s, none in zip(slots, nothing, strict=True)], 1)
         rows = anchor_rows(self.fit.basis, self.fit.prior.anchors, place, by_amplitude, self.state.coefficients)
@@ -212,10 +215,10 @@ class Directions:
         reach = reach_of(self.fit.path.with_effects(extension), extension.local(numbers))
         return [one for one in self.parts if one.reach == reach] or self.parts[-1:]
 
-    def _white(self, maps: Tensor) -> Tensor:
-        """Whitened, weighted maps [column, sample, channel]."""
-        weights = self.at.weights
-        return self.fit.whiten(maps, weights.good, weights.soft.sqrt())
+    @cached_property
+    def _white(self) -> Callable[[Tensor], Tensor]:
+        """Whitens and weighs maps [column, sample, channel]."""
+        return self.fit.whiten.weighing(self.at.weights.good, self.at.weights.soft.sqrt())
 
     def change(self, extension: Extension, base: Tensor, numbers: Tensor) -> Windowed:
         """Change of the whitened record and of the anchors' rows from the numbers `base` to others."""

@@ -199,8 +199,12 @@ def parts_of(columns: Tensor, acts: Tensor, grain: int) -> tuple[Part, ...]:
     """Columns [column, row] where they act [column, sample] bool, `grain` rows to a sample."""
     parts = []
     for some in alike(acting(acts)):
+        # All of them need no copy.
+        every = len(some) == len(columns)
+        some = torch.arange(len(columns)) if every else some
         for first, last in runs(acts[some].any(0)):
-            parts.append(Part(some, first * grain, last * grain, columns[some, first * grain : last * grain]))
+            rows = columns[:, first * grain : last * grain]
+            parts.append(Part(some, first * grain, last * grain, rows if every else rows[some]))
     return tuple(parts)
 
 

@@ -52,6 +52,7 @@ class PredictionFilter:
     lead : how many of the first samples only feed the filter
     direction : [channel], a unit vector along which weights are others; none where empty
     more : [order, lag], how much larger they are there
+    before, after : [1 or sample, 1 or channel], what values are multiplied by first, and what comes of them
     """
 
     weights: Array
@@ -59,6 +60,8 @@ class PredictionFilter:
     lead: int = 0
     direction: Array = field(default_factory=lambda: np.zeros(0))
     more: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    before: Array = field(default_factory=lambda: np.ones((1, 1)))
+    after: Array = field(default_factory=lambda: np.ones((1, 1)))
 
     @classmethod
     def of(cls, covariance: Array, blocks: list[slice], lead: int = 0) -> "PredictionFilter":
@@ -74,48 +77,50 @@ class PredictionFilter:
         """The same with another filter along a unit vector [channel]."""
         return replace(self, direction=direction, more=other.weights - self.weights)
 
-    def __call__(self, values: Tensor, before: Tensor | None = None, after: Tensor | None = None) -> Tensor:
-        """Filter values [..., sample, channel].
+    def between(self, before: Tensor | None, after: Tensor | None) -> "PredictionFilter":
+        """The same between factors [(sample,) channel]; before it of all samples, after it of those after the lead."""
+        return replace(self, before=factors(before), after=factors(after))
 
-        Parameters
-        ----------
-        before : [(sample,) channel], what they are multiplied by first
-        after : [(sample after the lead,) channel], what the result is multiplied by
+    def __call__(self, values: Tensor) -> Tensor:
+        """Filter values [..., sample, channel].
 
         >>> blocks = [slice(0, 2), slice(2, 3)]
         >>> PredictionFilter.of(np.array([1.0, 0.6]), blocks)(torch.ones(3, 1, dtype=torch.float64))[:, 0]
         tensor([1.0000, 0.5000, 1.0000], dtype=torch.float64)
         """
         maps = values.double().reshape(-1, *values.shape[-2:])
-        around = (factors(some, maps.shape[2]) for some in (before, after))
-        found: Tensor = _Filtered.apply(maps, self, *around)
+        found: Tensor = _Filtered.apply(maps, self)
         return found.reshape(*values.shape[:-2], *found.shape[1:])
 
 
-def factors(some: Tensor | None, channels: int) -> Array:
-    """Factors [1 or sample, channel], 1 where there are none."""
-    if some is None:
-        return np.ones((1, channels))
-    return np.ascontiguousarray(some.double().reshape(-1, channels).numpy())
+def factors(some: Tensor | None) -> Array:
+    """Factors [1 or sample, 1 or channel], 1 where there are none."""
+    return np.ones((1, 1)) if some is None else np.atleast_2d(some.double().numpy())
+
+
+def of_channels(some: Array, channels: int) -> Array:
+    """Factors [1 or sample, channel]."""
+    return np.ascontiguousarray(np.broadcast_to(some, (len(some), channels)))
 
 
 class _Filtered(torch.autograd.Function):
     """Maps [map, sample, channel] filtered, and the transpose of that for gradients."""
 
     @staticmethod
-    def forward(ctx: Any, maps: Tensor, by: PredictionFilter, before: Array, after: Array) -> Tensor:
+    def forward(ctx: Any, maps: Tensor, by: PredictionFilter) -> Tensor:
         """Filter."""
-        ctx.given = by, before, after
+        ctx.by = by
         out = maps.new_zeros(len(maps), maps.shape[1] - by.lead, maps.shape[2])
+        before, after = (of_channels(some, maps.shape[2]) for some in (by.before, by.after))
         around = before, after, by.direction
         filter_maps(maps.contiguous().numpy(), by.weights, by.more, by.order, by.lead, *around, out.numpy())
         return out
 
     @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None, None]:
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
         """Filter the other way."""
-        by, before, after = ctx.given
-        gradient = gradients[0] * torch.from_numpy(after)
+        by = ctx.by
+        gradient = (gradients[0] * torch.from_numpy(by.after)).contiguous()
         size = len(gradient), gradient.shape[1] + by.lead
         out = gradient.new_zeros(*size, gradient.shape[2])
         filter_back(gradient.numpy(), by.weights, by.order, by.lead, out.numpy())
@@ -124,7 +129,7 @@ class _Filtered(torch.autograd.Function):
             common, shared = gradient.new_zeros(*size, 1), (gradient @ direction)[..., None]
             filter_back(shared.contiguous().numpy(), by.more, by.order, by.lead, common.numpy())
             out += common * direction
-        return out * torch.from_numpy(before), None, None, None
+        return out * torch.from_numpy(by.before), None
 
 
 @partial(compiled, fastmath={"contract"})
@@ -145,7 +150,7 @@ def filter_maps(
     ----------
     maps : [map, sample, channel]
     weights, more, order, lead, direction : as of `PredictionFilter`
-    before, after : as of its call, [1 or sample, channel]
+    before, after : the same, [1 or sample, channel]
     out : [map, sample after the lead, channel], zero
     """
     samples, channels = maps.shape[1:]
@@ -223,9 +228,7 @@ def scale_map(
 
 
 @partial(compiled, fastmath={"contract"})
-def add_past(
-    scaled: Array, by: Array, count: NDArray[np.int64], s: int, order: int, width: int, to: Array
-) -> None:
+def add_past(scaled: Array, by: Array, count: NDArray[np.int64], s: int, order: int, width: int, to: Array) -> None:
     """Add to the first columns `to` [column] those of row `s` and of rows before it, weighted."""
     lag = 0
     while lag <= order:

@@ -5,6 +5,7 @@ mode that all channels share (laser phase noise, trains, a vibrating instrument)
 may also be correlated between neighboring channels, as overlapping gauges make it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -190,18 +191,23 @@ class Whitener:
         values, vectors = np.linalg.eigh(matrix)
         return np.asarray(vectors / np.sqrt(np.maximum(values, 0.02)) @ vectors.T)
 
-    def __call__(self, values: Tensor, good: Tensor | None = None, scale: Tensor | None = None) -> Tensor:
+    def __call__(self, values: Tensor) -> Tensor:
         """Whiten maps [..., sample, channel], in the record's unit; 0 where not measured.
 
         The first `lead` samples feed the filter and are left out of the result.
+        """
+        return self.weighing()(values)
+
+    def weighing(self, good: Tensor | None = None, scale: Tensor | None = None) -> Callable[[Tensor], Tensor]:
+        """The same of maps that are multiplied by something first, and in the end.
 
         Parameters
         ----------
-        good : [sample, channel], what the maps are multiplied by first
-        scale : [sample after the lead, channel], what the result is multiplied by
+        good : [sample, channel], of the maps
+        scale : [sample after the lead, channel], of the result
         """
         spatial, filtered = self._parts
         if len(self.law.across) == 1:
-            return filtered(values, (1.0 if good is None else good) / self.level, scale)
-        known = values if good is None else values * good
-        return filtered(known @ (spatial / self.level).T, after=scale)
+            return filtered.between((1.0 if good is None else good) / self.level, scale)
+        mixing, last = (spatial / self.level).T, filtered.between(None, scale)
+        return lambda values: last((values if good is None else values * good) @ mixing)
