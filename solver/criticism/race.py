@@ -99,10 +99,8 @@ def started(fit: MapFit, scorer: Scorer, score: Score, weights: Weights) -> Stat
         if not fit.buried(trial):
             continue
         trial, new = fit.settled_at(trial, weights)
-        if new >= cost:
-            # Shorter ones lead back to where it came from.
-            break
-        best, cost = trial, new
+        if new < cost:
+            best, cost = trial, new
     return best
 
 
