@@ -43,7 +43,7 @@ def misfit(fit: MapFit, state: State, counts: Tensor, model: Tensor | None = Non
     model : [sample, channel], 1/s, at the state, if known
     """
     model = fit.model(state) if model is None else model
-    size = fit.whiten.weighing(counts > 0, counts)(fit.unexplained(model)).abs()
+    size = (fit.whiten(fit.unexplained(model) * (counts > 0)) * counts).abs()
     return torch.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum(1)
 
 
