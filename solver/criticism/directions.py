@@ -128,12 +128,15 @@ class Directions:
 
     def _anchor_columns(self, effect: Effect, numbers: Tensor, extension: Extension) -> Tensor:
         """Derivatives [anchor, number] of the anchors' rows by an effect's amplitudes, which may move channels."""
+        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
+        own = [slot.where.stop - slot.where.start for slot in slots]
+        if not any(slot.effect is effect for slot in extension.moving):
+            return self._below(torch.zeros(len(self._anchors.residual), sum(own), dtype=torch.float64))
         place, by_number = extension.moves(numbers, torch.from_numpy(self.fit.prior.anchor_distance))
         counts = [slot.where.stop - slot.where.start for slot in extension.moving]
         parts = zip(extension.moving, by_number.split(counts, 1), strict=True)
         found = {slot.parameter.name: part for slot, part in parts if slot.effect is effect}
-        slots = [s for s in extension.slots if s.effect is effect and not s.parameter.is_shape]
-        nothing = [torch.zeros(len(place), s.where.stop - s.where.start, dtype=torch.float64) for s in slots]
+        nothing = [torch.zeros(len(place), count, dtype=torch.float64) for count in own]
         by_amplitude = torch.cat([found.get(s.parameter.name, none) for s, none in zip(slots, nothing, strict=True)], 1)
         rows = anchor_rows(self.fit.basis, self.fit.prior.anchors, place, by_amplitude, self.state.coefficients)
         return self._below(rows.jacobian[:, self.fit.layout["route"].stop :])
@@ -211,21 +214,18 @@ class Directions:
         reach = reach_of(self.fit.path.with_effects(extension), extension.local(numbers))
         return [one for one in self.parts if one.reach == reach] or self.parts[-1:]
 
-    def _white(self, maps: Tensor) -> Tensor:
-        """Whitened, weighted maps [column, sample, channel]."""
-        weights = self.at.weights
-        return self.fit.whiten(maps * weights.good) * weights.soft.sqrt()
+    @cached_property
+    def _white(self) -> Callable[[Tensor], Tensor]:
+        """Whitens and weighs maps [column, sample, channel]."""
+        return self.fit.whiten.weighing(self.at.weights.good, self.at.weights.soft.sqrt())
 
     def change(self, extension: Extension, base: Tensor, numbers: Tensor) -> Windowed:
         """Change of the whitened record and of the anchors' rows from the numbers `base` to others."""
         told = torch.from_numpy(self.fit.prior.anchor_distance)
         none = torch.zeros(len(told), 0, dtype=torch.float64)
-        before, after = (
-            anchor_rows(
-                self.fit.basis, self.fit.prior.anchors, extension.places(at, told), none, self.state.coefficients
-            )
-            for at in (base, numbers)
-        )
+        basis, anchors, route = self.fit.basis, self.fit.prior.anchors, self.state.coefficients
+        places = (extension.places(at, told) for at in (base, numbers))
+        before, after = (anchor_rows(basis, anchors, place, none, route) for place in places)
         moved = self.model(extension, numbers) - self.at.model
         white = Windowed.through(moved[None], self._white, self.fit.whiten.memory)
         return white.above(self._below((after.residual - before.residual)[:, None]))

@@ -1,5 +1,6 @@
 """A record in parts, one after the other: what candidates share of each takes little memory at any length."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -69,10 +70,15 @@ class RecordPart:
 
     def white(self, maps: Tensor) -> Tensor:
         """Whitened, weighted maps [column, its own sample, channel]."""
+        return self._weighing(maps)
+
+    @cached_property
+    def _weighing(self) -> Callable[[Tensor], Tensor]:
+        good, soft = self.weights.good, self.weights.soft
         if self.section is None:
-            return self.fit.whiten(maps * self.weights.good) * self.weights.soft.sqrt()
+            return self.whitener.weighing(good, soft.sqrt())
         samples = self.section.samples
-        return self.whitener(maps * self.weights.good[samples]) * self.weights.soft[self.first : samples.stop].sqrt()
+        return self.whitener.weighing(good[samples], soft[self.first : samples.stop].sqrt())
 
 
 def linearized(fit: "MapFit", state: State) -> tuple[Linearized, list[RecordPart]]:

@@ -1,7 +1,7 @@
 """Score tests of effects at the end of a fit: each by itself, and in the shape that explains most."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -101,20 +101,30 @@ class Scorer(Directions):
                 some = []
 
     def of_made(self, effect: Effect, made: "Sequence[Made]", trials: int) -> Iterator[Score]:
-        """Scores of shapes whose directions are already computed."""
-        for one in made:
-            projected = self.left(one.sums)
-            heard = projected.gram.diagonal().numpy() > projected.least
-            for shared, mix in mixes(effect, one.counts):
-                sizes = sizes_of(effect, one.counts, mix)
-                near = None if shared else alike(effect, one.counts)
-                found = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]), sizes, near)
-                of = mix.argmax(1).numpy()
-                estimate, sigma = found.estimate[of], np.where(heard, found.sigma[of], np.nan)
-                signal = None if one.columns is None else self.kept(one.columns.times(torch.from_numpy(estimate)))
-                crossed = one.sums.crossed @ torch.from_numpy(estimate)
-                found = found._replace(estimate=estimate, sigma=sigma)
-                yield self._score(effect, found, one.shape, shared, tuple(one.counts), trials, signal, crossed)
+        """Scores of shapes whose directions are already computed, with the signals of the best of them."""
+        found = [(score, one.columns) for one in made for score in self.of_one(effect, one, trials)]
+        best = set[int]()
+        for shared in {score.shared for score, _ in found}:
+            mine = [number for number, (score, _) in enumerate(found) if score.shared == shared]
+            best |= {max(mine, key=lambda n: found[n][0].fall), max(mine, key=lambda n: found[n][0].evidence)}
+        for number, (score, columns) in enumerate(found):
+            if number in best and columns is not None:
+                score = replace(score, signal=self.kept(columns.times(torch.from_numpy(score.estimate))))
+            yield score
+
+    def of_one(self, effect: Effect, one: Made, trials: int) -> Iterator[Score]:
+        """Scores of one shape, without their signals."""
+        projected = self.left(one.sums)
+        heard = projected.gram.diagonal().numpy() > projected.least
+        for shared, mix in mixes(effect, one.counts):
+            sizes = sizes_of(effect, one.counts, mix)
+            near = None if shared else alike(effect, one.counts)
+            found = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]), sizes, near)
+            of = mix.argmax(1).numpy()
+            estimate, sigma = found.estimate[of], np.where(heard, found.sigma[of], np.nan)
+            crossed = one.sums.crossed @ torch.from_numpy(estimate)
+            found = found._replace(estimate=estimate, sigma=sigma)
+            yield self._score(effect, found, one.shape, shared, tuple(one.counts), trials, None, crossed)
 
     def _score(
         self,
@@ -138,10 +148,16 @@ class Scorer(Directions):
     def refined(self, score: Score, extension: Extension, trials: int) -> Score:
         """A better shape near a score's: steps along each shape parameter, from half the grid's spacing down."""
         shapes, step = score.effect.shapes, {p.name: p.spacing / 2 for p in score.effect.shapes}
+        seen = [score.shape]
         for _ in range(HALVINGS):
             for p, sign in product(shapes, (1, -1)):
                 value = float(np.clip(score.shape[p.name] + sign * step[p.name], p.lower, p.upper))
-                near = self.of_shapes(score.effect, [score.shape | {p.name: value}], extension, trials)
+                shape = score.shape | {p.name: value}
+                # From where a step was taken, the one the other way leads back.
+                if any(np.allclose(list(shape.values()), list(one.values()), rtol=1e-9) for one in seen):
+                    continue
+                seen.append(shape)
+                near = self.of_shapes(score.effect, [shape], extension, trials)
                 score = max([score, *(one for one in near if one.shared == score.shared)], key=lambda s: s.fall)
             step = {name: size / 2 for name, size in step.items()}
         return score
@@ -159,14 +175,15 @@ class Scorer(Directions):
         extension = self.fit.problem.extension([*self.fit.extension.effects, effect])
         base, p = self.numbers(extension, score.shape), effect.amplitudes[0]
         where = next(slot.where for slot in extension.slots if slot.effect is effect and slot.parameter is p)
-        for size, sign in product(FAR_ALONE if self.alone else FAR, (1, -1)):
+        sizes = (p.null + sign * size * p.plausible for size in (FAR_ALONE if self.alone else FAR) for sign in (1, -1))
+        tried = [value for size in sizes if (value := float(np.clip(size, p.lower, p.upper))) != p.null]
+        columns = []
+        for value in tried:
             numbers = base.clone()
-            numbers[where] = float(np.clip(p.null + sign * size * p.plausible, p.lower, p.upper))
-            if numbers[where] == p.null:
-                continue
-            column = self.change(extension, base, numbers)
-            step = float(numbers[where] - p.null)
-            (sums,) = self.summed([column])
+            numbers[where] = value
+            columns.append(self.change(extension, base, numbers))
+        for value, column, sums in zip(tried, columns, self.summed(columns), strict=True):
+            step = value - p.null
             found = outcome(self.left(sums), 1, torch.tensor([p.plausible / abs(step)]).double())
             if found.fall > score.fall:
                 signal = self.kept(column.times(torch.from_numpy(found.estimate)))

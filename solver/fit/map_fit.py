@@ -156,9 +156,9 @@ class MapFit(ParameterSpace):
 
     def amplitudes(self, rows: Tensor, values: Values, weights: Weights) -> Tensor:
         """Amplitudes [pass] that fit best, by what each vehicle of unit amplitude does alone, [row, channel]."""
-        scale = weights.soft.sqrt()
-        columns = (self.whiten(self.alone(rows, values) * weights.good) * scale).flatten(1)
-        data = (self.whiten(self.data * weights.good) * scale).flatten()
+        white = self.whiten.weighing(weights.good, weights.soft.sqrt())
+        columns = white(self.alone(rows, values)).flatten(1)
+        data = white(self.data).flatten()
         return solved_amplitudes(columns @ columns.T, columns @ data)
 
     def unexplained(self, model: Tensor) -> Tensor:
@@ -171,7 +171,7 @@ class MapFit(ParameterSpace):
 
     def whitened_of(self, model: Tensor, weights: Weights) -> Tensor:
         """Whitened residual [sample, channel] of a model [sample, channel], 1/s, with weights."""
-        return self.whiten(self.unexplained(model) * weights.good) * weights.soft.sqrt()
+        return self.whiten.weighing(weights.good, weights.soft.sqrt())(self.unexplained(model))
 
     def jacobian(self, state: State, local: Sensitivities, values: Values) -> Tensor:
         """`columns` by every parameter at once, [parameter, sample, channel]."""
@@ -194,9 +194,9 @@ class MapFit(ParameterSpace):
 
     def whitened_columns(self, state: State, evaluation: Evaluation, weights: Weights) -> Windowed:
         """Derivatives [sample * channel, free] by all that is free, whitened and weighted, each where it acts."""
-        scale = weights.soft.sqrt()
-        fitted = (some.mul_(weights.good) for some in self.free_columns(state, evaluation.local, evaluation.values))
-        return Windowed.through_each(fitted, lambda maps: self.whiten(maps).mul_(scale), self.whiten.memory)
+        fitted = self.free_columns(state, evaluation.local, evaluation.values)
+        white = self.whiten.weighing(weights.good, weights.soft.sqrt())
+        return Windowed.through_each(fitted, white, self.whiten.memory)
 
     def track_variance(self, local: Sensitivities) -> Tensor:
         """Variance, in noise units, that the uncertain track of each pass adds to each sample, [sample, channel].
@@ -229,7 +229,7 @@ class MapFit(ParameterSpace):
         difference, variance = self.compared(evaluation)
         size = difference / self.problem.noise / variance.sqrt()
         good = self.measured * near_noise(size, scale_of(size, self.measured))
-        residual = self.whiten(difference * good)
+        residual = self.whiten.weighing(good)(difference)
         soft = self.measured / variance
         return Weights(good, soft * huber(residual * soft.sqrt(), self.measured)), residual
 

@@ -4,10 +4,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.fit.acting_rows import acting, alike, remembered, runs, spanned
+from solver.ground.compiled import compiled
 from solver.signal_path.few import few_of
 
 T = TypeVar("T")
@@ -86,7 +89,7 @@ class Windowed:
     def _through(cls, maps: Tensor, linear: Callable[[Tensor], Tensor], memory: int) -> "Windowed":
         count, samples, channels = maps.shape
         white = linear(maps)
-        acts = remembered(maps.ne(0).any(-1), memory)[:, samples - white.shape[1] :]
+        acts = remembered(acting_rows(maps), memory)[:, samples - white.shape[1] :]
         return cls(parts_of(white.flatten(1), acts, channels), white.shape[1] * channels, count)
 
     @classmethod
@@ -180,6 +183,29 @@ class Windowed:
         return product
 
 
+def acting_rows(maps: Tensor) -> Tensor:
+    """Where maps [column, sample, channel] are not all zero, [column, sample] bool.
+
+    >>> acting_rows(torch.tensor([[[0.0, 1.0], [0.0, 0.0]]]).double()).tolist()
+    [[True, False]]
+    """
+    out = torch.zeros(maps.shape[:2], dtype=torch.bool)
+    find_acting(maps.contiguous().numpy(), out.numpy())
+    return out
+
+
+@compiled
+def find_acting(maps: NDArray[np.float64], out: NDArray[np.bool_]) -> None:
+    """Say of each row [column, sample] of maps [column, sample, channel] whether it is not all zero."""
+    columns, samples, channels = maps.shape
+    for column in range(columns):
+        for s in range(samples):
+            c = 0
+            while c < channels and maps[column, s, c] == 0:
+                c += 1
+            out[column, s] = c < channels
+
+
 def gram_of(columns: Tensor) -> Tensor:
     """Products [column, column] of columns [column, row] with one another, of which half are computed.
 
@@ -199,8 +225,12 @@ def parts_of(columns: Tensor, acts: Tensor, grain: int) -> tuple[Part, ...]:
     """Columns [column, row] where they act [column, sample] bool, `grain` rows to a sample."""
     parts = []
     for some in alike(acting(acts)):
+        # All of them need no copy.
+        every = len(some) == len(columns)
+        some = torch.arange(len(columns)) if every else some
         for first, last in runs(acts[some].any(0)):
-            parts.append(Part(some, first * grain, last * grain, columns[some, first * grain : last * grain]))
+            rows = columns[:, first * grain : last * grain]
+            parts.append(Part(some, first * grain, last * grain, rows if every else rows[some]))
     return tuple(parts)
 
 

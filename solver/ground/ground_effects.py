@@ -259,14 +259,14 @@ def rayleigh_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     omega = 2 * torch.pi * p["frequency"]
 
     def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
-        across = offset[..., :2]
-        r = (across.square().sum(-1) + NEAR**2).sqrt()
-        toward = (across * velocity).sum(-1) / r
+        (x, y, _), (vx, vy) = offset.unbind(-1), velocity.unbind(-1)
+        r = (x * x + y * y + NEAR**2).sqrt()
+        toward = (x * vx + y * vy) / r
         phase = omega * (time - sent_from(r, toward, velocity.norm(dim=-1), p["speed"]) / p["speed"])
         wave = p["sine"].reshape(time.shape) * torch.sin(phase) + p["cosine"].reshape(time.shape) * torch.cos(phase)
         strength = velocity.norm(dim=-1) / TROUGH**3 * p["speed"] / omega * (FAR / r).sqrt()
-        moved = (strength * wave / r)[..., None] * across
-        return torch.cat([moved, torch.zeros_like(moved[..., :1])], -1)
+        moved = strength * wave / r
+        return torch.stack([moved * x, moved * y, torch.zeros_like(moved)]).movedim(0, -1)
 
     return replace(ground, radiation=radiation)
 

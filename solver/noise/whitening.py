@@ -5,6 +5,7 @@ mode that all channels share (laser phase noise, trains, a vibrating instrument)
 may also be correlated between neighboring channels, as overlapping gauges make it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -166,17 +167,19 @@ class Whitener:
         return len(self.law.own) - 1
 
     @cached_property
-    def _parts(self) -> tuple[Tensor, Tensor, PredictionFilter, PredictionFilter]:
-        """Mixing of channels, direction of the common mode after it, filters of the own part and along that direction.
+    def _parts(self) -> tuple[Tensor, PredictionFilter]:
+        """Mixing of channels, and the filter after it.
 
         The common mode's direction holds both parts; all other directions hold own noise only.
         """
-        spatial = torch.from_numpy(self._spatial())
-        ones = spatial @ torch.ones(len(self.level), dtype=torch.float64)
-        size, blocks = float(ones.norm()), blocks_of(self.samples)
+        spatial, blocks = torch.from_numpy(self._spatial()), blocks_of(self.samples)
         own = PredictionFilter.of(self.law.own, blocks, self.lead)
+        if not self.law.common[0] > 0:
+            return spatial, own
+        ones = spatial.sum(1).numpy()
+        size = float(np.linalg.norm(ones))
         both = PredictionFilter.of(self.law.own + size**2 * self.law.common, blocks, self.lead)
-        return spatial, ones / size, own, both
+        return spatial, own.along(ones / size, both)
 
     def _spatial(self) -> Array:
         """Inverse square root [channel, channel] of the correlation between channels."""
@@ -193,12 +196,18 @@ class Whitener:
 
         The first `lead` samples feed the filter and are left out of the result.
         """
-        spatial, direction, own, both = self._parts
-        scaled = values / self.level if len(self.law.across) == 1 else values @ (spatial / self.level).T
-        white = own(scaled)
-        if not self.law.common[0] > 0:
-            return white
-        shared = (scaled @ direction)[..., None]
-        change = both(shared) - own(shared)
-        # In place where no gradient is asked for: a new copy of all maps takes as long as the filter.
-        return torch.addcmul(white, change, direction) if white.requires_grad else white.addcmul_(change, direction)
+        return self.weighing()(values)
+
+    def weighing(self, good: Tensor | None = None, scale: Tensor | None = None) -> Callable[[Tensor], Tensor]:
+        """The same of maps that are multiplied by something first, and in the end.
+
+        Parameters
+        ----------
+        good : [sample, channel], of the maps
+        scale : [sample after the lead, channel], of the result
+        """
+        spatial, filtered = self._parts
+        if len(self.law.across) == 1:
+            return filtered.between((1.0 if good is None else good) / self.level, scale)
+        mixing, last = (spatial / self.level).T, filtered.between(None, scale)
+        return lambda values: last((values if good is None else values * good) @ mixing)

@@ -14,7 +14,7 @@ from torch.func import jvp
 
 from solver.effect import Parameter
 from solver.signal_path.autodiff import pushed_all, pushed_ways, pushing
-from solver.signal_path.extension import Slot, Values
+from solver.signal_path.extension import Extension, Slot, Values
 from solver.signal_path.few import few_of
 from solver.signal_path.gauges import Gauges
 from solver.signal_path.local import ALIKE, EACH, LOOSE, Seen, number
@@ -192,7 +192,20 @@ def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor, numbers: T
         grounds = local.grounds(path.grounds(changed(value)))
         return path.alone(load, local.here, local.poisson_ratio, grounds)
 
-    return total + local.amplitude * slope(rate, here, slot.parameter, local.law_at(path, numbers, lambda: rate(here)))
+    value = local.law_at(path, telling(path.extension, numbers), lambda: rate(here))
+    return total + local.amplitude * slope(rate, here, slot.parameter, value)
+
+
+def telling(extension: Extension, numbers: Tensor) -> Tensor:
+    """Numbers of effects on which a law depends: nothing in place of the shapes of those that are absent."""
+    told = numbers.clone()
+    for effect in extension.effects:
+        mine = [slot for slot in extension.slots if slot.effect is effect]
+        sizes = [slot for slot in mine if not slot.parameter.is_shape]
+        if all(bool((numbers[slot.where] == slot.parameter.null).all()) for slot in sizes):
+            for slot in mine:
+                told[slot.where] = 0
+    return told
 
 
 def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter, value: Tensor) -> Tensor:

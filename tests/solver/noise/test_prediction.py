@@ -53,6 +53,26 @@ def test_gradients_are_filtered_the_other_way():
     assert torch.autograd.gradcheck(by, maps)
 
 
+def test_along_a_direction_another_filter_acts_and_factors_around_both():
+    rng, covariance, other = (
+        np.random.default_rng(3),
+        0.7 ** np.arange(5),
+        0.7 ** np.arange(5) + 0.4 * 0.9 ** np.arange(5),
+    )
+    maps = torch.from_numpy(rng.normal(size=(3, 30, 4)))
+    maps[1, :, :2], maps[2, 5:] = 0, 0
+    before, after = (torch.from_numpy(rng.uniform(0.5, 2, size=(samples, 4))) for samples in (30, 22))
+    direction = rng.normal(size=4)
+    direction /= np.linalg.norm(direction)
+    plain = PredictionFilter.of(covariance, BLOCKS, lead=8)
+    by = plain.along(direction, PredictionFilter.of(other, BLOCKS, lead=8)).between(before, after)
+    own, both = (torch.from_numpy(matrix_of(one)) for one in (covariance, other))
+    along = torch.from_numpy(np.outer(direction, direction))
+    expected = own @ (maps * before) + (both - own) @ (maps * before) @ along
+    torch.testing.assert_close(by(maps), expected[:, 8:] * after)
+    assert torch.autograd.gradcheck(by, maps.clone().requires_grad_())
+
+
 def test_what_is_not_a_number_stays_so():
     maps = torch.zeros(1, 30, 2, dtype=torch.float64)
     maps[0, 2, 1] = float("nan")
