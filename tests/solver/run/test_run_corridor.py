@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from roadfiber.command import summary
+from roadfiber.locate_commands import summary
 from solver.run.folder import read_run
 from solver.run.geojson import Z95, half_width
 from solver.run.report.report_page import render
