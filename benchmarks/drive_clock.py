@@ -12,6 +12,7 @@ import json
 import multiprocessing
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +65,7 @@ def exact_picks(legs: Legs, path: MapPath, driven: Array, route: Array, loop: ND
     return Picks(cell, np.full(shape, SHARPEST), speed, row, np.ones(shape), np.ones(shape))
 
 
-def at_best(drive: Drive, fit: Fit, scenario: DriveScenario, truth: dict[str, list[object]], clock: Clock) -> Along:
+def at_best(drive: Drive, fit: Fit, scenario: DriveScenario, truth: dict[str, Any], clock: Clock) -> Along:
     """The smoother's places and clock with exact picks, from the true clock."""
     quiet, path = fit.quiet, fit.path
     legs = legs_of(quiet, path, fit.car, clock)

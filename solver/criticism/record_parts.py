@@ -74,6 +74,7 @@ class RecordPart:
 
     @cached_property
     def _weighing(self) -> Callable[[Tensor], Tensor]:
+        """What whitens and weighs maps of this part."""
         good, soft = self.weights.good, self.weights.soft
         if self.section is None:
             return self.whitener.weighing(good, soft.sqrt())

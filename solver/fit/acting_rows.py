@@ -1,13 +1,40 @@
 """Rows between which columns act, and which columns act together."""
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import pad
+
+from solver.ground.compiled import compiled
 
 #: Columns are kept together where the rows between which they act are at most this many times as many as each's own.
 TOGETHER = 1.3
 #: Samples of nothing that are kept where a column acts before and after them: parts of few samples take their own time.
 BRIDGED = 16
+
+
+def acting_rows(maps: Tensor) -> Tensor:
+    """Where maps [column, sample, channel] are not all zero, [column, sample] bool.
+
+    >>> acting_rows(torch.tensor([[[0.0, 1.0], [0.0, 0.0]]]).double()).tolist()
+    [[True, False]]
+    """
+    out = torch.zeros(maps.shape[:2], dtype=torch.bool)
+    find_acting(maps.contiguous().numpy(), out.numpy())
+    return out
+
+
+@compiled
+def find_acting(maps: NDArray[np.float64], out: NDArray[np.bool_]) -> None:
+    """Say of each row [column, sample] of maps [column, sample, channel] whether it is not all zero."""
+    columns, samples, channels = maps.shape
+    for column in range(columns):
+        for s in range(samples):
+            c = 0
+            while c < channels and maps[column, s, c] == 0:
+                c += 1
+            out[column, s] = c < channels
 
 
 def runs(acts: Tensor) -> list[tuple[int, int]]:

@@ -4,13 +4,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.fit.acting_rows import acting, alike, remembered, runs, spanned
-from solver.ground.compiled import compiled
+from solver.fit.acting_rows import acting, acting_rows, alike, remembered, runs, spanned
 from solver.signal_path.few import few_of
 
 T = TypeVar("T")
@@ -181,29 +178,6 @@ class Windowed:
                     mine, theirs = (part.values[:, first - part.first : last - part.first] for part in (one, two))
                     product[one.columns[:, None], two.columns] += mine @ theirs.T
         return product
-
-
-def acting_rows(maps: Tensor) -> Tensor:
-    """Where maps [column, sample, channel] are not all zero, [column, sample] bool.
-
-    >>> acting_rows(torch.tensor([[[0.0, 1.0], [0.0, 0.0]]]).double()).tolist()
-    [[True, False]]
-    """
-    out = torch.zeros(maps.shape[:2], dtype=torch.bool)
-    find_acting(maps.contiguous().numpy(), out.numpy())
-    return out
-
-
-@compiled
-def find_acting(maps: NDArray[np.float64], out: NDArray[np.bool_]) -> None:
-    """Say of each row [column, sample] of maps [column, sample, channel] whether it is not all zero."""
-    columns, samples, channels = maps.shape
-    for column in range(columns):
-        for s in range(samples):
-            c = 0
-            while c < channels and maps[column, s, c] == 0:
-                c += 1
-            out[column, s] = c < channels
 
 
 def gram_of(columns: Tensor) -> Tensor:

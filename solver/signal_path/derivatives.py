@@ -204,7 +204,8 @@ def telling(extension: Extension, numbers: Tensor) -> Tensor:
         sizes = [slot for slot in mine if not slot.parameter.is_shape]
         if all(bool((numbers[slot.where] == slot.parameter.null).all()) for slot in sizes):
             for slot in mine:
-                told[slot.where] = 0
+                if slot.parameter.is_shape:
+                    told[slot.where] = 0
     return told
 
 

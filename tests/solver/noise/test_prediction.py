@@ -54,11 +54,8 @@ def test_gradients_are_filtered_the_other_way():
 
 
 def test_along_a_direction_another_filter_acts_and_factors_around_both():
-    rng, covariance, other = (
-        np.random.default_rng(3),
-        0.7 ** np.arange(5),
-        0.7 ** np.arange(5) + 0.4 * 0.9 ** np.arange(5),
-    )
+    rng, covariance = np.random.default_rng(3), 0.7 ** np.arange(5)
+    other = covariance + 0.4 * 0.9 ** np.arange(5)
     maps = torch.from_numpy(rng.normal(size=(3, 30, 4)))
     maps[1, :, :2], maps[2, 5:] = 0, 0
     before, after = (torch.from_numpy(rng.uniform(0.5, 2, size=(samples, 4))) for samples in (30, 22))
