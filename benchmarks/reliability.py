@@ -29,6 +29,7 @@ from vision.contract import InputError
 if TYPE_CHECKING:
     from solver.criticism.finding import Diagnosis
     from solver.criticism.growth import Grown
+    from solver.effect import Effect
     from solver.fit.map_fit import MapFit
     from solver.fit.state import State
     from solver.run.run import Run
@@ -122,40 +123,62 @@ def beside(scenario: Scenario, both: "Grown", samples: int, named: str, first: s
     return (with_it - without) / variance(both.fit, both.solution.state)
 
 
-def tried(seed: int, wanted: str | None = None) -> dict[str, Any]:
-    """Locate and diagnose one survey: explanations, verdict, and what both corridors hold of the true route.
+def added(scenario: Scenario, located: "Run") -> float:
+    """Misfit that all hidden effects add to a fit without them, in variances of the noise."""
+    if not scenario.effects:
+        return 0.0
+    _, without, _ = surveyed(replace(scenario, effects={}))
+    if IN_NOISE in scenario.effects:
+        return beyond_fit(located, without)
+    samples = located.problem.strain_rate.numel()
+    with_it, none = (missed(*fitted(run), run.result.chi2_per_dof, samples) for run in (located, without))
+    return (with_it - none) / variance(*fitted(located))
 
-    Of two effects the one that is named rightly is put into the model, and what is left is diagnosed again.
+
+def looked_again(
+    scenario: Scenario, located: "Run", found: "Diagnosis", effects: "Sequence[Effect]"
+) -> tuple[float | None, list[str]]:
+    """Misfit that the second of two hidden effects adds, and what is named, once the first is dealt with.
+
+    What was named rightly is put into the model; but of a filter of the maker, which the noise alone tells, the record
+    before it is diagnosed, as the verdict advises. None and [] where the first was not found.
     """
     from solver.catalogue.catalogue import built_in
     from solver.criticism.diagnosis import diagnose
     from solver.criticism.growth import grow
     from solver.criticism.refit import as_located
+
+    named = known_to(found)
+    first = next((name for name in scenario.effects if name in said(named[:1])), None)
+    if first is None:
+        return None, []
+    if named[0] not in found.fits:
+        rest = replace(scenario, effects={name: size for name, size in scenario.effects.items() if name != first})
+        _, before, _ = surveyed(rest)
+        return added(rest, before), known_to(diagnose(before.problem, fitted(before)[1], effects=effects))
+    both = grow(*fitted(located), named[0], built_in(), None)
+    second = beside(scenario, both, located.problem.strain_rate.numel(), named[0], first)
+    fit, state = found.fits[named[0]]
+    return second, known_to(diagnose(as_located(fit.problem), state, effects=effects))
+
+
+def tried(seed: int, wanted: str | None = None) -> dict[str, Any]:
+    """Locate and diagnose one survey: explanations, verdict, and what both corridors hold of the true route.
+
+    Of two effects the one that is named rightly is dealt with, and what is left is diagnosed again.
+    """
+    from solver.catalogue.catalogue import built_in
+    from solver.criticism.diagnosis import diagnose
     from solver.run.geojson import half_width, normals
 
     kind, scenario = draw(seed, wanted)
     survey, located, _ = surveyed(scenario)
-    misfit, second, result = 0.0, None, located.result
-    if scenario.effects:
-        _, without, _ = surveyed(replace(scenario, effects={}))
-        samples = located.problem.strain_rate.numel()
-        with_it, none = (missed(*fitted(run), run.result.chi2_per_dof, samples) for run in (located, without))
-        misfit = (with_it - none) / variance(*fitted(located))
-        if IN_NOISE in scenario.effects:
-            misfit = beyond_fit(located, without)
+    misfit, result = added(scenario, located), located.result
     begun, (_, state) = time.process_time(), fitted(located)
     effects = list(built_in().values())
     found = diagnose(located.problem, state, effects=effects)
     seconds = time.process_time() - begun
-    then: list[str] = []
-    named = known_to(found)
-    first = next((name for name in scenario.effects if name in said(named[:1])), None)
-    if kind == "two" and first is not None:
-        both = grow(*fitted(located), named[0], built_in(), None)
-        second = beside(scenario, both, located.problem.strain_rate.numel(), named[0], first)
-        # A filter of the maker is told by the noise alone, and has no fit of its own.
-        fit, state = found.fits.get(named[0], (both.fit, both.solution.state))
-        then = known_to(diagnose(as_located(fit.problem), state, effects=effects))
+    second, then = looked_again(scenario, located, found, effects) if kind == "two" else (None, [])
     facts = {
         "seed": seed,
         "kind": kind,
@@ -165,7 +188,7 @@ def tried(seed: int, wanted: str | None = None) -> dict[str, Any]:
         "passes": scenario.passes,
         "snr_db": scenario.snr_db,
         "verdict": found.verdict,
-        "named": named,
+        "named": known_to(found),
         "then": then,
         "stage": found.candidates[0].stage if found.candidates else "",
         "explanations": [vars(one) for one in found.explanations],
