@@ -1,6 +1,8 @@
 """`roadfiber compare`, `diagnose`, `stretch`, `add`, `clock`, `ladder` and `explain`."""
 
 import json
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +16,11 @@ Changed = Annotated[
     bool, typer.Option("--plugin-changed", help="Go on with a plugin that is not the file the run was made with.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")]
+
+
+def teller(as_json: bool) -> Callable[[str], None]:
+    """Prints what is found as soon as it is known; nothing where JSON is asked for."""
+    return (lambda words: None) if as_json else partial(print, flush=True)
 
 
 @app.command()
@@ -97,7 +104,8 @@ def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, a
     opened = open_street(run, plugins=plugin or (), changed=changed)
     page = run / ("stretches.html" if opened.too_long else "diagnosis.html")
     require_writable(page)
-    found = rf.diagnose_stretches(opened) if opened.too_long else rf.diagnose(opened)
+    tell = teller(as_json)
+    found = rf.diagnose_stretches(opened, tell=tell) if opened.too_long else rf.diagnose(opened, tell=tell)
     found.save(run)
     if as_json:
         print(json.dumps(found.facts, allow_nan=False, indent=1))
@@ -249,11 +257,7 @@ def explain(
     from roadfiber.locating import open_street
     from solver.criticism.diagnosis_files import check_out
 
-    def tell(line: str) -> None:
-        if not as_json:
-            print(line, flush=True)
-
-    opened = open_street(run, plugins=plugin or (), changed=changed)
+    opened, tell = open_street(run, plugins=plugin or (), changed=changed), teller(as_json)
     check_out(out, opened)
     story = rf.explain(opened, most=rungs, tell=tell)
     story.save(out)

@@ -1,10 +1,11 @@
 """Which physical effect the model of a run lacks."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis import diagnose as diagnose_problem
 from solver.criticism.diagnosis import steps
 from solver.criticism.diagnosis_figures import considered, corridor_words, support_figure
@@ -13,17 +14,23 @@ from solver.criticism.explanations import title_of_explanation
 from solver.criticism.finding import Diagnosis as Finding
 from solver.criticism.pages import diagnosis_page, widest_title
 from solver.criticism.plain_verdict import details, headline, size_words
+from solver.criticism.policy import POLICY
 from solver.criticism.probability_figure import probability_figure, probability_line, titles_of
 from solver.criticism.route_change import from_run
 from solver.effect import Effect
 from solver.run.fitted import fitted
 from solver.run.run import Run
+from solver.run.titles import lower
 from vision.contract import progress
 from vision.contract.notebook import framed
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+
+#: Candidates that a terminal shows.
+SHOWN = 6
 
 
 @dataclass(frozen=True, repr=False)
@@ -118,10 +125,7 @@ class Diagnosis:
             lines.append(words)
         if found.separate:
             lines.append(f"what would tell them apart: {found.separate}")
-        for c in found.candidates[:6]:
-            full = "" if c.refitted else " (predicted)"
-            lines.append(f"  {c.effect:22s} {c.verdict:12s} chi2 falls by {c.delta_chi2:8.0f}{full}; {size_words(c)}")
-        return lines
+        return lines + [f"  {c.effect:22s} {c.verdict:12s} {explained(c)}" for c in found.candidates[:SHOWN]]
 
     def __repr__(self) -> str:
         return f"<Diagnosis {self.run.name}: {self.verdict}: {self.headline}>"
@@ -130,7 +134,21 @@ class Diagnosis:
         return framed(diagnosis_page(self.finding, self.run.name, self.run))
 
 
-def diagnose(run: Run, *, effects: Iterable[Effect] = ()) -> Diagnosis:
+def explained(c: Candidate) -> str:
+    """How much misfit a candidate takes away, and its size."""
+    full = "" if c.refitted else " (predicted)"
+    return f"chi2 falls by {c.delta_chi2:8.0f}{full}; {size_words(c)}"
+
+
+def ranking_words(how: str, listed: Sequence[Candidate]) -> str:
+    """Candidates as they were ranked: a sentence, and below it the best of them, a line each."""
+    first = listed[0] if listed else None
+    shows = first is not None and first.evidence > POLICY.found
+    sentence = f"{lower(first.title)} explains most so far" if first is not None and shows else "nothing shows so far"
+    return "\n".join([f"{how}: {sentence}", *(f"  {c.effect:22s} {explained(c)}" for c in listed[:SHOWN])])
+
+
+def diagnose(run: Run, *, effects: Iterable[Effect] = (), tell: Callable[[str], None] | None = None) -> Diagnosis:
     """Say which physical effect the model of a run lacks, if any.
 
     Audits the noise, tests every effect of the catalogue, and fits the best in full. Shows its progress; Ctrl-C ends it
@@ -140,6 +158,7 @@ def diagnose(run: Run, *, effects: Iterable[Effect] = ()) -> Diagnosis:
     ----------
     run : as `locate` returns or `open` reads it
     effects : of your own, tested beside the catalogue's
+    tell : called with what explains most by the score test, and then by full fits, such as `print`
 
     Raises
     ------
@@ -157,6 +176,11 @@ def diagnose(run: Run, *, effects: Iterable[Effect] = ()) -> Diagnosis:
     """
     known = list(run.known.extended(effects).values())
     fit, state = fitted(run)
+
+    def ranked(how: str, listed: Sequence[Candidate]) -> None:
+        if tell is not None:
+            tell(ranking_words(how, listed))
+
     with progress("testing effects", steps(known)) as advance:
-        found = diagnose_problem(fit.problem, state, effects=known, advance=advance)
+        found = diagnose_problem(fit.problem, state, effects=known, advance=advance, tell=ranked)
     return Diagnosis(run, from_run(run, found))

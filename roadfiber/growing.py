@@ -230,7 +230,7 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
     say = tell or (lambda line: None)
     chapters: list[Chapter] = []
     while True:
-        found = diagnose(run)
+        found = diagnose(run, tell=lambda words: say(words.splitlines()[0]))
         say(f"{found.verdict}: {found.headline} ({found.words})")
         if found.verdict != "missing-effect" or found.effect is None or len(chapters) == most:
             chapters.append(Chapter(found.finding, "Nothing more was added.", run))

@@ -1,7 +1,7 @@
 """Stretches of a long fiber: each a run of its own, and what all of them lack."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -224,7 +224,9 @@ class StretchDiagnosis:
         return framed(self.page)
 
 
-def diagnose_stretches(run: Run, *, effects: Iterable[Effect] = ()) -> StretchDiagnosis:
+def diagnose_stretches(
+    run: Run, *, effects: Iterable[Effect] = (), tell: Callable[[str], None] | None = None
+) -> StretchDiagnosis:
     """Diagnose each stretch of a run by itself, and weigh what they lack together.
 
     Each stretch is fitted by itself from the route of the whole on. Shows its progress.
@@ -233,6 +235,7 @@ def diagnose_stretches(run: Run, *, effects: Iterable[Effect] = ()) -> StretchDi
     ----------
     run : of a fiber of any length, as `locate` returns or `open` reads it
     effects : of your own, tested beside the catalogue's
+    tell : called with the verdict on each stretch, such as `print`
 
     Raises
     ------
@@ -245,6 +248,10 @@ def diagnose_stretches(run: Run, *, effects: Iterable[Effect] = ()) -> StretchDi
     >>> len(found.table), found.verdict in ("adequate", "missing-effect", "unknown-effect", "inconclusive")
     (1, True)
     """
-    given = list(effects)
+    given, found = list(effects), list[Diagnosis]()
     parts = [stretch(run, first, last) for first, last in stretches_of(run)]
-    return StretchDiagnosis(run, tuple(diagnose(part, effects=given) for part in parts))
+    for part in parts:
+        found.append(diagnose(part, effects=given))
+        if tell is not None:
+            tell(f"{part.name}: {found[-1].verdict}: {found[-1].headline}")
+    return StretchDiagnosis(run, tuple(found))

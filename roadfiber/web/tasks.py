@@ -91,8 +91,7 @@ def score(tell: Tell, folder: Path, plugins: tuple[Path, ...], only: Sequence[st
 
 def diagnose(tell: Tell, folder: Path, plugins: tuple[Path, ...]) -> dict[str, Any]:
     """The diagnosis of a run, which is written into its folder; the content of diagnosis.json."""
-    run = opened(folder, plugins)
-    found = rf.diagnose(run)
+    found = rf.diagnose(opened(folder, plugins), tell=lambda words: tell(("line", words.splitlines()[0])))
     found.save(folder)
     return found.facts
 

@@ -17,6 +17,8 @@ from solver.fit.problem import Problem
 from solver.fit.state import State
 
 Advance = Callable[[int], None]
+#: Hears how candidates were ranked, and the candidates, best first.
+Tell = Callable[[str, Sequence[Candidate]], None]
 
 
 @dataclass(frozen=True)
@@ -28,11 +30,13 @@ class Asked:
     effects : the catalogue
     held_out : whether to confirm the winner on passes that its fit has not seen
     advance : called with 1 after each effect is scored and after the first fit of each candidate
+    tell : called with candidates as soon as they are ranked
     """
 
     effects: Sequence[Effect]
     held_out: bool
     advance: Advance
+    tell: Tell = lambda ranking, listed: None
 
 
 @dataclass

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from solver.criticism.audit import NoiseAudit, audit_of
-from solver.criticism.bench import Advance, Asked, Bench, racers, scorable
+from solver.criticism.bench import Advance, Asked, Bench, Tell, racers, scorable
 from solver.criticism.beside import Beside, akin, shown
-from solver.criticism.candidate import fault_candidate, idle_candidate, score_candidate
+from solver.criticism.candidate import Candidate, fault_candidate, idle_candidate, score_candidate
 from solver.criticism.corridor import Corridor
 from solver.criticism.explaining import Explainer
 from solver.criticism.explanations import Posterior, Weighed
@@ -54,6 +54,7 @@ def diagnose(
     effects: Sequence[Effect],
     held_out: bool = True,
     advance: Advance = lambda n: None,
+    tell: Tell = lambda ranking, listed: None,
 ) -> Diagnosis:
     """Say what a survey's model lacks.
 
@@ -64,6 +65,7 @@ def diagnose(
     effects : the catalogue
     held_out : confirm the winner on passes that its fit has not seen
     advance : called with 1 after each effect scored and each candidate begun to be fitted, some `steps` times
+    tell : called with "score test" or "full fits" and candidates as soon as they are ranked so
 
     Returns
     -------
@@ -79,7 +81,8 @@ def diagnose(
     if not check.passed:
         found = unranked(Bench.of(fit, state, check, effects, advance))
     else:
-        found = examined(fit, state, check, Asked(effects, held_out, advance))
+        asked = Asked(effects, held_out, advance, lambda how, listed: tell(how, spoken(listed, problem, effects)))
+        found = examined(fit, state, check, asked)
     return replace(found, candidates=spoken(found.candidates, problem, effects))
 
 
@@ -88,6 +91,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     bench = Bench.of(fit, state, check, asked.effects, asked.advance)
     variance = bench.scorer.variance
     faults = [fault_candidate(fault, variance) for fault in bench.faults]
+    asked.tell("score test", by_evidence([score_candidate(s, None) for s in bench.table] + faults))
     fault = max(faults, key=lambda c: c.evidence, default=None)
     # Full fits of effects would not come near it.
     if fault is not None and fault.verdict == "present" and fault.evidence > POLICY.hope * bench.table[0].evidence:
@@ -98,7 +102,9 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     tried |= race(bench.scorer, overlooked(bench, tried), asked.advance)
     tried |= from_far(bench.scorer, tried)
     ranked = side_by_side(lambda s: score_candidate(s, tried.get(s.effect.name)), bench.table) + faults
-    ranked.sort(key=lambda c: -c.evidence)
+    ranked = by_evidence(ranked)
+    if tried:
+        asked.tell("full fits", ranked)
     ranked = with_moves(bench, ranked, tried) + [idle_candidate(one) for one in bench.idle]
     if bench.scorer.stress > POLICY.converged and ranked[0].evidence < POLICY.found:
         words = f"the fit has not converged ({bench.scorer.stress:.1f} sigmas are left along what it fits)"
@@ -112,6 +118,11 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     listed = {c.effect for c in found.candidates[:LISTED]} - set(fits)
     predicted = {s.effect.name: bench.scorer.changed(s).numpy() for s in bench.table if s.effect.name in listed}
     return replace(found, corridor=corridor, fits=fits, predicted=predicted)
+
+
+def by_evidence(listed: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates, best evidence first."""
+    return sorted(listed, key=lambda c: -c.evidence)
 
 
 def weighed(bench: Bench, tried: Mapping[str, Refit], asked: Asked) -> Weighing:

@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -130,8 +131,16 @@ def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path
         explanations=weighed,
         corridor=added,
     )
-    monkeypatch.setattr(diagnosing, "diagnose_problem", lambda *given, **more: finding)
-    found = rf.diagnose(run)
+
+    def diagnosed(*given: object, tell: Callable[[str, tuple[Candidate, ...]], None], **more: object) -> Finding:
+        tell("score test", finding.candidates)
+        return finding
+
+    monkeypatch.setattr(diagnosing, "diagnose_problem", diagnosed)
+    told: list[str] = []
+    found = rf.diagnose(run, tell=told.append)
+    assert [words.splitlines()[0] for words in told] == ["score test: nothing shows so far"], "an evidence of 0.1"
+    assert "  gauge_length           chi2 falls by        0" in told[0]
     assert (found.verdict, found.effect) == ("missing-effect", "gauge_length")
     assert found.table["stage"].tolist() == ["interrogator"] and isinstance(found.plot(), Figure)
     lines = found.lines()

@@ -50,9 +50,14 @@ def located(folder: Path, effects: dict[str, float]) -> Path:
 def diagnosis(folder: Path, *options: object) -> dict:
     """What `roadfiber diagnose` writes, which its schema allows."""
     run("diagnose", folder, *options)
-    written: dict = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
-    Draft202012Validator(rf.schema("diagnosis.json")).validate(written)
-    return written
+    return written(folder)
+
+
+def written(folder: Path) -> dict:
+    """The diagnosis in a run folder, which its schema allows."""
+    found: dict = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    Draft202012Validator(rf.schema("diagnosis.json")).validate(found)
+    return found
 
 
 def rungs(folder: Path) -> list[dict]:
@@ -76,7 +81,9 @@ def stretched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_hidden_effect_is_named_of_the_whole_catalogue(stretched: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(stretched, tmp_path / "run")
-    found = diagnosis(folder)
+    said = run("diagnose", folder)
+    assert 0 <= said.find("score test: ") < said.find("full fits: ") < said.find("missing-effect: "), "as it is found"
+    found = written(folder)
     first = found["candidates"][0]
     assert found["verdict"] == "missing-effect", found["words"]
     page = (folder / "diagnosis.html").read_text(encoding="utf-8")
