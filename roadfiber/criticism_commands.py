@@ -84,12 +84,12 @@ def combine(
 def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, as_json: AsJson = False) -> None:
     """Say which physical effect the model of a run lacks, if any.
 
-    Audits the noise, tests every effect of the catalogue (and your own), fits the best in full, and writes
-    diagnosis.json and diagnosis.html into the run folder. The verdict is adequate, missing-effect, unknown-effect or
-    inconclusive, with what the survey cannot tell apart and the smallest size it would have shown. A run of more than
-    200 m is diagnosed stretch by stretch: stretches.json and stretches.html say what all of them lack together, and
-    each stretch gets a run folder in the run folder. Of a drive it is told whether gauge length, channel spacing and
-    clock are as stated, which `locate` found out.
+    Audits the noise, tests every effect of the catalogue (and your own), fits the best in full, tells what explains
+    most after each of these, and writes diagnosis.json and diagnosis.html into the run folder. The verdict is adequate,
+    missing-effect, unknown-effect or inconclusive, with what the survey cannot tell apart and the smallest size it
+    would have shown. A run of more than 200 m is diagnosed stretch by stretch: stretches.json and stretches.html say
+    what all of them lack together, and each stretch gets a run folder in the run folder. Of a drive it is told whether
+    gauge length, channel spacing and clock are as stated, which `locate` found out.
 
     Example: `roadfiber diagnose runs/main-street --plugin my_effects.py`
     """
