@@ -16,6 +16,9 @@ from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
 
+#: ln of a Bayes factor that is not worth more than a bare mention (Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773).
+BARE = 1.0
+
 Advance = Callable[[int], None]
 #: Hears how candidates were ranked, and the candidates, best first.
 Tell = Callable[[str, Sequence[Candidate]], None]
@@ -99,13 +102,19 @@ def scorable(problem: Problem, effects: Sequence[Effect]) -> list[Effect]:
 
 
 def racers(table: Sequence[Score], most: int = POLICY.racers) -> list[Score]:
-    """Those to be fitted in full: the best of the physical and of the generic ones, and what may show of many numbers.
+    """Those to be fitted in full: known effects that their scores speak for, and discrepancy models that show.
 
     Of many numbers a score, which is linear, tells least: tracks that wander by half a meter have an evidence of 4 by
-    their score and of 369 by their fit.
+    their score and of 369 by their fit. So known effects of many numbers are fitted unless their scores speak against
+    them; and as one that is fitted has the better of one that is only scored, others need not show yet either.
+
+    Parameters
+    ----------
+    table : scores, best evidence first
+    most : of the best ones, of which `Policy.unknown_racers` may be discrepancy models
     """
-    able = [s for s in table if s.evidence > POLICY.found]
-    first = [s for s in able if not s.effect.generic][: most - POLICY.unknown_racers]
-    many = [s for s in table if s.evidence > 0 and not s.effect.generic and s.effect.varies]
-    fields = [s for s in many if all(s is not one for one in first)]
-    return first + fields + [s for s in able if s.effect.generic][: POLICY.unknown_racers]
+    known = [s for s in table if not s.effect.generic]
+    first = [s for s in known if s.evidence > 0][: most - POLICY.unknown_racers]
+    many = [s for s in known if s.effect.varies and s.evidence > -BARE and all(s is not one for one in first)]
+    unknown = [s for s in table if s.effect.generic and s.evidence > POLICY.found][: POLICY.unknown_racers]
+    return first + many + unknown

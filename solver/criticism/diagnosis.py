@@ -97,7 +97,8 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     if fault is not None and fault.verdict == "present" and fault.evidence > POLICY.hope * bench.table[0].evidence:
         return beside_fault(bench, fault.effect, asked)
     first = racers(bench.table)
-    late = elsewhere(bench.scorer, scorable(fit.problem, asked.effects))[: POLICY.racers] if first else []
+    shows = any(s.evidence > POLICY.found for s in first)
+    late = elsewhere(bench.scorer, scorable(fit.problem, asked.effects))[: POLICY.racers] if shows else []
     tried = race(bench.scorer, first, asked.advance, late)
     tried |= race(bench.scorer, overlooked(bench, tried), asked.advance)
     tried |= from_far(bench.scorer, tried)

@@ -8,7 +8,7 @@ import torch
 from scipy.stats import chi2
 
 from solver.catalogue.catalogue import FAULTS, built_in
-from solver.criticism.bench import racers
+from solver.criticism.bench import BARE, racers
 from solver.criticism.candidate import fault_candidate, first_kind, idle_candidate, score_candidate
 from solver.criticism.fault import Fault
 from solver.criticism.marginal import Spectrum, fault_evidence
@@ -116,20 +116,28 @@ def test_the_best_of_both_kinds_are_fitted_in_full():
     assert racers([scored(0.1, 1.0, one) for one in known]) == [], "what does not show is not fitted"
 
 
-def test_of_many_numbers_what_may_show_is_fitted_too():
-    """Tracks that wandered by half a meter had an evidence of 4 by their score, and of 369 by their fit."""
+def test_known_effects_are_fitted_that_their_scores_speak_for_and_of_many_numbers_unless_against_them():
+    """Channels out of step by their spacing scored 5, wandering channels 2: only these were fitted, and named."""
     one, many = (
         [known for known in built_in().values() if not known.generic and known.varies == varies][:RACERS]
         for varies in (False, True)
     )
-    strong, hidden, absent = (
-        [replace(scored(1.0, sigma, effect)) for effect in some]
-        for some, sigma in ((one, 0.1), (many[:1], 0.35), (many[1:2], 2.0))
+    loose = next(known for known in built_in().values() if known.generic)
+    strong, weak, hidden, absent, unknown = (
+        [scored(size, sigma, effect) for effect in some]
+        for some, size, sigma in (
+            (one[:-1], 1.0, 0.1),
+            (one[-1:], 1.0, 0.35),
+            (many[:1], 0.2, 0.35),
+            (many[1:2], 0.1, 0.1),
+            ([loose], 1.0, 0.35),
+        )
     )
-    assert 0 < hidden[0].evidence < POLICY.found and absent[0].evidence <= 0
-    chosen = racers([*strong, *hidden, *absent])
+    assert 0 < weak[0].evidence == unknown[0].evidence < POLICY.found
+    assert -BARE < hidden[0].evidence < 0 and absent[0].evidence < -BARE
+    assert racers([*weak, *unknown, *hidden, *absent]) == [*weak, *hidden], "the unknown must show"
+    chosen = racers([*strong, *weak, *hidden, *absent])
     assert [score.effect for score in chosen] == [*one[: RACERS - LOOSE], many[0]]
-    assert racers([scored(1.0, 0.35, one[0])]) == []
 
 
 def test_where_the_base_model_is_not_exact_more_must_show():
