@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from solver.fit.state import State
     from solver.run.run import Run
 
+    #: A fit, where it ended, and its chi2 per degree of freedom.
+    Ended = tuple[MapFit, State, float]
+
 KINDS = {"null": 0.3, "one": 0.4, "two": 0.05, "unknown": 0.2, "geometry": 0.05}
 #: Sizes in proportion to what is drawn out of the plausible range.
 SCALES = (1.0, 0.4)
@@ -81,19 +84,24 @@ def fitted(run: "Run") -> "tuple[MapFit, State]":
     return fit, fit.state_of(torch.from_numpy(run.result.vector))
 
 
-def missed(fit: "MapFit", state: "State", chi2_per_dof: float, samples: int) -> float:
-    """Misfit of so many samples, and what the fit pays to its priors, as for tracks that it shifts.
+def rise(located: "Ended", without: "Ended", samples: int) -> float:
+    """Misfit that something hidden adds to a fit, in variances that the noise counts as.
 
-    Where something is hidden, other channels may be fitted than where nothing is: the samples are to be the same.
+    What a fit pays to its priors counts, as for tracks that it shifts; what slow errors of the tracks explain as well,
+    as large as these say, does not show.
+
+    Parameters
+    ----------
+    located, without : fits with it in the record, and without
+    samples : of both, as other channels may be fitted where nothing is hidden
     """
-    return chi2_per_dof * samples + float(fit.prior.total(state))
-
-
-def variance(fit: "MapFit", state: "State") -> float:
-    """What the noise counts as, as no base model is exact."""
     from solver.criticism.directions import Directions
+    from solver.criticism.slow_errors import slow_evidence
 
-    return Directions(fit, state).variance
+    paid = [chi2 * samples + float(fit.prior.total(state)) for fit, state, chi2 in (located, without)]
+    at, before = (Directions(fit, state) for fit, state, _ in (located, without))
+    slow = slow_evidence(at) - slow_evidence(before)
+    return (paid[0] - paid[1]) / at.variance - 2 * max(slow, 0.0)
 
 
 def beyond_fit(located: "Run", without: "Run") -> float:
@@ -119,8 +127,7 @@ def beside(scenario: Scenario, both: "Grown", samples: int, named: str, first: s
 
     _, alone, _ = surveyed(replace(scenario, effects={first: scenario.effects[first]}))
     ends = both, grow(*fitted(alone), named, built_in(), None)
-    with_it, without = (missed(end.fit, end.solution.state, end.result(0.0).chi2_per_dof, samples) for end in ends)
-    return (with_it - without) / variance(both.fit, both.solution.state)
+    return rise(*((end.fit, end.solution.state, end.result(0.0).chi2_per_dof) for end in ends), samples)
 
 
 def added(scenario: Scenario, located: "Run") -> float:
@@ -130,9 +137,8 @@ def added(scenario: Scenario, located: "Run") -> float:
     _, without, _ = surveyed(replace(scenario, effects={}))
     if IN_NOISE in scenario.effects:
         return beyond_fit(located, without)
-    samples = located.problem.strain_rate.numel()
-    with_it, none = (missed(*fitted(run), run.result.chi2_per_dof, samples) for run in (located, without))
-    return (with_it - none) / variance(*fitted(located))
+    ends = ((*fitted(run), run.result.chi2_per_dof) for run in (located, without))
+    return rise(*ends, located.problem.strain_rate.numel())
 
 
 def looked_again(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from solver.criticism.bench import Asked, Bench, racers, scorable
 from solver.criticism.marginal import mixture
 from solver.criticism.policy import POLICY
-from solver.criticism.race import race
+from solver.criticism.race import race, with_slow_errors
 from solver.criticism.refit import Refit
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
@@ -53,7 +53,7 @@ class Beside:
         table = sorted(scored, key=lambda s: -s.evidence)
         known = [s for s in table if not s.effect.generic]
         seconds = race(scorer, racers(known, POLICY.besides + POLICY.unknown_racers), asked.advance)
-        return replace(self, table=table, seconds=tuple(seconds.values()))
+        return replace(self, table=table, seconds=tuple(with_slow_errors(scorer, seconds).values()))
 
     @property
     def second(self) -> float:

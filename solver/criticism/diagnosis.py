@@ -18,7 +18,7 @@ from solver.criticism.finding import LISTED, Diagnosis, concluded
 from solver.criticism.judging import Weighing, judge, order
 from solver.criticism.plain_verdict import spoken
 from solver.criticism.policy import POLICY
-from solver.criticism.race import elsewhere, from_far, race
+from solver.criticism.race import elsewhere, from_far, race, with_slow_errors
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import mended
 from solver.criticism.route_change import route_of, with_moves
@@ -102,6 +102,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     tried = race(bench.scorer, first, asked.advance, late)
     tried |= race(bench.scorer, overlooked(bench, tried), asked.advance)
     tried |= from_far(bench.scorer, tried)
+    tried = with_slow_errors(bench.scorer, tried)
     ranked = side_by_side(lambda s: score_candidate(s, tried.get(s.effect.name)), bench.table) + faults
     ranked = by_evidence(ranked)
     if tried:

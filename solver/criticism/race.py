@@ -8,10 +8,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from solver.criticism.directions import Directions
 from solver.criticism.policy import POLICY
 from solver.criticism.refit import Refit, counted, largest_share, loss, with_effect
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
+from solver.criticism.slow_errors import slow_evidence
 from solver.effect import Effect, Fitted
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
@@ -255,6 +257,22 @@ def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
         if one.fall > better.get(one.effect.name, known).fall:
             better[one.effect.name] = replace(one, lone=rests_on_one(scorer, one, course.counts))
     return better
+
+
+def with_slow_errors(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
+    """Full fits that are told from slow errors of the tracks: what these explain as well is no evidence of an effect.
+
+    Those that cannot come near the best are as they are.
+    """
+    before, best = slow_evidence(scorer), 0.0
+    found: dict[str, Refit] = {}
+    for one in sorted(tried.values(), key=lambda one: -one.evidence):
+        if one.evidence > best - POLICY.far:
+            after = slow_evidence(Directions(one.fit, one.solution.state, variance=scorer.variance))
+            one = replace(one, slow=min(after - before, 0.0))
+        found[one.effect.name] = one
+        best = max(best, one.told)
+    return found
 
 
 def rests_on_one(scorer: Scorer, refit: Refit, counts: Tensor) -> bool:

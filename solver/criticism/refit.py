@@ -71,6 +71,7 @@ class Refit:
     fall : how far the robust misfit fell
     before : `solver.criticism.sums.sharpness` of the fit without it
     lone : one pass alone speaks for what, if it were there, all would show
+    slow : by how much more the tracks' slow errors explain beside it than without it, ln of Bayes factors
     """
 
     score: Score
@@ -79,6 +80,7 @@ class Refit:
     fall: float
     before: float
     lone: bool = False
+    slow: float = 0.0
 
     @property
     def effect(self) -> Effect:
@@ -115,7 +117,7 @@ class Refit:
         variance, left = self.score.variance, self.ending.spectrum
         gain = (self.fall + more + self.paid) / variance - self.paid
         told = left.told(variance) - left.smaller(variance) + self.ending.sharpness - self.before
-        return gain / 2 - told - float(np.log(self.score.trials))
+        return gain / 2 - told + self.slow - float(np.log(self.score.trials))
 
     @cached_property
     def ending(self) -> Ending:

@@ -1,14 +1,22 @@
 """How large the tracks' slow errors may be where a fit's model is questioned."""
 
+from typing import TYPE_CHECKING
+
 import torch
 from torch import Tensor
 
-from solver.fit.map_fit import MapFit
+from solver.criticism.marginal import Spectrum, mixture
+from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import track_sigma
 
+if TYPE_CHECKING:
+    from solver.criticism.directions import Directions
+
 #: Least slow error of a track, m, however small it says that it is.
 SMALLEST = 0.01
+#: Sizes of slow errors, of what the tracks say, that are as probable.
+SCALES = (1.0, 0.1**0.5, 0.1)
 
 
 def slow_variance(fit: MapFit) -> Tensor:
@@ -25,3 +33,15 @@ def slow_variance(fit: MapFit) -> Tensor:
     total = spread.sum(0)
     usual = max(track_sigma(fit.problem.passes), SMALLEST) ** 2
     return (rows @ spread / total.where(total > 0, 1.0)).clamp_min(usual).flatten()
+
+
+def slow_evidence(at: "Directions") -> float:
+    """Ln of the Bayes factor of the tracks' slow errors at the end of a fit without them; 0 of a fit that has them.
+
+    They may be as large as the tracks say, or smaller: out of view a vehicle may speed up, and mostly does not.
+    """
+    left = at.slow_left
+    if left is None:
+        return 0.0
+    spectrum = Spectrum.of(left.information, left.score, (slow_variance(at.fit) / SPLINE_VARIANCE).sqrt())
+    return mixture([spectrum.scaled(at.variance, scale) for scale in SCALES])

@@ -15,7 +15,7 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.directions import Directions
 from solver.criticism.policy import POLICY
-from solver.criticism.slow_errors import SMALLEST
+from solver.criticism.slow_errors import SCALES, SMALLEST, slow_evidence, slow_variance
 from solver.fit.chain import Chain
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.windowed import Windowed
@@ -224,6 +224,19 @@ def test_what_the_fit_leaves_of_slow_errors_is_left_by_what_was_fitted_alone(at:
     torch.testing.assert_close(left.information, slow.T @ slow - slow.T @ fitted @ led, rtol=1e-6, atol=1e-6)
     torch.testing.assert_close(left.score, slow.T @ at.residual - led.T @ right, rtol=1e-6, atol=1e-6)
     assert Directions(at.fit, at.state, alone=True).slow_left is None
+
+
+def test_slow_errors_explain_what_they_may_at_any_size_up_to_what_the_tracks_say(at: Directions) -> None:
+    left = at.slow_left
+    assert left is not None
+    logs = []
+    for scale in SCALES:
+        sizes = scale * (slow_variance(at.fit) / SPLINE_VARIANCE).sqrt()
+        spread = torch.eye(len(sizes), dtype=torch.float64) + sizes[:, None] * left.information * sizes / at.variance
+        along = sizes * left.score / at.variance
+        logs.append(float(along @ torch.linalg.solve(spread, along) - torch.logdet(spread)) / 2)
+    assert slow_evidence(at) == pytest.approx(np.log(np.mean(np.exp(logs))), rel=1e-6)
+    assert slow_evidence(Directions(at.fit, at.state, alone=True)) == 0.0
 
 
 def test_tracks_that_are_sure_of_themselves_may_still_be_off(at: Directions) -> None:

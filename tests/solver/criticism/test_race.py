@@ -11,6 +11,7 @@ from noisy_trials import noisy
 
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
+from solver.criticism import race as criticism_race
 from solver.criticism.policy import POLICY
 from solver.criticism.race import (
     elsewhere,
@@ -21,6 +22,7 @@ from solver.criticism.race import (
     started,
     started_elsewhere,
     unshifted,
+    with_slow_errors,
 )
 from solver.criticism.refit import Refit, counted, with_effect
 from solver.criticism.scorer import Scorer
@@ -54,6 +56,22 @@ def weights(scorer: Scorer) -> Weights:
 @pytest.fixture(scope="module")
 def score(scorer: Scorer) -> Any:
     return max(scorer.scores(GAUGE), key=lambda one: one.fall)
+
+
+def test_what_slow_errors_explain_as_well_is_no_evidence_of_an_effect(
+    scorer: Scorer, score: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    best = race(scorer, [score])[GAUGE.name]
+    before, after = 50.0, {GAUGE.name: 20.0, CLOCK.name: 80.0}
+    monkeypatch.setattr(criticism_race, "Directions", lambda fit, state, variance: fit)
+    monkeypatch.setattr(criticism_race, "slow_evidence", lambda at: before if at is scorer else after[at])
+    named = [replace(score, effect=KNOWN[name]) for name in (*after, "camber")]
+    made = [replace(best, score=one, fit=one.effect.name) for one in named]
+    made[2] = replace(made[2], fall=best.fall / 2)
+    monkeypatch.setattr(Refit, "evidence", property(lambda one: one.fall + one.slow))
+    found = with_slow_errors(scorer, {one.effect.name: one for one in made})
+    assert {name: one.slow for name, one in found.items()} == {GAUGE.name: -30.0, CLOCK.name: 0.0, "camber": 0.0}
+    assert found[GAUGE.name].told == best.fall - 30
 
 
 def test_a_fit_starts_toward_the_estimate_where_that_lowers_the_misfit(
