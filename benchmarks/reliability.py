@@ -100,7 +100,7 @@ def rise(located: "Ended", without: "Ended", samples: int) -> float:
 
     paid = [chi2 * samples + float(fit.prior.total(state)) for fit, state, chi2 in (located, without)]
     at, before = (Directions(fit, state) for fit, state, _ in (located, without))
-    slow = slow_evidence(at) - slow_evidence(before)
+    slow = slow_evidence(at, at.variance) - slow_evidence(before, at.variance)
     return (paid[0] - paid[1]) / at.variance - 2 * max(slow, 0.0)
 
 

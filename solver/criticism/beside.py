@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from solver.criticism.bench import Asked, Bench, racers, scorable
 from solver.criticism.marginal import mixture
 from solver.criticism.policy import POLICY
-from solver.criticism.race import race, with_slow_errors
+from solver.criticism.race import race, told_from_slow_errors, with_slow_errors
 from solver.criticism.refit import Refit
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
@@ -42,7 +42,7 @@ class Beside:
         near = {s.effect.name: s.shape for s in bench.table if s.shape and not s.effect.generic}
         variance = bench.scorer.variance + off(refit)
         again = Bench.of(fit, state, bench.audit, effects, asked.advance, variance, near)
-        return cls(refit, again, again.table)
+        return cls(told_from_slow_errors(bench.scorer, refit, again.scorer), again, again.table)
 
     def widened(self, asked: Asked) -> "Beside":
         """The same with known effects of all shapes, those too that the effect may have masked, and full fits."""
@@ -51,7 +51,8 @@ class Beside:
         unseen = [one for one in scorable(scorer.fit.problem, asked.effects) if one.name not in seen]
         scored = [s for s in self.table if s.effect.name in seen] + score_all(scorer, unseen, asked.advance)
         table = sorted(scored, key=lambda s: -s.evidence)
-        known = [s for s in table if not s.effect.generic]
+        # What may be unknown beside it is scored alone, so that of known effects only what shows is fitted.
+        known = [s for s in shown(table) if not s.effect.generic]
         seconds = race(scorer, racers(known, POLICY.besides + POLICY.unknown_racers), asked.advance)
         return replace(self, table=table, seconds=tuple(with_slow_errors(scorer, seconds).values()))
 

@@ -152,7 +152,7 @@ def looked_beside(bench: Bench, tried: Mapping[str, Refit], asked: Asked) -> dic
             continue
         beside = Beside.of(bench, one, asked)
         besides[one.effect.name] = beside
-        best = max(best, one.told + beside.tolerated)
+        best = max(best, beside.refit.told + beside.tolerated)
         fall = max(fall, one.fall + max((s.fall for s in beside.table), default=0.0))
     return besides
 

@@ -264,15 +264,19 @@ def with_slow_errors(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Re
 
     Those that cannot come near the best are as they are.
     """
-    before, best = slow_evidence(scorer), 0.0
-    found: dict[str, Refit] = {}
+    best, found = 0.0, dict[str, Refit]()
     for one in sorted(tried.values(), key=lambda one: -one.evidence):
         if one.evidence > best - POLICY.far:
-            after = slow_evidence(Directions(one.fit, one.solution.state, variance=scorer.variance))
-            one = replace(one, slow=min(after - before, 0.0))
+            one = told_from_slow_errors(scorer, one, Directions(one.fit, one.solution.state, variance=scorer.variance))
         found[one.effect.name] = one
         best = max(best, one.told)
     return found
+
+
+def told_from_slow_errors(scorer: Scorer, one: Refit, there: Directions) -> Refit:
+    """A full fit, as of `with_slow_errors`; `there` is what was fitted, where it ended."""
+    before, after = (slow_evidence(at, scorer.variance) for at in (scorer, there))
+    return replace(one, slow=min(after - before, 0.0))
 
 
 def rests_on_one(scorer: Scorer, refit: Refit, counts: Tensor) -> bool:

@@ -35,13 +35,18 @@ def slow_variance(fit: MapFit) -> Tensor:
     return (rows @ spread / total.where(total > 0, 1.0)).clamp_min(usual).flatten()
 
 
-def slow_evidence(at: "Directions") -> float:
+def slow_evidence(at: "Directions", variance: float) -> float:
     """Ln of the Bayes factor of the tracks' slow errors at the end of a fit without them; 0 of a fit that has them.
 
     They may be as large as the tracks say, or smaller: out of view a vehicle may speed up, and mostly does not.
+
+    Parameters
+    ----------
+    at : what was fitted, where it ended
+    variance : that the noise counts as
     """
     left = at.slow_left
     if left is None:
         return 0.0
     spectrum = Spectrum.of(left.information, left.score, (slow_variance(at.fit) / SPLINE_VARIANCE).sqrt())
-    return mixture([spectrum.scaled(at.variance, scale) for scale in SCALES])
+    return mixture([spectrum.scaled(variance, scale) for scale in SCALES])

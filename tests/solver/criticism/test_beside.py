@@ -109,6 +109,7 @@ def test_what_did_not_show_before_is_asked_where_it_is_widened(monkeypatch: pyte
     late = fitted("saturation", 440.0)
     monkeypatch.setattr(beside, "score_all", lambda scorer, effects, advance: [scored("saturation", 400.0)])
     monkeypatch.setattr(beside, "race", lambda scorer, scores, advance: {s.effect.name: late for s in scores})
+    monkeypatch.setattr(beside, "with_slow_errors", lambda scorer, tried: tried)
     before = Beside(fitted("dynamic_load", 1000.0), bench, [scored("generic_nonlinearity", 400.0)])
     asked = Asked([bounce, clips], held_out=False, advance=lambda n: None)
     wide = before.widened(asked)

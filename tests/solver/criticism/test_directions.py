@@ -235,8 +235,8 @@ def test_slow_errors_explain_what_they_may_at_any_size_up_to_what_the_tracks_say
         spread = torch.eye(len(sizes), dtype=torch.float64) + sizes[:, None] * left.information * sizes / at.variance
         along = sizes * left.score / at.variance
         logs.append(float(along @ torch.linalg.solve(spread, along) - torch.logdet(spread)) / 2)
-    assert slow_evidence(at) == pytest.approx(np.log(np.mean(np.exp(logs))), rel=1e-6)
-    assert slow_evidence(Directions(at.fit, at.state, alone=True)) == 0.0
+    assert slow_evidence(at, at.variance) == pytest.approx(np.log(np.mean(np.exp(logs))), rel=1e-6)
+    assert slow_evidence(Directions(at.fit, at.state, alone=True), 1.0) == 0.0
 
 
 def test_tracks_that_are_sure_of_themselves_may_still_be_off(at: Directions) -> None:

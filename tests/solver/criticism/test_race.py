@@ -64,7 +64,7 @@ def test_what_slow_errors_explain_as_well_is_no_evidence_of_an_effect(
     best = race(scorer, [score])[GAUGE.name]
     before, after = 50.0, {GAUGE.name: 20.0, CLOCK.name: 80.0}
     monkeypatch.setattr(criticism_race, "Directions", lambda fit, state, variance: fit)
-    monkeypatch.setattr(criticism_race, "slow_evidence", lambda at: before if at is scorer else after[at])
+    monkeypatch.setattr(criticism_race, "slow_evidence", lambda at, variance: before if at is scorer else after[at])
     named = [replace(score, effect=KNOWN[name]) for name in (*after, "camber")]
     made = [replace(best, score=one, fit=one.effect.name) for one in named]
     made[2] = replace(made[2], fall=best.fall / 2)
