@@ -14,7 +14,6 @@ from solver.criticism.explanations import title_of_explanation
 from solver.criticism.finding import Diagnosis as Finding
 from solver.criticism.pages import diagnosis_page, widest_title
 from solver.criticism.plain_verdict import details, headline, size_words
-from solver.criticism.policy import POLICY
 from solver.criticism.probability_figure import probability_figure, probability_line, titles_of
 from solver.criticism.route_change import from_run
 from solver.effect import Effect
@@ -142,9 +141,8 @@ def explained(c: Candidate) -> str:
 
 def ranking_words(how: str, listed: Sequence[Candidate]) -> str:
     """Candidates as they were ranked: a sentence, and below it the best of them, a line each."""
-    first = listed[0] if listed else None
-    shows = first is not None and first.evidence > POLICY.found
-    sentence = f"{lower(first.title)} explains most so far" if first is not None and shows else "nothing shows so far"
+    first = next((c for c in listed if c.verdict == "present"), None)
+    sentence = "nothing shows so far" if first is None else f"{lower(first.title)} explains most so far"
     return "\n".join([f"{how}: {sentence}", *(f"  {c.effect:22s} {explained(c)}" for c in listed[:SHOWN])])
 
 

@@ -139,7 +139,7 @@ def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path
     monkeypatch.setattr(diagnosing, "diagnose_problem", diagnosed)
     told: list[str] = []
     found = rf.diagnose(run, tell=told.append)
-    assert [words.splitlines()[0] for words in told] == ["score test: nothing shows so far"], "an evidence of 0.1"
+    assert [words.splitlines()[0] for words in told] == ["score test: nothing shows so far"], "none is present"
     assert "  gauge_length           chi2 falls by        0" in told[0]
     assert (found.verdict, found.effect) == ("missing-effect", "gauge_length")
     assert found.table["stage"].tolist() == ["interrogator"] and isinstance(found.plot(), Figure)
