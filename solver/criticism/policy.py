@@ -20,7 +20,7 @@ class Policy:
         its square times the signal's chi2. Measured
     tolerance : the same of what the fit leaves of an effect, by which its law may be off. CRITICISM.md; measured
     held : probability that the smallest set of explanations holds
-    found : ln of the Bayes factor from which on an effect is fitted in full
+    found : ln of the Bayes factor from which on an effect shows, and a discrepancy model is fitted in full
     lone : ln of the Bayes factor up to which one pass does not speak for all, as the heaviest vehicle alone may clip
     leveled : ln of the Bayes factor for something unknown in the processing, of noise weaker where vehicles are loud
     negligible : share of its plausible size below which an effect is negligible even if present

@@ -71,7 +71,8 @@ class Refit:
     fall : how far the robust misfit fell
     before : `solver.criticism.sums.sharpness` of the fit without it
     lone : one pass alone speaks for what, if it were there, all would show
-    slow : by how much more the tracks' slow errors explain beside it than without it, ln of Bayes factors
+    slow : what the tracks' slow errors explain beside it less what they explain without it, ln of Bayes factors; at
+        most 0
     """
 
     score: Score

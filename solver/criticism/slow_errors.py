@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from solver.criticism.marginal import Spectrum, mixture
+from solver.criticism.policy import POLICY
 from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import track_sigma
@@ -15,8 +16,8 @@ if TYPE_CHECKING:
 
 #: Least slow error of a track, m, however small it says that it is.
 SMALLEST = 0.01
-#: Sizes of slow errors, of what the tracks say, that are as probable.
-SCALES = (1.0, 0.1**0.5, 0.1)
+#: Sizes of slow errors that are as probable: what the tracks say, down to a negligible share of it.
+SCALES = (1.0, POLICY.negligible**0.5, POLICY.negligible)
 
 
 def slow_variance(fit: MapFit) -> Tensor:
