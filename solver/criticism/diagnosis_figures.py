@@ -183,12 +183,12 @@ def corridor_words(run: Run, diagnosis: "Diagnosis", title: str) -> str:
 
 
 def sureness_section(run: Run, diagnosis: "Diagnosis", title: str) -> str:
-    """The corridor if nothing is missing, and with what may be."""
+    """The corridor if nothing is missing, and with what may be missing."""
     wide = considered(run, diagnosis)
     if wide is None or not (words := corridor_words(run, diagnosis, title)):
         return ""
     pair = BeforeAfter(replace(run, added=None), wide, run.passes[0])
-    figure = svg(corridor_figure(pair, ("nothing missing", "with what may be")))
+    figure = svg(corridor_figure(pair, ("nothing missing", "with what may be missing")))
     return (
         f"<section><h2>How sure the route is</h2><p>{escape(words)}. At left the corridor takes the model for granted; "
         "at right every explanation moves the route by its own way, as probable as it is.</p>"
