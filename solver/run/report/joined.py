@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from solver.run.gates import DIAGNOSE
 from solver.run.report.parts import EXPORT, next_section, page, with_commands
 from vision.contract import writing_into
 
@@ -23,6 +24,8 @@ PAGES = (
     ("ladder.html", "Ladder", "How the error fell and the route moved with each effect that was added."),
     ("explain.html", "Story", "What the model lacked, step by step."),
 )
+#: Pages that say what the model lacks.
+DIAGNOSED = {"diagnosis.html", "stretches.html"}
 MARKED = re.compile("<!-- pages -->.*?<!-- /pages -->", re.DOTALL)
 #: How the format of a drive's run begins; it has one car, and no effects to compare.
 OF_A_DRIVE = "roadfiber drive"
@@ -106,7 +109,7 @@ def next_lines(folder: Path, there: list[str], run: str) -> list[str]:
     lines = []
     if "compare.html" not in there:
         lines.append(f"`roadfiber compare {run}` shows where, when and how model and measurement differ.")
-    if not {"diagnosis.html", "stretches.html"} & set(there):
+    if not DIAGNOSED & set(there):
         lines.append(f"`roadfiber diagnose {run}` says which physical effect the model lacks, if any.")
     first = rows_in(found, "candidates")
     if found.get("verdict") == "missing-effect" and first:
@@ -139,7 +142,10 @@ def index_page(folder: Path, there: list[str], called: str) -> str:
     facts, words = facts_in(folder, "fit.json"), said(folder)
     name, run = text_in(facts, "name"), shlex.quote(called).replace("`", "")
     grade = text_in(facts, "trust", "grade")
-    trust = with_commands(text_in(facts, "trust", "sentence").replace("RUN", run))
+    sentence = text_in(facts, "trust", "sentence")
+    if DIAGNOSED & set(there):
+        sentence = sentence.replace(DIAGNOSE, "the diagnosis says what the model lacks")
+    trust = with_commands(sentence.replace("RUN", run))
     cards = "".join(
         f'<a class="card" href="{file}"><b>{title}</b><span>{escape(words.get(file) or about)}</span></a>'
         for file, title, about in PAGES

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from solver.run.gates import DIAGNOSE
 from solver.run.report.joined import INDEX, join
 from solver.run.report.parts import page
 
@@ -49,6 +50,17 @@ def test_the_index_says_what_was_found_and_what_comes_next(folder: Path) -> None
     assert "The fiber runs." in text and "Gauge length." in text and "<code>x run</code>" in text
     assert "<code>roadfiber add run gauge_length --out run-2</code>" in text
     assert "roadfiber compare run" in text and "roadfiber diagnose run" not in text
+
+
+def test_what_a_diagnosis_says_is_not_asked_for_once_it_is_there(folder: Path) -> None:
+    facts = json.loads((folder / "fit.json").read_text())
+    facts["trust"]["sentence"] = f"Do not rely on it. Next: {DIAGNOSE}; check tracks."
+    (folder / "fit.json").write_text(json.dumps(facts))
+    join(folder, called="run")
+    assert "Next: the diagnosis says what the model lacks; check tracks." in read(folder)
+    (folder / "diagnosis.html").unlink()
+    join(folder, called="run")
+    assert "Next: <code>roadfiber diagnose run</code> says what the model lacks; check tracks." in read(folder)
 
 
 def test_rungs_below_are_linked_within_the_disk_alone(folder: Path) -> None:
