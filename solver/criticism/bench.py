@@ -16,9 +16,6 @@ from solver.fit.map_fit import MapFit
 from solver.fit.problem import Problem
 from solver.fit.state import State
 
-#: ln of a Bayes factor that is not worth more than a bare mention (Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773).
-BARE = 1.0
-
 Advance = Callable[[int], None]
 #: Hears how candidates were ranked, and the candidates, best first.
 Tell = Callable[[str, Sequence[Candidate]], None]
@@ -115,6 +112,6 @@ def racers(table: Sequence[Score], most: int = POLICY.racers) -> list[Score]:
     """
     known = [s for s in table if not s.effect.generic]
     first = [s for s in known if s.evidence > 0][: most - POLICY.unknown_racers]
-    many = [s for s in known if s.effect.varies and s.evidence > -BARE and all(s is not one for one in first)]
+    many = [s for s in known if s.effect.varies and s.evidence > -POLICY.bare and all(s is not one for one in first)]
     unknown = [s for s in table if s.effect.generic and s.evidence > POLICY.found][: POLICY.unknown_racers]
     return first + many + unknown

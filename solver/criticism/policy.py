@@ -23,7 +23,10 @@ class Policy:
     found : ln of the Bayes factor from which on an effect shows, and a discrepancy model is fitted in full
     lone : ln of the Bayes factor up to which one pass does not speak for all, as the heaviest vehicle alone may clip
     leveled : ln of the Bayes factor for something unknown in the processing, of noise weaker where vehicles are loud
-    negligible : share of its plausible size below which an effect is negligible even if present
+    bare : ln of a Bayes factor that is not worth more than a bare mention; known effects of many numbers are fitted in
+        full unless their scores speak against them by more. Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773
+    negligible : share of its plausible size below which an effect is negligible even if present, and correlation of the
+        noise of neighboring channels that is: above it noise was mixed after it was read
     extreme : root mean square of numbers, in plausible sizes, beyond which an effect is not what it is said to be
     racers, unknown_racers : how many are fitted in full, and how many discrepancy models among them
     besides : of how many known effects what they leave is looked at
@@ -32,7 +35,6 @@ class Policy:
     hope : times the fall that the next step predicts which a fit may still hope for
     shifted : shifts of the tracks, in what was expected, that a delay may be behind
     late : share of the best one's evidence that an effect must have to start with unshifted tracks
-    shared : correlation of the noise of neighboring channels above which it was mixed after it was read
     fixed : how much more of chi2 must fall with the same profile along the fiber than with the same along travel
     converged : sigmas left along fitted directions at which a fit counts as converged
     """
@@ -49,6 +51,7 @@ class Policy:
     found: float = 6.0
     lone: float = 36.0
     leveled: float = 60.0
+    bare: float = 1.0
     negligible: float = 0.1
     extreme: float = 3.0
     racers: int = 11
@@ -59,7 +62,6 @@ class Policy:
     hope: float = 2.0
     shifted: float = 1.0
     late: float = 0.25
-    shared: float = 0.1
     fixed: float = 1.2
     converged: float = 0.5
 

@@ -8,7 +8,7 @@ import torch
 from scipy.stats import chi2
 
 from solver.catalogue.catalogue import FAULTS, built_in
-from solver.criticism.bench import BARE, racers
+from solver.criticism.bench import racers
 from solver.criticism.candidate import fault_candidate, first_kind, idle_candidate, score_candidate
 from solver.criticism.fault import Fault
 from solver.criticism.marginal import Spectrum, fault_evidence
@@ -134,7 +134,7 @@ def test_known_effects_are_fitted_that_their_scores_speak_for_and_of_many_number
         )
     )
     assert 0 < weak[0].evidence == unknown[0].evidence < POLICY.found
-    assert -BARE < hidden[0].evidence < 0 and absent[0].evidence < -BARE
+    assert -POLICY.bare < hidden[0].evidence < 0 and absent[0].evidence < -POLICY.bare
     assert racers([*weak, *unknown, *hidden, *absent]) == [*weak, *hidden], "the unknown must show"
     chosen = racers([*strong, *weak, *hidden, *absent])
     assert [score.effect for score in chosen] == [*one[: RACERS - LOOSE], many[0]]

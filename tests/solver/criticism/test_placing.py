@@ -83,11 +83,11 @@ def test_the_profile_along_the_fiber_must_explain_clearly_more(more):
         ({}, (1.0,), False, "ground"),
         ({"stage": "load"}, (1.0,), False, "load"),
         # Neighbors that share noise were mixed after the reading, where the model mixes them.
-        ({"mixes": True}, (1.0, 2 * POLICY.shared), False, "processing"),
-        ({"mixes": True}, (1.0, -2 * POLICY.shared), False, "processing"),
-        ({"mixes": True}, (1.0, 0.5 * POLICY.shared), False, "ground"),
+        ({"mixes": True}, (1.0, 2 * POLICY.negligible), False, "processing"),
+        ({"mixes": True}, (1.0, -2 * POLICY.negligible), False, "processing"),
+        ({"mixes": True}, (1.0, 0.5 * POLICY.negligible), False, "ground"),
         ({"mixes": True}, (1.0,), False, "ground"),
-        ({}, (1.0, 2 * POLICY.shared), False, "ground"),
+        ({}, (1.0, 2 * POLICY.negligible), False, "ground"),
         # A gain that follows the signal levels the noise too.
         ({"levels": True}, (1.0,), True, "processing"),
         ({"levels": True}, (1.0,), False, "ground"),
