@@ -108,17 +108,28 @@ class Posterior:
         return sum(one.probability for one in self.weighed if one.kind in kinds)
 
     @property
+    def beside_leader(self) -> float:
+        """Probability of something unknown beside a known effect that alone holds most: that one is missing either way.
+
+        Where it does not hold most alone, it may only stand in for a part of the unknown.
+        """
+        first = self.weighed[0]
+        if first.kind != "effect" or first.probability < 0.5:
+            return 0.0
+        return sum(one.probability for one in self.weighed if one.kind == "unknown" and first.effects[0] in one.effects)
+
+    @property
     def verdict(self) -> str:
         """Adequate, missing-effect, unknown-effect or inconclusive.
 
         Nothing, or the unknown, is said where it holds most; a known effect, or a set of them, where it holds all but
-        what `Policy.held` leaves.
+        what `Policy.held` leaves, with or without more that is not known.
         """
         if self.of_kind("nothing") >= 0.5:
             return "adequate"
         if self.of_kind("unknown") >= 0.5:
             return "unknown-effect"
-        claimed = self.of_kind("effect", "two", "fault")
+        claimed = self.of_kind("effect", "two", "fault") + self.beside_leader
         return "missing-effect" if claimed >= POLICY.held else "inconclusive"
 
 

@@ -97,6 +97,24 @@ def test_the_verdict_is_read_off(weighed, verdict, size):
     assert sum(one.probability for one in found.smallest()) >= POLICY.held
 
 
+@pytest.mark.parametrize(
+    ("kind", "alone", "beside", "verdict"),
+    [
+        # Missing with or without the unknown; beside another effect; a stand-in for a part of the unknown; not sure.
+        ("effect", 0.86, ("x", "a"), "missing-effect"),
+        ("effect", 0.86, ("x", "b"), "inconclusive"),
+        ("effect", 0.49, ("x", "a"), "inconclusive"),
+        ("two", 0.86, ("x", "a"), "inconclusive"),
+        ("effect", 0.86, ("x",), "inconclusive"),
+    ],
+)
+def test_a_known_effect_that_is_missing_either_way_is_named(kind, alone, beside, verdict):
+    rest = 0.99 - alone if alone >= 0.5 else 0.47
+    known, unknown = Weighed(kind, ("a",), "load", alone), Weighed("unknown", beside, "ground", rest)
+    more = Weighed("overlooked", (), "", 1 - alone - rest)
+    assert Posterior((known, unknown, more)).verdict == verdict
+
+
 def test_prior_odds_are_spread_over_what_there_is():
     found = priors(Policy(), 40, 6, 3)
     assert set(found) == set(KINDS)
