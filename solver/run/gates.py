@@ -15,7 +15,7 @@ from solver.fit.held_out import HeldOut
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.run.floor import Floor
-from solver.run.trust import Gate, Trust, Verdict
+from solver.run.trust import DIAGNOSE, Gate, Trust, Verdict
 from solver.survey.anchors import Anchor
 from solver.trajectory.vehicle_pass import Pass
 
@@ -28,7 +28,6 @@ BEYOND = float(-ndtri(ALARM))
 #: Share of an error that the fit may take up before a check that passes says little.
 TAKEN_UP = 0.9
 
-DIAGNOSE = "`roadfiber diagnose RUN` says what the model lacks"
 CLOCK = "`roadfiber clock RUN` estimates the clocks' offset"
 
 

@@ -6,6 +6,8 @@ from typing import Literal
 
 #: Multiple of the expected misfit beyond which no route was found.
 POOR = 3.0
+#: What to do where the model leaves what noise does not.
+DIAGNOSE = "`roadfiber diagnose RUN` says what the model lacks"
 
 Verdict = Literal["passed", "failed", "open"]
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from solver.run.gates import DIAGNOSE
 from solver.run.report.parts import EXPORT, next_section, page, with_commands
+from solver.run.trust import DIAGNOSE
 from vision.contract import writing_into
 
 INDEX = "index.html"

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from solver.run.gates import DIAGNOSE
 from solver.run.report.joined import INDEX, join
 from solver.run.report.parts import page
+from solver.run.trust import DIAGNOSE
 
 EVIL = "<img src=x onerror=alert(1)>"
 
