@@ -111,7 +111,8 @@ class Posterior:
     def beside_leader(self) -> float:
         """Probability of something unknown beside a known effect that alone holds most: that one is missing either way.
 
-        Where it does not hold most alone, it may only stand in for a part of the unknown.
+        Where it does not hold most alone, it may only stand in for a part of the unknown. What is unknown at a stage
+        counts by its most probable case.
         """
         first = self.weighed[0]
         if first.kind != "effect" or first.probability < 0.5:
