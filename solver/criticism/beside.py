@@ -59,7 +59,7 @@ class Beside:
     @property
     def second(self) -> float:
         """Ln of the Bayes factor of a second effect against an inexact law of the first."""
-        fitted = {one.effect.name: one.told for one in self.seconds}
+        fitted = {one.effect.name: one.evidence for one in self.seconds}
         return max((fitted.get(s.effect.name, s.evidence) for s in self.table), default=0.0)
 
     @staticmethod

@@ -158,7 +158,7 @@ def score_candidate(score: Score, tried: Refit | None) -> Candidate:
     if strength > POLICY.found and abs(estimate) < POLICY.negligible * parameter.plausible:
         verdict = "negligible"
     elif strength > POLICY.found:
-        verdict = "inconclusive" if tried is not None and tried.lone else "present"
+        verdict = "present"
     elif detectable > 3 * parameter.plausible:
         verdict = "inconclusive"
     elif detectable < 0.5 * parameter.plausible:

@@ -141,18 +141,18 @@ def weighed(bench: Bench, tried: Mapping[str, Refit], asked: Asked) -> Weighing:
 
 def looked_beside(bench: Bench, tried: Mapping[str, Refit], asked: Asked) -> dict[str, Beside]:
     """What shows beside the best known effects, as long as that could bring them to the best, by effect."""
-    ranked = sorted((one for one in tried.values() if not one.effect.generic), key=lambda one: -one.told)
+    ranked = sorted((one for one in tried.values() if not one.effect.generic), key=lambda one: -one.evidence)
     variance = bench.scorer.variance
-    best = max((one.told for one in tried.values()), default=0.0)
+    best = max((one.evidence for one in tried.values()), default=0.0)
     fall = max((one.fall for one in tried.values()), default=0.0)
     besides: dict[str, Beside] = {}
     for one in ranked[: POLICY.besides]:
         hope = Beside.hope(one, fall, variance)
-        if one.told + hope < POLICY.found or one.told + hope < best - POLICY.far:
+        if one.evidence + hope < POLICY.found or one.evidence + hope < best - POLICY.far:
             continue
         beside = Beside.of(bench, one, asked)
         besides[one.effect.name] = beside
-        best = max(best, beside.refit.told + beside.tolerated)
+        best = max(best, beside.refit.evidence + beside.tolerated)
         fall = max(fall, one.fall + max((s.fall for s in beside.table), default=0.0))
     return besides
 

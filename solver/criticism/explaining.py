@@ -57,9 +57,9 @@ class Explainer:
             name = score.effect.name
             one = self.tried.get(name)
             if score.effect.generic:
-                found.append(self.unknown(score.effect, (name,), score.evidence if one is None else one.told, 1.0))
+                found.append(self.unknown(score.effect, (name,), score.evidence if one is None else one.evidence, 1.0))
             elif one is None or name not in besides:
-                found += self.alone(score.effect, score.evidence if one is None else one.told, one)
+                found += self.alone(score.effect, score.evidence if one is None else one.evidence, one)
             else:
                 found += self.with_beside(besides[name])
         alone = {one.effects[0]: one for one in found if one.kind == "effect"}
@@ -99,10 +99,10 @@ class Explainer:
         """A known effect whose law may be off, with a second one, or as a stand-in for a part of something unknown."""
         one = beside.refit
         name, stage = one.effect.name, one.effect.stage
-        least = one.told + beside.tolerated
+        least = one.evidence + beside.tolerated
         found = self.alone(one.effect, least, one)
         simpler = next(((name, alone.evidence) for alone in found), ("", 0.0))
-        fitted = {second.effect.name: second.told for second in beside.seconds if not second.pushed}
+        fitted = {second.effect.name: second.evidence for second in beside.seconds if not second.pushed}
         for score in beside.table:
             other = score.effect.name
             if score.effect.generic:

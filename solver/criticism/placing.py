@@ -25,7 +25,7 @@ def stage_of(discrepancy: Effect, scorer: Scorer, check: NoiseAudit) -> str:
     check : of the noise
     """
     model, across = discrepancy.discrepancy or Discrepancy(), scorer.fit.problem.law.across
-    mixed = model.mixes and len(across) > 1 and abs(across[1]) > POLICY.negligible
+    mixed = model.mixes and len(across) > 1 and abs(across[1]) > POLICY.mixed
     if mixed or (model.levels and check.leveled):
         return "processing"
     if model.before_and_behind and fixed_to_fiber(discrepancy, scorer):

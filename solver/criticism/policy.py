@@ -21,12 +21,11 @@ class Policy:
     tolerance : the same of what the fit leaves of an effect, by which its law may be off. CRITICISM.md; measured
     held : probability that the smallest set of explanations holds
     found : ln of the Bayes factor from which on an effect shows, and a discrepancy model is fitted in full
-    lone : ln of the Bayes factor up to which one pass does not speak for all, as the heaviest vehicle alone may clip
     leveled : ln of the Bayes factor for something unknown in the processing, of noise weaker where vehicles are loud
     bare : ln of a Bayes factor that is not worth more than a bare mention; known effects of many numbers are fitted in
         full unless their scores speak against them by more. Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773
-    negligible : share of its plausible size below which an effect is negligible even if present, and correlation of the
-        noise of neighboring channels that is: above it noise was mixed after it was read
+    negligible : share of its plausible size below which an effect is negligible even if present
+    mixed : correlation of the noise of neighboring channels above which noise was mixed after it was read
     extreme : root mean square of numbers, in plausible sizes, beyond which an effect is not what it is said to be
     racers, unknown_racers : how many are fitted in full, and how many discrepancy models among them
     besides : of how many known effects what they leave is looked at
@@ -49,10 +48,10 @@ class Policy:
     tolerance: float = 0.05
     held: float = 0.95
     found: float = 6.0
-    lone: float = 36.0
     leveled: float = 60.0
     bare: float = 1.0
     negligible: float = 0.1
+    mixed: float = 0.1
     extreme: float = 3.0
     racers: int = 11
     unknown_racers: int = 3

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from solver.criticism.directions import Directions
 from solver.criticism.policy import POLICY
-from solver.criticism.refit import Refit, counted, largest_share, loss, with_effect
+from solver.criticism.refit import Refit, counted, loss, with_effect
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
 from solver.criticism.slow_errors import slow_evidence
@@ -195,6 +195,7 @@ def race(
     # Falls of each fit in its last two rounds, as one may go on damping alone; not known at first.
     gained = [(np.inf, np.inf)] * len(running)
     for pace, left in [(1, ROUNDS)] * PACE + [(PACE, left) for left in range(ROUNDS - 1, 0, -1)]:
+        running = leaders_told(scorer, running)
         most = max((one.evidence for one in running), default=0.0)
         unended = [n for n, one in enumerate(running) if not one.solution.converged and (near[n] or pace == PACE)]
         going = [n for n in unended if n == 0 or goes_on(running[n], most, left * max(gained[n]), pace < PACE)]
@@ -202,17 +203,17 @@ def race(
         for n, (end, fall) in zip(going, led, strict=True):
             if pace == PACE:
                 gained[n] = gained[n][1], fall - running[n].fall
-            running[n] = replace(running[n], solution=end, fall=fall)
+            running[n] = running[n].at(end, fall)
     least = POLICY.stay * max((one.evidence for one in running), default=0.0)
     again = [one for one in running if one.single and one.evidence > max(least, POLICY.found)]
     ends = side_by_side(lambda one: run(one.fit, one.farther(weights), PACE * ROUNDS), again)
-    running += [replace(one, solution=end[0], fall=end[1]) for one, end in zip(again, ends, strict=True) if end]
+    running += [one.at(*end) for one, end in zip(again, ends, strict=True) if end]
     best: dict[str, Refit] = {}
     for one in running:
         name = one.effect.name
         if name not in best or one.fall > best[name].fall:
             best[name] = one
-    return {name: replace(one, lone=rests_on_one(scorer, one, course.counts)) for name, one in best.items()}
+    return best
 
 
 def goes_on(one: Refit, most: float, more: float, early: bool) -> bool:
@@ -244,7 +245,7 @@ def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
         (known, far), pace = start, FAR_PACE
         one, end = known, course.run(known.fit, far, pace)
         while end is not None:
-            one = replace(one, solution=end[0], fall=end[1])
+            one = one.at(*end)
             pace += PACE
             if one.solution.converged or pace > PACE * ROUNDS or one.hoped < POLICY.stay * leader.evidence:
                 break
@@ -255,8 +256,22 @@ def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
     better: dict[str, Refit] = {}
     for (known, _), one in zip(starts, side_by_side(gone, starts), strict=True):
         if one.fall > better.get(one.effect.name, known).fall:
-            better[one.effect.name] = replace(one, lone=rests_on_one(scorer, one, course.counts))
+            better[one.effect.name] = one
     return better
+
+
+def leaders_told(scorer: Scorer, running: Sequence[Refit]) -> list[Refit]:
+    """Fits on their way, the best one told from slow errors of the tracks where it has ended.
+
+    Wandering tracks explain much that such errors explain as well: what they lead by is no reason for others to stop.
+    """
+    running = list(running)
+    while not all(one.solution.converged for one in running):
+        first = max(range(len(running)), key=lambda n: running[n].evidence)
+        if running[first].slow is not None or not running[first].solution.converged:
+            break
+        running[first] = told_from_slow_errors(scorer, running[first])
+    return running
 
 
 def with_slow_errors(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
@@ -267,21 +282,16 @@ def with_slow_errors(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Re
     best, found = 0.0, dict[str, Refit]()
     for one in sorted(tried.values(), key=lambda one: -one.evidence):
         if one.evidence > best - POLICY.far:
-            one = told_from_slow_errors(scorer, one, Directions(one.fit, one.solution.state, variance=scorer.variance))
+            one = told_from_slow_errors(scorer, one)
         found[one.effect.name] = one
-        best = max(best, one.told)
+        best = max(best, one.evidence)
     return found
 
 
-def told_from_slow_errors(scorer: Scorer, one: Refit, there: Directions) -> Refit:
-    """A full fit, as of `with_slow_errors`; `there` is what was fitted, where it ended."""
+def told_from_slow_errors(scorer: Scorer, one: Refit, there: Directions | None = None) -> Refit:
+    """A full fit, as of `with_slow_errors`; `there` is what was fitted, where it ended, if it is made already."""
+    if one.slow is not None:
+        return one
+    there = there or Directions(one.fit, one.solution.state, variance=scorer.variance)
     before, after = (slow_evidence(at, scorer.variance) for at in (scorer, there))
     return replace(one, slow=min(after - before, 0.0))
-
-
-def rests_on_one(scorer: Scorer, refit: Refit, counts: Tensor) -> bool:
-    """Whether little is left of an effect's evidence, where there is not much, without the pass that gains most."""
-    alike = all(p.scope == "one" for p in refit.effect.amplitudes)
-    if not alike or not POLICY.found < refit.evidence < POLICY.lone:
-        return False
-    return refit.standing(-largest_share(scorer, refit, counts)) < POLICY.found / 2

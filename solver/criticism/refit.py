@@ -8,7 +8,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from solver.criticism.directions import Directions
 from solver.criticism.ending import Ending, sizes
 from solver.criticism.policy import POLICY
 from solver.criticism.score import Score
@@ -34,8 +33,8 @@ def counted(fit: MapFit, at: Linearized) -> Tensor:
     return at.weights.good / (1 + fit.added_variance(at.local, at.model)).sqrt()
 
 
-def misfit(fit: MapFit, state: State, counts: Tensor, model: Tensor | None = None) -> Tensor:
-    """Huber's loss of the whitened residual, of each sample, so that fits can be compared.
+def misfit(fit: MapFit, state: State, counts: Tensor, model: Tensor | None = None) -> float:
+    """Huber's loss of the whitened residual, so that fits can be compared.
 
     Parameters
     ----------
@@ -44,20 +43,12 @@ def misfit(fit: MapFit, state: State, counts: Tensor, model: Tensor | None = Non
     """
     model = fit.model(state) if model is None else model
     size = (fit.whiten(fit.unexplained(model) * (counts > 0)) * counts).abs()
-    return torch.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum(1)
+    return float(torch.where(size < HUBER, size**2, 2 * HUBER * size - HUBER**2).sum())
 
 
 def loss(fit: MapFit, state: State, counts: Tensor, model: Tensor | None = None) -> float:
     """Robust misfit plus priors; arguments as of `misfit`."""
-    return float(misfit(fit, state, counts, model).sum()) + fit.prior.total(state)
-
-
-def largest_share(without: Directions, refit: "Refit", counts: Tensor) -> float:
-    """Fall of the misfit of the one pass that gains most."""
-    fell = misfit(without.fit, without.state, counts) - misfit(refit.fit, refit.solution.state, counts)
-    traffic = without.fit.problem.traffic
-    gains = torch.zeros(traffic.passes, dtype=fell.dtype).index_add(0, traffic.pass_index, fell[traffic.sample_index])
-    return float(gains.max())
+    return misfit(fit, state, counts, model) + fit.prior.total(state)
 
 
 @dataclass(frozen=True)
@@ -70,9 +61,8 @@ class Refit:
     fit, solution : with it
     fall : how far the robust misfit fell
     before : `solver.criticism.sums.sharpness` of the fit without it
-    lone : one pass alone speaks for what, if it were there, all would show
     slow : what the tracks' slow errors explain beside it less what they explain without it, ln of Bayes factors; at
-        most 0
+        most 0, and None where that is not known yet
     """
 
     score: Score
@@ -80,23 +70,21 @@ class Refit:
     solution: Solution
     fall: float
     before: float
-    lone: bool = False
-    slow: float = 0.0
+    slow: float | None = None
 
     @property
     def effect(self) -> Effect:
         """The candidate."""
         return self.score.effect
 
+    def at(self, solution: Solution, fall: float) -> "Refit":
+        """The same fit elsewhere."""
+        return replace(self, solution=solution, fall=fall, slow=None)
+
     @property
     def evidence(self) -> float:
         """Ln of the Bayes factor, from that fall."""
         return self.standing(0.0)
-
-    @property
-    def told(self) -> float:
-        """That evidence, none where one pass alone speaks."""
-        return min(self.evidence, 0.0) if self.lone else self.evidence
 
     @property
     def hoped(self) -> float:
@@ -118,7 +106,7 @@ class Refit:
         variance, left = self.score.variance, self.ending.spectrum
         gain = (self.fall + more + self.paid) / variance - self.paid
         told = left.told(variance) - left.smaller(variance) + self.ending.sharpness - self.before
-        return gain / 2 - told + self.slow - float(np.log(self.score.trials))
+        return gain / 2 - told + (self.slow or 0.0) - float(np.log(self.score.trials))
 
     @cached_property
     def ending(self) -> Ending:

@@ -25,8 +25,8 @@ def scored(name: str, evidence: float, left: float = 0.0) -> Any:
     return SimpleNamespace(effect=KNOWN[name], evidence=evidence, fall=left, tolerated=spectrum.tolerated, trials=1)
 
 
-def fitted(name: str, told: float, fall: float = 0.0, *, pushed: bool = False) -> Any:
-    return SimpleNamespace(effect=KNOWN[name], told=told, evidence=told, fall=fall or 2 * told, pushed=pushed)
+def fitted(name: str, evidence: float, fall: float = 0.0, *, pushed: bool = False) -> Any:
+    return SimpleNamespace(effect=KNOWN[name], evidence=evidence, fall=fall or 2 * evidence, pushed=pushed)
 
 
 def left_by(one: Any, *table: Any, seconds: tuple[Any, ...] = ()) -> Beside:

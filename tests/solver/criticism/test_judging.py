@@ -262,9 +262,8 @@ def scored(name: str, evidence: float) -> Any:
     return SimpleNamespace(effect=KNOWN[name], evidence=evidence)
 
 
-def fitted(name: str, told: float, *, pushed: bool = False, evidence: float | None = None) -> Any:
-    evidence = told if evidence is None else evidence
-    return SimpleNamespace(effect=KNOWN[name], told=told, evidence=evidence, pushed=pushed)
+def fitted(name: str, evidence: float, *, pushed: bool = False) -> Any:
+    return SimpleNamespace(effect=KNOWN[name], evidence=evidence, pushed=pushed)
 
 
 def test_every_explanation_has_its_evidence(monkeypatch):
@@ -291,13 +290,6 @@ def test_every_explanation_has_its_evidence(monkeypatch):
     assert simpler["generic_twin", "gauge_length"] == simpler["gauge_length", "lowpass"] == ("gauge_length", 505.0)
     prior = {one.effects: one.prior for one in found}
     assert prior["generic_twin", "gauge_length"] < prior["generic_twin",] / 10
-
-
-def test_of_the_unknown_one_pass_does_not_speak_for_all(monkeypatch):
-    """A response of the ground for which one pass alone spoke was more probable than a pulse for which all did."""
-    lone = fitted("generic_kernel", 0.0, evidence=31.0)
-    found = explainer(monkeypatch, [scored("generic_kernel", 20.0)], {"generic_kernel": lone}).all({})[-1]
-    assert (found.kind, found.evidence) == ("unknown", 0.0)
 
 
 @pytest.mark.parametrize(("second", "names"), [(300.0, ("lowpass", "camber")), (600.0, ("camber", "lowpass"))])

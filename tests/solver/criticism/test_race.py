@@ -17,8 +17,8 @@ from solver.criticism.race import (
     elsewhere,
     from_far,
     goes_on,
+    leaders_told,
     race,
-    rests_on_one,
     started,
     started_elsewhere,
     unshifted,
@@ -68,10 +68,27 @@ def test_what_slow_errors_explain_as_well_is_no_evidence_of_an_effect(
     named = [replace(score, effect=KNOWN[name]) for name in (*after, "camber")]
     made = [replace(best, score=one, fit=one.effect.name) for one in named]
     made[2] = replace(made[2], fall=best.fall / 2)
-    monkeypatch.setattr(Refit, "evidence", property(lambda one: one.fall + one.slow))
+    monkeypatch.setattr(Refit, "evidence", property(lambda one: one.fall + (one.slow or 0.0)))
     found = with_slow_errors(scorer, {one.effect.name: one for one in made})
-    assert {name: one.slow for name, one in found.items()} == {GAUGE.name: -30.0, CLOCK.name: 0.0, "camber": 0.0}
-    assert found[GAUGE.name].told == best.fall - 30
+    assert {name: one.slow for name, one in found.items()} == {GAUGE.name: -30.0, CLOCK.name: 0.0, "camber": None}
+    assert found[GAUGE.name].evidence == best.fall - 30
+
+
+def test_who_leads_by_what_slow_errors_explain_as_well_stops_nobody(
+    scorer: Scorer, score: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wandering, behind, last = (replace(score, effect=KNOWN[name]) for name in ("track_jitter", "shear_lag", "camber"))
+    done, going = SimpleNamespace(converged=True), SimpleNamespace(converged=False)
+    made: Any = [(wandering, done, 500.0), (behind, going, 60.0), (last, done, 40.0)]
+    running = [Refit(one, one.effect.name, at, fall, 0.0) for one, at, fall in made]
+    monkeypatch.setattr(Refit, "evidence", property(lambda one: one.fall + (one.slow or 0.0)))
+    monkeypatch.setattr(criticism_race, "told_from_slow_errors", lambda scorer, one: replace(one, slow=-490.0))
+    led = leaders_told(scorer, running)
+    # The second leads then, and has not ended; the third is behind either way.
+    assert [one.slow for one in led] == [-490.0, None, None]
+    assert led[0].at(running[0].solution, 510.0).slow is None, "it has gone on"
+    ended = [replace(one, solution=done) for one in running]
+    assert leaders_told(scorer, ended) == ended, "nobody is left to stop"
 
 
 def test_a_fit_starts_toward_the_estimate_where_that_lowers_the_misfit(
@@ -191,33 +208,8 @@ def test_the_race_finds_the_size_and_the_winner(scorer: Scorer, score: Any) -> N
     best = found["gauge_length"]
     assert best.fall > found["clock_offset"].fall and best.evidence > POLICY.found
     assert best.estimate[0] == pytest.approx(LONGER, abs=5 * float(best.sigma[0]))
-    assert best.fit.problem.effects[-1] is GAUGE and not best.lone
+    assert best.fit.problem.effects[-1] is GAUGE
     assert best.solution.converged and found["clock_offset"].solution.iterations == 0, "seen to be behind at its start"
-
-
-def refit(evidence: float, share: float, scope: str = "one") -> Any:
-    """A refit of so much evidence, of which one pass has a share."""
-    effect = SimpleNamespace(amplitudes=[SimpleNamespace(scope=scope)])
-    return SimpleNamespace(effect=effect, evidence=evidence, standing=lambda more: evidence + more / 2, share=share)
-
-
-@pytest.mark.parametrize(
-    ("evidence", "share", "scope", "lone"),
-    [
-        (2.0 * POLICY.found, 1.6 * POLICY.found, "one", True),
-        (2.0 * POLICY.found, 1.4 * POLICY.found, "one", False),  # enough is left
-        (2.0 * POLICY.found, 1.6 * POLICY.found, "pass", False),  # each pass has its own number
-        (0.9 * POLICY.found, 0.9 * POLICY.found, "one", False),  # nothing was claimed
-        (1.01 * POLICY.lone, 1.01 * POLICY.lone, "one", False),  # there is much
-    ],
-)
-def test_evidence_rests_on_one_pass_where_little_is_left_without_it(
-    evidence: float, share: float, scope: str, lone: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    one = refit(evidence, share, scope)
-    monkeypatch.setattr("solver.criticism.race.largest_share", lambda scorer, refit, counts: 2 * refit.share)
-    nobody: Any = None
-    assert rests_on_one(nobody, one, nobody) is lone
 
 
 def test_a_fit_that_leads_nowhere_leaves_the_race_to_the_rest(

@@ -12,11 +12,10 @@ from roadfiber import growing
 from solver.cable.cable import Cable
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
-from solver.criticism import refit
 from solver.criticism.candidate import score_candidate
 from solver.criticism.ending import Ending
 from solver.criticism.marginal import Spectrum
-from solver.criticism.race import race, rests_on_one
+from solver.criticism.race import race
 from solver.criticism.refit import Refit, with_effect
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
@@ -44,33 +43,7 @@ def settled(found: Refit) -> Refit:
     return found
 
 
-def scorer(gains: list[float], monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A fit of as many passes, of two samples each, whose misfit the candidate lowers by these gains."""
-    passes = torch.arange(len(gains)).repeat_interleave(2)
-    traffic = SimpleNamespace(passes=len(gains), pass_index=passes, sample_index=torch.arange(len(passes)))
-    misfits = {"without": torch.tensor(gains).repeat_interleave(2) / 2, "with": torch.zeros(len(passes))}
-    monkeypatch.setattr(refit, "misfit", lambda fit, state, counts: misfits[fit if fit == "with" else "without"])
-    return SimpleNamespace(fit=SimpleNamespace(problem=SimpleNamespace(traffic=traffic)), state=None)
-
-
-@pytest.mark.parametrize(
-    ("name", "gains", "lone"),
-    [
-        ("clock_drift", [36.0, 0.0, 2.0, 3.0], True),
-        ("clock_drift", [10.0, 11.0, 10.0, 10.0], False),
-        # Enough to be believed of one heavy vehicle, or nothing that others would show.
-        ("saturation", [1000.0, 0.0, 5.0, 5.0], False),
-        ("braking", [36.0, 0.0, 2.0, 3.0], False),
-    ],
-)
-def test_what_all_would_show_is_not_claimed_on_the_word_of_one(
-    name: str, gains: list[float], lone: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = tried(name, sum(gains))
-    assert rests_on_one(scorer(gains, monkeypatch), found, torch.ones(0)) is lone
-
-
-def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_fit_gives_the_sigma_and_the_score_what_would_have_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     found = tried("gauge_length", 41.0)
     monkeypatch.setattr(Refit, "estimate", property(lambda self: np.array([1.0])))
     monkeypatch.setattr(Refit, "sigma", property(lambda self: np.array([0.02])))
@@ -81,8 +54,6 @@ def test_a_lone_word_is_inconclusive(monkeypatch: pytest.MonkeyPatch) -> None:
     assert said.detectable_size == float("inf")
     sharper = replace(found.score, sigma=np.array([0.05]))
     assert score_candidate(sharper, found).detectable_size == pytest.approx(0.25)
-    lone = settled(replace(found, lone=True))
-    assert score_candidate(found.score, lone).verdict == "inconclusive"
 
 
 @pytest.mark.parametrize(

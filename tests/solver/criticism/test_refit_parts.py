@@ -19,7 +19,6 @@ from solver.criticism.refit import (
     Refit,
     as_located,
     counted,
-    largest_share,
     loss,
     misfit,
     too_large,
@@ -83,7 +82,7 @@ SMALL, LARGE = 0.5 * HUBER, 3.0 * HUBER
 def test_the_robust_misfit_is_a_square_and_then_a_line(flat):
     residual = torch.tensor([[SMALL, 0.0], [-LARGE, 0.0], [SMALL, -LARGE]], dtype=torch.float64)
     square, line = SMALL**2, 2 * HUBER * LARGE - HUBER**2
-    found = misfit(flat, residual, torch.ones_like(residual))  # type: ignore[arg-type]
+    found = [misfit(flat, row, torch.ones_like(row)) for row in residual[:, None]]  # type: ignore[arg-type]
     np.testing.assert_allclose(found, [square, line, square + line])
     assert loss(flat, residual, torch.ones_like(residual)) == pytest.approx(2 * square + 2 * line + 7)  # type: ignore[arg-type]
 
@@ -91,7 +90,7 @@ def test_the_robust_misfit_is_a_square_and_then_a_line(flat):
 def test_the_robust_misfit_has_no_corner(flat):
     """Value and slope agree where the square ends."""
     at = torch.tensor([[HUBER - 1e-6], [HUBER], [HUBER + 1e-6]], dtype=torch.float64)
-    low, middle, high = misfit(flat, at, torch.ones_like(at)).tolist()  # type: ignore[arg-type]
+    low, middle, high = (misfit(flat, row, torch.ones_like(row)) for row in at[:, None])  # type: ignore[arg-type]
     assert middle == pytest.approx(HUBER**2)
     assert (middle - low) / 1e-6 == pytest.approx(2 * HUBER, rel=1e-5)
     assert (high - middle) / 1e-6 == pytest.approx(2 * HUBER, rel=1e-5)
@@ -99,9 +98,9 @@ def test_the_robust_misfit_has_no_corner(flat):
 
 def test_what_does_not_count_is_not_a_misfit(flat):
     residual = torch.tensor([[SMALL, LARGE]], dtype=torch.float64)
-    assert float(misfit(flat, residual, torch.tensor([[1.0, 0.0]]))[0]) == pytest.approx(SMALL**2)  # type: ignore[arg-type]
-    half = misfit(flat, residual, torch.tensor([[0.5, 0.0]]))  # type: ignore[arg-type]
-    assert float(half[0]) == pytest.approx((SMALL / 2) ** 2)
+    first, half = torch.tensor([[1.0, 0.0]]), torch.tensor([[0.5, 0.0]])
+    assert misfit(flat, residual, first) == pytest.approx(SMALL**2)  # type: ignore[arg-type]
+    assert misfit(flat, residual, half) == pytest.approx((SMALL / 2) ** 2)  # type: ignore[arg-type]
 
 
 def test_samples_count_less_where_the_model_is_not_sure():
@@ -109,17 +108,6 @@ def test_samples_count_less_where_the_model_is_not_sure():
     fit: Any = SimpleNamespace(added_variance=lambda local, model: added)
     at: Any = SimpleNamespace(weights=SimpleNamespace(good=torch.tensor([[1.0, 1.0, 0.0]])), local=None, model=None)
     assert counted(fit, at).tolist() == [[1.0, 0.5, 0.0]]
-
-
-def test_the_share_of_the_pass_that_gains_most(flat):
-    traffic = SimpleNamespace(passes=3, pass_index=torch.tensor([0, 0, 1, 2]), sample_index=torch.tensor([0, 1, 2, 1]))
-    before = torch.tensor([[1.0], [1.2], [0.3]], dtype=torch.float64)
-    scorer: Any = SimpleNamespace(
-        fit=SimpleNamespace(**vars(flat), problem=SimpleNamespace(traffic=traffic)), state=before
-    )
-    after: Any = Refit(score("camber"), flat, SimpleNamespace(state=torch.zeros_like(before)), 1.0, 0.0)  # type: ignore[arg-type]
-    # The second sample is of the first pass and of the third.
-    assert largest_share(scorer, after, torch.ones_like(before)) == pytest.approx(1.0 + 1.44)
 
 
 def test_evidence_is_of_the_full_fit_and_hope_of_its_next_step():
@@ -139,12 +127,6 @@ def test_a_size_pays_to_its_prior_however_inexact_the_base_model_is():
     assert one.paid == pytest.approx(16.0)
     loose = settled(replace(one, score=replace(one.score, variance=2.0)))
     assert loose.evidence == pytest.approx((80 + 16) / 2 / 2 - 8 - np.log(13) / 2)
-
-
-def test_one_pass_that_speaks_for_all_is_no_evidence():
-    one = ended("camber", [0.1], 80.0)
-    assert one.told == one.evidence > 0
-    assert settled(replace(one, lone=True)).told == 0.0
 
 
 def test_what_lets_all_else_be_told_less_sharply_is_more_probable():
