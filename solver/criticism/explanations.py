@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.criticism.policy import POLICY, Policy
+from solver.run.titles import lower
 
 #: Kinds of explanations; overlooked is something that shows, and of which no model has a trace.
 KINDS = ("nothing", "effect", "two", "fault", "unknown", "overlooked")
@@ -156,11 +157,15 @@ def title_of_explanation(one: Weighed, titles: Mapping[str, str]) -> str:
 
     >>> title_of_explanation(Weighed("unknown", ("generic_echo",), "interrogator", 0.1), {})
     'Something unknown (interrogator)'
+    >>> beside = Weighed("unknown", ("generic_echo", "camber"), "interrogator", 0.1)
+    >>> title_of_explanation(beside, {"camber": "Cambered road"})
+    'Something unknown (interrogator) beside cambered road'
     """
     if one.kind == "nothing":
         return "Nothing that would show"
     if one.kind == "overlooked":
         return "Something unnoticed"
     if one.kind == "unknown":
-        return f"Something unknown ({one.stage})"
+        known = [lower(titles.get(name, name)) for name in one.effects[1:]]
+        return " beside ".join([f"Something unknown ({one.stage})", *known])
     return titles.get(one.effects[0], one.effects[0]) + (", and more" if one.kind == "two" else "")

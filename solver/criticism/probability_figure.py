@@ -54,6 +54,7 @@ def explanations_shown(explanations: Sequence[Weighed]) -> list[Weighed]:
     unknown = [one for one in explanations if one.kind == "unknown"]
     rest = [one for one in explanations if one.kind != "unknown"]
     best = [one for one in rest if one.kind != "nothing"][:KNOWN]
-    together = [replace(unknown[0], probability=sum(one.probability for one in unknown))] if unknown else []
+    all_unknown = sum(one.probability for one in unknown)
+    together = [replace(one, effects=one.effects[:1], probability=all_unknown) for one in unknown[:1]]
     nothing = [one for one in rest if one.kind == "nothing"]
     return sorted([*best, *nothing, *together], key=lambda one: -one.probability)

@@ -132,9 +132,11 @@ def explanation_words(one: Weighed) -> str:
 
     >>> explanation_words(Weighed("unknown", ("generic_echo",), "interrogator", 0.1))
     'something unknown at the interrogator stage'
+    >>> explanation_words(Weighed("unknown", ("generic_echo", "camber"), "interrogator", 0.1))
+    'something unknown at the interrogator stage beside camber'
     """
     if one.kind == "unknown":
-        return f"something unknown at the {one.stage} stage"
+        return " beside ".join([f"something unknown at the {one.stage} stage", *one.effects[1:]])
     return " and ".join(one.effects) or "nothing"
 
 

@@ -6,6 +6,7 @@ import pytest
 from solver.criticism.explanations import KINDS, Explanation, Posterior, Weighed, priors
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY, Policy
+from solver.criticism.probability_figure import probability_line
 
 
 def effect(name: str, evidence: float, prior: float = 0.1) -> Explanation:
@@ -127,3 +128,11 @@ def test_the_policy_is_small_and_every_number_of_it_is_explained():
     assert len(names) <= 25
     explained = {name for line in text.splitlines() if " : " in line for name in line.split(" : ")[0].split(", ")}
     assert names == {name.strip() for name in explained}
+
+
+def test_all_that_is_unknown_is_one_in_a_line_whatever_it_stands_beside():
+    """Two stages, one of them beside an effect: their probabilities add up, and no effect is told for both."""
+    twin = Weighed("unknown", ("generic_twin", "camber"), "cable", 0.2)
+    echo = Weighed("unknown", ("generic_echo",), "interrogator", 0.1)
+    line = probability_line([Weighed("nothing", (), "", 0.7), twin, echo], [])
+    assert line == "Nothing that would show 70 %, Something unknown (cable) 30 %"
