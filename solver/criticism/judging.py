@@ -64,7 +64,7 @@ def judge(
         found = concluded(bench, "adequate", words, [absent(c) for c in listed])
     elif posterior.verdict == "inconclusive" or first.effect not in tried:
         found = undecided(bench, first, listed, posterior, asked)
-    elif first.verdict == "negligible":
+    elif first.verdict == "negligible" and explains_alone(first.effect, posterior):
         found = concluded(bench, "adequate", negligible_words(first, power_words(listed)), [absent(c) for c in listed])
     else:
         found = confirmed(bench, first, listed, tried, asked, weighing)
@@ -148,6 +148,11 @@ def confirmed(
     return concluded(
         bench, "missing-effect", words, leading(listed, replace(first, verdict="present")), separate=separate, left=left
     )
+
+
+def explains_alone(name: str, posterior: Posterior) -> bool:
+    """Whether a known effect is most probable without a second one: of two, one may be small until both are there."""
+    return next(one.kind for one in posterior.weighed if one.effects[:1] == (name,)) == "effect"
 
 
 def not_told_from(first: Candidate, posterior: Posterior, effects: Sequence[Effect]) -> tuple[str, ...]:

@@ -200,6 +200,13 @@ def test_what_shows_at_a_size_that_does_not_matter_is_not_missing():
     assert found.verdict == "adequate" and "road_bump shows, but is negligible" in found.words
 
 
+def test_of_two_that_explain_together_one_may_be_small_until_both_are_there():
+    """Soil that stiffens with depth fitted best at a twentieth of its size while the cable's shear lag was absent."""
+    listed = [candidate("gibson_soil", 80.0, verdict="negligible"), candidate("shear_lag", 7.0)]
+    found = judged(listed, share("two", 0.99, "gibson_soil", "shear_lag"), share("nothing", 0.01))
+    assert found.verdict == "missing-effect" and found.candidates[0].effect == "gibson_soil"
+
+
 @pytest.mark.parametrize(
     ("gain", "verdict"),
     [
