@@ -64,7 +64,8 @@ def judge(
         found = concluded(bench, "adequate", words, [absent(c) for c in listed])
     elif posterior.verdict == "inconclusive" or first.effect not in tried:
         found = undecided(bench, first, listed, posterior, asked)
-    elif first.verdict == "negligible" and explains_alone(first.effect, posterior):
+    elif first.verdict == "negligible" and second_of(first.effect, posterior) is None:
+        # Of two effects one may be small until both are there.
         found = concluded(bench, "adequate", negligible_words(first, power_words(listed)), [absent(c) for c in listed])
     else:
         found = confirmed(bench, first, listed, tried, asked, weighing)
@@ -150,9 +151,10 @@ def confirmed(
     )
 
 
-def explains_alone(name: str, posterior: Posterior) -> bool:
-    """Whether a known effect is most probable without a second one: of two, one may be small until both are there."""
-    return next(one.kind for one in posterior.weighed if one.effects[:1] == (name,)) == "effect"
+def second_of(name: str, posterior: Posterior) -> str | None:
+    """The effect with which a known one is most probable; None where that one suffices."""
+    best = next((one for one in posterior.weighed if one.effects[:1] == (name,)), None)
+    return best.effects[1] if best is not None and best.kind == "two" else None
 
 
 def not_told_from(first: Candidate, posterior: Posterior, effects: Sequence[Effect]) -> tuple[str, ...]:
@@ -182,11 +184,10 @@ def leading(listed: Sequence[Candidate], first: Candidate) -> tuple[Candidate, .
 
 def best_pair(name: str, weighing: Weighing) -> Refit | None:
     """The fit with a known effect and the one that explains most beside it; None where one suffices, or no such fit."""
-    best = next((one for one in weighing.posterior.weighed if one.effects[:1] == (name,)), None)
-    beside = weighing.besides.get(name)
-    if best is None or best.kind != "two" or beside is None:
+    second, beside = second_of(name, weighing.posterior), weighing.besides.get(name)
+    if second is None or beside is None:
         return None
-    return next((one for one in beside.seconds if one.effect.name in best.effects), None)
+    return next((one for one in beside.seconds if one.effect.name == second), None)
 
 
 def gain_of(scorer: Scorer, winner: Refit) -> HeldOutGain | None:
