@@ -91,7 +91,7 @@ def generic_train(load: Load, p: Values, survey: Surroundings) -> Load:
     reach = [sign * meters for sign in (1, -1) for meters in TRAIN]
     along = torch.tensor(reach, dtype=torch.float64)[:, None] * driven.heading[..., None, :]
     share = torch.stack([p[f"{way}_{meters}"] for way in ("before", "behind") for meters in TRAIN], -1)
-    return load.joined(driven.position[..., None, :] + along, share)
+    return load.joined(load.whole_at(driven.position[..., None, :] + along).scaled(share))
 
 
 @effect(
@@ -109,7 +109,7 @@ def generic_train(load: Load, p: Values, survey: Surroundings) -> Load:
 def generic_twin(load: Load, p: Values, survey: Surroundings) -> Load:
     """A share of every wheel's load once more, aside: a fiber beside this one sees the road that far away."""
     across = torch.stack([torch.zeros_like(p["aside"]), p["aside"]], -1)
-    return load.joined(load.position + across, p["share"] * load.share)
+    return load.joined(replace(load, position=load.position + across).scaled(p["share"].reshape(1, 1, 1)))
 
 
 EFFECTS = (

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 def table_rate(
     offset: Tensor, velocity: Tensor, ratio: Tensor, away: Tensor, parabolas: Tensor, table: RadialTable, length: Tensor
 ) -> Tensor | None:
-    """Displacement rate [..., 3] of the ground while the load moves, 1/(m s), as of `corrected_rate`.
+    """Displacement rate [..., 3] of the ground while the load moves, 1/(m s), as of `Corrected.rate`.
 
     Differentiable once, in backward mode, with respect to offset, velocity and Poisson's ratio.
 

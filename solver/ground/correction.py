@@ -1,6 +1,7 @@
 """Boussinesq's response plus a tabulated correction."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -42,61 +43,79 @@ class Tables:
         return self._around[key]
 
 
-def corrected_displacement(tables: Tables, offset: Tensor, poisson_ratio: Ratio, length: Ratio) -> Tensor:
-    """Displacement [..., 3] of the ground, 1/m, in the unit of the table.
+@dataclass(frozen=True)
+class Corrected:
+    """A ground that tables tell from Boussinesq's.
 
     Parameters
     ----------
     tables : of the correction
-    offset : [..., 3], ground point minus load point, m
-    poisson_ratio : scalar or [...]
-    length : scalar, the table's unit of length, m
+    length : scalar, the tables' unit of length, m
+    compliance : scalar, by which the response is multiplied; None for 1
     """
 
-    def total(offset: Tensor, nu: Tensor, length: Tensor) -> Tensor:
-        radial, _, vertical, _ = interpolate(*_places(offset, length), nu)
-        horizontal = offset[..., :2] * (radial / length**2)[..., None]
-        return displacement(offset, nu) + torch.cat([horizontal, (vertical / length)[..., None]], -1)
+    tables: Tables
+    length: Ratio
+    compliance: Ratio | None = None
 
-    nu, interpolate = _interpolation(tables, poisson_ratio)
-    return in_blocks(total, [offset], [nu, length]).to(offset.dtype)
+    def displacement(self, offset: Tensor, poisson_ratio: Ratio) -> Tensor:
+        """Displacement [..., 3] of the ground under a load at rest, 1/m, in the unit of the tables.
 
+        Parameters
+        ----------
+        offset : [..., 3], ground point minus load point, m
+        poisson_ratio : scalar or [...]
+        """
 
-def corrected_rate(tables: Tables, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio, length: Ratio) -> Tensor:
-    """Displacement rate [..., 3] of the ground while the load moves, 1/(m s).
+        def total(offset: Tensor, nu: Tensor, length: Tensor) -> Tensor:
+            radial, _, vertical, _ = interpolate(*_places(offset, length), nu)
+            horizontal = offset[..., :2] * (radial / length**2)[..., None]
+            return displacement(offset, nu) + torch.cat([horizontal, (vertical / length)[..., None]], -1)
 
-    With u_h = h a / L^2, u_z = b / L, t = ln(1 + r^2 / L^2) / 2: dt/dt = -(h . v) / (L^2 + r^2), dh/dt = -v_h.
+        nu, interpolate = self._interpolation(poisson_ratio)
+        return self._scaled(in_blocks(total, [offset], [nu, self.length]), offset)
 
-    Parameters
-    ----------
-    tables, offset, poisson_ratio, length : see `corrected_displacement`
-    velocity : [..., 2], horizontal velocity of the load, m/s
-    """
+    def rate(self, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
+        """Displacement rate [..., 3] of the ground while the load moves, 1/(m s).
 
-    def total(offset: Tensor, velocity: Tensor, nu: Tensor, length: Tensor) -> Tensor:
-        (x, y, _), (vx, vy) = offset.unbind(-1), velocity.unbind(-1)
-        square, depth = _places(offset, length)
-        radial, radial_slope, _, vertical_slope = interpolate(square, depth, nu)
-        passed = -(x * vx + y * vy) / (length * length * (1 + square))
-        a, grown = radial / length**2, radial_slope * passed / length**2
-        extra = torch.stack([x * grown - vx * a, y * grown - vy * a, vertical_slope * passed / length], -1)
-        return displacement_rate(offset, velocity, nu) + extra
+        With u_h = h a / L^2, u_z = b / L, t = ln(1 + r^2 / L^2) / 2: dt/dt = -(h . v) / (L^2 + r^2), dh/dt = -v_h.
 
-    nu, interpolate = _interpolation(tables, poisson_ratio)
-    plain = table_rate(offset, velocity, nu, *interpolate.by_ratio(nu), double(length))
-    return in_blocks(total, [offset, velocity], [nu, length]).to(offset.dtype) if plain is None else plain
+        Parameters
+        ----------
+        offset, poisson_ratio : see `displacement`
+        velocity : [..., 2], horizontal velocity of the load, m/s
+        """
+
+        def total(offset: Tensor, velocity: Tensor, nu: Tensor, length: Tensor) -> Tensor:
+            (x, y, _), (vx, vy) = offset.unbind(-1), velocity.unbind(-1)
+            square, depth = _places(offset, length)
+            radial, radial_slope, _, vertical_slope = interpolate(square, depth, nu)
+            passed = -(x * vx + y * vy) / (length * length * (1 + square))
+            a, grown = radial / length**2, radial_slope * passed / length**2
+            extra = torch.stack([x * grown - vx * a, y * grown - vy * a, vertical_slope * passed / length], -1)
+            return displacement_rate(offset, velocity, nu) + extra
+
+        nu, interpolate = self._interpolation(poisson_ratio)
+        moved = table_rate(offset, velocity, nu, *interpolate.by_ratio(nu), double(self.length))
+        if moved is None:
+            moved = in_blocks(total, [offset, velocity], [nu, self.length])
+        return self._scaled(moved, offset)
+
+    def _scaled(self, moved: Tensor, offset: Tensor) -> Tensor:
+        """A response as compliant as the ground is, as precise as the offset."""
+        moved = moved.to(offset.dtype)
+        return moved if self.compliance is None else moved * double(self.compliance).to(offset.dtype)
+
+    def _interpolation(self, poisson_ratio: Ratio) -> tuple[Tensor, RadialTable | RatioTable]:
+        """Poisson ratio as a tensor, and the table of r^2, depth and it."""
+        nu = double(poisson_ratio)
+        if nu.numel() == 1:
+            return nu.reshape(()), self.tables.at(nu)
+        # The equations of nearly incompressible layers are ill-conditioned: all three ratios stay below one half.
+        middle = nu.detach().mean().double().clamp(max=0.49 - SPREAD)
+        return nu, self.tables.around(middle)
 
 
 def _places(offset: Tensor, length: Tensor) -> tuple[Tensor, Tensor]:
     x, y, z = (offset / length).unbind(-1)
     return x * x + y * y, z
-
-
-def _interpolation(tables: Tables, poisson_ratio: Ratio) -> tuple[Tensor, RadialTable | RatioTable]:
-    """Poisson ratio as a tensor, and the table of r^2, depth and it."""
-    nu = double(poisson_ratio)
-    if nu.numel() == 1:
-        return nu.reshape(()), tables.at(nu)
-    # The equations of nearly incompressible layers are ill-conditioned: all three ratios stay below one half.
-    middle = nu.detach().mean().double().clamp(max=0.49 - SPREAD)
-    return nu, tables.around(middle)

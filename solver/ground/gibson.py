@@ -5,8 +5,8 @@ import math
 import torch
 from torch import Tensor
 
-from solver.ground.boussinesq import Ratio, Response
-from solver.ground.correction import Tables, corrected_displacement, corrected_rate
+from solver.ground.boussinesq import Ratio
+from solver.ground.correction import Corrected, Tables
 from solver.ground.images import images
 from solver.ground.layer_stack import Stack
 from solver.ground.layered import boussinesq_traction, scalar
@@ -41,7 +41,7 @@ def gibson_displacement(offset: Tensor, poisson_ratio: Ratio, gradient: Ratio) -
     >>> gibson_displacement(point, 0.25, 1.0)
     tensor([-0.0052, -0.0017,  0.0578], dtype=torch.float64)
     """
-    return corrected_displacement(gibson_tables(gradient), offset, poisson_ratio, LENGTH)
+    return stiffening(gradient).displacement(offset, poisson_ratio)
 
 
 def gibson_displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio, gradient: Ratio) -> Tensor:
@@ -60,13 +60,12 @@ def gibson_displacement_rate(offset: Tensor, velocity: Tensor, poisson_ratio: Ra
     >>> gibson_displacement_rate(point, velocity, 0.25, 0.0)  # Boussinesq
     tensor([0.2027, 0.0309, 1.4559])
     """
-    return gibson_response(gradient)(offset, velocity, poisson_ratio)
+    return stiffening(gradient).rate(offset, velocity, poisson_ratio)
 
 
-def gibson_response(gradient: Ratio) -> Response:
-    """`gibson_displacement_rate` as a function of offset, velocity and Poisson's ratio; its tables are built once."""
-    tables = gibson_tables(gradient)
-    return lambda offset, velocity, poisson_ratio: corrected_rate(tables, offset, velocity, poisson_ratio, LENGTH)
+def stiffening(gradient: Ratio) -> Corrected:
+    """Ground that stiffens by `gradient`, 1/m; its tables are built once."""
+    return Corrected(Tables(lambda poisson_ratio: gibson_table(poisson_ratio, scalar(gradient))), LENGTH)
 
 
 def gibson_table(poisson_ratio: Tensor, gradient: Tensor) -> RadialTable:
@@ -101,8 +100,3 @@ def gibson_table(poisson_ratio: Tensor, gradient: Tensor) -> RadialTable:
         torch.cat([smooth, bottom[-1:]]),
     )
     return RadialTable.of(cells, hankel)
-
-
-def gibson_tables(gradient: Ratio) -> Tables:
-    """Tables, for any Poisson's ratio, of a ground that stiffens by `gradient`, 1/m."""
-    return Tables(lambda poisson_ratio: gibson_table(poisson_ratio, scalar(gradient)))

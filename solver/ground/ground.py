@@ -17,7 +17,8 @@ class Ground:
     ----------
     response : (offset [..., 3], velocity [..., 2], Poisson's ratio) -> displacement rate [..., 3] of a unit load; None:
         Boussinesq's
-    settlement : (offset, Poisson's ratio) -> displacement [..., 3] of a unit load; None: Boussinesq's
+    settlement : (offset, Poisson's ratio) -> displacement [..., 3] of a unit load, by which loads act that change, as
+        under vehicles that bounce; None: Boussinesq's
     compliance : strain at a place over that of the base model
     poisson_change : added to Poisson's ratio at a place
     radiation : (offset [..., 3], velocity [..., 2], time [row, 1, ...], s) -> velocity [..., 3] of the ground in the

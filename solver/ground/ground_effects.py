@@ -8,9 +8,10 @@ import torch
 from torch import Tensor
 
 from solver.effect import Fitted, Parameter, Plain, Setting, Start, Surroundings, effect, grown, percent
-from solver.ground.gibson import gibson_response
+from solver.ground.correction import Corrected
+from solver.ground.gibson import stiffening
 from solver.ground.ground import Ground
-from solver.ground.layered import layered_response, pavement_response
+from solver.ground.layered import layered, paved
 from solver.ground.moving import moving_displacement_rate
 from solver.ground.waves import loudest_waves, sent_from
 
@@ -94,6 +95,11 @@ def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Groun
     return replace(ground, compliance=compliance)
 
 
+def of_law(ground: Ground, law: Corrected) -> Ground:
+    """The ground with a law of its own, under loads that move and under loads that change."""
+    return replace(ground, response=law.rate, settlement=law.displacement)
+
+
 def soft_on_stiff(fitted: Fitted) -> Start:
     """Two meters three times softer than what is below, as ground is that stiffens with depth.
 
@@ -124,7 +130,7 @@ def soft_on_stiff(fitted: Fitted) -> Start:
 )
 def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Shear modulus of the layer over that below is exp(log_ratio)."""
-    return replace(ground, response=layered_response(p["log_ratio"], p["thickness"]))
+    return of_law(ground, layered(p["log_ratio"], p["thickness"]))
 
 
 @effect(
@@ -139,7 +145,7 @@ def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 )
 def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Stiffness is (G_pavement / G_ground - 1) times thickness, of 0.2 m."""
-    return replace(ground, response=pavement_response(p["stiffness"]))
+    return of_law(ground, paved(p["stiffness"]))
 
 
 @effect(
@@ -156,7 +162,7 @@ def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 )
 def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Shear modulus that grows linearly with depth."""
-    return replace(ground, response=gibson_response(p["gradient"]))
+    return of_law(ground, stiffening(p["gradient"]))
 
 
 @effect(

@@ -3,8 +3,8 @@
 import torch
 from torch import Tensor
 
-from solver.ground.boussinesq import Ratio, Response
-from solver.ground.correction import Tables, corrected_displacement, corrected_rate
+from solver.ground.boussinesq import Ratio
+from solver.ground.correction import Corrected, Tables
 from solver.ground.images import images
 from solver.ground.layer_stack import Stack
 from solver.ground.response_table import Cells, RadialTable
@@ -36,7 +36,7 @@ def layered_displacement(offset: Tensor, poisson_ratio: Ratio, log_ratio: Ratio,
     >>> layered_displacement(point, 0.25, 0.7, 2.0)
     tensor([-0.0520, -0.0173,  0.9450], dtype=torch.float64)
     """
-    return corrected_displacement(layered_tables(torch.expm1(-scalar(log_ratio))), offset, poisson_ratio, thickness)
+    return layered(log_ratio, thickness).displacement(offset, poisson_ratio)
 
 
 def layered_displacement_rate(
@@ -57,13 +57,12 @@ def layered_displacement_rate(
     >>> layered_displacement_rate(point, velocity, 0.25, 0.0, 2.0)  # Boussinesq
     tensor([0.2027, 0.0309, 1.4559])
     """
-    return layered_response(log_ratio, thickness)(offset, velocity, poisson_ratio)
+    return layered(log_ratio, thickness).rate(offset, velocity, poisson_ratio)
 
 
-def layered_response(log_ratio: Ratio, thickness: Ratio) -> Response:
-    """`layered_displacement_rate` as a function of offset, velocity and Poisson's ratio; its tables are built once."""
-    tables = layered_tables(torch.expm1(-scalar(log_ratio)))
-    return lambda offset, velocity, poisson_ratio: corrected_rate(tables, offset, velocity, poisson_ratio, thickness)
+def layered(log_ratio: Ratio, thickness: Ratio) -> Corrected:
+    """A layer on ground of another stiffness, see `layered_displacement`; its tables are built once."""
+    return Corrected(layered_tables(torch.expm1(-scalar(log_ratio))), thickness)
 
 
 def pavement_displacement_rate(
@@ -89,18 +88,13 @@ def pavement_displacement_rate(
     >>> pavement_displacement_rate(point, velocity, 0.25, 3.8)  # 0.2 m, twenty times as stiff
     tensor([0.2883, 0.1261, 1.3303], dtype=torch.float64)
     """
-    return pavement_response(stiffness, thickness)(offset, velocity, poisson_ratio)
+    return paved(stiffness, thickness).rate(offset, velocity, poisson_ratio)
 
 
-def pavement_response(stiffness: Ratio, thickness: Ratio = 0.2) -> Response:
-    """`pavement_displacement_rate` as a function of offset, velocity and Poisson's ratio; its tables are built once."""
+def paved(stiffness: Ratio, thickness: Ratio = 0.2) -> Corrected:
+    """Ground under a thin stiff layer, see `pavement_displacement_rate`; its tables are built once."""
     excess = scalar(stiffness) / thickness
-    tables = layered_tables(-excess / (1 + excess))
-
-    def response(offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
-        return corrected_rate(tables, offset, velocity, poisson_ratio, thickness) / (1 + excess).to(offset.dtype)
-
-    return response
+    return Corrected(layered_tables(-excess / (1 + excess)), thickness, 1 / (1 + excess))
 
 
 def layered_table(poisson_ratio: Tensor, contrast: Tensor) -> RadialTable:

@@ -9,6 +9,9 @@ from torch import Tensor
 
 from solver.trajectory.trajectory import Trajectory
 
+#: Forces of wheels on the road, and how fast these change.
+FORCES = ("share", "share_rate", "thrust", "thrust_rate")
+
 
 @dataclass(frozen=True)
 class Load:
@@ -76,25 +79,30 @@ class Load:
         steady = self.share_rate is None and not isinstance(along_rate, Tensor)
         return replace(self, thrust=thrust, thrust_rate=self.thrust_rate if steady else thrust_rate)
 
-    def joined(self, position: Tensor, share: Tensor) -> "Load":
-        """With more wheels: position [row, 1 or channel, wheel, 2], share [row, 1 or channel, wheel]."""
-        lead = np.broadcast_shapes(self.share.shape[:-1], share.shape[:-1])
+    @property
+    def forces(self) -> dict[str, Tensor]:
+        """The forces that there are, and their rates, [row, 1 or channel, wheel, ...] each."""
+        return {name: x for name, x in self.tensors.items() if name in FORCES}
 
-        def both(one: Tensor, other: Tensor, tail: int) -> Tensor:
-            cut = one.shape[len(one.shape) - tail :], other.shape[len(other.shape) - tail :]
-            return torch.cat([one.expand(*lead, *cut[0]), other.expand(*lead, *cut[1])], len(lead))
+    def scaled(self, by: Tensor) -> "Load":
+        """All forces times `by` [row, 1 or channel, 1 or wheel]."""
+        scaled = {name: x * by.reshape(*by.shape, *[1] * (x.ndim - by.ndim)) for name, x in self.forces.items()}
+        return self.with_tensors(self.tensors | scaled)
 
-        rate = None if self.share_rate is None else both(self.share_rate, torch.zeros_like(share), 1)
-        none = torch.zeros_like(position)
-        thrust, thrust_rate = (None if x is None else both(x, none, 2) for x in (self.thrust, self.thrust_rate))
-        return replace(
-            self,
-            position=both(self.position, position, 2),
-            share=both(self.share, share, 1),
-            share_rate=rate,
-            thrust=thrust,
-            thrust_rate=thrust_rate,
-        )
+    def whole_at(self, position: Tensor) -> "Load":
+        """The whole force of each vehicle on every wheel of others, at `position` [row, 1 or channel, wheel, 2]."""
+        count = position.shape[2]
+        whole = {name: x.sum(2, keepdim=True).expand(-1, -1, count, *x.shape[3:]) for name, x in self.forces.items()}
+        return self.with_tensors(self.tensors | whole | {"position": position})
+
+    def joined(self, other: "Load") -> "Load":
+        """With the wheels of another load of the same vehicles and kinds of forces besides."""
+        others, both = other.tensors, dict[str, Tensor]()
+        for name, mine in self.tensors.items():
+            if name in ("position", *FORCES):
+                lead = np.broadcast_shapes(mine.shape[:2], others[name].shape[:2])
+                both[name] = torch.cat([one.expand(*lead, *one.shape[2:]) for one in (mine, others[name])], 2)
+        return self.with_tensors(self.tensors | both)
 
 
 def added(before: Tensor | None, more: Tensor) -> Tensor:

@@ -136,8 +136,8 @@ def long_vehicle(load: Load, p: Values, survey: Surroundings) -> Load:
     share = p["share"] * heavy[:, None].double()
     along = p["length"] * torch.linspace(-0.5, 0.5, 5, dtype=torch.float64)
     where = load.trajectory.position[..., None, :] + along[:, None] * load.trajectory.heading[..., None, :]
-    kept = replace(load, share=load.share * (1 - share[..., None]))
-    return kept.joined(where, share[..., None].expand(*share.shape, 5) / 5)
+    share = share[..., None]
+    return load.scaled(1 - share).joined(load.whole_at(where).scaled(share / 5))
 
 
 @effect(

@@ -12,7 +12,7 @@ from torch import Tensor
 from solver.cable.fiber import Fiber
 from solver.effect import BY_ROW
 from solver.ground.ground import Ground
-from solver.load.load import Load
+from solver.load.load import FORCES, Load
 from solver.load.wheel_layout import wheel_loads
 from solver.signal_path.autodiff import pushed_ways
 from solver.signal_path.extension import NONE, Extension, Values
@@ -28,8 +28,6 @@ from solver.trajectory.trajectory import Trajectory
 Grounds = Callable[[slice | Tensor], Ground]
 #: Gauge points, over all rows, that are computed together.
 BLOCK = 16384
-#: Forces of wheels on the road other than constant weight.
-FORCES = ("share_rate", "thrust", "thrust_rate")
 
 
 @dataclass(frozen=True)
@@ -120,8 +118,7 @@ class SignalPath:
         """
         rows = len(load.share)
         here = ground(slice(0, 1))
-        others = here.response, here.radiation, *map(load.tensors.get, FORCES)
-        plain = all(one is None for one in others)
+        plain = here.response is None and here.radiation is None and load.forces.keys() == {"share"}
         return spans(rows, rows if plain else BLOCK // gauges.points.shape[:2].numel())
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
@@ -222,7 +219,7 @@ def spans(rows: int, count: int) -> list[slice]:
 
 def differentiated(load: Load) -> list[str]:
     """Names of the tensors of a load that strain rate is differentiated by: nothing else depends on the channel."""
-    return [name for name in load.tensors if name in ("position", "share", *FORCES, "trajectory.velocity")]
+    return [name for name in load.tensors if name in ("position", *FORCES, "trajectory.velocity")]
 
 
 def leaf(x: Tensor, *whole: int) -> Tensor:

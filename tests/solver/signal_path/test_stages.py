@@ -7,10 +7,13 @@ import pytest
 import torch
 
 from solver.cable.cable import Cable
+from solver.catalogue.catalogue import built_in
+from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.ground.ground import Ground
 from solver.ground.tangential import tangential_displacement
 from solver.interrogator.interrogator import Interrogator
 from solver.load.load import Load
+from solver.load.wheel_layout import CLASSES
 from solver.processing.processing import Processing
 from solver.signal_path.ground_motion import motions, total_motion
 from solver.trajectory.trajectory import Trajectory
@@ -146,18 +149,49 @@ def test_time_since_a_place_is_right_for_vehicles_that_brake():
     assert float(slope) == pytest.approx(len(time) * (-1 / 10 + 1 / 12 - 1 / 10), rel=1e-6)
 
 
-def test_joined_wheels_stand_beside_the_others(load):
+def test_a_share_of_all_forces_on_more_wheels_leaves_their_sum(load):
     rich = load.modulated(tensor([2.0], [2.0]), tensor([1.0], [1.0])).pushing(along=0.1)
-    joined = rich.joined(tensor([[[0.0, 0.0]]]).expand(2, 1, 1, 2), tensor([[0.3]], [[0.2]]))
-    assert joined.position.shape == (2, 1, 3, 2) and joined.share[:, 0, 2].tolist() == [0.3, 0.2]
-    assert joined.share_rate is not None and joined.thrust is not None
-    assert joined.share_rate[:, 0, 2].tolist() == [0.0, 0.0] and joined.thrust[:, 0, 2].abs().max() == 0
-    assert torch.equal(joined.share_rate[..., :2], rich.share_rate)
+    share, where = tensor([[0.3]], [[0.0]]), tensor([[[0.0, 0.0], [1.0, 0.0]]]).expand(2, 1, 2, 2)
+    moved = rich.scaled(1 - share).joined(rich.whole_at(where).scaled(share / 2))
+    assert moved.position.shape == (2, 1, 4, 2)
+    torch.testing.assert_close(moved.share[0, 0], tensor(0.84, 0.56, 0.3, 0.3))
+    torch.testing.assert_close(moved.share[1, 0], tensor(1.0, 1.0, 0.0, 0.0))
+    for name in ("share", "share_rate", "thrust", "thrust_rate"):
+        torch.testing.assert_close(getattr(moved, name).sum(2), getattr(rich, name).sum(2))
 
 
 def test_joined_wheels_may_stand_elsewhere_for_each_channel(load):
-    joined = load.joined(torch.zeros(2, 5, 1, 2, dtype=torch.float64), torch.ones(2, 5, 1, dtype=torch.float64))
-    assert joined.position.shape == (2, 5, 3, 2) and joined.share.shape == (2, 5, 3)
+    joined = load.joined(load.whole_at(torch.zeros(2, 5, 1, 2, dtype=torch.float64)))
+    assert joined.position.shape == (2, 5, 3, 2) and joined.share.shape == (2, 1, 3)
+
+
+def test_a_long_vehicle_bounces_as_a_whole_whichever_effect_comes_first(load):
+    """Loads of all axles, and how fast they change."""
+    known, survey = built_in(), Trial(built_in()["long_vehicle"], *trial_survey()).around
+    long = {"share": tensor([0.4], [1.0]), "length": tensor(9.0)[0]}
+    bounce = {"sine": tensor([0.2], [0.1]), "cosine": tensor([0.1], [0.0]), "frequency": tensor(1.7)[0]}
+    heavy = replace(load, class_index=torch.tensor([CLASSES.index("truck")] * 2))
+    steps = [(known["long_vehicle"], long), (known["dynamic_load"], bounce)]
+    one, other = heavy, heavy
+    for (effect, values), (later, others) in zip(steps, reversed(steps), strict=True):
+        one, other = effect.change(one, values, survey), later.change(other, others, survey)
+    for name in ("position", "share", "share_rate"):
+        torch.testing.assert_close(getattr(one, name), getattr(other, name))
+
+
+@pytest.mark.parametrize("name", ["layered_ground", "pavement", "gibson_soil"])
+def test_ground_moves_under_a_load_that_changes_as_under_one_that_comes_closer(name):
+    """Both laws of a ground are of one displacement: what a vehicle that bounces moves is in the same unit."""
+    known = built_in()[name]
+    survey = Trial(known, *trial_survey()).around
+    values = {p.name: tensor(p.grid[0] if p.is_shape else p.plausible)[0] for p in known.parameters}
+    ground = known.change(Ground(), values, survey)
+    point, velocity, nu = tensor([3.0, 2.0, 1.2], [-4.0, 5.0, 1.0]), tensor(9.0, -1.0), 0.3
+    step = 1e-5 * torch.nn.functional.pad(velocity, (0, 1))
+    before, after = (ground.displacement(point + sign * step, nu) for sign in (1, -1))
+    rate = ground.displacement_rate(point, velocity, nu)
+    torch.testing.assert_close((after - before) / 2e-5, rate, rtol=1e-5, atol=1e-7)
+    assert (ground.displacement(point, nu) / Ground().displacement(point, nu) - 1).abs().max() > 0.1
 
 
 def test_what_is_added_to_a_stage_comes_last():
