@@ -139,30 +139,49 @@ class Outcome(NamedTuple):
     spectrum: Spectrum
 
 
-def outcome(projected: Projected, sign: int | None, size: Tensor, alike: Tensor | None = None) -> Outcome:
-    """The score test of numbers of plausible `size` [number]; `sign` is what a single number must have.
+def outcome(projected: Projected, signs: Array | None, size: Tensor, alike: Tensor | None = None) -> Outcome:
+    """The score test of numbers of plausible `size` [number].
 
-    `alike` is as of a `Spectrum`.
+    `signs` [number] are those that they must have, 0 for either; `alike` is as of a `Spectrum`.
     """
     # A parameter to which nothing is sensitive gets no estimate, rather than a huge one.
     scale = projected.gram.diagonal().clamp_min(projected.least).sqrt()
     values, vectors = torch.linalg.eigh(projected.information / scale[:, None] / scale)
     keep = values > INVISIBLE
     scaled = vectors[:, keep] / scale[:, None]
-    fall = float(((scaled.T @ projected.score).square() / values[keep]).sum())
-    inverse = scaled / values[keep] @ scaled.T
-    estimate = inverse @ projected.score
+    seen = (scaled.T @ projected.score) / values[keep].sqrt()
+    fall = float(seen.square().sum())
+    estimate = ((scaled / values[keep].sqrt()) @ seen).numpy()
     spectrum = Spectrum.of(projected.information, projected.score, size, alike)
-    if sign is not None and float(estimate[0]) * sign < 0:
-        fall, spectrum = 0.0, replace(spectrum, along=0 * spectrum.along)
-    sigma = inverse.diagonal().clamp_min(0).sqrt()
+    if signs is not None and (estimate * signs < 0).any():
+        if len(signs) == 1:
+            fall, spectrum = 0.0, replace(spectrum, along=0 * spectrum.along)
+        else:
+            root = (vectors[:, keep] * values[keep].sqrt()).T * scale
+            estimate, fall = bounded(root.numpy(), seen.numpy(), signs)
+    sigma = (scaled.square() / values[keep]).sum(1).sqrt()
     retained = float((values[keep].sum() / len(values)).clamp(max=1))
-    return Outcome(fall, int(keep.sum()), estimate.numpy(), sigma.numpy(), retained, spectrum)
+    return Outcome(fall, int(keep.sum()), estimate, sigma.numpy(), retained, spectrum)
 
 
-def one_sided(effect: Effect, numbers: int) -> int | None:
-    """Sign that a single number may have, where its null is a bound."""
-    if numbers != 1 or not effect.amplitudes[0].one_sided:
-        return None
-    p = effect.amplitudes[0]
-    return 1 if p.null == p.lower else -1
+def bounded(root: Array, seen: Array, signs: Array) -> tuple[Array, float]:
+    """The numbers of given signs that bring `root` [direction, number] nearest to `seen` [direction], and the fall.
+
+    >>> found, fall = bounded(np.eye(2), np.array([3.0, -4.0]), np.array([1.0, 1.0]))
+    >>> found.round(6).tolist(), round(fall, 6)
+    ([3.0, 0.0], 9.0)
+    """
+    from scipy.optimize import lsq_linear
+
+    lower, upper = np.where(signs > 0, 0.0, -np.inf), np.where(signs < 0, 0.0, np.inf)
+    found = lsq_linear(root, seen, (lower, upper), method="bvls").x
+    return found, float(seen @ seen - np.square(seen - root @ found).sum())
+
+
+def one_sided(effect: Effect, counts: Sequence[int]) -> Array:
+    """Signs [number] that an effect's numbers must have as their null is a bound, 0 for either.
+
+    `counts` says how many numbers each amplitude has.
+    """
+    signs = [float(np.sign(p.lower + p.upper - 2 * p.null)) if p.one_sided else 0.0 for p in effect.amplitudes]
+    return np.repeat(signs, counts)

@@ -119,7 +119,8 @@ class Scorer(Directions):
         for shared, mix in mixes(effect, one.counts):
             sizes = sizes_of(effect, one.counts, mix)
             near = None if shared else alike(effect, one.counts)
-            found = outcome(projected.combined(mix), one_sided(effect, mix.shape[1]), sizes, near)
+            signs = one_sided(effect, [1] * len(one.counts) if shared else one.counts)
+            found = outcome(projected.combined(mix), signs, sizes, near)
             of = mix.argmax(1).numpy()
             estimate, sigma = found.estimate[of], np.where(heard, found.sigma[of], np.nan)
             crossed = one.sums.crossed @ torch.from_numpy(estimate)
@@ -184,7 +185,7 @@ class Scorer(Directions):
             columns.append(self.change(extension, base, numbers))
         for value, column, sums in zip(tried, columns, self.summed(columns), strict=True):
             step = value - p.null
-            found = outcome(self.left(sums), 1, torch.tensor([p.plausible / abs(step)]).double())
+            found = outcome(self.left(sums), np.ones(1), torch.tensor([p.plausible / abs(step)]).double())
             if found.fall > score.fall:
                 signal = self.kept(column.times(torch.from_numpy(found.estimate)))
                 crossed = sums.crossed @ torch.from_numpy(found.estimate)

@@ -62,20 +62,26 @@ def own_samples(link: Link, others: Sequence[Pass]) -> torch.Tensor:
 
 
 def unshown(chain: Chain, end: Solution) -> list[str]:
-    """Effects common to all passes that a fit cannot tell from zero (Wald 1943, Trans. AMS 54, 426)."""
-    every = zip(slots_of(chain), chain.slots, strict=True)
-    sizes = [(slot, where) for slot, where in every if not slot.parameter.is_shape]
-    covariance, numbers = Posterior(chain, end.at).border_covariance, chain.layout.where("numbers")
+    """Effects with numbers common to all passes that a fit cannot tell from zero (Wald 1943, Trans. AMS 54, 426).
+
+    Of sizes of single passes each counts by itself.
+    """
+    every = list(zip(slots_of(chain), chain.slots, strict=True))
+    posterior, numbers = Posterior(chain, end.at), chain.layout.where("numbers")
     found = []
     for effect in chain.links[0].fit.extension.effects:
-        mine = [(slot, where) for slot, where in sizes if slot.effect is effect]
-        if any(slot.parameter.scope in SINGLE for slot, _ in mine):
+        if all(p.scope in SINGLE for p in effect.parameters):
             continue
+        mine = [(slot, where) for slot, where in every if slot.effect is effect and not slot.parameter.is_shape]
         away = torch.cat([end.state.numbers[where] - slot.parameter.null for slot, where in mine])
         place = numbers[torch.cat([where for _, where in mine])]
         open_ = chain.free[place]
-        at, off = chain.rank(place[open_]), away[open_].numpy()
-        wald = float(off @ np.linalg.solve(covariance[np.ix_(at, at)], off))
+        off = away[open_].numpy()
+        if all(slot.parameter.scope in SINGLE for slot, _ in mine):
+            wald = float(np.square(off / posterior.sigmas()[place[open_]].numpy()).sum())
+        else:
+            at = chain.rank(place[open_])
+            wald = float(off @ np.linalg.solve(posterior.border_covariance[np.ix_(at, at)], off))
         if wald < len(off) + SHOWN * (2 * len(off)) ** 0.5:
             found.append(effect.name)
     return found

@@ -62,7 +62,8 @@ def test_retained_is_the_share_that_no_fitted_column_follows():
 @pytest.mark.parametrize(("sign", "falls"), [(1, True), (-1, False), (None, True)])
 def test_a_size_on_the_wrong_side_of_its_bound_has_no_fall(sign, falls):
     column, residual = np.array([[1.0], [2.0]]), np.array([3.0, 0.5])
-    found = outcome(projected(column, np.zeros((2, 1)), residual), sign, ONES[:1])
+    signs = None if sign is None else np.array([float(sign)])
+    found = outcome(projected(column, np.zeros((2, 1)), residual), signs, ONES[:1])
     assert found.estimate[0] == pytest.approx(0.8)
     assert found.fall == pytest.approx(3.2 if falls else 0.0)
     assert (found.spectrum.evidence(1.0) > 0) is falls
@@ -101,12 +102,25 @@ def test_mixes_share_one_number_over_passes_where_there_is_one_per_pass():
 
 
 def test_only_a_null_on_a_bound_is_one_sided():
-    signs = {one.name: one_sided(one, 1) for one in built_in().values() if len(one.amplitudes) == 1}
-    for name, sign in signs.items():
-        p = built_in()[name].amplitudes[0]
-        assert sign == (1 if p.null == p.lower else -1 if p.null == p.upper else None)
-    assert {1, None} <= set(signs.values())
-    assert all(one_sided(one, 2) is None for one in built_in().values())
+    for effect in built_in().values():
+        signs = one_sided(effect, [2] * len(effect.amplitudes)).reshape(-1, 2)
+        told = [1.0 if p.null == p.lower else -1.0 if p.null == p.upper else 0.0 for p in effect.amplitudes]
+        assert np.array_equal(signs, np.column_stack([told, told]))
+
+
+def test_of_many_numbers_those_of_a_wrong_sign_are_nothing():
+    """The others are what explains most without them."""
+    rng = np.random.default_rng(3)
+    columns, fitted = rng.normal(size=(40, 3)), rng.normal(size=(40, 2))
+    columns[:, 1] += columns[:, 0]
+    data = columns @ [2.0, -1.5, -1.0]
+    residual = data - fitted @ np.linalg.lstsq(fitted, data, rcond=None)[0]
+    one = projected(columns, fitted, residual)
+    free, found = outcome(one, None, ONES), outcome(one, np.array([1.0, 1.0, 0.0]), ONES)
+    np.testing.assert_allclose(free.estimate, [2.0, -1.5, -1.0])
+    without = outcome(projected(columns[:, [0, 2]], fitted, residual), None, ONES[:2])
+    np.testing.assert_allclose(found.estimate, [without.estimate[0], 0.0, without.estimate[1]], atol=1e-12)
+    assert found.fall == pytest.approx(without.fall) and found.fall < free.fall
 
 
 @pytest.mark.parametrize(("fall", "beyond"), [(1 + NOTED * 2**0.5 - 0.01, False), (1 + NOTED * 2**0.5 + 0.01, True)])

@@ -152,7 +152,7 @@ def test_the_score_of_one_shape_is_the_outcome_of_its_projection(stretched: Scor
     columns, counts = stretched.columns(effect, {}, extension)
     (score,) = stretched.of_shapes(effect, [{}], extension, 1)
     found = outcome(
-        stretched.project([columns])[0], one_sided(effect, 1), torch.tensor([effect.amplitudes[0].plausible])
+        stretched.project([columns])[0], one_sided(effect, [1]), torch.tensor([effect.amplitudes[0].plausible])
     )
     assert (score.fall, score.freedom, score.retained) == (found.fall, found.freedom, found.retained)
     assert score.counts == tuple(counts) == (1,) and score.variance == stretched.variance

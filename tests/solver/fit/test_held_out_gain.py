@@ -7,6 +7,7 @@ import pytest
 from simulated import case_of
 
 from solver.catalogue.catalogue import built_in
+from solver.criticism.growth import fitted_with
 from solver.fit.held_out import held_out
 from solver.fit.held_out_gain import HeldOutGain, held_out_gain
 from solver.fit.least_squares import solve
@@ -52,3 +53,15 @@ def test_only_passes_that_clip_and_were_fitted_speak_for_those_that_do_too() -> 
     every = held_out(problem)
     assert every is not None and gain is not None
     assert gain.freedom < 0.7 * every.freedom and not gain.refuses(1.0)
+
+
+def test_passes_without_a_long_vehicle_say_nothing_of_how_long_one_is() -> None:
+    """One vehicle of three is long. Fitted to the others its length is anything: held out it would be wrong."""
+    seen = simulate(Scenario(seed=8, passes=3, snr_db=25.0, effects={"long_vehicle": 16.0}))
+    problem = case_of(seen).problem
+    fit, state = ended(problem)
+    refit = fitted_with(fit, state, built_in()["long_vehicle"], lambda n: None)
+    gain, every = held_out_gain((fit, state), (refit.fit, refit.solution.state)), held_out(problem)
+    assert refit.estimate.round(1).tolist() == [1.0, 0.0, 0.0]
+    assert every is not None and gain is not None
+    assert gain.freedom < 0.7 * every.freedom and gain.fall > 0 and not gain.refuses(1.0)
