@@ -22,7 +22,6 @@ from solver.criticism.race import elsewhere, from_far, race, with_slow_errors
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import mended
 from solver.criticism.route_change import route_of, with_moves
-from solver.criticism.score import Score
 from solver.criticism.verdict_words import fault_words
 from solver.effect import Effect, Recorded
 from solver.fit.least_squares import solve
@@ -100,7 +99,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     shows = any(s.evidence > POLICY.found for s in first)
     late = elsewhere(bench.scorer, scorable(fit.problem, asked.effects))[: POLICY.racers] if shows else []
     tried = race(bench.scorer, first, asked.advance, late)
-    tried |= race(bench.scorer, overlooked(bench, tried), asked.advance)
+    tried |= stood_for(bench, tried, asked)
     tried |= from_far(bench.scorer, tried)
     tried = with_slow_errors(bench.scorer, tried)
     ranked = side_by_side(lambda s: score_candidate(s, tried.get(s.effect.name)), bench.table) + faults
@@ -157,16 +156,23 @@ def looked_beside(bench: Bench, tried: Mapping[str, Refit], asked: Asked) -> dic
     return besides
 
 
-def overlooked(bench: Bench, tried: Mapping[str, Refit]) -> list[Score]:
-    """Known effects that the winning discrepancy model may stand for, which showed too little to be fitted in full.
+def stood_for(bench: Bench, tried: Mapping[str, Refit], asked: Asked) -> dict[str, Refit]:
+    """Full fits of known effects that the winner may stand for, which showed too little to be fitted before.
 
-    The score test tells little of what is strong and was absorbed by everything else, as axles over 14 m are.
+    The score test tells little of what is strong and was absorbed by everything else, as axles over 14 m are. For a
+    discrepancy model they must show and be akin. For a known effect they are those of its families, which surveys often
+    cannot tell from it, and have to come near it.
     """
     best = max(tried.values(), key=lambda one: one.evidence, default=None)
-    if best is None or not best.effect.generic:
-        return []
-    known = [s for s in shown(bench.table) if not s.effect.generic and s.effect.name not in tried]
-    return [s for s in known if akin(s.effect, best.effect)][: POLICY.racers - POLICY.unknown_racers]
+    if best is None or best.evidence < POLICY.found:
+        return {}
+    known = [s for s in bench.table if not s.effect.generic and s.effect.name not in tried]
+    if best.effect.generic:
+        others, lead = [s for s in shown(known) if akin(s.effect, best.effect)], 0.0
+    else:
+        families = set(best.effect.families)
+        others, lead = [s for s in known if not families.isdisjoint(s.effect.families)], best.evidence
+    return race(bench.scorer, others[: POLICY.racers - POLICY.unknown_racers], asked.advance, lead=lead)
 
 
 def unranked(bench: Bench) -> Diagnosis:

@@ -163,6 +163,7 @@ def race(
     scores: Sequence[Score],
     advance: Callable[[int], None] = lambda n: None,
     others: Sequence[tuple[Scorer, Score]] = (),
+    lead: float = 0.0,
 ) -> dict[str, Refit]:
     """Fit everything again with each candidate in the model; those that fall behind stop early.
 
@@ -177,6 +178,7 @@ def race(
     scores : of the candidates
     advance : called with 1 after the first steps from each start
     others : candidates that start elsewhere too, see `elsewhere`
+    lead : evidence of a fit that is known already, which they must come near, the favorite of the score test, too
     """
     course = Course.of(scorer)
     weights, run = course.weights, course.run
@@ -196,9 +198,10 @@ def race(
     gained = [(np.inf, np.inf)] * len(running)
     for pace, left in [(1, ROUNDS)] * PACE + [(PACE, left) for left in range(ROUNDS - 1, 0, -1)]:
         running = leaders_told(scorer, running)
-        most = max((one.evidence for one in running), default=0.0)
+        most = max((lead, *(one.evidence for one in running)))
         unended = [n for n, one in enumerate(running) if not one.solution.converged and (near[n] or pace == PACE)]
-        going = [n for n in unended if n == 0 or goes_on(running[n], most, left * max(gained[n]), pace < PACE)]
+        favorite = 0 if lead == 0 else None
+        going = [n for n in unended if n == favorite or goes_on(running[n], most, left * max(gained[n]), pace < PACE)]
         led = side_by_side(partial(onward, course, pace), [running[n] for n in going])
         for n, (end, fall) in zip(going, led, strict=True):
             if pace == PACE:

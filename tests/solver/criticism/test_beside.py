@@ -135,15 +135,23 @@ def test_only_what_could_be_best_is_looked_beside_of(monkeypatch, fits, looked):
 
 
 @pytest.mark.parametrize(
-    ("winner", "again"),
-    [("generic_train", ["gibson_soil", "long_vehicle"]), ("generic_delay", ["clock_offset"]), ("lowpass", [])],
+    ("winner", "again", "lead"),
+    [
+        ("generic_train", ["gibson_soil", "long_vehicle"], 0.0),
+        ("generic_delay", ["clock_offset"], 0.0),
+        ("shear_lag", ["gibson_soil"], 2800.0),
+        ("channel_coupling", ["poisson_gradient"], 2800.0),
+        ("saturation", [], 2800.0),
+    ],
 )
-def test_what_a_discrepancy_model_may_imitate_is_fitted_before_the_verdict_is_unknown(winner, again):
+def test_what_the_winner_may_stand_for_is_fitted_before_the_verdict(monkeypatch, winner, again, lead):
     """Five axles over 14 m showed a fifth of what a train did, and explain more: 1009 of the blind trials."""
     strengths = {winner: 2800.0, "pulse_width": 1900.0, "clock_offset": 1500.0}
-    strengths |= {"gibson_soil": 980.0, "long_vehicle": 650.0, "road_bump": 2.0}
+    strengths |= {"gibson_soil": 980.0, "long_vehicle": 650.0, "road_bump": 2.0, "poisson_gradient": -1.0}
     table = [scored(name, size) for name, size in strengths.items()]
     tried: dict[str, Any] = {name: fitted(name, strengths[name]) for name in (winner, "pulse_width")}
-    bench: Any = SimpleNamespace(table=table)
-    assert [one.effect.name for one in diagnosis.overlooked(bench, tried)] == again
-    assert diagnosis.overlooked(bench, {}) == []
+    bench: Any = SimpleNamespace(table=table, scorer=None)
+    monkeypatch.setattr(diagnosis, "race", lambda scorer, scores, advance, lead: {"asked": (scores, lead)})
+    scores, least = diagnosis.stood_for(bench, tried, ASKED)["asked"]
+    assert [one.effect.name for one in scores] == again and least == lead
+    assert diagnosis.stood_for(bench, {}, ASKED) == {}
