@@ -1,6 +1,7 @@
 """Response of gauges to loads: the ground's velocity at each gauge's points, weighted and summed."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,6 +11,7 @@ from torch import Tensor
 
 from solver.ground.boussinesq import plain_values
 from solver.ground.compiled import compiled
+from solver.ground.force_motion import forces_response
 from solver.ground.ground import Ground
 from solver.ground.tangential import tangential_displacement, tangential_displacement_rate
 from solver.ground.wheel_motion import gauge_response
@@ -33,15 +35,35 @@ def strain_rates(load: Load, ground: Ground, points: Tensor, weights: Tensor, ra
     static = None
     if ground.response is None:
         static = gauge_response(points, weights, load.position, load.share, load.trajectory.velocity, ratio)
-    parts = motions(load, ground, points, ratio, static is None)
+    forced, left = of_forces(load, ground, points, weights, ratio)
+    known = [one for one in (static, forced) if one is not None]
+    parts = motions(left, ground, points, ratio, static is None)
     if not parts:
-        assert static is not None
-        return static
+        return sum(known[1:], known[0])
     if plain_values(weights, *(one for part in parts for one in part if one is not None)) is None:
         rest = (weights * total_motion(parts)).sum((-1, -2))
     else:
         rest = torch.from_numpy(gauge_sums(weights, parts))
-    return rest if static is None else static + rest
+    return sum(known, rest)
+
+
+def of_forces(load: Load, ground: Ground, points: Tensor, weights: Tensor, ratio: Tensor) -> tuple[Tensor | None, Load]:
+    """Strain rate [row, channel] by what pushes and changes, in one pass where it can be, and the load less that.
+
+    Arguments as of `strain_rates`. Pushes act on the homogeneous half-space, and so do changes without a law of theirs.
+    """
+    rate = load.share_rate if ground.settlement is None else None
+    if rate is None and load.thrust is None and load.thrust_rate is None:
+        return None, load
+    none = torch.zeros_like(load.position[:, :1])
+    thrust, faster = (none if one is None else one for one in (load.thrust, load.thrust_rate))
+    bounced = none[..., 0] if rate is None else rate
+    velocity = load.trajectory.velocity
+    found = forces_response(points, weights, load.position, bounced, thrust, faster, velocity, ratio)
+    if found is None:
+        return None, load
+    left = replace(load, thrust=None, thrust_rate=None, share_rate=None if rate is not None else load.share_rate)
+    return found, left
 
 
 def gauge_sums(weights: Tensor, parts: Sequence[Part]) -> Array:
