@@ -170,7 +170,7 @@ def generic_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         moved = speed / TROUGH**3 / k * torch.exp(-2 * (behind / p["wavelength"]) ** 2) * (1 + aside**2) ** -0.5 * wave
         return torch.stack([moved * along, moved * across, torch.zeros_like(moved)]).movedim(0, -1)
 
-    return replace(ground, radiation=radiation)
+    return ground.radiating(radiation)
 
 
 @effect(

@@ -84,6 +84,7 @@ def generic_road(load: Load, p: Values, survey: Surroundings) -> Load:
     source=SOURCE,
     families=("blur",),
     discrepancy=Discrepancy(before_and_behind=True),
+    order=-1,
 )
 def generic_train(load: Load, p: Values, survey: Surroundings) -> Load:
     """More loads along travel, each a share of the vehicle's weight."""
@@ -105,6 +106,7 @@ def generic_train(load: Load, p: Values, survey: Surroundings) -> Load:
     plain=Plain("Unknown second source"),
     source=SOURCE,
     discrepancy=Discrepancy(stage="cable"),
+    order=3,
 )
 def generic_twin(load: Load, p: Values, survey: Surroundings) -> Load:
     """A share of every wheel's load once more, aside: a fiber beside this one sees the road that far away."""

@@ -62,6 +62,9 @@ class Effect:
     confounders : what it is confounded with, in words
     families : of `FAMILIES`, those it belongs to; those whose laws leave what it takes up, if it is a discrepancy model
     discrepancy : what it is as a discrepancy model; None for a physical effect
+    order : effects of a stage act in this order, whichever was added first: those that say where wheels stand and how
+        they share the load (below 0) before those that change forces (0), and pushes, which are shares of these, after
+        them (above 0); laws of the ground (below 0) before what changes them
     base_part : of `BASE_PARTS`, the one that does what it does, so that a base model with it lacks nothing; "" if none
     corrects : of `STATED`, what its first parameter says is off; "" if none
     slow_error : it is each track's slow error, which is fitted wherever tracks are uncertain, as far as they say
@@ -80,6 +83,7 @@ class Effect:
     confounders: str = ""
     families: tuple[str, ...] = ()
     discrepancy: Discrepancy | None = None
+    order: int = 0
     base_part: str = ""
     corrects: str = ""
     slow_error: bool = False
@@ -146,6 +150,7 @@ def effect(
     confounders: str = "",
     families: Sequence[str] = (),
     discrepancy: Discrepancy | None = None,
+    order: int = 0,
     base_part: str = "",
     corrects: str = "",
     slow_error: bool = False,
@@ -205,6 +210,7 @@ def effect(
             confounders=confounders,
             families=tuple(families),
             discrepancy=discrepancy,
+            order=order,
             base_part=base_part,
             corrects=corrects,
             slow_error=slow_error,

@@ -8,6 +8,11 @@ from torch import Tensor
 from solver.effect.transfers import Field, MapFunction, TimeTransfer
 from solver.ground.boussinesq import Ratio, Response, displacement, displacement_rate
 
+#: (offset [..., 3], Poisson's ratio) -> displacement [..., 3] of a unit load.
+Settlement = Callable[[Tensor, Ratio], Tensor]
+#: (offset [..., 3], velocity [..., 2], time [row, 1, ...], s) -> velocity [..., 3] of the ground.
+Radiation = Callable[[Tensor, Tensor, Tensor], Tensor]
+
 
 @dataclass(frozen=True)
 class Ground:
@@ -29,10 +34,10 @@ class Ground:
     """
 
     response: Response | None = None
-    settlement: Callable[[Tensor, Ratio], Tensor] | None = None
+    settlement: Settlement | None = None
     compliance: Field | None = None
     poisson_change: Field | None = None
-    radiation: Callable[[Tensor, Tensor, Tensor], Tensor] | None = None
+    radiation: Radiation | None = None
     transfers: tuple[TimeTransfer, ...] = ()
     tangent_compliances: tuple[MapFunction, ...] = ()
 
@@ -49,6 +54,42 @@ class Ground:
     def displacement(self, offset: Tensor, poisson_ratio: Ratio) -> Tensor:
         """Displacement [..., 3] of a unit load, by its own law or Boussinesq's."""
         return (self.settlement or displacement)(offset, poisson_ratio)
+
+    def responding(self, rate: Response, displacement_of: Settlement | None = None) -> "Ground":
+        """The ground as a law changes it, of moving and, where that is given, of resting loads.
+
+        What it adds to Boussinesq's law adds to any law that there is.
+        """
+        settlement = self.settlement if displacement_of is None else displacement_of
+        if self.response is None and self.settlement is None:
+            return replace(self, response=rate, settlement=settlement)
+
+        def both(offset: Tensor, velocity: Tensor, nu: Ratio) -> Tensor:
+            more = rate(offset, velocity, nu) - displacement_rate(offset, velocity, nu)
+            return self.displacement_rate(offset, velocity, nu) + more
+
+        def settled(offset: Tensor, nu: Ratio) -> Tensor:
+            assert displacement_of is not None
+            return self.displacement(offset, nu) + displacement_of(offset, nu) - displacement(offset, nu)
+
+        return replace(self, response=both, settlement=self.settlement if displacement_of is None else settled)
+
+    def softened(self, compliance: Field) -> "Ground":
+        """The ground with a further compliance at places."""
+        known = self.compliance
+        whole = compliance if known is None else lambda point: known(point) * compliance(point)
+        return replace(self, compliance=whole)
+
+    def with_ratio_changed(self, change: Field) -> "Ground":
+        """The ground with a further change of Poisson's ratio at places."""
+        known = self.poisson_change
+        return replace(self, poisson_change=change if known is None else lambda point: known(point) + change(point))
+
+    def radiating(self, radiation: Radiation) -> "Ground":
+        """The ground with further waves that loads send out."""
+        known = self.radiation
+        whole = radiation if known is None else lambda *at: known(*at) + radiation(*at)
+        return replace(self, radiation=whole)
 
     def filtered(self, transfer: TimeTransfer) -> "Ground":
         """The ground with a further filter of its displacement in time."""

@@ -1,7 +1,6 @@
 """Ground stage: soil that is not a homogeneous elastic half-space at rest."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import torch
@@ -39,7 +38,7 @@ def shear_speed(slowness_squared: float, setting: Setting) -> float:
 )
 def poisson_ratio(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Another Poisson's ratio everywhere."""
-    return replace(ground, poisson_change=lambda point: p["change"] + 0 * point[..., 0])
+    return ground.with_ratio_changed(lambda point: p["change"] + 0 * point[..., 0])
 
 
 @effect(
@@ -63,7 +62,7 @@ def poisson_ratio(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 def poisson_gradient(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Falls by the change before a place and rises by it beyond, as a tanh of some width."""
     middle = survey.middle[0] + p["place"]
-    return replace(ground, poisson_change=lambda point: p["change"] * torch.tanh((point[..., 0] - middle) / p["width"]))
+    return ground.with_ratio_changed(lambda point: p["change"] * torch.tanh((point[..., 0] - middle) / p["width"]))
 
 
 @effect(
@@ -92,12 +91,12 @@ def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Groun
     def compliance(point: Tensor) -> Tensor:
         return torch.exp(-0.5 * p["log_ratio"] * torch.tanh((point[..., 0] - place) / 2.0))
 
-    return replace(ground, compliance=compliance)
+    return ground.softened(compliance)
 
 
 def of_law(ground: Ground, law: Corrected) -> Ground:
-    """The ground with a law of its own, under loads that move and under loads that change."""
-    return replace(ground, response=law.rate, settlement=law.displacement)
+    """The ground as a law changes it, under loads that move and under loads that change."""
+    return ground.responding(law.rate, law.displacement)
 
 
 def soft_on_stiff(fitted: Fitted) -> Start:
@@ -127,6 +126,7 @@ def soft_on_stiff(fitted: Fitted) -> Start:
     confounders="whatever blurs; several speeds, lanes and distances separate them",
     families=("blur",),
     start=soft_on_stiff,
+    order=-1,
 )
 def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Shear modulus of the layer over that below is exp(log_ratio)."""
@@ -142,6 +142,7 @@ def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     source="Burmister 1945; Huang 2004, Pavement Analysis and Design, section 2.2.",
     confounders="depth and Poisson's ratio together",
     families=("blur",),
+    order=-1,
 )
 def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Stiffness is (G_pavement / G_ground - 1) times thickness, of 0.2 m."""
@@ -159,6 +160,7 @@ def pavement(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     source="Gibson 1967, Geotechnique 17, 58.",
     confounders="a layered ground",
     families=("blur",),
+    order=-1,
 )
 def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Shear modulus that grows linearly with depth."""
@@ -179,14 +181,12 @@ def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     source="Eason 1965, Int. J. Eng. Sci. 2, 581: gamma_i = sqrt(1 - v^2 cos^2 / c_i^2).",
     confounders="other blurs, unless speeds are mixed",
     families=("blur",),
+    order=-1,
 )
 def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Steady subsonic motion to second order in v / c_s; 1e-4 s^2/m^2 is a shear speed of 100 m/s."""
-    return replace(
-        ground,
-        response=lambda offset, velocity, nu: moving_displacement_rate(
-            offset, velocity, nu, p["shear_slowness_squared"]
-        ),
+    return ground.responding(
+        lambda offset, velocity, nu: moving_displacement_rate(offset, velocity, nu, p["shear_slowness_squared"])
     )
 
 
@@ -274,7 +274,7 @@ def rayleigh_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
         moved = strength * wave / r
         return torch.stack([moved * x, moved * y, torch.zeros_like(moved)]).movedim(0, -1)
 
-    return replace(ground, radiation=radiation)
+    return ground.radiating(radiation)
 
 
 EFFECTS = (

@@ -36,6 +36,19 @@ class Load:
     thrust: Tensor | None = None
     thrust_rate: Tensor | None = None
 
+    def __post_init__(self) -> None:
+        """Refuse forces of other wheels.
+
+        Raises
+        ------
+        ValueError
+            If a force is given for more or fewer wheels than there are.
+        """
+        for name, force in self.forces.items():
+            given, there = force.shape[2:3], self.position.shape[2:3]
+            if given and given != there:
+                raise ValueError(f"{name} is of {given[0]} wheels, and there are {there[0]}")
+
     @property
     def tensors(self) -> dict[str, Tensor]:
         """All that is known of each row, [row, ...] each; of its trajectory by names with a dot."""

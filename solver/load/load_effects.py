@@ -67,6 +67,7 @@ def on_usual_wheels(fitted: Fitted) -> Start | None:
     families=("blur",),
     base_part="wheels",
     start=on_usual_wheels,
+    order=-3,
 )
 def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
     """Point loads of vehicles without a class become three by three loads of the same second moments.
@@ -108,6 +109,7 @@ def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
     source="Gillespie 1992, Fundamentals of Vehicle Dynamics, section 1.",
     confounders="other lags",
     families=("lag",),
+    order=-4,
 )
 def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
     """The middle of the load moves forward by its share of the distance between the axles."""
@@ -129,6 +131,7 @@ def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
     ),
     source="EU Directive 96/53/EC, annex I: lengths and axles of lorries.",
     confounders="nothing where one pass differs from the others",
+    order=-2,
 )
 def long_vehicle(load: Load, p: Values, survey: Surroundings) -> Load:
     """Five axles, evenly apart, carry a share of a heavy or unknown vehicle."""
@@ -209,6 +212,7 @@ def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
     plain=Plain("Braking", "Some vehicles brake or speed up by about {size} within the view.", size=absolute),
     source="Cerruti 1882; Johnson 1985, Contact Mechanics, section 3.6; Gillespie 1992, section 3.",
     confounders="an error of the track over the same seconds",
+    order=1,
 )
 def braking(load: Load, p: Values, survey: Surroundings) -> Load:
     """Smooth push some time after passing so far before a place, either way; each vehicle brakes as hard as it does."""
@@ -241,6 +245,7 @@ def braking(load: Load, p: Values, survey: Surroundings) -> Load:
     source="Cerruti 1882; Johnson 1985, section 3.6.",
     confounders="a viscous ground, an AC-coupled interrogator",
     families=("even",),
+    order=2,
 )
 def grade_drag(load: Load, p: Values, survey: Surroundings) -> Load:
     """A constant share of the weight pushes backward."""
@@ -262,6 +267,7 @@ def grade_drag(load: Load, p: Values, survey: Surroundings) -> Load:
     source="Johnson 1985, section 3.6.",
     confounders="Poisson's ratio and depth, exactly",
     families=("depth",),
+    order=2,
 )
 def camber(load: Load, p: Values, survey: Surroundings) -> Load:
     """A constant share of the weight pushes to the right."""

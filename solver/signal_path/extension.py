@@ -218,14 +218,14 @@ class Extension:
         return part
 
     def changed(self, stage: str, value: Any, values: Values) -> Any:
-        """A stage as its effects change it.
+        """A stage as its effects change it, in their order.
 
         Raises
         ------
         ValueError
             If an effect returns something other than its stage.
         """
-        for one in self.effects:
+        for one in sorted(self.effects, key=lambda one: one.order):
             if one.stage == stage:
                 assert self.surroundings is not None
                 value = one.change(value, values[one.name], self.surroundings)

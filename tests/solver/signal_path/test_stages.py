@@ -13,7 +13,6 @@ from solver.ground.ground import Ground
 from solver.ground.tangential import tangential_displacement
 from solver.interrogator.interrogator import Interrogator
 from solver.load.load import Load
-from solver.load.wheel_layout import CLASSES
 from solver.processing.processing import Processing
 from solver.signal_path.ground_motion import motions, total_motion
 from solver.trajectory.trajectory import Trajectory
@@ -165,20 +164,6 @@ def test_joined_wheels_may_stand_elsewhere_for_each_channel(load):
     assert joined.position.shape == (2, 5, 3, 2) and joined.share.shape == (2, 1, 3)
 
 
-def test_a_long_vehicle_bounces_as_a_whole_whichever_effect_comes_first(load):
-    """Loads of all axles, and how fast they change."""
-    known, survey = built_in(), Trial(built_in()["long_vehicle"], *trial_survey()).around
-    long = {"share": tensor([0.4], [1.0]), "length": tensor(9.0)[0]}
-    bounce = {"sine": tensor([0.2], [0.1]), "cosine": tensor([0.1], [0.0]), "frequency": tensor(1.7)[0]}
-    heavy = replace(load, class_index=torch.tensor([CLASSES.index("truck")] * 2))
-    steps = [(known["long_vehicle"], long), (known["dynamic_load"], bounce)]
-    one, other = heavy, heavy
-    for (effect, values), (later, others) in zip(steps, reversed(steps), strict=True):
-        one, other = effect.change(one, values, survey), later.change(other, others, survey)
-    for name in ("position", "share", "share_rate"):
-        torch.testing.assert_close(getattr(one, name), getattr(other, name))
-
-
 @pytest.mark.parametrize("name", ["layered_ground", "pavement", "gibson_soil"])
 def test_ground_moves_under_a_load_that_changes_as_under_one_that_comes_closer(name):
     """Both laws of a ground are of one displacement: what a vehicle that bounces moves is in the same unit."""
@@ -192,6 +177,11 @@ def test_ground_moves_under_a_load_that_changes_as_under_one_that_comes_closer(n
     rate = ground.displacement_rate(point, velocity, nu)
     torch.testing.assert_close((after - before) / 2e-5, rate, rtol=1e-5, atol=1e-7)
     assert (ground.displacement(point, nu) / Ground().displacement(point, nu) - 1).abs().max() > 0.1
+
+
+def test_a_load_has_all_its_forces_on_all_its_wheels(load):
+    with pytest.raises(ValueError, match="share_rate is of 1 wheels, and there are 2"):
+        replace(load, share_rate=load.share[..., :1])
 
 
 def test_what_is_added_to_a_stage_comes_last():
