@@ -55,24 +55,16 @@ class Ground:
         """Displacement [..., 3] of a unit load, by its own law or Boussinesq's."""
         return (self.settlement or displacement)(offset, poisson_ratio)
 
-    def responding(self, rate: Response, displacement_of: Settlement | None = None) -> "Ground":
-        """The ground as a law changes it, of moving and, where that is given, of resting loads.
+    def responding(self, rate: Response, settlement: Settlement | None = None) -> "Ground":
+        """The ground as a law changes it, under loads that move and, where that is given, under loads that change.
 
         What it adds to Boussinesq's law adds to any law that there is.
         """
-        settlement = self.settlement if displacement_of is None else displacement_of
-        if self.response is None and self.settlement is None:
-            return replace(self, response=rate, settlement=settlement)
-
-        def both(offset: Tensor, velocity: Tensor, nu: Ratio) -> Tensor:
-            more = rate(offset, velocity, nu) - displacement_rate(offset, velocity, nu)
-            return self.displacement_rate(offset, velocity, nu) + more
-
-        def settled(offset: Tensor, nu: Ratio) -> Tensor:
-            assert displacement_of is not None
-            return self.displacement(offset, nu) + displacement_of(offset, nu) - displacement(offset, nu)
-
-        return replace(self, response=both, settlement=self.settlement if displacement_of is None else settled)
+        known, settled = self.response, self.settlement
+        response = rate if known is None else lambda *at: known(*at) + rate(*at) - displacement_rate(*at)
+        if settled is not None and settlement is not None:
+            return replace(self, response=response, settlement=both_settled(settled, settlement))
+        return replace(self, response=response, settlement=settlement or settled)
 
     def softened(self, compliance: Field) -> "Ground":
         """The ground with a further compliance at places."""
@@ -98,3 +90,8 @@ class Ground:
     def yielding(self, compliance: MapFunction) -> "Ground":
         """The ground with a further compliance that depends on strain."""
         return replace(self, tangent_compliances=(*self.tangent_compliances, compliance))
+
+
+def both_settled(one: Settlement, other: Settlement) -> Settlement:
+    """What two laws add to Boussinesq's, under a load at rest."""
+    return lambda *at: one(*at) + other(*at) - displacement(*at)
