@@ -104,7 +104,7 @@ def draw_plot(table: pd.DataFrame, path: Path) -> None:
     for x, y, count in zip(table["said"], p, n, strict=True):
         axes.annotate(f"{count}", (x, y), textcoords="offset points", xytext=(7, -4), fontsize=8)
     axes.set(
-        xlim=(-0.02, 1.06),
+        xlim=(-0.02, 1.12),
         ylim=(-0.04, 1.04),
         xlabel="probability that the diagnosis gives",
         ylabel="share that was so",
