@@ -38,7 +38,7 @@ def quick_scores(
     advance : called with 1 after each
     """
     plans = [Plan.of(scorer, effect) for effect in effects]
-    found = [None if best is None else figures(best) for best in best_of(scorer, plans, advance)]
+    found = best_of(scorer, plans, advance)
 
     def whole(score: Score) -> dict[str, Any]:
         effect = score.effect
@@ -83,13 +83,14 @@ class Plan:
         return cls(effect, extension, thinned(shapes, FEW), trials, lambda seen: seen)
 
 
-def best_of(scorer: Scorer, plans: Sequence[Plan], advance: Callable[[int], None]) -> list[Score | None]:
-    """The best score of each effect, or None where it does nothing: of a long record from sums over its parts."""
+def best_of(scorer: Scorer, plans: Sequence[Plan], advance: Callable[[int], None]) -> list[dict[str, Any] | None]:
+    """Figures of each effect's best score, or None where it does nothing: of a long record from sums over its parts."""
 
-    def best(scores: Iterable[Score]) -> Score | None:
-        return max((s for s in scores if s.freedom), key=lambda s: s.evidence, default=None)
+    def best(scores: Iterable[Score]) -> dict[str, Any] | None:
+        found = max((s for s in scores if s.freedom), key=lambda s: s.evidence, default=None)
+        return None if found is None else figures(found)
 
-    def at_once(plan: Plan) -> Score | None:
+    def at_once(plan: Plan) -> dict[str, Any] | None:
         return best(scorer.of_shapes(plan.effect, plan.shapes, plan.extension, plan.trials, plan.like))
 
     if len(scorer.parts) == 1:

@@ -12,6 +12,7 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism import record_parts
 from solver.criticism.quick_scores import Plan, best_of, quick_scores, with_signals
+from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
 from solver.fit.map_fit import MapFit
 from solver.fit.state import State
@@ -162,9 +163,22 @@ def test_quick_scores_are_those_of_the_whole(whole: Scorer, parted: Scorer) -> N
         torch.testing.assert_close(parted.following(one), whole.following(other), rtol=1e-5, atol=1e-9)
 
 
+def test_quick_scores_come_back_from_processes_of_their_own(whole: Scorer) -> None:
+    """Effects are code, which is not sent: where there are two cores each scores a part of the catalogue."""
+    effects = [KNOWN[name] for name in ("clock_offset", "gauge_length")]
+    alone, before = quick_scores(whole, effects), torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        found = quick_scores(whole, effects)
+    finally:
+        torch.set_num_threads(before)
+    assert [(one.effect, one.fall) for one in found] == [(one.effect, pytest.approx(one.fall)) for one in alone]
+
+
 def test_signals_that_were_not_kept_are_made_anew(parted: Scorer) -> None:
     plans = [Plan.of(parted, KNOWN[name]) for name in ("gauge_length", "lowpass", "generic_load")]
-    table = [one for one in best_of(parted, plans, lambda n: None) if one is not None]
+    found = best_of(parted, plans, lambda n: None)
+    table = [Score(plan.effect, **one) for plan, one in zip(plans, found, strict=True) if one is not None]
     assert len(table) == 3 and all(one.signal is None for one in table)
     for bare, score in zip(table, with_signals(parted, table), strict=True):
         assert score.signal is not None
