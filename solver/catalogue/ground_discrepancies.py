@@ -8,28 +8,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from solver.catalogue.bells import Belled
+from solver.catalogue.packets import Packet
 from solver.catalogue.sieve import SOURCE
 from solver.effect import Discrepancy, Parameter, Plain, Surroundings, effect
-from solver.ground.boussinesq import plain_values
 from solver.ground.ground import Ground
-from solver.ground.ground_effects import TROUGH
 
 Values = Mapping[str, Tensor]
 #: Scales of the distance from a wheel, m.
 SCALES = (1.5, 4.0, 10.0)
 #: Slacks of strain, in thousandths of what the largest rate adds in 1 s: a truck's strain reaches some hundreds.
 SLACKS = (10, 20, 50, 100)
-#: m aside at which a wave that follows a vehicle has lost a third.
-ASIDE = 10.0
-
-
-def nothing(*numbers: Tensor) -> bool:
-    """Whether numbers are all zero, and no derivative by them is asked for.
-
-    >>> nothing(torch.zeros(2).double()), nothing(torch.zeros(2).double().requires_grad_())
-    (True, False)
-    """
-    return plain_values(*numbers) is not None and not any(bool(one.any()) for one in numbers)
 
 
 @effect(
@@ -48,22 +37,8 @@ def nothing(*numbers: Tensor) -> bool:
 )
 def generic_kernel(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Response times one plus Gaussians of the distance from the wheel, even, odd along travel, and even across."""
-
-    def response(offset: Tensor, velocity: Tensor, nu: Tensor | float) -> Tensor:
-        base = ground.displacement_rate(offset, velocity, nu)
-        (x, y, _), (along, across) = offset.unbind(-1), velocity.unbind(-1)
-        ahead = (x * along + y * across) / (along**2 + across**2).sqrt().clamp_min(1e-3)
-        square = x**2 + y**2
-        factor, beside = torch.ones_like(square), 1 - ahead**2 / square.clamp_min(1e-6)
-        for scale in SCALES:
-            if nothing(p[f"near_{scale:g}"], p[f"ahead_{scale:g}"], p[f"beside_{scale:g}"]):
-                continue
-            bell = torch.exp(-square / (2 * scale**2))
-            even = p[f"near_{scale:g}"] + p[f"ahead_{scale:g}"] * ahead / scale + p[f"beside_{scale:g}"] * beside
-            factor = factor + even * bell
-        return base * factor[..., None]
-
-    return replace(ground, response=response)
+    numbers = ([p[f"{kind}_{scale:g}"] for scale in SCALES] for kind in ("near", "ahead", "beside"))
+    return replace(ground, response=Belled(ground.response, SCALES, *numbers))
 
 
 @effect(
@@ -154,23 +129,7 @@ def generic_friction(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 )
 def generic_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Motion along travel, half a wavelength wide (sd); 1 strains the ground as the trough does nearby."""
-    k = 2 * torch.pi / p["wavelength"]
-
-    def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
-        waves = [(p[name], shape) for name, shape in (("sine", torch.sin), ("cosine", torch.cos))]
-        shown = [(size.reshape(time.shape), shape) for size, shape in waves if not nothing(size)]
-        if not shown:
-            return torch.zeros_like(offset)
-        (x, y, _), (along, across) = offset.unbind(-1), velocity.unbind(-1)
-        speed = (along**2 + across**2).sqrt().clamp_min(1e-3)
-        along, across = along / speed, across / speed
-        behind = -(x * along + y * across) - p["behind"]
-        aside = (x * across - y * along) / ASIDE
-        wave = sum(size * shape(k * behind) for size, shape in shown)
-        moved = speed / TROUGH**3 / k * torch.exp(-2 * (behind / p["wavelength"]) ** 2) * (1 + aside**2) ** -0.5 * wave
-        return torch.stack([moved * along, moved * across, torch.zeros_like(moved)]).movedim(0, -1)
-
-    return ground.radiating(radiation)
+    return ground.radiating(Packet(p["sine"], p["cosine"], p["behind"], p["wavelength"]))
 
 
 @effect(

@@ -14,9 +14,8 @@ from solver.criticism.scorer import Made, Scorer, feeble, figures
 from solver.criticism.sums import Sums
 from solver.effect import Effect
 from solver.fit.side_by_side import side_by_side
-from solver.signal_path.derivatives import described_alone
 from solver.signal_path.extension import Extension
-from solver.signal_path.local import Seen
+from solver.signal_path.local import Seen, described_alone
 from solver.survey.memory import give_back
 
 #: Shapes of each effect that are tried, and of those whose law takes long.

@@ -3,13 +3,16 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from solver.ground.blocks import double, in_blocks
-from solver.ground.boussinesq import Ratio, displacement, displacement_rate
+from solver.ground.boussinesq import Ratio, displacement, displacement_rate, plain_values
 from solver.ground.corrected_motion import table_rate
+from solver.ground.law import Array, Law, Placed, boussinesq_summed
 from solver.ground.response_table import RadialTable, RatioTable
+from solver.ground.table_sums import add_table
 
 #: Distance of the three Poisson ratios through which a correction that varies with them is interpolated.
 SPREAD = 0.04
@@ -44,7 +47,7 @@ class Tables:
 
 
 @dataclass(frozen=True)
-class Corrected:
+class Corrected(Law):
     """A ground that tables tell from Boussinesq's.
 
     Parameters
@@ -100,6 +103,18 @@ class Corrected:
         if moved is None:
             moved = in_blocks(total, [offset, velocity], [nu, self.length])
         return self._scaled(moved, offset)
+
+    def summed(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
+        """As of `Law`."""
+        nu, interpolate = self._interpolation(poisson_ratio)
+        away, parabolas, table = interpolate.by_ratio(nu)
+        length, compliance = double(self.length), double(1.0 if self.compliance is None else self.compliance)
+        if plain_values(away, parabolas, length, compliance) is None:
+            return None
+        out, ratio = boussinesq_summed(at), np.ascontiguousarray(away.expand(at.softness.shape[:0:-1]).numpy().T)
+        cells = parabolas.contiguous().numpy(), table.depth.contiguous().numpy(), table.step
+        add_table(*at[:5], ratio, *cells, float(length), out)
+        return out * float(compliance)
 
     def _scaled(self, moved: Tensor, offset: Tensor) -> Tensor:
         """A response as compliant as the ground is, as precise as the offset."""

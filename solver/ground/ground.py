@@ -7,6 +7,7 @@ from torch import Tensor
 
 from solver.effect.transfers import Field, MapFunction, TimeTransfer
 from solver.ground.boussinesq import Ratio, Response, displacement, displacement_rate
+from solver.ground.law import Added, Law
 
 #: (offset [..., 3], Poisson's ratio) -> displacement [..., 3] of a unit load.
 Settlement = Callable[[Tensor, Ratio], Tensor]
@@ -61,7 +62,7 @@ class Ground:
         What it adds to Boussinesq's law adds to any law that there is.
         """
         known, settled = self.response, self.settlement
-        response = rate if known is None else lambda *at: known(*at) + rate(*at) - displacement_rate(*at)
+        response = rate if known is None else added(known, rate)
         if settled is not None and settlement is not None:
             return replace(self, response=response, settlement=both_settled(settled, settlement))
         return replace(self, response=response, settlement=settlement or settled)
@@ -90,6 +91,13 @@ class Ground:
     def yielding(self, compliance: MapFunction) -> "Ground":
         """The ground with a further compliance that depends on strain."""
         return replace(self, tangent_compliances=(*self.tangent_compliances, compliance))
+
+
+def added(one: Response, other: Response) -> Response:
+    """What two laws add to Boussinesq's, under a load that moves."""
+    if isinstance(one, Law) and isinstance(other, Law):
+        return Added(one, other)
+    return lambda *at: one(*at) + other(*at) - displacement_rate(*at)
 
 
 def both_settled(one: Settlement, other: Settlement) -> Settlement:

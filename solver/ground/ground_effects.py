@@ -11,8 +11,9 @@ from solver.ground.correction import Corrected
 from solver.ground.gibson import stiffening
 from solver.ground.ground import Ground
 from solver.ground.layered import layered, paved
-from solver.ground.moving import moving_displacement_rate
-from solver.ground.waves import loudest_waves, sent_from
+from solver.ground.moving import Moving
+from solver.ground.radiated import Radiated
+from solver.ground.waves import loudest_waves
 
 Values = Mapping[str, Tensor]
 
@@ -96,7 +97,7 @@ def stiffness_contrast(ground: Ground, p: Values, survey: Surroundings) -> Groun
 
 def of_law(ground: Ground, law: Corrected) -> Ground:
     """The ground as a law changes it, under loads that move and under loads that change."""
-    return ground.responding(law.rate, law.displacement)
+    return ground.responding(law, law.displacement)
 
 
 def soft_on_stiff(fitted: Fitted) -> Start:
@@ -185,9 +186,7 @@ def gibson_soil(ground: Ground, p: Values, survey: Surroundings) -> Ground:
 )
 def moving_load(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Steady subsonic motion to second order in v / c_s; 1e-4 s^2/m^2 is a shear speed of 100 m/s."""
-    return ground.responding(
-        lambda offset, velocity, nu: moving_displacement_rate(offset, velocity, nu, p["shear_slowness_squared"])
-    )
+    return ground.responding(Moving(p["shear_slowness_squared"]))
 
 
 @effect(
@@ -240,12 +239,6 @@ def maxwell_flow(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     return ground.filtered(lambda s: 1 + p["rate"] / s)
 
 
-#: m; the trough of a car some meters beside a gauge of 10 m strains it at about its speed over this length cubed.
-TROUGH = 7.5
-#: m; where the wave's strength is told, and within what distance it grows no more.
-FAR, NEAR = 10.0, 3.0
-
-
 @effect(
     "rayleigh_wave",
     "ground",
@@ -262,19 +255,7 @@ FAR, NEAR = 10.0, 3.0
 )
 def rayleigh_wave(ground: Ground, p: Values, survey: Surroundings) -> Ground:
     """Radial motion of a phase of each vehicle's own; 1 strains the ground 10 m away as its trough does nearby."""
-    omega = 2 * torch.pi * p["frequency"]
-
-    def radiation(offset: Tensor, velocity: Tensor, time: Tensor) -> Tensor:
-        (x, y, _), (vx, vy) = offset.unbind(-1), velocity.unbind(-1)
-        r = (x * x + y * y + NEAR**2).sqrt()
-        toward = (x * vx + y * vy) / r
-        phase = omega * (time - sent_from(r, toward, velocity.norm(dim=-1), p["speed"]) / p["speed"])
-        wave = p["sine"].reshape(time.shape) * torch.sin(phase) + p["cosine"].reshape(time.shape) * torch.cos(phase)
-        strength = velocity.norm(dim=-1) / TROUGH**3 * p["speed"] / omega * (FAR / r).sqrt()
-        moved = strength * wave / r
-        return torch.stack([moved * x, moved * y, torch.zeros_like(moved)]).movedim(0, -1)
-
-    return ground.radiating(radiation)
+    return ground.radiating(Radiated(p["sine"], p["cosine"], p["frequency"], p["speed"]))
 
 
 EFFECTS = (

@@ -2,15 +2,61 @@
 
 from functools import cache
 
+import numpy as np
 import torch
 from numpy.polynomial import Polynomial
 from torch import Tensor
 
 from solver.ground.blocks import double, in_blocks
-from solver.ground.boussinesq import Ratio, displacement_rate
+from solver.ground.boussinesq import Ratio, displacement_rate, plain_values
+from solver.ground.law import Array, Law, Placed, boussinesq_summed
+from solver.ground.moving_sums import add_inertia
 
 #: (kernel and its order, order of the Bessel function) -> coefficients of powers of z / R.
 Kernels = dict[tuple[str, int], list[Tensor]]
+#: Kernels that enter downward, along the load's travel and outward from it: kernel, order of the Bessel function, and
+#: shares of first and second order.
+DOWN = ("w", 1, 3 / 4, 10 / 16), ("w", 3, 1 / 4, 5 / 16)
+ALONG = ("v", 0, 3 / 8, 10 / 32), ("v", 2, 1 / 8, 5 / 32)
+OUTWARD = ("v", 2, 3 / 8, 10 / 32), ("v", 4, 1 / 8, 5 / 32)
+#: Those of second order alone: kernel, order of the Bessel function, share.
+LAST = ("w", 5, 1 / 16), ("v", 4, 1 / 32), ("v", 6, 1 / 32)
+
+
+class Moving(Law):
+    """The law of `moving_displacement_rate`.
+
+    Parameters
+    ----------
+    slowness : scalar, 1 / c_s^2, s^2/m^2
+    """
+
+    def __init__(self, slowness: Tensor):
+        self.slowness = slowness
+
+    def rate(self, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
+        """As of `Law`."""
+        return moving_displacement_rate(offset, velocity, poisson_ratio, self.slowness)
+
+    def summed(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
+        """As of `Law`: of a ratio that is the same everywhere."""
+        if poisson_ratio.ndim or self.slowness.ndim or plain_values(self.slowness) is None:
+            return None
+        out, slowness = boussinesq_summed(at), float(self.slowness)
+        add_inertia(*at[:5], summed_kernels(_kernels(poisson_ratio), slowness), slowness, out)
+        return out
+
+
+def summed_kernels(kernels: Kernels, slowness: float) -> Array:
+    """Coefficients [down, along and outward, three each, 2, power] as `add_inertia` reads them."""
+    out = np.zeros((9, 2, 8))
+    for group, (both, (name, order, share)) in enumerate(zip((DOWN, ALONG, OUTWARD), LAST, strict=True)):
+        for number, (kernel, of, *shares) in enumerate(both):
+            for power, part in enumerate(shares):
+                found = torch.stack(kernels[f"{kernel}{power + 1}", of]).numpy()
+                out[3 * group + number, power, : len(found)] = part * found
+        out[3 * group + 2, 0] = slowness * share * torch.stack(kernels[f"{name}2", order]).numpy()
+    return out
 
 
 def moving_displacement_rate(
@@ -78,22 +124,11 @@ def _inertia(offset: Tensor, velocity: Tensor, slowness: Tensor, kernels: Kernel
     def both(name: str, order: int, first: float, second: float) -> Tensor:
         return first * kernel(name + "1", order) + second * beta * kernel(name + "2", order)
 
-    vertical = (
-        speed2 * q.real * both("w", 1, 3 / 4, 10 / 16)
-        - q3.real * both("w", 3, 1 / 4, 5 / 16)
-        + slowness / 16 * (q3 * q2).real * kernel("w2", 5)
-    )
+    down, along, outward = (slowness * share * kernel(name + "2", order) for name, order, share in LAST)
+    vertical = speed2 * q.real * both(*DOWN[0]) - q3.real * both(*DOWN[1]) + (q3 * q2).real * down
     back = q2.conj()
-    with_load = (
-        speed2 * both("v", 0, 3 / 8, 10 / 32)
-        - back * both("v", 2, 1 / 8, 5 / 32)
-        + slowness / 32 * back * back * kernel("v2", 4)
-    )
-    outward = (
-        -speed2 * q * both("v", 2, 3 / 8, 10 / 32)
-        + q3 * both("v", 4, 1 / 8, 5 / 32)
-        - slowness / 32 * q3 * q2 * kernel("v2", 6)
-    )
+    with_load = speed2 * both(*ALONG[0]) - back * both(*ALONG[1]) + back * back * along
+    outward = -speed2 * q * both(*OUTWARD[0]) + q3 * both(*OUTWARD[1]) - q3 * q2 * outward
     horizontal = -(torch.complex(vx, vy) * with_load + p * outward)
     scale = slowness * inverse * inverse
     return scale[..., None] * torch.stack([horizontal.real, horizontal.imag, vertical], -1)

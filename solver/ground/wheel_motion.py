@@ -42,6 +42,17 @@ def gauge_response(
     >>> bool(torch.allclose(found, (at * displacement_rate(at, v[0, 0], nu)).sum((-1, -2))))
     True
     """
+    given = spread(point, weight, place, share, velocity, ratio)
+    if given is None:
+        return None
+    found: Tensor = _GaugeResponse.apply(*given)
+    return found
+
+
+def spread(
+    point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: Tensor, ratio: Tensor
+) -> tuple[Tensor, ...] | None:
+    """Arguments of `gauge_response` with all their axes; None where it returns None."""
     shape = np.broadcast_shapes(point.shape[:-1], weight.shape[:-1], (*place.shape[:2], 1), ratio.shape)
     rows, channels, _ = shape
     given = (
@@ -53,10 +64,7 @@ def gauge_response(
         ratio.expand(shape),
     )
     same = all(x.shape[1] == 1 or x.stride(1) == 0 for x in given[2:5])
-    if not same or any(map(forward_mode, given)):
-        return None
-    found: Tensor = _GaugeResponse.apply(*given)
-    return found
+    return given if same and not any(map(forward_mode, given)) else None
 
 
 def packed(x: Tensor, order: tuple[int, ...]) -> Array:
@@ -71,7 +79,7 @@ class _GaugeResponse(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, *given: Tensor) -> Tensor:
-        arrays = _arrays(given)
+        arrays = arranged(given)
         rows, channels, points, _ = given[0].shape
         if not any(ctx.needs_input_grad):
             out = np.zeros((rows, channels))
@@ -96,7 +104,8 @@ class _GaugeResponse(torch.autograd.Function):
         return *by_point, wheel[..., :2], wheel[..., 2], speed.permute(1, 2, 0), vectors[..., 6]
 
 
-def _arrays(given: tuple[Tensor, ...]) -> tuple[Array, Array, Array, Array, Array, Array]:
+def arranged(given: tuple[Tensor, ...]) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """What `spread` gives, as compiled loops read it, see `add_response`."""
     point, weight, place, share, velocity, ratio = given
     return (
         packed(point, (3, 0, 2, 1)),

@@ -13,24 +13,20 @@ from torch import Tensor
 from torch.func import jvp
 
 from solver.effect import Parameter
-from solver.signal_path.autodiff import pushed_all, pushed_ways, pushing
+from solver.signal_path.autodiff import pushed_all, pushed_ways
 from solver.signal_path.extension import Extension, Slot, Values
 from solver.signal_path.few import few_of
 from solver.signal_path.gauges import Gauges
-from solver.signal_path.local import ALIKE, EACH, LOOSE, Seen, number
+from solver.signal_path.local import ALIKE, EACH, LOOSE, Seen, described_alone, number
+from solver.signal_path.map_changes import Changed, acts_on_map, by_channel, moving
 from solver.signal_path.observation import Description
 from solver.signal_path.sensitivities import along_load
-from solver.signal_path.signal_path import SignalPath
 from solver.signal_path.traffic import columns
 
 #: Columns that are filtered together.
 COLUMNS = 16
 #: Share of a parameter's plausible size by which it is changed to see how a law of the ground changes.
 STEP = 1e-7
-#: Share of the largest change that is rounding.
-ROUNDING = 1e-10
-
-Changed = Callable[[Tensor], Values]
 
 
 def observed_tangents(
@@ -75,9 +71,8 @@ def derivatives(seen: Seen, slot: Slot, numbers: Tensor) -> Iterator[Tensor]:
     def change(value: Tensor) -> Values:
         return {**values, effect.name: {**values[effect.name], p.name: value}}
 
-    def observed(maps: Tensor, values: Values = values) -> Tensor:
-        samples = path.traffic.samples
-        return path.described(values).observed(maps, samples if section is None else samples[section.samples])
+    def observed(maps: Tensor) -> Tensor:
+        return path.described(values).observed(maps, seen.samples)
 
     assert extension.scopes is not None
     here, alone = values[effect.name][p.name], seen.local.alone
@@ -88,7 +83,7 @@ def derivatives(seen: Seen, slot: Slot, numbers: Tensor) -> Iterator[Tensor]:
     by_gauge = in_rows and effect.stage in ("cable", "interrogator")
     by_row = tangents(seen, slot, values, numbers) if in_rows and not by_gauge else []
     on_map = acts_on_map(seen, slot, values)
-    moved = pushing(lambda v: (observed(alone, change(v)),), here) if on_map else None
+    moved = moving(seen, slot, change, here) if on_map else None
     each = by_channel(moved, here, extension.chosen) if moved is not None and scope == "fiber" else None
     for some in torch.arange(weights.shape[1]).split(few_of(alone.numel())):
         ways = [way.reshape(here.shape) for way in weights[:, some].unbind(1)]
@@ -100,7 +95,7 @@ def derivatives(seen: Seen, slot: Slot, numbers: Tensor) -> Iterator[Tensor]:
             chosen = slice(None) if extension.chosen is None else extension.chosen
             parts.append(each * weights[chosen][:, some].T[:, None])
         elif moved is not None:
-            parts.append(torch.stack([moved(way)[0] for way in ways]))
+            parts.append(torch.stack([moved(way) for way in ways]))
         yield sum(parts[1:], parts[0])
 
 
@@ -230,41 +225,9 @@ def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter, value: T
     return (law(here + way) - value) / way
 
 
-def described_alone(path: SignalPath, slot: Slot, values: Values) -> Description:
-    """The stages as they are with no other effect in the model."""
-    return replace(path.extension, effects=(slot.effect,)).described(values, path.gauge_length)
-
-
 def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:
     """Whether an effect changes the response of single channels to single vehicles."""
     if slot.effect.stage in ("trajectory", "load"):
         return True
     alone = described_alone(seen.path, slot, values)
     return alone.in_rows or alone.cable.moved
-
-
-def acts_on_map(seen: Seen, slot: Slot, values: Values) -> bool:
-    """Whether an effect acts on the whole map."""
-    if slot.effect.stage in ("trajectory", "load"):
-        return False
-    alone = described_alone(seen.path, slot, values)
-    gained = isinstance(alone.interrogator.gain, Tensor)
-    return bool(gained or alone.along_fiber or alone.in_time or alone.nonlinear or alone.processing.steps)
-
-
-def by_channel(moved: Callable[[Tensor], tuple[Tensor, ...]], here: Tensor, chosen: Tensor | None) -> Tensor | None:
-    """Derivative of the map [sample, channel] by a parameter's value at the channel itself; None where others matter.
-
-    A direction drawn at random tells: only where each channel depends on its own value alone is its change in
-    proportion to its share of the direction.
-
-    Parameters
-    ----------
-    moved : change of the map in a direction [computed channel]
-    here : the parameter's values
-    chosen : which of the computed channels were measured; all where None
-    """
-    drawn = torch.rand(here.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64) + 0.5
-    each, some = moved(torch.ones_like(here))[0], moved(drawn)[0]
-    expected = each * (drawn if chosen is None else drawn[chosen])
-    return each if bool((some - expected).abs().max() <= ROUNDING * some.abs().max()) else None

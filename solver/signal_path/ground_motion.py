@@ -13,6 +13,7 @@ from solver.ground.boussinesq import plain_values
 from solver.ground.compiled import compiled
 from solver.ground.force_motion import forces_response
 from solver.ground.ground import Ground
+from solver.ground.law import Law, Waves, law_response, waves_response
 from solver.ground.tangential import tangential_displacement, tangential_displacement_rate
 from solver.ground.wheel_motion import gauge_response
 from solver.load.load import Load
@@ -32,11 +33,16 @@ def strain_rates(load: Load, ground: Ground, points: Tensor, weights: Tensor, ra
     points, weights : [..., channel, point, 3], m and 1/m, see `solver.signal_path.gauges.Gauges`
     ratio : Poisson's; scalar or [..., channel, point]
     """
-    static = None
-    if ground.response is None:
-        static = gauge_response(points, weights, load.position, load.share, load.trajectory.velocity, ratio)
+    static, sent, law, driven = None, None, ground.response, load.trajectory
+    at = points, weights, load.position, load.share, driven.velocity
+    if law is None:
+        static = gauge_response(*at, ratio)
+    elif isinstance(law, Law):
+        static = law_response(law, *at, ratio)
+    if isinstance(ground.radiation, Waves) and (sent := waves_response(ground.radiation, *at, driven.time)) is not None:
+        ground = replace(ground, radiation=None)
     forced, left = of_forces(load, ground, points, weights, ratio)
-    known = [one for one in (static, forced) if one is not None]
+    known = [one for one in (static, sent, forced) if one is not None]
     parts = motions(left, ground, points, ratio, static is None)
     if not parts:
         return sum(known[1:], known[0])

@@ -5,13 +5,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.ground.ground import Ground
 from solver.load.load import Load
 from solver.signal_path.autodiff import pushed_all
-from solver.signal_path.extension import Values
+from solver.signal_path.extension import Slot, Values
 from solver.signal_path.gauges import Gauges
 from solver.signal_path.observation import Description
 from solver.signal_path.sensitivities import ByLoad, Sensitivities
@@ -151,11 +153,16 @@ class Local:
 
     def along_gauges(self, here: Gauges, change: Gauges) -> Tensor:
         """Derivative [row, channel] by what changes gauges so; some of their points may lie elsewhere than in `by`."""
+        ground = self.grounds(self.path.grounds(self.values))
+        if not any(bool(one.any()) for one in (change.points, change.change) if one is not None):
+            # Strain rate is linear in the weights.
+            return self.amplitude * self.path.alone(
+                self.load, replace(here, weights=change.weights), self.poisson_ratio, ground
+            )
         other = (here.points != self.here.points).flatten(2).any(2).any(0)
         if not bool(other.any()):
             return self.by.along_gauges(change)
         # Each point adds what it adds, whatever the others are.
-        ground = self.grounds(self.path.grounds(self.values))
         new = self.path.by_gauges_and_loads(
             self.load, here.part(other), self.amplitude[:, 0], self.poisson_ratio, ground
         )
@@ -204,6 +211,12 @@ class Seen:
     gauges: Callable[[Description], Gauges]
     local: Local
 
+    @property
+    def samples(self) -> NDArray[np.int64]:
+        """The traffic's samples that it is of."""
+        samples, section = self.path.traffic.samples, self.local.section
+        return samples if section is None else samples[section.samples]
+
 
 def number(stages: Description, name: str) -> Tensor | float:
     """A number of the cable or its loose length, or the gauge length."""
@@ -223,3 +236,8 @@ def with_number(stages: Description, name: str, value: Tensor) -> Description:
         return replace(stages, cable=replace(cable, loose=replace(cable.loose, **{name: value})))
     changed = {name: value}
     return replace(stages, cable=replace(cable, **changed))  # type: ignore[arg-type]
+
+
+def described_alone(path: "SignalPath", slot: Slot, values: Values) -> Description:
+    """The stages as they are with no other effect in the model."""
+    return replace(path.extension, effects=(slot.effect,)).described(values, path.gauge_length)

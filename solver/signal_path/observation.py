@@ -49,10 +49,7 @@ def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling
     omega = 2 * np.pi * torch.fft.rfftfreq(size, 1 / sampling_rate, dtype=values.dtype)
     s = torch.complex(torch.full_like(omega, sigma), omega)
     fall = torch.exp(-sigma * time)
-    factor = torch.ones_like(s)[:, None]
-    for transfer in transfers:
-        one = transfer(s)
-        factor = factor * (one if one.ndim > 1 else one[:, None])
+    factor = together(transfers, s)
 
     def filtered(x: Tensor, factor: Tensor) -> Tensor:
         return torch.fft.irfft(torch.fft.rfft(x * fall, size, dim=0) * factor, size, dim=0)[:samples] / fall
@@ -72,6 +69,20 @@ def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling
     maps = values.flatten(0, -3) if values.ndim > 2 else values[None]
     found = [where_it_acts(x) for x in maps]
     return torch.stack(found).reshape(values.shape) if found else values
+
+
+def together(transfers: Sequence[TimeTransfer], s: Tensor) -> Tensor:
+    """What filters make of each frequency, one after the other [frequency, 1 or channel].
+
+    >>> s = torch.tensor([1j, 2j])
+    >>> together([lambda s: 1 / s, lambda s: 2 * s], s)[:, 0]
+    tensor([2.+0.j, 2.+0.j])
+    """
+    factor = torch.ones_like(s)[:, None]
+    for transfer in transfers:
+        one = transfer(s)
+        factor = factor * (one if one.ndim > 1 else one[:, None])
+    return factor
 
 
 def fiber_matrix(transfers: Sequence[FiberTransfer], channels: int, spacing: float) -> Tensor:
@@ -143,6 +154,11 @@ class Description:
     def in_time(self) -> tuple[TimeTransfer, ...]:
         """All time filters."""
         return (*self.ground.transfers, *self.interrogator.transfers)
+
+    def filtered_by(self, transfer: TimeTransfer) -> "Description":
+        """The same with one filter in time in place of all others."""
+        ground, interrogator = replace(self.ground, transfers=()), replace(self.interrogator, transfers=(transfer,))
+        return replace(self, ground=ground, interrogator=interrogator)
 
     def observed(self, alone: Tensor, samples: NDArray[np.int64]) -> Tensor:
         """Maps [..., moment, computed channel] as observed, at the measured samples and channels."""

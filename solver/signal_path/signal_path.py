@@ -12,6 +12,7 @@ from torch import Tensor
 from solver.cable.fiber import Fiber
 from solver.effect import BY_ROW
 from solver.ground.ground import Ground
+from solver.ground.law import Law, Waves
 from solver.load.load import FORCES, Load
 from solver.load.wheel_layout import wheel_loads
 from solver.signal_path.autodiff import pushed_ways
@@ -28,6 +29,8 @@ from solver.trajectory.trajectory import Trajectory
 Grounds = Callable[[slice | Tensor], Ground]
 #: Gauge points, over all rows, that are computed together.
 BLOCK = 16384
+#: The same by a law that is summed over them in one pass.
+BLOCK_OF_LAWS = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -107,19 +110,22 @@ class SignalPath:
         ratio = gauges.ratio(poisson_ratio)
         parts = (
             strain_rates(load.part(rows), ground(rows), gauges.points, gauges.weights, ratio)
-            for rows in self.blocks(load, gauges, ground)
+            for rows in self.blocks(load, gauges, ground, BLOCK_OF_LAWS)
         )
         return torch.cat(list(parts))
 
-    def blocks(self, load: Load, gauges: Gauges, ground: Grounds) -> list[slice]:
+    def blocks(self, load: Load, gauges: Gauges, ground: Grounds, of_laws: int = BLOCK) -> list[slice]:
         """Blocks of rows computed together: small tensors stay in the processor's cache; all rows would take gigabytes.
 
-        The base model's response to vertical loads is computed in one pass, whatever their number.
+        The base model's response to vertical loads is computed in one pass, whatever their number, and `of_laws` are as
+        many gauge points as are computed together by a law that is summed in one pass.
         """
-        rows = len(load.share)
-        here = ground(slice(0, 1))
-        plain = here.response is None and here.radiation is None and load.forces.keys() == {"share"}
-        return spans(rows, rows if plain else BLOCK // gauges.points.shape[:2].numel())
+        here, rows = ground(slice(0, 1)), len(load.share)
+        vertical = load.forces.keys() == {"share"}
+        if vertical and here.response is None and here.radiation is None:
+            return spans(rows, rows)
+        in_one = vertical and isinstance(here.response, Law | None) and isinstance(here.radiation, Waves | None)
+        return spans(rows, (of_laws if in_one else BLOCK) // gauges.points.shape[:2].numel())
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
         """Maps [..., sample, channel] after interrogator and processing."""
