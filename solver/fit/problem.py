@@ -153,7 +153,9 @@ class Problem:
         # Neighbors matter: a gapless stretch of channels, and some beyond either end.
         margin = int(np.ceil(MARGIN / self.channel_spacing))
         every = np.arange(self.channel[0] - margin, self.channel[-1] + margin + 1)
-        chosen = torch.from_numpy(np.searchsorted(every, self.channel))
+        at = np.searchsorted(every, self.channel)
+        gapless = at[-1] - at[0] == len(at) - 1
+        chosen = slice(int(at[0]), int(at[-1]) + 1) if gapless else torch.from_numpy(at)
         return self._extension(effects, self.distance_of(every), chosen, traffic)
 
     @cached_property
@@ -163,7 +165,7 @@ class Problem:
         return self.traffic if over <= 1 else self.traffic.finer(over)
 
     def _extension(
-        self, effects: Sequence[Effect], distance: NDArray[np.float64], chosen: Tensor | None, traffic: Traffic
+        self, effects: Sequence[Effect], distance: NDArray[np.float64], chosen: Tensor | slice | None, traffic: Traffic
     ) -> Extension:
         inside = self.traffic.position.numpy()
         around = Surroundings(

@@ -10,9 +10,10 @@ from torch import Tensor
 from solver.ground.blocks import double, in_blocks
 from solver.ground.boussinesq import Ratio, displacement, displacement_rate, plain_values
 from solver.ground.corrected_motion import table_rate
-from solver.ground.law import Array, Law, Placed, boussinesq_summed
+from solver.ground.law import Array, Law, Placed, boussinesq_derived, boussinesq_summed
 from solver.ground.response_table import RadialTable, RatioTable
-from solver.ground.table_sums import add_table
+from solver.ground.table_sums import add_table, add_table_derivatives
+from solver.ground.wheel_motion import Derivatives
 
 #: Distance of the three Poisson ratios through which a correction that varies with them is interpolated.
 SPREAD = 0.04
@@ -61,6 +62,8 @@ class Corrected(Law):
     length: Ratio
     compliance: Ratio | None = None
 
+    differentiable = True
+
     def displacement(self, offset: Tensor, poisson_ratio: Ratio) -> Tensor:
         """Displacement [..., 3] of the ground under a load at rest, 1/m, in the unit of the tables.
 
@@ -106,15 +109,37 @@ class Corrected(Law):
 
     def summed(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
         """As of `Law`."""
+        table = self._table(at, poisson_ratio)
+        if table is None:
+            return None
+        out, (arrays, sizes) = boussinesq_summed(at), table
+        add_table(*at[:5], *arrays, *sizes, out)
+        return out if self.compliance is None else out * float(self.compliance)
+
+    def derived(self, at: Placed, poisson_ratio: Tensor) -> Derivatives | None:
+        """As of `Law`."""
+        table = self._table(at, poisson_ratio)
+        if table is None:
+            return None
+        out, (arrays, sizes) = boussinesq_derived(at), table
+        add_table_derivatives(*at[:5], *arrays, *sizes, SPREAD, *out)
+        return out if self.compliance is None else Derivatives(*(one * float(self.compliance) for one in out))
+
+    def _table(
+        self, at: Placed, poisson_ratio: Tensor
+    ) -> tuple[tuple[Array, Array, Array], tuple[float, float]] | None:
+        """Poisson's ratio [point, channel], cells, edges, step and length of the table, as `add_table` takes them.
+
+        None where the law's numbers carry derivatives.
+        """
         nu, interpolate = self._interpolation(poisson_ratio)
         away, parabolas, table = interpolate.by_ratio(nu)
         length, compliance = double(self.length), double(1.0 if self.compliance is None else self.compliance)
         if plain_values(away, parabolas, length, compliance) is None:
             return None
-        out, ratio = boussinesq_summed(at), np.ascontiguousarray(away.expand(at.softness.shape[:0:-1]).numpy().T)
-        cells = parabolas.contiguous().numpy(), table.depth.contiguous().numpy(), table.step
-        add_table(*at[:5], ratio, *cells, float(length), out)
-        return out * float(compliance)
+        ratio = np.ascontiguousarray(away.expand(at.softness.shape[:0:-1]).numpy().T)
+        cells, edges = (one.contiguous().numpy() for one in (parabolas, table.depth))
+        return (ratio, cells, edges), (table.step, float(length))
 
     def _scaled(self, moved: Tensor, offset: Tensor) -> Tensor:
         """A response as compliant as the ground is, as precise as the offset."""

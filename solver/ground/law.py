@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.ground.boussinesq import Ratio, displacement_rate, plain_values
-from solver.ground.wheel_motion import add_response, arranged, spread
+from solver.ground.wheel_motion import (
+    Derivatives,
+    add_derivatives,
+    add_response,
+    arranged,
+    differentiable,
+    spread,
+)
 
 Array = NDArray[np.float64]
 
@@ -41,6 +48,9 @@ class Placed(NamedTuple):
 class Law(ABC):
     """A law of the ground's response to loads that move."""
 
+    #: Whether `derived` has a pass of its own.
+    differentiable = False
+
     @abstractmethod
     def rate(self, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
         """Displacement rate [..., 3] of a unit load, as of `solver.ground.boussinesq.displacement_rate`."""
@@ -51,6 +61,10 @@ class Law(ABC):
 
         None where there is no such pass, as of numbers of the law that carry a derivative.
         """
+
+    def derived(self, at: Placed, poisson_ratio: Tensor) -> Derivatives | None:
+        """Derivatives of that sum by all that it depends on but the law's own numbers; None as of `summed`."""
+        return None
 
     def __call__(self, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
         """`rate`."""
@@ -95,6 +109,13 @@ class Added(Law):
         return None if one is None or other is None else one + other - boussinesq_summed(at)
 
 
+def boussinesq_derived(at: Placed) -> Derivatives:
+    """The derivatives of `Law.derived` of a homogeneous half-space."""
+    out = Derivatives.nothing(at)
+    add_derivatives(*at, *out)
+    return out
+
+
 def boussinesq_summed(at: Placed) -> Array:
     """The sums of `Law.summed` of a homogeneous half-space."""
     out = at.nothing
@@ -105,14 +126,26 @@ def boussinesq_summed(at: Placed) -> Array:
 def law_response(
     law: Law, point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: Tensor, ratio: Tensor
 ) -> Tensor | None:
-    """What `solver.ground.wheel_motion.gauge_response` gives, by a law, without derivatives.
+    """What `solver.ground.wheel_motion.gauge_response` gives, by a law.
 
-    None where a derivative is asked for, where places differ by channel or points by row, and where the law has no pass
-    of its own.
+    None, too, where points differ by row, and where the law has no pass of its own.
     """
-    at = placed(point, weight, place, share, velocity, ratio)
-    found = None if at is None else law.summed(at, ratio)
+    given = spread(point, weight, place, share, velocity, ratio)
+    at = None if given is None else placed(given)
+    if given is None or at is None:
+        return None
+    if torch.is_grad_enabled() and any(one.requires_grad for one in given):
+        derivatives = law.derived(at, given[-1][0].detach())
+        return None if derivatives is None else differentiable(given, derivatives)
+    found = law.summed(at, ratio)
     return None if found is None else torch.from_numpy(found)
+
+
+def has_pass(law: object, derivatives: bool) -> bool:
+    """Whether a law, none among them, may be summed in one pass, with its derivatives where these are wanted."""
+    if derivatives:
+        return law is None or (isinstance(law, Law) and law.differentiable)
+    return isinstance(law, Law | Waves | None)
 
 
 def waves_response(
@@ -120,21 +153,19 @@ def waves_response(
 ) -> Tensor | None:
     """Sum [row, channel] over points and wheels of weight . velocity of the ground in waves, at times [row, 1].
 
-    None as of `law_response`.
+    None where a derivative is asked for, and as of `law_response`.
     """
-    at = placed(point, weight, place, share, velocity, torch.zeros((), dtype=torch.float64))
-    if at is None or time.shape[1] > 1 or plain_values(time) is None:
+    given = spread(point, weight, place, share, velocity, torch.zeros((), dtype=torch.float64))
+    at = None if given is None or plain_values(*given, time) is None else placed(given)
+    if at is None or time.shape[1] > 1:
         return None
     found = waves.summed(at, np.ascontiguousarray(time[:, 0].numpy()))
     return None if found is None else torch.from_numpy(found)
 
 
-def placed(
-    point: Tensor, weight: Tensor, place: Tensor, share: Tensor, velocity: Tensor, ratio: Tensor
-) -> Placed | None:
-    """Gauges and wheels, as `gauge_response` takes them, for one pass; None where that cannot be."""
-    given = spread(point, weight, place, share, velocity, ratio)
-    if given is None or plain_values(*given) is None:
+def placed(given: tuple[Tensor, ...]) -> Placed | None:
+    """What `spread` gives, for one pass over points that are the same in all rows; None of others."""
+    point, weight, *_, ratio = given
+    if any(len(one) > 1 and one.stride(0) > 0 for one in (point, weight, ratio)):
         return None
-    at = Placed(*arranged(given))
-    return None if any(len(one) > 1 for one in (at.point[0], at.weight[0], at.softness)) else at
+    return Placed(*arranged((point[:1], weight[:1], *given[2:5], ratio[:1])))

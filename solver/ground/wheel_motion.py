@@ -1,7 +1,8 @@
 """Response of gauges to wheels on a homogeneous elastic half-space, with all derivatives, in machine code."""
 
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -45,7 +46,44 @@ def gauge_response(
     given = spread(point, weight, place, share, velocity, ratio)
     if given is None:
         return None
-    found: Tensor = _GaugeResponse.apply(*given)
+    arrays = arranged(given)
+    if torch.is_grad_enabled() and any(one.requires_grad for one in given):
+        derivatives = Derivatives.nothing(arrays)
+        add_derivatives(*arrays, *derivatives)
+        return differentiable(given, derivatives)
+    out = np.zeros((len(given[0]), given[0].shape[1]))
+    add_response(*arrays, out)
+    return torch.from_numpy(out)
+
+
+class Derivatives(NamedTuple):
+    """Derivatives of a sum [row, channel] over points and wheels by all arguments of `gauge_response`.
+
+    Attributes
+    ----------
+    by_point : [7, row, point, channel], with respect to weight (3), point (3) and Poisson's ratio
+    by_wheel : [3, wheel, row, channel], with respect to place (2) and share
+    by_velocity : [2, row, channel]
+    """
+
+    by_point: Array
+    by_wheel: Array
+    by_velocity: Array
+
+    @classmethod
+    def nothing(cls, arrays: Sequence[Array]) -> "Derivatives":
+        """None yet, for what `arranged` gives."""
+        (points, channels), (wheels, rows) = arrays[0].shape[2:], arrays[3].shape
+        shapes = (7, rows, points, channels), (3, wheels, rows, channels), (2, rows, channels)
+        return cls(*map(np.zeros, shapes))
+
+
+def differentiable(given: tuple[Tensor, ...], derivatives: Derivatives) -> Tensor:
+    """The sum [row, channel], which carries its derivatives; `given` as of `spread`.
+
+    Strain rate is proportional to the wheels' shares: these derivatives hold the sum itself.
+    """
+    found: Tensor = _Sum.apply(derivatives, *given)
     return found
 
 
@@ -74,34 +112,24 @@ def packed(x: Tensor, order: tuple[int, ...]) -> Array:
     return np.ascontiguousarray(x.permute(order).numpy())
 
 
-class _GaugeResponse(torch.autograd.Function):
-    """`gauge_response` for arguments that have all their axes."""
+class _Sum(torch.autograd.Function):
+    """`differentiable`."""
 
     @staticmethod
-    def forward(ctx: Any, *given: Tensor) -> Tensor:
-        arrays = arranged(given)
-        rows, channels, points, _ = given[0].shape
-        if not any(ctx.needs_input_grad):
-            out = np.zeros((rows, channels))
-            add_response(*arrays, out)
-            return torch.from_numpy(out)
-        by_point = np.zeros((7, rows, points, channels))
-        by_wheel, by_velocity = np.zeros((3, given[2].shape[2], rows, channels)), np.zeros((2, rows, channels))
-        add_derivatives(*arrays, by_point, by_wheel, by_velocity)
-        ctx.save_for_backward(*map(torch.from_numpy, (by_point, by_wheel, by_velocity)))
-        # Strain rate is proportional to the wheels' shares.
+    def forward(ctx: Any, derivatives: Derivatives, *given: Tensor) -> Tensor:
+        ctx.save_for_backward(*map(torch.from_numpy, derivatives))
         share = given[3][:, 0].detach().T.numpy()
-        return torch.from_numpy(np.einsum("wrc,wr->rc", by_wheel[2], share))
+        return torch.from_numpy(np.einsum("wrc,wr->rc", derivatives.by_wheel[2], share))
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, ...]:
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
         whole, wheel, speed = ctx.saved_tensors
         if not bool((gradient == 1).all()):
             whole, wheel, speed = whole * gradient[:, None], wheel * gradient, speed * gradient
         vectors, wheel = whole.permute(1, 3, 2, 0), wheel.permute(2, 3, 1, 0)
         by_point = vectors[..., 3:6], vectors[..., :3]
-        return *by_point, wheel[..., :2], wheel[..., 2], speed.permute(1, 2, 0), vectors[..., 6]
+        return None, *by_point, wheel[..., :2], wheel[..., 2], speed.permute(1, 2, 0), vectors[..., 6]
 
 
 def arranged(given: tuple[Tensor, ...]) -> tuple[Array, Array, Array, Array, Array, Array]:
@@ -174,9 +202,7 @@ def add_derivatives(
     Parameters
     ----------
     point, weight, place, share, velocity, softness : see there
-    by_point : [7, row, point, channel], with respect to weight (3), point (3) and Poisson's ratio
-    by_wheel : [3, wheel, row, channel], with respect to place (2) and share
-    by_velocity : [2, row, channel]
+    by_point, by_wheel, by_velocity : as of `Derivatives`
     """
     wheels, rows = share.shape
     points, channels = point.shape[2:]

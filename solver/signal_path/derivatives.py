@@ -48,7 +48,8 @@ def observed_tangents(
         return jvp(observed, (alone.expand_as(some).clone(),), (some.contiguous(),))[1]
 
     # Spectra of all columns at once would not fit into memory.
-    return torch.cat([seen(some) for some in tangents.split(COLUMNS)])
+    found = [seen(some) for some in tangents.split(COLUMNS)]
+    return torch.cat(found) if len(found) > 1 else found[0]
 
 
 def derivative(seen: Seen, slot: Slot, numbers: Tensor) -> Tensor:

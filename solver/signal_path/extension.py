@@ -150,7 +150,7 @@ class Extension:
     effects : in the model
     surroundings : what effects may ask of the survey; None without effects
     scopes : spline weights of their parameters
-    chosen : [channel], which of the computed channels were measured; all where None
+    chosen : which of the computed channels were measured: [channel], or a stretch of them; all where None
     time : [row], s since the record's start, of the traffic's rows
     traffic : sampled finer than the record, if filters in time need it; None: unchanged
     """
@@ -158,7 +158,7 @@ class Extension:
     effects: Sequence[Effect] = ()
     surroundings: Surroundings | None = None
     scopes: Scopes | None = None
-    chosen: Tensor | None = None
+    chosen: Tensor | slice | None = None
     time: Tensor | None = None
     traffic: Traffic | None = None
     slots: tuple[Slot, ...] = field(init=False)

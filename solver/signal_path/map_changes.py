@@ -52,7 +52,7 @@ def refiltered(seen: Seen, changed: Changed, here: Tensor, way: Tensor) -> Tenso
     return seen.path.described(changed(here)).filtered_by(transfer).observed(seen.local.alone, seen.samples)
 
 
-def by_channel(moved: Moved, here: Tensor, chosen: Tensor | None) -> Tensor | None:
+def by_channel(moved: Moved, here: Tensor, chosen: Tensor | slice | None) -> Tensor | None:
     """Derivative of the map [sample, channel] by a parameter's value at the channel itself; None where others matter.
 
     A direction drawn at random tells: only where each channel depends on its own value alone is its change in

@@ -22,6 +22,8 @@ from solver.processing.processing import Processing
 DECAY = 8.0
 #: Gaps between blocks of samples that are bridged by zeros, s, so that filters remember across them.
 BRIDGE = 30.0
+#: Of which the length of a transform is a multiple.
+MULTIPLE = 32
 
 
 def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling_rate: float) -> Tensor:
@@ -42,17 +44,17 @@ def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling
     1.773
     """
     samples = values.shape[-2]
-    # An even length: real transforms of odd lengths are slow.
-    size = 2 * next_fast_len(samples * 5 // 8 + 32, real=True)
-    time = torch.arange(samples, dtype=values.dtype)[:, None] / sampling_rate
+    # Transforms of other lengths, and along columns, take twice the time.
+    size = MULTIPLE * next_fast_len(-(-(samples * 5 // 4 + 64) // MULTIPLE), real=True)
+    time = torch.arange(samples, dtype=values.dtype) / sampling_rate
     sigma = DECAY * sampling_rate / size
     omega = 2 * np.pi * torch.fft.rfftfreq(size, 1 / sampling_rate, dtype=values.dtype)
-    s = torch.complex(torch.full_like(omega, sigma), omega)
     fall = torch.exp(-sigma * time)
-    factor = together(transfers, s)
+    factor = together(transfers, torch.complex(torch.full_like(omega, sigma), omega))
 
     def filtered(x: Tensor, factor: Tensor) -> Tensor:
-        return torch.fft.irfft(torch.fft.rfft(x * fall, size, dim=0) * factor, size, dim=0)[:samples] / fall
+        spectrum = torch.fft.rfft(pad(x.T * fall, (0, size - samples))) * factor.T
+        return (torch.fft.irfft(spectrum, size)[:, :samples] / fall).T
 
     def where_it_acts(x: Tensor) -> Tensor:
         if plain_values(x) is None:
@@ -68,6 +70,8 @@ def laplace_filtered(values: Tensor, transfers: Sequence[TimeTransfer], sampling
     # One map at a time stays within the processor's cache: twice as fast.
     maps = values.flatten(0, -3) if values.ndim > 2 else values[None]
     found = [where_it_acts(x) for x in maps]
+    if len(found) == 1:
+        return found[0].reshape(values.shape)
     return torch.stack(found).reshape(values.shape) if found else values
 
 
@@ -109,7 +113,7 @@ class Description:
     ground, cable, interrogator, processing : see `solver.effect`
     sampling_rate : of the record, Hz
     channel_spacing : m
-    chosen : [channel], which of the computed channels were measured; all where None
+    chosen : which of the computed channels were measured: [channel], or a stretch of them; all where None
     over : how many moments per sample of the record maps are computed at
     """
 
@@ -119,7 +123,7 @@ class Description:
     processing: Processing = field(default_factory=Processing)
     sampling_rate: float = 1.0
     channel_spacing: float = 1.0
-    chosen: Tensor | None = None
+    chosen: Tensor | slice | None = None
     over: int = 1
 
     @property
@@ -181,9 +185,9 @@ class Description:
         parts, rate = [], self.sampling_rate * self.over
         for block in bridged(samples, round(BRIDGE * rate)):
             at = torch.from_numpy(samples[block] - samples[block.start])
-            length = int(at[-1]) + 1
-            whole = values.new_zeros(*values.shape[:-2], length, values.shape[-1])
-            whole = whole.index_copy(-2, at, values[..., block, :])
+            length, whole = int(at[-1]) + 1, values[..., block, :]
+            if gaps := length > len(at):
+                whole = values.new_zeros(*values.shape[:-2], length, values.shape[-1]).index_copy(-2, at, whole)
             if self.ground.tangent_compliances:
                 strain = laplace_filtered(whole, [lambda s: 1 / s], rate)
                 for compliance in self.ground.tangent_compliances:
@@ -195,8 +199,8 @@ class Description:
             whole = whole[..., :: self.over, :]
             for function in self.processing.steps:
                 whole = function(whole)
-            parts.append(whole.index_select(-2, at[at % self.over == 0] // self.over))
-        return torch.cat(parts, -2)
+            parts.append(whole.index_select(-2, at[at % self.over == 0] // self.over) if gaps else whole)
+        return torch.cat(parts, -2) if len(parts) > 1 else parts[0]
 
 
 def bridged(samples: NDArray[np.int64], gap: int) -> list[slice]:

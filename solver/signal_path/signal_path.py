@@ -12,7 +12,7 @@ from torch import Tensor
 from solver.cable.fiber import Fiber
 from solver.effect import BY_ROW
 from solver.ground.ground import Ground
-from solver.ground.law import Law, Waves
+from solver.ground.law import has_pass
 from solver.load.load import FORCES, Load
 from solver.load.wheel_layout import wheel_loads
 from solver.signal_path.autodiff import pushed_ways
@@ -110,22 +110,22 @@ class SignalPath:
         ratio = gauges.ratio(poisson_ratio)
         parts = (
             strain_rates(load.part(rows), ground(rows), gauges.points, gauges.weights, ratio)
-            for rows in self.blocks(load, gauges, ground, BLOCK_OF_LAWS)
+            for rows in self.blocks(load, gauges, ground, derivatives=False)
         )
         return torch.cat(list(parts))
 
-    def blocks(self, load: Load, gauges: Gauges, ground: Grounds, of_laws: int = BLOCK) -> list[slice]:
+    def blocks(self, load: Load, gauges: Gauges, ground: Grounds, derivatives: bool = True) -> list[slice]:
         """Blocks of rows computed together: small tensors stay in the processor's cache; all rows would take gigabytes.
 
-        The base model's response to vertical loads is computed in one pass, whatever their number, and `of_laws` are as
-        many gauge points as are computed together by a law that is summed in one pass.
+        The base model's response to vertical loads is computed in one pass, whatever their number, and that of laws
+        which have such a pass, with its `derivatives` where these are wanted, of many rows.
         """
         here, rows = ground(slice(0, 1)), len(load.share)
-        vertical = load.forces.keys() == {"share"}
-        if vertical and here.response is None and here.radiation is None:
+        laws, vertical = (here.response, here.radiation), load.forces.keys() == {"share"}
+        if vertical and laws == (None, None):
             return spans(rows, rows)
-        in_one = vertical and isinstance(here.response, Law | None) and isinstance(here.radiation, Waves | None)
-        return spans(rows, (of_laws if in_one else BLOCK) // gauges.points.shape[:2].numel())
+        in_one = vertical and all(has_pass(law, derivatives) for law in laws)
+        return spans(rows, (BLOCK_OF_LAWS if in_one else BLOCK) // gauges.points.shape[:2].numel())
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
         """Maps [..., sample, channel] after interrogator and processing."""

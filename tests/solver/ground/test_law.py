@@ -63,7 +63,7 @@ def test_a_law_of_one_poisson_ratio(law: Law, channels: int) -> None:
     expected = summed(at, law(*moved(at), at[-1]))
     found = law_response(law, *at)
     assert found is not None
-    torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-12 * float(expected.abs().max()))
+    torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-12 * float(expected.detach().abs().max()))
 
 
 @pytest.mark.parametrize("law", ["layered", "stiffening", "bells"])
@@ -72,7 +72,23 @@ def test_a_law_of_poisson_ratios_that_differ(law: str) -> None:
     expected = summed(at, LAWS[law](*moved(at), at[-1][..., None]))
     found = law_response(LAWS[law], *at)
     assert found is not None
-    torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-12 * float(expected.abs().max()))
+    torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-12 * float(expected.detach().abs().max()))
+
+
+@pytest.mark.parametrize("law", ["layered", "paved", "stiffening", "bells"])
+def test_derivatives_as_automatic_differentiation_has_them(law: str) -> None:
+    """Beyond a table's last distance, too."""
+    at = list(given(7, torch.linspace(0.2, 0.4, 7 * POINTS, dtype=torch.float64).reshape(7, POINTS)))
+    at[2][0, 0, 0, 0] = 3e4
+    with_axes = [one.requires_grad_() for one in at]
+    found = law_response(LAWS[law], *with_axes)
+    assert found is not None
+    expected = summed(tuple(at), LAWS[law](*moved(tuple(at)), at[-1][..., None]))
+    pull = torch.linspace(-1, 1, expected.numel(), dtype=torch.float64).reshape(expected.shape)
+    torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-12 * float(expected.detach().abs().max()))
+    by_found, by_expected = (torch.autograd.grad((one * pull).sum(), with_axes) for one in (found, expected))
+    for mine, theirs in zip(by_found, by_expected, strict=True):
+        torch.testing.assert_close(mine, theirs, rtol=1e-8, atol=1e-11 * float(theirs.abs().max()))
 
 
 @pytest.mark.parametrize("kind", [Packet, Radiated])
@@ -84,12 +100,12 @@ def test_waves_of_a_phase_of_each_vehicle(kind: type[Packet] | type[Radiated], s
     expected = summed(at, waves(*moved(at), time[..., None, None]))
     found = waves_response(waves, *at[:5], time)
     assert found is not None
-    torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-12 * float(expected.abs().max()))
+    torch.testing.assert_close(found, expected, rtol=1e-9, atol=1e-12 * float(expected.detach().abs().max()))
 
 
 def test_no_pass_where_a_derivative_is_asked_for_or_a_law_has_none() -> None:
     at, various = given(2, number(0.3)), torch.full((2, POINTS), 0.3, dtype=torch.float64)
-    assert law_response(LAWS["layered"], at[0].requires_grad_(), *at[1:]) is None
+    assert law_response(LAWS["moving"], at[0].requires_grad_(), *at[1:]) is None
     at = given(2, various)
     assert law_response(LAWS["moving"], *at) is None
     assert law_response(LAWS["added"], *at) is None
