@@ -10,8 +10,8 @@ from torch import Tensor
 
 from solver.ground.boussinesq import Ratio, Response, displacement_rate, plain_values
 from solver.ground.compiled import compiled
+from solver.ground.ground_law import Law, Placed
 from solver.ground.lanes import LANES, put
-from solver.ground.law import Law, Placed
 from solver.ground.wheel_motion import Derivatives, add_wheel
 
 Array = NDArray[np.float64]
@@ -105,7 +105,7 @@ def add_belled(
 
     Parameters
     ----------
-    point, weight, place, share, velocity, softness : as of `solver.ground.law.Placed`
+    point, weight, place, share, velocity, softness : as of `solver.ground.ground_law.Placed`
     scales, numbers : [scale], m, and [3, scale], as of `Belled`
     """
     wheels, rows = share.shape

@@ -10,7 +10,7 @@ from torch import Tensor
 from solver.catalogue.bells import BEYOND, nothing
 from solver.ground.boussinesq import plain_values
 from solver.ground.compiled import compiled
-from solver.ground.law import Placed, Waves
+from solver.ground.ground_law import Placed, Waves
 from solver.ground.radiated import TROUGH
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from torch import Tensor
 from solver.ground.blocks import double, in_blocks
 from solver.ground.boussinesq import Ratio, displacement, displacement_rate, plain_values
 from solver.ground.corrected_motion import table_rate
-from solver.ground.law import Array, Law, Placed, boussinesq_derived, boussinesq_summed
+from solver.ground.ground_law import Array, Law, Placed, boussinesq_derived, boussinesq_summed
 from solver.ground.response_table import RadialTable, RatioTable
 from solver.ground.table_sums import add_table, add_table_derivatives
 from solver.ground.wheel_motion import Derivatives

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from solver.effect.transfers import Field, MapFunction, TimeTransfer
 from solver.ground.boussinesq import Ratio, Response, displacement, displacement_rate
-from solver.ground.law import Added, Law
+from solver.ground.ground_law import Added, Law
 
 #: (offset [..., 3], Poisson's ratio) -> displacement [..., 3] of a unit load.
 Settlement = Callable[[Tensor, Ratio], Tensor]

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from solver.ground.blocks import double, in_blocks
 from solver.ground.boussinesq import Ratio, displacement_rate, plain_values
-from solver.ground.law import Array, Law, Placed, boussinesq_summed
+from solver.ground.ground_law import Array, Law, Placed, boussinesq_summed
 from solver.ground.moving_sums import add_inertia
 
 #: (kernel and its order, order of the Bessel function) -> coefficients of powers of z / R.

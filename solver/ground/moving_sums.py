@@ -26,7 +26,7 @@ def add_inertia(
 
     Parameters
     ----------
-    point, weight, place, share, velocity : as of `solver.ground.law.Placed`
+    point, weight, place, share, velocity : as of `solver.ground.ground_law.Placed`
     kernels : [9, 2, power], coefficients of powers of c of first and second order in (v / c_s)^2, see `summed_kernels`
     slowness : 1 / c_s^2, s^2/m^2
 

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from solver.ground.boussinesq import plain_values
 from solver.ground.compiled import compiled
-from solver.ground.law import Placed, Waves
+from solver.ground.ground_law import Placed, Waves
 from solver.ground.waves import sent_from
 
 Array = NDArray[np.float64]

@@ -29,7 +29,7 @@ def add_table(
 
     Parameters
     ----------
-    point, weight, place, share, velocity : as of `solver.ground.law.Placed`
+    point, weight, place, share, velocity : as of `solver.ground.ground_law.Placed`
     away : [point, channel], Poisson's ratio, see `looked_up`
     parabolas, edges, step : the table, see `solver.ground.cell_values`
     length : its unit, m

@@ -12,7 +12,7 @@ from torch import Tensor
 from solver.cable.fiber import Fiber
 from solver.effect import BY_ROW
 from solver.ground.ground import Ground
-from solver.ground.law import has_pass
+from solver.ground.ground_law import has_pass
 from solver.load.load import FORCES, Load
 from solver.load.wheel_layout import wheel_loads
 from solver.signal_path.autodiff import pushed_ways

@@ -7,8 +7,8 @@ from torch import Tensor
 from solver.catalogue.bells import Belled
 from solver.catalogue.packets import Packet
 from solver.ground.gibson import stiffening
+from solver.ground.ground_law import Added, Law, Waves, law_response, waves_response
 from solver.ground.lanes import LANES
-from solver.ground.law import Added, Law, Waves, law_response, waves_response
 from solver.ground.layered import layered, paved
 from solver.ground.moving import Moving
 from solver.ground.radiated import Radiated
