@@ -54,7 +54,7 @@ class Belled(Law):
                 factor = factor + even * torch.exp(-square / (2 * scale**2))
         return base * factor[..., None]
 
-    def summed(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
+    def added(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
         """As of `Law`: where Boussinesq's law is multiplied, by the same numbers everywhere."""
         bells = self._bells()
         if bells is None:
@@ -64,7 +64,7 @@ class Belled(Law):
         return out
 
     def derived(self, at: Placed, poisson_ratio: Tensor) -> Derivatives | None:
-        """As of `Law`, where `summed` is one."""
+        """As of `Law`, where `added` has one."""
         bells = self._bells()
         if bells is None:
             return None
@@ -101,7 +101,7 @@ def add_belled(
     numbers: Array,
     out: Array,
 ) -> None:
-    """Add the response of gauges to `out` [row, channel].
+    """Add what Gaussians add to the response of gauges to `out` [row, channel].
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def add_belled(
                     base[k] = -w * ((dxs[k] * vx + dys[k] * vy) * a + c * (along * a1 + dzs[k] * b1))
                     forward[k] = c / speed
                 for k in range(channels):
-                    factor, aside = 1.0, 1 - forward[k] ** 2 / max(square[k], 1e-6)
+                    factor, aside = 0.0, 1 - forward[k] ** 2 / max(square[k], 1e-6)
                     for n in range(len(scales)):
                         fallen = square[k] / (2 * scales[n] ** 2)
                         even = numbers[0, n] + numbers[1, n] * forward[k] / scales[n] + numbers[2, n] * aside
@@ -203,13 +203,13 @@ def add_belled_derivatives(
 def bells_at(
     x: float, y: float, along: float, across: float, scales: Array, numbers: Array
 ) -> tuple[float, float, float, float, float]:
-    """The factor at an offset from the wheel, and its derivatives by the offset and by velocity over speed.
+    """The sum of Gaussians at an offset from the wheel, and its derivatives by the offset and by velocity over speed.
 
     `along` and `across` are the direction of travel.
     """
     square, forward = max(x * x + y * y, 1e-6), x * along + y * across
     share = forward / square
-    factor, by_x, by_y, by_forward = 1.0, 0.0, 0.0, 0.0
+    factor, by_x, by_y, by_forward = 0.0, 0.0, 0.0, 0.0
     for n in range(len(scales)):
         fallen = square / (2 * scales[n] ** 2)
         if fallen < BEYOND:

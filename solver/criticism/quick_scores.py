@@ -15,7 +15,7 @@ from solver.criticism.sums import Sums
 from solver.effect import Effect
 from solver.fit.side_by_side import side_by_side
 from solver.signal_path.extension import Extension
-from solver.signal_path.local import Seen, described_alone
+from solver.signal_path.local import Seen
 from solver.survey.memory import give_back
 
 #: Shapes of each effect that are tried, and of those whose law takes long.
@@ -145,7 +145,7 @@ def with_signals(scorer: Scorer, table: Sequence[Score]) -> list[Score]:
 def slow(scorer: Scorer, extension: Extension) -> bool:
     """Whether an effect, the last of an extension, has a law of the ground to be evaluated at every gauge and wheel."""
     path, values = scorer.fit.path.with_effects(extension), extension.local(scorer.numbers(extension, {}))
-    ground = described_alone(path, extension.slots[-1], values).ground
+    ground = path.described_alone(extension.slots[-1].effect, values).ground
     return any(law is not None for law in (ground.response, ground.settlement, ground.radiation))
 
 

@@ -10,10 +10,10 @@ from torch import Tensor
 from solver.ground.blocks import double, in_blocks
 from solver.ground.boussinesq import Ratio, displacement, displacement_rate, plain_values
 from solver.ground.corrected_motion import table_rate
-from solver.ground.ground_law import Array, Law, Placed, boussinesq_derived, boussinesq_summed
+from solver.ground.ground_law import Array, Law, Placed
 from solver.ground.response_table import RadialTable, RatioTable
 from solver.ground.table_sums import add_table, add_table_derivatives
-from solver.ground.wheel_motion import Derivatives
+from solver.ground.wheel_motion import Derivatives, add_derivatives, add_response
 
 #: Distance of the three Poisson ratios through which a correction that varies with them is interpolated.
 SPREAD = 0.04
@@ -107,23 +107,31 @@ class Corrected(Law):
             moved = in_blocks(total, [offset, velocity], [nu, self.length])
         return self._scaled(moved, offset)
 
-    def summed(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
+    def added(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
         """As of `Law`."""
         table = self._table(at, poisson_ratio)
         if table is None:
             return None
-        out, (arrays, sizes) = boussinesq_summed(at), table
+        out, (arrays, sizes) = at.nothing, table
         add_table(*at[:5], *arrays, *sizes, out)
-        return out if self.compliance is None else out * float(self.compliance)
+        if self.compliance is None:
+            return out
+        homogeneous, share = at.nothing, float(self.compliance)
+        add_response(*at, homogeneous)
+        return share * out + (share - 1) * homogeneous
 
     def derived(self, at: Placed, poisson_ratio: Tensor) -> Derivatives | None:
         """As of `Law`."""
         table = self._table(at, poisson_ratio)
         if table is None:
             return None
-        out, (arrays, sizes) = boussinesq_derived(at), table
+        out, (arrays, sizes) = Derivatives.nothing(at), table
         add_table_derivatives(*at[:5], *arrays, *sizes, SPREAD, *out)
-        return out if self.compliance is None else Derivatives(*(one * float(self.compliance) for one in out))
+        if self.compliance is None:
+            return out
+        homogeneous, share = Derivatives.nothing(at), float(self.compliance)
+        add_derivatives(*at, *homogeneous)
+        return Derivatives(*(share * one + (share - 1) * base for one, base in zip(out, homogeneous, strict=True)))
 
     def _table(
         self, at: Placed, poisson_ratio: Tensor

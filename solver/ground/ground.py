@@ -7,7 +7,7 @@ from torch import Tensor
 
 from solver.effect.transfers import Field, MapFunction, TimeTransfer
 from solver.ground.boussinesq import Ratio, Response, displacement, displacement_rate
-from solver.ground.ground_law import Added, Law
+from solver.ground.ground_law import Array, Law, Placed
 
 #: (offset [..., 3], Poisson's ratio) -> displacement [..., 3] of a unit load.
 Settlement = Callable[[Tensor, Ratio], Tensor]
@@ -62,7 +62,9 @@ class Ground:
         What it adds to Boussinesq's law adds to any law that there is.
         """
         known, settled = self.response, self.settlement
-        response = rate if known is None else added(known, rate)
+        response = rate if known is None else both_moved(known, rate)
+        if isinstance(known, Law) and isinstance(rate, Law):
+            response = Both(known, rate)
         if settled is not None and settlement is not None:
             return replace(self, response=response, settlement=both_settled(settled, settlement))
         return replace(self, response=response, settlement=settlement or settled)
@@ -93,10 +95,31 @@ class Ground:
         return replace(self, tangent_compliances=(*self.tangent_compliances, compliance))
 
 
-def added(one: Response, other: Response) -> Response:
+@dataclass(frozen=True)
+class Both(Law):
+    """What two laws add to Boussinesq's, under a load that moves.
+
+    Parameters
+    ----------
+    one, other : the laws
+    """
+
+    one: Law
+    other: Law
+
+    def rate(self, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
+        """As of `Law`."""
+        return both_moved(self.one, self.other)(offset, velocity, poisson_ratio)
+
+    def added(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
+        """As of `Law`."""
+        one = self.one.added(at, poisson_ratio)
+        other = None if one is None else self.other.added(at, poisson_ratio)
+        return None if one is None or other is None else one + other
+
+
+def both_moved(one: Response, other: Response) -> Response:
     """What two laws add to Boussinesq's, under a load that moves."""
-    if isinstance(one, Law) and isinstance(other, Law):
-        return Added(one, other)
     return lambda *at: one(*at) + other(*at) - displacement_rate(*at)
 
 

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from solver.ground.blocks import double, in_blocks
 from solver.ground.boussinesq import Ratio, displacement_rate, plain_values
-from solver.ground.ground_law import Array, Law, Placed, boussinesq_summed
+from solver.ground.ground_law import Array, Law, Placed
 from solver.ground.moving_sums import add_inertia
 
 #: (kernel and its order, order of the Bessel function) -> coefficients of powers of z / R.
@@ -38,11 +38,11 @@ class Moving(Law):
         """As of `Law`."""
         return moving_displacement_rate(offset, velocity, poisson_ratio, self.slowness)
 
-    def summed(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
+    def added(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
         """As of `Law`: of a ratio that is the same everywhere."""
         if poisson_ratio.ndim or self.slowness.ndim or plain_values(self.slowness) is None:
             return None
-        out, slowness = boussinesq_summed(at), float(self.slowness)
+        out, slowness = at.nothing, float(self.slowness)
         add_inertia(*at[:5], summed_kernels(_kernels(poisson_ratio), slowness), slowness, out)
         return out
 

@@ -17,7 +17,7 @@ from solver.signal_path.autodiff import pushed_all, pushed_ways
 from solver.signal_path.extension import Extension, Slot, Values
 from solver.signal_path.few import few_of
 from solver.signal_path.gauges import Gauges
-from solver.signal_path.local import ALIKE, EACH, LOOSE, Seen, described_alone, number
+from solver.signal_path.local import ALIKE, EACH, LOOSE, Seen, number
 from solver.signal_path.map_changes import Changed, acts_on_map, by_channel, moving
 from solver.signal_path.observation import Description
 from solver.signal_path.sensitivities import along_load
@@ -171,7 +171,7 @@ def by_gauges(seen: Seen, changed: Changed, here: Tensor, ways: Sequence[Tensor]
 def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor, numbers: Tensor) -> Tensor:
     """Derivative [row, channel] with respect to a parameter of the ground's law or of its local properties."""
     path, local = seen.path, seen.local
-    own = described_alone(path, slot, changed(here)).ground
+    own = path.described_alone(slot.effect, changed(here)).ground
     total = torch.zeros(local.shape, dtype=torch.float64)
     if own.compliance is not None or own.poisson_change is not None:
 
@@ -230,5 +230,5 @@ def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:
     """Whether an effect changes the response of single channels to single vehicles."""
     if slot.effect.stage in ("trajectory", "load"):
         return True
-    alone = described_alone(seen.path, slot, values)
+    alone = seen.path.described_alone(slot.effect, values)
     return alone.in_rows or alone.cable.moved

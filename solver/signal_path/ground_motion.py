@@ -13,7 +13,8 @@ from solver.ground.boussinesq import plain_values
 from solver.ground.compiled import compiled
 from solver.ground.force_motion import forces_response
 from solver.ground.ground import Ground
-from solver.ground.ground_law import Law, Waves, law_response, waves_response
+from solver.ground.ground_law import Law, Waves
+from solver.ground.one_pass import law_response, waves_response
 from solver.ground.tangential import tangential_displacement, tangential_displacement_rate
 from solver.ground.wheel_motion import gauge_response
 from solver.load.load import Load

@@ -13,7 +13,7 @@ from torch import Tensor
 from solver.ground.ground import Ground
 from solver.load.load import Load
 from solver.signal_path.autodiff import pushed_all
-from solver.signal_path.extension import Slot, Values
+from solver.signal_path.extension import Values
 from solver.signal_path.gauges import Gauges
 from solver.signal_path.observation import Description
 from solver.signal_path.sensitivities import ByLoad, Sensitivities
@@ -236,8 +236,3 @@ def with_number(stages: Description, name: str, value: Tensor) -> Description:
         return replace(stages, cable=replace(cable, loose=replace(cable.loose, **{name: value})))
     changed = {name: value}
     return replace(stages, cable=replace(cable, **changed))  # type: ignore[arg-type]
-
-
-def described_alone(path: "SignalPath", slot: Slot, values: Values) -> Description:
-    """The stages as they are with no other effect in the model."""
-    return replace(path.extension, effects=(slot.effect,)).described(values, path.gauge_length)

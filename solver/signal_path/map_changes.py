@@ -2,14 +2,17 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from solver.signal_path.autodiff import pushed_all, pushing
 from solver.signal_path.extension import Slot, Values
-from solver.signal_path.local import Seen, described_alone
 from solver.signal_path.observation import together
+
+if TYPE_CHECKING:
+    from solver.signal_path.local import Seen
 
 #: Share of the largest change that is rounding.
 ROUNDING = 1e-10
@@ -20,19 +23,19 @@ Changed = Callable[[Tensor], Values]
 Moved = Callable[[Tensor], Tensor]
 
 
-def acts_on_map(seen: Seen, slot: Slot, values: Values) -> bool:
+def acts_on_map(seen: "Seen", slot: Slot, values: Values) -> bool:
     """Whether an effect acts on the whole map."""
     if slot.effect.stage in ("trajectory", "load"):
         return False
-    alone = described_alone(seen.path, slot, values)
+    alone = seen.path.described_alone(slot.effect, values)
     gained = isinstance(alone.interrogator.gain, Tensor)
     return bool(gained or alone.along_fiber or alone.in_time or alone.nonlinear or alone.processing.steps)
 
 
-def moving(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Moved:
+def moving(seen: "Seen", slot: Slot, changed: Changed, here: Tensor) -> Moved:
     """Changes of the observed map with a parameter, about its value `here`."""
     path, alone = seen.path, seen.local.alone
-    stages, own = path.described(changed(here)), described_alone(path, slot, changed(here))
+    stages, own = path.described(changed(here)), path.described_alone(slot.effect, changed(here))
     gained = isinstance(own.interrogator.gain, Tensor)
     if not (own.along_fiber or own.nonlinear or gained or stages.nonlinear or stages.processing.steps):
         return partial(refiltered, seen, changed, here)
@@ -40,7 +43,7 @@ def moving(seen: Seen, slot: Slot, changed: Changed, here: Tensor) -> Moved:
     return lambda way: along(way)[0]
 
 
-def refiltered(seen: Seen, changed: Changed, here: Tensor, way: Tensor) -> Tensor:
+def refiltered(seen: "Seen", changed: Changed, here: Tensor, way: Tensor) -> Tensor:
     """Change of the map with filters in time: it is linear in what these make of each frequency."""
 
     def transfer(s: Tensor) -> Tensor:

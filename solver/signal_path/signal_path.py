@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from solver.cable.fiber import Fiber
-from solver.effect import BY_ROW
+from solver.effect import BY_ROW, Effect
 from solver.ground.ground import Ground
 from solver.ground.ground_law import has_pass
 from solver.load.load import FORCES, Load
@@ -58,6 +58,10 @@ class SignalPath:
     def described(self, values: Values) -> Description:
         """Ground, cable, interrogator and processing with the effects at `values`."""
         return self.extension.described(values, self.gauge_length)
+
+    def described_alone(self, effect: Effect, values: Values) -> Description:
+        """The same with no other effect in the model."""
+        return replace(self.extension, effects=(effect,)).described(values, self.gauge_length)
 
     def grounds(self, values: Values) -> Grounds:
         """A function from rows to their ground: one ground for all, unless each row has its own."""

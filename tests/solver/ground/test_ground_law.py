@@ -7,10 +7,12 @@ from torch import Tensor
 from solver.catalogue.bells import Belled
 from solver.catalogue.packets import Packet
 from solver.ground.gibson import stiffening
-from solver.ground.ground_law import Added, Law, Waves, law_response, waves_response
+from solver.ground.ground import Both
+from solver.ground.ground_law import Law, Waves
 from solver.ground.lanes import LANES
 from solver.ground.layered import layered, paved
 from solver.ground.moving import Moving
+from solver.ground.one_pass import law_response, waves_response
 from solver.ground.radiated import Radiated
 
 ROWS, POINTS, WHEELS = 5, 3, 4
@@ -28,7 +30,7 @@ LAWS = {
     "stiffening": stiffening(number(0.7)),
     "moving": Moving(number(2e-4)),
     "bells": BELLS,
-    "added": Added(layered(number(-0.5), number(1.0)), Moving(number(1e-4))),
+    "both": Both(layered(number(-0.5), number(1.0)), Moving(number(1e-4))),
 }
 
 
@@ -108,7 +110,7 @@ def test_no_pass_where_a_derivative_is_asked_for_or_a_law_has_none() -> None:
     assert law_response(LAWS["moving"], at[0].requires_grad_(), *at[1:]) is None
     at = given(2, various)
     assert law_response(LAWS["moving"], *at) is None
-    assert law_response(LAWS["added"], *at) is None
+    assert law_response(LAWS["both"], *at) is None
     bells = Belled(LAWS["layered"], (1.5,), *([number(0.1)] for _ in range(3)))
     assert law_response(bells, *at) is None
     grown = Moving(number(1e-4).requires_grad_())
