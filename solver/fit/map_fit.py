@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from solver.cable.fiber import Fiber, GaugeEnds, SplineBasis, stations_within
+from solver.cable.known_ends import ends_at
 from solver.fit.model_columns import columns
 from solver.fit.numbers import Numbers
 from solver.fit.parameter_prior import ParameterPrior
@@ -87,7 +88,7 @@ class MapFit(ParameterSpace):
         within = path.curved or graded or isinstance(cable.path_integral, Tensor)
         held = None if cable.loose is None else (cable.loose.begin, cable.loose.end)
         inner = stations_within(self.problem.gauge_length) if within else 0
-        return GaugeEnds.at(self.basis, cable.distance, gauge, inner, held)
+        return ends_at(self.basis, cable.distance, gauge, inner, held)
 
     def fiber(self, state: State, values: Values) -> Fiber:
         """The gauges' ends on the route of a state."""
