@@ -1,7 +1,7 @@
 """The fast score of a catalogue: a few shapes of each effect, and the whole change of those that show most."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -10,16 +10,18 @@ import torch
 from solver.criticism.policy import POLICY
 from solver.criticism.record_parts import RecordPart
 from solver.criticism.score import Score
-from solver.criticism.scorer import Made, Scorer, feeble, figures
+from solver.criticism.scorer import Made, Plan, Scorer, feeble, figures
 from solver.criticism.sums import Sums
 from solver.effect import Effect
-from solver.fit.side_by_side import side_by_side
+from solver.fit.side_by_side import in_groups, side_by_side
 from solver.signal_path.extension import Extension
 from solver.signal_path.local import Seen
 from solver.survey.memory import give_back
 
 #: Shapes of each effect that are tried, and of those whose law takes long.
 FEW, FEWEST = 4, 1
+#: Effects that are scored together.
+GROUP = 8
 
 
 def quick_scores(
@@ -36,7 +38,7 @@ def quick_scores(
     effects : to score
     advance : called with 1 after each
     """
-    plans = [Plan.of(scorer, effect) for effect in effects]
+    plans = [planned(scorer, effect) for effect in effects]
     found = best_of(scorer, plans, advance)
 
     def whole(score: Score) -> dict[str, Any]:
@@ -53,33 +55,13 @@ def quick_scores(
     return sorted(table, key=lambda s: -s.evidence)
 
 
-@dataclass(frozen=True)
-class Plan:
-    """What is tried of an effect.
-
-    Parameters
-    ----------
-    effect : to score
-    extension : with it beside what is in the model
-    shapes : to try
-    trials : how many there are of it
-    like : makes of the model that which is differentiated
-    """
-
-    effect: Effect
-    extension: Extension
-    shapes: list[dict[str, float]]
-    trials: int
-    like: Callable[[Seen], Seen]
-
-    @classmethod
-    def of(cls, scorer: Scorer, effect: Effect) -> "Plan":
-        """A few of its shapes, fewer of what takes long."""
-        extension = scorer.fit.problem.extension([*scorer.fit.extension.effects, effect])
-        shapes, trials = effect.tried(lambda: scorer.heard(extension))
-        if slow(scorer, extension):
-            return cls(effect, extension, thinned(shapes, FEWEST), trials, lumped)
-        return cls(effect, extension, thinned(shapes, FEW), trials, lambda seen: seen)
+def planned(scorer: Scorer, effect: Effect) -> Plan:
+    """A few of an effect's shapes, fewer of what takes long."""
+    extension = scorer.fit.problem.extension([*scorer.fit.extension.effects, effect])
+    shapes, trials = effect.tried(lambda: scorer.heard(extension))
+    if slow(scorer, extension):
+        return Plan(effect, extension, thinned(shapes, FEWEST), trials, lumped)
+    return Plan(effect, extension, thinned(shapes, FEW), trials, lambda seen: seen)
 
 
 def best_of(scorer: Scorer, plans: Sequence[Plan], advance: Callable[[int], None]) -> list[dict[str, Any] | None]:
@@ -89,11 +71,8 @@ def best_of(scorer: Scorer, plans: Sequence[Plan], advance: Callable[[int], None
         found = max((s for s in scores if s.freedom), key=lambda s: s.evidence, default=None)
         return None if found is None else figures(found)
 
-    def at_once(plan: Plan) -> dict[str, Any] | None:
-        return best(scorer.of_shapes(plan.effect, plan.shapes, plan.extension, plan.trials, plan.like))
-
     if len(scorer.parts) == 1:
-        return side_by_side(at_once, plans, advance)
+        return in_groups(lambda some: [best(scores) for scores in scorer.of_plans(some)], plans, GROUP, advance)
     total: list[list[Sums]] = []
     for part in scorer.parts:
         more = side_by_side(partial(sums_of, scorer, part), plans)
@@ -132,7 +111,7 @@ def counts_of(plan: Plan) -> list[int]:
 
 def with_signals(scorer: Scorer, table: Sequence[Score]) -> list[Score]:
     """Scores with their signals, of which a long record's were not kept."""
-    bare = [(score, Plan.of(scorer, score.effect)) for score in table if score.signal is None]
+    bare = [(score, planned(scorer, score.effect)) for score in table if score.signal is None]
     signals = [torch.zeros(len(scorer.residual), dtype=torch.float64)] * len(bare)
     for part in scorer.parts:
         for number, (score, plan) in enumerate(bare):

@@ -1,7 +1,7 @@
 """Score tests of effects at the end of a fit: each by itself, and in the shape that explains most."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -53,6 +53,26 @@ class Made(NamedTuple):
     columns: Windowed | None
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What is tried of an effect.
+
+    Parameters
+    ----------
+    effect : to score
+    extension : with it beside what is in the model
+    shapes : to try
+    trials : how many there are of it
+    like : makes of the model that which is differentiated
+    """
+
+    effect: Effect
+    extension: Extension
+    shapes: list[dict[str, float]]
+    trials: int
+    like: Callable[[Seen], Seen]
+
+
 class Scorer(Directions):
     """Score tests of effects at the end of one fit."""
 
@@ -89,16 +109,30 @@ class Scorer(Directions):
 
         `like` is as of `columns`.
         """
-        some: list[tuple[dict[str, float], Windowed, list[int]]] = []
-        for last, shape in zip([False] * (len(shapes) - 1) + [True], shapes, strict=True):
-            columns, counts = self.columns(effect, shape, extension, like=like)
-            if not feeble(effect, columns.norm):
-                some.append((shape, columns, counts))
-            if last or sum(one.extent for _, one, _ in some) * columns.rows >= BATCH:
-                found = self.summed([one for _, one, _ in some])
-                made = [Made(shape, sums, counts, one) for (shape, one, counts), sums in zip(some, found, strict=True)]
-                yield from self.of_made(effect, made, trials)
-                some = []
+        yield from self.of_plans([Plan(effect, extension, list(shapes), trials, like)])[0]
+
+    def of_plans(self, plans: Sequence[Plan]) -> list[list[Score]]:
+        """Scores of each of some plans, as of `of_shapes`: what was fitted is read once for many shapes."""
+        scores: list[list[Score]] = [[] for _ in plans]
+        some: list[tuple[int, dict[str, float], Windowed, list[int]]] = []
+
+        def score() -> None:
+            found = zip(some, self.summed([one for _, _, one, _ in some]), strict=True)
+            made = [(n, Made(shape, sums, counts, one)) for (n, shape, one, counts), sums in found]
+            for number in dict.fromkeys(n for n, _ in made):
+                plan, mine = plans[number], [one for n, one in made if n == number]
+                scores[number] += self.of_made(plan.effect, mine, plan.trials)
+            some.clear()
+
+        for number, plan in enumerate(plans):
+            for shape in plan.shapes:
+                columns, counts = self.columns(plan.effect, shape, plan.extension, like=plan.like)
+                if not feeble(plan.effect, columns.norm):
+                    some.append((number, shape, columns, counts))
+                if sum(one.extent for _, _, one, _ in some) * columns.rows >= BATCH:
+                    score()
+        score()
+        return scores
 
     def of_made(self, effect: Effect, made: "Sequence[Made]", trials: int) -> Iterator[Score]:
         """Scores of shapes whose directions are already computed, with the signals of the best of them."""

@@ -52,6 +52,24 @@ def side_by_side(
     return [results[number] for number in range(len(of))]
 
 
+def in_groups(
+    function: Callable[[Sequence[S]], Sequence[T]], of: Sequence[S], size: int, advance: Callable[[int], None]
+) -> list[T]:
+    """Results for each of some things of a function that takes about `size` of them at once.
+
+    Those of one group come from all over: neighbors may all take long.
+
+    >>> in_groups(lambda some: [number**2 for number in some], [0, 1, 2, 3, 4], 2, lambda n: None)
+    [0, 1, 4, 9, 16]
+    """
+    count = -(-len(of) // size)
+    groups = [range(first, len(of), count) for first in range(count)]
+    left = [len(group) for group in groups]
+    found = side_by_side(lambda group: function([of[n] for n in group]), groups, lambda n: advance(left.pop()))
+    results = {n: one for group, some in zip(groups, found, strict=True) for n, one in zip(group, some, strict=True)}
+    return [results[n] for n in range(len(of))]
+
+
 def forked(function: Callable[[S], T], of: Sequence[S], workers: int) -> Iterator[tuple[int, T]]:
     """Number and result of each as it ends.
 

@@ -11,7 +11,7 @@ from noisy_trials import noisy
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism import record_parts
-from solver.criticism.quick_scores import Plan, best_of, quick_scores, with_signals
+from solver.criticism.quick_scores import best_of, planned, quick_scores, with_signals
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
 from solver.fit.map_fit import MapFit
@@ -176,7 +176,7 @@ def test_quick_scores_come_back_from_processes_of_their_own(whole: Scorer) -> No
 
 
 def test_signals_that_were_not_kept_are_made_anew(parted: Scorer) -> None:
-    plans = [Plan.of(parted, KNOWN[name]) for name in ("gauge_length", "lowpass", "generic_load")]
+    plans = [planned(parted, KNOWN[name]) for name in ("gauge_length", "lowpass", "generic_load")]
     found = best_of(parted, plans, lambda n: None)
     table = [Score(plan.effect, **one) for plan, one in zip(plans, found, strict=True) if one is not None]
     assert len(table) == 3 and all(one.signal is None for one in table)
