@@ -12,7 +12,7 @@ from solver.ground.boussinesq import Ratio, Response, displacement_rate, plain_v
 from solver.ground.compiled import compiled
 from solver.ground.ground_law import Law, Placed
 from solver.ground.lanes import LANES, put
-from solver.ground.wheel_motion import Derivatives, add_wheel
+from solver.ground.wheel_motion import Derivatives, add_wheel, response_at
 
 Array = NDArray[np.float64]
 
@@ -119,22 +119,10 @@ def add_belled(
             dxs, dys, dzs, soft = weight[0, 0, p], weight[1, 0, p], weight[2, 0, p], softness[0, p]
             for wheel in range(wheels):
                 w, px, py = share[wheel, row], place[0, wheel, row], place[1, wheel, row]
-                # As in `solver.ground.wheel_motion.add_response`.
                 for k in range(channels):
-                    x, y, z = xs[k] - px, ys[k] - py, zs[k]
-                    square[k] = x * x + y * y
-                    i2 = 1 / (square[k] + z * z)
-                    i = np.sqrt(i2)
-                    i3 = i2 * i
-                    s = i / (1 + z * i)
-                    shallow = i * s
-                    a = z * i3 - soft[k] * shallow
-                    a1 = soft[k] * i * s * shallow * (2 + z * i) - 3 * z * i3 * i2
-                    b1 = -(3 * z * z * i3 * i2 + (1 + soft[k]) * i3)
-                    c = vx * x + vy * y
-                    along = dxs[k] * x + dys[k] * y
-                    base[k] = -w * ((dxs[k] * vx + dys[k] * vy) * a + c * (along * a1 + dzs[k] * b1))
-                    forward[k] = c / speed
+                    x, y = xs[k] - px, ys[k] - py
+                    square[k], forward[k] = x * x + y * y, (vx * x + vy * y) / speed
+                    base[k] = w * response_at(x, y, zs[k], vx, vy, dxs[k], dys[k], dzs[k], soft[k])
                 for k in range(channels):
                     factor, aside = 0.0, 1 - forward[k] ** 2 / max(square[k], 1e-6)
                     for n in range(len(scales)):

@@ -115,6 +115,7 @@ class Scorer(Directions):
         """Scores of each of some plans, as of `of_shapes`: what was fitted is read once for many shapes."""
         scores: list[list[Score]] = [[] for _ in plans]
         some: list[tuple[int, dict[str, float], Windowed, list[int]]] = []
+        held = 0.0
 
         def score() -> None:
             found = zip(some, self.summed([one for _, _, one, _ in some]), strict=True)
@@ -129,8 +130,10 @@ class Scorer(Directions):
                 columns, counts = self.columns(plan.effect, shape, plan.extension, like=plan.like)
                 if not feeble(plan.effect, columns.norm):
                     some.append((number, shape, columns, counts))
-                if sum(one.extent for _, _, one, _ in some) * columns.rows >= BATCH:
+                    held += columns.extent * columns.rows
+                if held >= BATCH:
                     score()
+                    held = 0.0
         score()
         return scores
 

@@ -146,6 +146,23 @@ def arranged(given: tuple[Tensor, ...]) -> tuple[Array, Array, Array, Array, Arr
 
 
 @partial(compiled, fastmath=True)
+def response_at(
+    x: float, y: float, z: float, vx: float, vy: float, dx: float, dy: float, dz: float, soft: float
+) -> float:
+    """Weight (dx, dy, dz) . displacement rate at an offset from a wheel; `soft` is 1 - 2 nu."""
+    i2 = 1 / (x * x + y * y + z * z)
+    i = np.sqrt(i2)
+    i3 = i2 * i
+    s = i / (1 + z * i)
+    shallow = i * s
+    a = z * i3 - soft * shallow
+    a1 = soft * i * s * shallow * (2 + z * i) - 3 * z * i3 * i2
+    b1 = -(3 * z * z * i3 * i2 + (1 + soft) * i3)
+    c = vx * x + vy * y
+    return -((dx * vx + dy * vy) * a + c * ((dx * x + dy * y) * a1 + dz * b1))
+
+
+@partial(compiled, fastmath=True)
 def add_response(
     point: Array, weight: Array, place: Array, share: Array, velocity: Array, softness: Array, out: Array
 ) -> None:
@@ -170,19 +187,8 @@ def add_response(
             for wheel in range(wheels):
                 w, px, py = share[wheel, row], place[0, wheel, row], place[1, wheel, row]
                 for k in range(channels):
-                    x, y, z = xs[k] - px, ys[k] - py, zs[k]
-                    i2 = 1 / (x * x + y * y + z * z)
-                    i = np.sqrt(i2)
-                    i3 = i2 * i
-                    s = i / (1 + z * i)
-                    shallow = i * s
-                    a = z * i3 - soft[k] * shallow
-                    a1 = soft[k] * i * s * shallow * (2 + z * i) - 3 * z * i3 * i2
-                    b1 = -(3 * z * z * i3 * i2 + (1 + soft[k]) * i3)
-                    c = vx * x + vy * y
-                    along = dxs[k] * x + dys[k] * y
-                    speed = dxs[k] * vx + dys[k] * vy
-                    total[k] -= w * (speed * a + c * (along * a1 + dzs[k] * b1))
+                    x, y = xs[k] - px, ys[k] - py
+                    total[k] += w * response_at(x, y, zs[k], vx, vy, dxs[k], dys[k], dzs[k], soft[k])
 
 
 @partial(compiled, fastmath=True)
