@@ -90,7 +90,7 @@ def measured(law: Law, given: tuple[Tensor, ...]) -> dict[str, float]:
     """Nanoseconds for each gauge point and wheel, point by point and in one pass, and with derivatives."""
     plain, at_once = seconds(lambda: by_points(law, given)), seconds(lambda: law_response(law, *given))
     found = {"points, ns": plain, "one pass, ns": at_once}
-    if law.differentiable:
+    if law.has_pass(derivatives=True, uniform=True):
         found["with derivatives, ns"] = seconds(lambda: with_derivatives(law, given))
     pairs = given[2][..., 0].numel() * CHANNELS * POINTS
     return {name: 1e9 * value / pairs for name, value in found.items()} | {"ratio": plain / at_once}

@@ -39,7 +39,6 @@ class Belled(Law):
         beside: Sequence[Tensor],
     ):
         self.law, self.scales, self.numbers = law, scales, (near, ahead, beside)
-        self.differentiable = law is None
 
     def rate(self, offset: Tensor, velocity: Tensor, poisson_ratio: Ratio) -> Tensor:
         """As of `Law`."""
@@ -53,6 +52,10 @@ class Belled(Law):
                 even = near + ahead * forward / scale + beside * aside
                 factor = factor + even * torch.exp(-square / (2 * scale**2))
         return base * factor[..., None]
+
+    def has_pass(self, derivatives: bool, uniform: bool) -> bool:
+        """As of `Law`."""
+        return self.law is None
 
     def added(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
         """As of `Law`: where Boussinesq's law is multiplied, by the same numbers everywhere."""

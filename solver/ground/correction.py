@@ -62,8 +62,6 @@ class Corrected(Law):
     length: Ratio
     compliance: Ratio | None = None
 
-    differentiable = True
-
     def displacement(self, offset: Tensor, poisson_ratio: Ratio) -> Tensor:
         """Displacement [..., 3] of the ground under a load at rest, 1/m, in the unit of the tables.
 
@@ -107,6 +105,10 @@ class Corrected(Law):
             moved = in_blocks(total, [offset, velocity], [nu, self.length])
         return self._scaled(moved, offset)
 
+    def has_pass(self, derivatives: bool, uniform: bool) -> bool:
+        """As of `Law`."""
+        return True
+
     def added(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
         """As of `Law`."""
         table = self._table(at, poisson_ratio)
@@ -131,7 +133,7 @@ class Corrected(Law):
             return out
         homogeneous, share = Derivatives.nothing(at), float(self.compliance)
         add_derivatives(*at, *homogeneous)
-        return Derivatives(*(share * one + (share - 1) * base for one, base in zip(out, homogeneous, strict=True)))
+        return out.times(share).plus(homogeneous, share - 1)
 
     def _table(
         self, at: Placed, poisson_ratio: Tensor

@@ -2,12 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from torch import Tensor
 
 from solver.effect.transfers import Field, MapFunction, TimeTransfer
 from solver.ground.boussinesq import Ratio, Response, displacement, displacement_rate
 from solver.ground.ground_law import Array, Law, Placed
+
+if TYPE_CHECKING:
+    from solver.ground.wheel_motion import Derivatives
 
 #: (offset [..., 3], Poisson's ratio) -> displacement [..., 3] of a unit load.
 Settlement = Callable[[Tensor, Ratio], Tensor]
@@ -111,11 +115,21 @@ class Both(Law):
         """As of `Law`."""
         return both_moved(self.one, self.other)(offset, velocity, poisson_ratio)
 
+    def has_pass(self, derivatives: bool, uniform: bool) -> bool:
+        """As of `Law`."""
+        return all(law.has_pass(derivatives, uniform) for law in (self.one, self.other))
+
     def added(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
         """As of `Law`."""
         one = self.one.added(at, poisson_ratio)
         other = None if one is None else self.other.added(at, poisson_ratio)
         return None if one is None or other is None else one + other
+
+    def derived(self, at: Placed, poisson_ratio: Tensor) -> "Derivatives | None":
+        """As of `Law`."""
+        one = self.one.derived(at, poisson_ratio)
+        other = None if one is None else self.other.derived(at, poisson_ratio)
+        return None if one is None or other is None else one.plus(other)
 
 
 def both_moved(one: Response, other: Response) -> Response:

@@ -41,12 +41,13 @@ class Placed(NamedTuple):
 class Law(ABC):
     """A law of the ground's response to loads that move."""
 
-    #: Whether `derived` has a pass of its own.
-    differentiable = False
-
     @abstractmethod
     def rate(self, offset: Tensor, velocity: Tensor, poisson_ratio: "Ratio") -> Tensor:
         """Displacement rate [..., 3] of a unit load, as of `solver.ground.boussinesq.displacement_rate`."""
+
+    @abstractmethod
+    def has_pass(self, derivatives: bool, uniform: bool) -> bool:
+        """Whether `added`, or `derived`, is one pass; `uniform`: with the same Poisson's ratio everywhere."""
 
     @abstractmethod
     def added(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
@@ -55,9 +56,9 @@ class Law(ABC):
         None where there is no such pass, as of numbers of the law that carry a derivative.
         """
 
+    @abstractmethod
     def derived(self, at: Placed, poisson_ratio: Tensor) -> "Derivatives | None":
         """Derivatives of that sum by all that it depends on but the law's own numbers; None as of `added`."""
-        return None
 
     def __call__(self, offset: Tensor, velocity: Tensor, poisson_ratio: "Ratio") -> Tensor:
         """`rate`."""
@@ -79,8 +80,8 @@ class Waves(ABC):
         """
 
 
-def has_pass(law: object, derivatives: bool) -> bool:
-    """Whether a law, none among them, may be summed in one pass, with its derivatives where these are wanted."""
-    if derivatives:
-        return law is None or (isinstance(law, Law) and law.differentiable)
-    return isinstance(law, Law | Waves | None)
+def have_pass(law: object, waves: object, derivatives: bool, uniform: bool) -> bool:
+    """Whether a law and waves, either may be None, are summed in one pass, see `Law.has_pass`."""
+    if waves is not None and (derivatives or not isinstance(waves, Waves)):
+        return False
+    return law is None or (isinstance(law, Law) and law.has_pass(derivatives, uniform))

@@ -10,7 +10,8 @@ from torch import Tensor
 from solver.ground.blocks import double, in_blocks
 from solver.ground.boussinesq import Ratio, displacement_rate, plain_values
 from solver.ground.ground_law import Array, Law, Placed
-from solver.ground.moving_sums import add_inertia
+from solver.ground.moving_sums import add_inertia, add_inertia_derivatives
+from solver.ground.wheel_motion import Derivatives
 
 #: (kernel and its order, order of the Bessel function) -> coefficients of powers of z / R.
 Kernels = dict[tuple[str, int], list[Tensor]]
@@ -21,6 +22,10 @@ ALONG = ("v", 0, 3 / 8, 10 / 32), ("v", 2, 1 / 8, 5 / 32)
 OUTWARD = ("v", 2, 3 / 8, 10 / 32), ("v", 4, 1 / 8, 5 / 32)
 #: Those of second order alone: kernel, order of the Bessel function, share.
 LAST = ("w", 5, 1 / 16), ("v", 4, 1 / 32), ("v", 6, 1 / 32)
+
+
+#: By which Poisson's ratio is changed to see how kernels change, polynomials of degree four in it over another.
+STEP = 1e-4
 
 
 class Moving(Law):
@@ -38,13 +43,36 @@ class Moving(Law):
         """As of `Law`."""
         return moving_displacement_rate(offset, velocity, poisson_ratio, self.slowness)
 
+    def has_pass(self, derivatives: bool, uniform: bool) -> bool:
+        """As of `Law`."""
+        return uniform
+
     def added(self, at: Placed, poisson_ratio: Tensor) -> Array | None:
         """As of `Law`: of a ratio that is the same everywhere."""
-        if poisson_ratio.ndim or self.slowness.ndim or plain_values(self.slowness) is None:
+        told = self._kernels(poisson_ratio)
+        if told is None:
             return None
-        out, slowness = at.nothing, float(self.slowness)
-        add_inertia(*at[:5], summed_kernels(_kernels(poisson_ratio), slowness), slowness, out)
+        out, (kernels, slowness) = at.nothing, told
+        add_inertia(*at[:5], kernels[0], slowness, out)
         return out
+
+    def derived(self, at: Placed, poisson_ratio: Tensor) -> Derivatives | None:
+        """As of `Law`, likewise."""
+        told = self._kernels(poisson_ratio)
+        if told is None:
+            return None
+        out, (kernels, slowness) = Derivatives.nothing(at), told
+        add_inertia_derivatives(*at[:5], *kernels, slowness, *out)
+        return out
+
+    def _kernels(self, poisson_ratio: Tensor) -> tuple[tuple[Array, Array], float] | None:
+        """What `add_inertia` reads, its derivative by Poisson's ratio, and the slowness; None without a pass."""
+        ratio = poisson_ratio.detach().flatten()
+        if self.slowness.ndim or plain_values(self.slowness) is None or bool((ratio != ratio[0]).any()):
+            return None
+        slowness = float(self.slowness)
+        one, here, two = (summed_kernels(_kernels(ratio[0] + step), slowness) for step in (-STEP, 0.0, STEP))
+        return (here, (two - one) / (2 * STEP)), slowness
 
 
 def summed_kernels(kernels: Kernels, slowness: float) -> Array:

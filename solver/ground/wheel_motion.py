@@ -77,6 +77,14 @@ class Derivatives(NamedTuple):
         shapes = (7, rows, points, channels), (3, wheels, rows, channels), (2, rows, channels)
         return cls(*map(np.zeros, shapes))
 
+    def plus(self, other: "Derivatives", share: float = 1.0) -> "Derivatives":
+        """The sum with a share of others."""
+        return Derivatives(*(one + share * two for one, two in zip(self, other, strict=True)))
+
+    def times(self, share: float) -> "Derivatives":
+        """A share of them."""
+        return Derivatives(*(share * one for one in self))
+
 
 def differentiable(given: tuple[Tensor, ...], derivatives: Derivatives) -> Tensor:
     """The sum [row, channel], which carries its derivatives; `given` as of `spread`.

@@ -93,6 +93,19 @@ def test_derivatives_as_automatic_differentiation_has_them(law: str) -> None:
         torch.testing.assert_close(mine, theirs, rtol=1e-8, atol=1e-11 * float(theirs.abs().max()))
 
 
+@pytest.mark.parametrize("law", ["moving", "both"])
+def test_derivatives_with_inertia_as_automatic_differentiation_has_them(law: str) -> None:
+    """Of one Poisson's ratio, of which each point has its own copy."""
+    at = list(given(7, torch.full((7, POINTS), 0.3, dtype=torch.float64)))
+    with_axes = [one.requires_grad_() for one in at]
+    found = law_response(LAWS[law], *with_axes)
+    assert found is not None
+    expected = summed(tuple(at), LAWS[law](*moved(tuple(at)), at[-1][..., None]))
+    by_found, by_expected = (torch.autograd.grad(one.sum(), with_axes) for one in (found, expected))
+    for mine, theirs in zip(by_found, by_expected, strict=True):
+        torch.testing.assert_close(mine, theirs, rtol=1e-6, atol=1e-9 * float(theirs.abs().max()))
+
+
 @pytest.mark.parametrize("kind", [Packet, Radiated])
 @pytest.mark.parametrize("sine", [0.0, 0.3])
 def test_waves_of_a_phase_of_each_vehicle(kind: type[Packet] | type[Radiated], sine: float) -> None:
@@ -106,8 +119,9 @@ def test_waves_of_a_phase_of_each_vehicle(kind: type[Packet] | type[Radiated], s
 
 
 def test_no_pass_where_a_derivative_is_asked_for_or_a_law_has_none() -> None:
-    at, various = given(2, number(0.3)), torch.full((2, POINTS), 0.3, dtype=torch.float64)
-    assert law_response(LAWS["moving"], at[0].requires_grad_(), *at[1:]) is None
+    at, various = given(2, number(0.3)), torch.linspace(0.2, 0.4, 2 * POINTS, dtype=torch.float64).reshape(2, POINTS)
+    leaf = at[0].expand(ROWS, *at[0].shape).clone().requires_grad_()
+    assert law_response(LAWS["moving"], leaf, *at[1:]) is None, "points that differ by row"
     at = given(2, various)
     assert law_response(LAWS["moving"], *at) is None
     assert law_response(LAWS["both"], *at) is None
