@@ -22,9 +22,7 @@ ALONG = ("v", 0, 3 / 8, 10 / 32), ("v", 2, 1 / 8, 5 / 32)
 OUTWARD = ("v", 2, 3 / 8, 10 / 32), ("v", 4, 1 / 8, 5 / 32)
 #: Those of second order alone: kernel, order of the Bessel function, share.
 LAST = ("w", 5, 1 / 16), ("v", 4, 1 / 32), ("v", 6, 1 / 32)
-
-
-#: By which Poisson's ratio is changed to see how kernels change, polynomials of degree four in it over another.
+#: Change of Poisson's ratio by which it is seen how kernels change: they are smooth in it.
 STEP = 1e-4
 
 
@@ -152,11 +150,11 @@ def _inertia(offset: Tensor, velocity: Tensor, slowness: Tensor, kernels: Kernel
     def both(name: str, order: int, first: float, second: float) -> Tensor:
         return first * kernel(name + "1", order) + second * beta * kernel(name + "2", order)
 
-    down, along, outward = (slowness * share * kernel(name + "2", order) for name, order, share in LAST)
+    down, along, out = (slowness * share * kernel(name + "2", order) for name, order, share in LAST)
     vertical = speed2 * q.real * both(*DOWN[0]) - q3.real * both(*DOWN[1]) + (q3 * q2).real * down
     back = q2.conj()
     with_load = speed2 * both(*ALONG[0]) - back * both(*ALONG[1]) + back * back * along
-    outward = -speed2 * q * both(*OUTWARD[0]) + q3 * both(*OUTWARD[1]) - q3 * q2 * outward
+    outward = -speed2 * q * both(*OUTWARD[0]) + q3 * both(*OUTWARD[1]) - q3 * q2 * out
     horizontal = -(torch.complex(vx, vy) * with_load + p * outward)
     scale = slowness * inverse * inverse
     return scale[..., None] * torch.stack([horizontal.real, horizontal.imag, vertical], -1)
