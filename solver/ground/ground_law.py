@@ -80,7 +80,7 @@ class Waves(ABC):
         """
 
 
-def have_pass(law: object, waves: object, derivatives: bool, uniform: bool) -> bool:
+def summed_in_one_pass(law: object, waves: object, derivatives: bool, uniform: bool) -> bool:
     """Whether a law and waves, either may be None, are summed in one pass, see `Law.has_pass`."""
     if waves is not None and (derivatives or not isinstance(waves, Waves)):
         return False

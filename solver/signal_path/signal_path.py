@@ -12,7 +12,7 @@ from torch import Tensor
 from solver.cable.fiber import Fiber
 from solver.effect import BY_ROW, Effect
 from solver.ground.ground import Ground
-from solver.ground.ground_law import have_pass
+from solver.ground.ground_law import summed_in_one_pass
 from solver.load.load import FORCES, Load
 from solver.load.wheel_layout import wheel_loads
 from solver.signal_path.autodiff import pushed_ways
@@ -128,7 +128,7 @@ class SignalPath:
         laws, vertical = (here.response, here.radiation), load.forces.keys() == {"share"}
         if vertical and laws == (None, None):
             return spans(rows, rows)
-        in_one = vertical and have_pass(*laws, derivatives, uniform=gauges.change is None)
+        in_one = vertical and summed_in_one_pass(*laws, derivatives, uniform=gauges.change is None)
         return spans(rows, (BLOCK_OF_LAWS if in_one else BLOCK) // gauges.points.shape[:2].numel())
 
     def observed(self, alone: Tensor, values: Values) -> Tensor:
