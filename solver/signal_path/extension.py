@@ -24,6 +24,8 @@ Values = Mapping[str, Mapping[str, Tensor]]
 
 #: Knot spacing of splines along fiber and road, m (half a usual gauge length), and in time, s.
 SMOOTH, SMOOTH_TIME = 5.0, 2.0
+#: The same of what changes along a track, s: a camera's slow errors last for a second or longer.
+SMOOTH_TRACK = 1.0
 #: The same along the road for what shifts tracks, m: a camera's map bends more slowly than a road is uneven.
 SMOOTH_BEND = 10.0
 #: What an effect's function takes and returns.
@@ -50,12 +52,14 @@ class Scopes:
     rows, rates : scope -> [row, number], and its time derivative, 1/s
     fiber : [channel, number]
     samples : [sample, number]
+    tracks : how many numbers each track has
     """
 
     rows: Mapping[str, Tensor]
     rates: Mapping[str, Tensor]
     fiber: Tensor
     samples: Tensor
+    tracks: tuple[int, ...] = ()
 
     @classmethod
     def of(
@@ -70,16 +74,17 @@ class Scopes:
             for spacing in (SMOOTH, SMOOTH_BEND)
         )
         speed, beyond = traffic.velocity[:, :1], torch.from_numpy(x - inside)[:, None]
-        tracks, faster = [one_hot[:, :0]], [one_hot[:, :0]]
+        tracks, faster = list[Tensor](), list[Tensor]()
         for number in range(traffic.passes):
             mine = traffic.pass_index == number
-            basis = _smooth(0.0, float(time[mine.numpy()].max(initial=0.0)), SMOOTH_TIME)
+            basis = _smooth(0.0, float(time[mine.numpy()].max(initial=0.0)), SMOOTH_TRACK)
             tracks.append(torch.from_numpy(basis.at(time)) * mine[:, None])
             faster.append(torch.from_numpy(basis.at(time, 1)) * mine[:, None])
         rows = {"pass": one_hot, "road": at, STRAIGHT_ON: bend + beyond * turn, "track": torch.cat(tracks, 1)}
         rates = {"road": speed * (beyond == 0) * slope, STRAIGHT_ON: speed * turn, "track": torch.cat(faster, 1)}
         swings = _spread(sampled, SMOOTH_TIME)
-        return cls(rows, rates, _spread(distance, SMOOTH), swings[:, swings.any(0)])
+        counts = tuple(one.shape[1] for one in tracks)
+        return cls(rows, rates, _spread(distance, SMOOTH), swings[:, swings.any(0)], counts)
 
     def count(self, scope: str) -> int:
         """Count of numbers of a parameter of that scope."""

@@ -9,7 +9,7 @@ from solver.catalogue.trial_survey import Trial, trial_survey
 from solver.effect import Parameter, effect
 from solver.fit.numbers import Numbers
 from solver.fit.prior import Prior
-from solver.signal_path.extension import NONE, SMOOTH, SMOOTH_TIME
+from solver.signal_path.extension import NONE, SMOOTH, SMOOTH_TRACK
 
 
 def extension(*names: str):
@@ -66,8 +66,9 @@ def test_track_numbers_are_each_pass_s_own(traffic):
     for column in spread.T:
         assert len(traffic.pass_index[column != 0].unique()) <= 1
     since = one.clock(traffic)[1]
-    wanted = sum(round(float(since[traffic.pass_index == k].max()) / SMOOTH_TIME) + 3 for k in range(5))
-    assert one.size == one.scopes.count("track") == wanted
+    wanted = tuple(round(float(since[traffic.pass_index == k].max()) / SMOOTH_TRACK) + 3 for k in range(5))
+    assert one.scopes.tracks == wanted
+    assert one.size == one.scopes.count("track") == sum(wanted)
 
 
 def test_numbers_in_time_are_the_same_for_all_vehicles(traffic):
