@@ -10,11 +10,11 @@ from torch.nn.functional import pad
 from solver.criticism.policy import POLICY
 from solver.criticism.record_parts import RecordPart, linearized, reach_of
 from solver.criticism.score import Projected, Score
-from solver.criticism.slow_errors import slow_variance
+from solver.criticism.slow_errors import slow_precision
 from solver.criticism.sums import Sums, factor_of, sharpness
 from solver.effect import Effect, Heard
 from solver.fit.chain import Chain
-from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
+from solver.fit.map_fit import MapFit
 from solver.fit.prior import Rows, anchor_rows
 from solver.fit.state import Linearized, State
 from solver.fit.windowed import Windowed, taken
@@ -92,9 +92,16 @@ class Directions:
     def _with_slow_errors(self, matrix: Tensor, right: Tensor, columns: Windowed) -> tuple[Tensor, Tensor]:
         """Normal equations with the tracks' slow errors, as large as the tracks say, beside what was fitted."""
         crossed, own = self.jacobian.transposed_times(columns).split([self.fitted, columns.width])
-        own = own + torch.diag(SPLINE_VARIANCE / slow_variance(self.fit))
+        own = own + slow_precision(self.fit)
         whole = torch.cat([torch.cat([matrix, crossed], 1), torch.cat([crossed.T, own], 1)])
         return whole, torch.cat([right, columns.along(self.residual)])
+
+    @cached_property
+    def tracks(self) -> tuple[int, ...]:
+        """How many numbers each track has of what is smooth along tracks."""
+        scopes = self.fit.problem.extension([SLOW_ERROR]).scopes
+        assert scopes is not None
+        return scopes.tracks
 
     @property
     def _slow_columns(self) -> Windowed:

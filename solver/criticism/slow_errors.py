@@ -16,24 +16,36 @@ if TYPE_CHECKING:
 
 #: Least slow error of a track, m, however small it says that it is.
 SMALLEST = 0.01
+#: How well a number of a slow error is known where no row of the track tells, over how well in view.
+LEAST_KNOWN = 1e-6
 #: Sizes of slow errors that are as probable: what the tracks say, down to a negligible share of it.
 SCALES = (1.0, POLICY.negligible**0.5, POLICY.negligible)
 
 
-def slow_variance(fit: MapFit) -> Tensor:
-    """Variance [number], m^2, of the tracks' slow errors along and then across travel, as the tracks have it there.
+def slow_precision(fit: MapFit) -> Tensor:
+    """Inverse covariance [number, number], 1/m^2, of the tracks' slow errors along and then across travel.
 
-    Out of view, where a vehicle may slow down or speed up, that is far more than in view.
+    Each row's error is as the track has it there, rows a knot apart being independent: a number of the spline that
+    reaches out of view, where a vehicle may slow down or speed up, is held by the rows in view all the same.
     """
-    extension = fit.problem.extension([*fit.extension.effects, SLOW_ERROR])
+    others = [one for one in fit.extension.effects if one is not SLOW_ERROR]
+    extension = fit.problem.extension([*others, SLOW_ERROR])
     assert extension.scopes is not None
     spread, traffic = extension.scopes.along("track"), fit.path.with_effects(extension).traffic
     cosine, sine = (traffic.heading**2).unbind(-1)
     x, y = (traffic.sigma**2).unbind(-1)
-    rows = torch.stack([cosine * x + sine * y, sine * x + cosine * y])
-    total = spread.sum(0)
     usual = max(track_sigma(fit.problem.passes), SMALLEST) ** 2
-    return (rows @ spread / total.where(total > 0, 1.0)).clamp_min(usual).flatten()
+    total = spread.sum(0)
+    each = spread / torch.where(total > 0, total, 1.0).sqrt()
+    held = [each.T @ (each / way.clamp_min(usual)[:, None]) for way in (cosine * x + sine * y, sine * x + cosine * y)]
+    least = LEAST_KNOWN * SPLINE_VARIANCE / usual
+    return torch.block_diag(*held) + least * torch.eye(2 * len(total), dtype=torch.float64)
+
+
+def slow_root(fit: MapFit) -> Tensor:
+    """Root [number, way], m, of the covariance of the tracks' slow errors."""
+    factor = torch.linalg.cholesky(slow_precision(fit))
+    return torch.linalg.inv(factor).T
 
 
 def slow_evidence(at: "Directions", variance: float) -> float:
@@ -49,5 +61,6 @@ def slow_evidence(at: "Directions", variance: float) -> float:
     left = at.slow_left
     if left is None:
         return 0.0
-    spectrum = Spectrum.of(left.information, left.score, (slow_variance(at.fit) / SPLINE_VARIANCE).sqrt())
+    root = slow_root(at.fit)
+    spectrum = Spectrum.of_plausible(root.T @ left.information @ root, root.T @ left.score)
     return mixture([spectrum.scaled(variance, scale) for scale in SCALES])
