@@ -82,7 +82,7 @@ class Scorer(Directions):
         columns, counts = self.columns(effect, shape, extension)
         each = torch.eye(sum(counts), dtype=torch.float64)
         sizes = sizes_of(effect, counts, each)
-        return outcome(self.project([columns])[0], None, sizes, alike(effect, counts)).spectrum
+        return outcome(self.project([columns])[0], None, sizes, alike(effect, counts, self.tracks)).spectrum
 
     def scores(self, effect: Effect, near: Mapping[str, float] | None = None) -> Iterator[Score]:
         """The best shape of an effect, of all or near one, with separate and with shared numbers of passes."""
@@ -155,7 +155,7 @@ class Scorer(Directions):
         heard = projected.gram.diagonal().numpy() > projected.least
         for shared, mix in mixes(effect, one.counts):
             sizes = sizes_of(effect, one.counts, mix)
-            near = None if shared else alike(effect, one.counts)
+            near = None if shared else alike(effect, one.counts, self.tracks)
             signs = one_sided(effect, [1] * len(one.counts) if shared else one.counts)
             found = outcome(projected.combined(mix), signs, sizes, near)
             of = mix.argmax(1).numpy()

@@ -1,19 +1,17 @@
-"""Numbers along fiber or road whose neighbors may be alike."""
+"""Numbers along fiber, road or tracks whose neighbors may be alike."""
 
 import numpy as np
 import pytest
 import torch
 
 from solver.catalogue.catalogue import built_in
-from solver.criticism.fields import ALIKE, alike, root
+from solver.criticism.fields import ALIKE, LASTING, alike, root
 from solver.criticism.marginal import Spectrum
 
 KNOWN = built_in()
 
 
-@pytest.mark.parametrize(
-    ("name", "counts"), [("clock_offset", [1]), ("track_jitter", [12, 12]), ("dynamic_load", [4, 4])]
-)
+@pytest.mark.parametrize(("name", "counts"), [("clock_offset", [1]), ("gauge_length", [1]), ("dynamic_load", [4, 4])])
 def test_numbers_without_a_place_have_no_neighbors(name, counts):
     assert alike(KNOWN[name], counts) is None
 
@@ -29,6 +27,15 @@ def test_each_parameter_of_a_field_is_alike_by_itself():
     field = alike(KNOWN["generic_track"], [8, 8])
     assert field is not None and not field[:8, 8:].any()
     torch.testing.assert_close(field[:8, :8], root(8, 10.0))
+
+
+def test_neighbors_along_one_track_are_alike_for_seconds_and_tracks_are_not():
+    field = alike(KNOWN["track_jitter"], [12, 12], tracks=[7, 5])
+    assert field is not None
+    correlation = field @ field.T
+    torch.testing.assert_close(correlation[:7, :7], root(7, 1.0, LASTING) @ root(7, 1.0, LASTING).T)
+    assert float(correlation[0, 1]) > 0.7 and float(correlation[0, 6]) < 0.05
+    assert not correlation[:7, 7:].any() and not correlation[7:12, 12:].any()
 
 
 def test_passes_may_have_one_number():
