@@ -62,6 +62,11 @@ class Beside:
         fitted = {one.effect.name: one.evidence for one in self.seconds}
         return max((fitted.get(s.effect.name, s.evidence) for s in self.table), default=0.0)
 
+    @property
+    def both(self) -> float:
+        """Ln of the Bayes factor of the effect, its law inexact, and a second one."""
+        return self.refit.evidence + self.tolerated + self.second
+
     @staticmethod
     def hope(one: Refit, fall: float, variance: float) -> float:
         """Most that a tolerance may add to the evidence of a refit, where `fall` is the most that any explains."""

@@ -131,9 +131,10 @@ def weighed(bench: Bench, tried: Mapping[str, Refit], asked: Asked) -> Weighing:
     explainer = Explainer(bench, tried, asked.effects)
     besides = looked_beside(bench, tried, asked)
     posterior = Posterior.of(explainer.all(besides))
-    first = next(iter(besides), None)
-    if first is not None and posterior.of_kind("unknown") > 1 - POLICY.held:
-        besides[first] = besides[first].widened(asked)
+    if posterior.of_kind("unknown") > 1 - POLICY.held:
+        # Of rivals one must not have the better of the other only because more was fitted beside it.
+        near = max((one.both for one in besides.values()), default=0.0) - POLICY.far
+        besides = {name: one.widened(asked) if one.both > near else one for name, one in besides.items()}
         posterior = Posterior.of(explainer.all(besides))
     return Weighing(posterior, besides)
 
