@@ -147,7 +147,8 @@ def looked_again(
     """Misfit that the second of two hidden effects adds, and what is named, once the first is dealt with.
 
     What was named rightly is put into the model; but of a filter of the maker, which the noise alone tells, the record
-    before it is diagnosed, as the verdict advises. None and [] where the first was not found.
+    before it is diagnosed, as the verdict advises. Where the first was not named, what the second adds is told beside
+    the one that explains more, and nothing is named; None where a fault of the survey is one of the two.
     """
     from solver.catalogue.catalogue import built_in
     from solver.criticism.diagnosis import diagnose
@@ -157,7 +158,12 @@ def looked_again(
     named = known_to(found)
     first = next((name for name in scenario.effects if name in said(named[:1])), None)
     if first is None:
-        return None, []
+        known = [name for name in scenario.effects if name in built_in()]
+        if len(known) < len(scenario.effects):
+            return None, []
+        grown = {name: grow(*fitted(located), name, built_in(), None) for name in known}
+        most = min(grown, key=lambda name: grown[name].result(0.0).chi2_per_dof)
+        return beside(scenario, grown[most], located.problem.strain_rate.numel(), most, most), []
     if named[0] not in found.fits:
         rest = replace(scenario, effects={name: size for name, size in scenario.effects.items() if name != first})
         _, before, _ = surveyed(rest)
