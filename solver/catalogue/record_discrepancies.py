@@ -1,9 +1,12 @@
-"""Discrepancy models of the interrogator: filters, delays, echoes, gain."""
+"""Discrepancy models of the interrogator: filters, delays, echoes, gain, distortion."""
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import torch
+from scipy.signal import lfilter
 from torch import Tensor
 
 from solver.catalogue.sieve import SOURCE
@@ -13,6 +16,8 @@ from solver.interrogator.interrogator import Interrogator
 Values = Mapping[str, Tensor]
 #: Distances of what mixes, samples or channels.
 TAPS = (1, 2, 4)
+#: For how long a channel may remember how loud it was, s.
+MEMORIES = (0.5, 2.0)
 
 
 @effect(
@@ -123,6 +128,49 @@ def generic_nonlinearity(interrogator: Interrogator, p: Values, survey: Surround
     return interrogator.through(bent)
 
 
+class Loudness(torch.autograd.Function):
+    """Mean size of a map [..., sample, channel] before each sample, that fades over so many samples: no derivative."""
+
+    @staticmethod
+    def forward(rate: Tensor, samples: float) -> Tensor:
+        """One-pole filter of the absolute values."""
+        share = 1 - float(np.exp(-1 / samples))
+        return torch.from_numpy(lfilter([0.0, share], [1.0, share - 1], rate.abs().numpy(), axis=-2))
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        """Nothing is kept."""
+
+    @staticmethod
+    def jvp(ctx: Any, rate: Tensor, samples: None) -> Tensor:
+        """No derivative."""
+        return torch.zeros_like(rate)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
+        """No derivative."""
+        return torch.zeros_like(gradient), None
+
+
+@effect(
+    "generic_memory",
+    "interrogator",
+    [Parameter(f"after_{time:g}", "1", 0.5) for time in MEMORIES],
+    physics="The gain of a channel depends on how loud it was before.",
+    plain=Plain("Unknown memory of loud signals"),
+    source=SOURCE,
+    discrepancy=Discrepancy(levels=True),
+)
+def generic_memory(interrogator: Interrogator, p: Values, survey: Surroundings) -> Interrogator:
+    """Output times 1 + shares of what was heard before, over the largest strain rate of the record."""
+
+    def remembered(rate: Tensor) -> Tensor:
+        heard = (p[f"after_{time:g}"] * Loudness.apply(rate, time * survey.sampling_rate) for time in MEMORIES)
+        return rate * (1 + sum(heard) / survey.largest)
+
+    return interrogator.through(remembered)
+
+
 EFFECTS = (
     generic_time_filter,
     generic_delay,
@@ -130,4 +178,5 @@ EFFECTS = (
     generic_neighbors,
     generic_gain,
     generic_nonlinearity,
+    generic_memory,
 )
