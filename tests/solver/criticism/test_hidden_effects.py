@@ -80,6 +80,11 @@ def test_what_is_in_no_catalogue_is_called_unknown(name: str) -> None:
 PLACED = {
     "unknown_hysteresis": (0.35, "ground", ("viscoelastic_lag", "saturation", "generic_friction", "generic_load")),
     "unknown_wave_packet": (0.15, "ground", ("rayleigh_wave", "moving_load", "generic_wave", "generic_wake")),
+    "unknown_exhaustion": (
+        0.5,
+        "interrogator",
+        ("maxwell_flow", "grade_drag", "generic_nonlinearity", "generic_memory"),
+    ),
     "unknown_skewed_kernel": (0.4, "interrogator", ("gauge_length", "pulse_width", "channel_stretch", *IN_SPACE)),
 }
 
