@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from solver.catalogue.bells import Belled
+from solver.catalogue.no_derivative import NoDerivative
 from solver.catalogue.packets import Packet
 from solver.catalogue.sieve import SOURCE
 from solver.effect import Discrepancy, Parameter, Plain, Surroundings, effect
@@ -60,7 +60,7 @@ def generic_softening(ground: Ground, p: Values, survey: Surroundings) -> Ground
     return ground.yielding(factor)
 
 
-class Engaged(torch.autograd.Function):
+class Engaged(NoDerivative):
     """Share of a strain's change [..., sample, channel] that is left beyond some slack: 0 or 1 but where it turns.
 
     The play operator (Krasnosel'skii and Pokrovskii 1989, Systems with Hysteresis, section 2): what is pulled along
@@ -78,20 +78,6 @@ class Engaged(torch.autograd.Function):
         change = np.diff(drive, axis=0, prepend=0.0)
         share = np.diff(pulled, axis=0, prepend=0.0) / np.where(change == 0, 1.0, change)
         return torch.from_numpy(share).movedim(0, -2)
-
-    @staticmethod
-    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
-        """Nothing is kept."""
-
-    @staticmethod
-    def jvp(ctx: Any, strain: Tensor, slack: None) -> Tensor:
-        """No derivative."""
-        return torch.zeros_like(strain)
-
-    @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
-        """No derivative."""
-        return torch.zeros_like(gradient), None
 
 
 @effect(

@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
-from scipy.signal import lfilter
 from torch import Tensor
 
+from solver.catalogue.no_derivative import NoDerivative
 from solver.catalogue.sieve import SOURCE
 from solver.effect import Discrepancy, Parameter, Plain, Surroundings, effect
 from solver.interrogator.interrogator import Interrogator
@@ -128,28 +127,19 @@ def generic_nonlinearity(interrogator: Interrogator, p: Values, survey: Surround
     return interrogator.through(bent)
 
 
-class Loudness(torch.autograd.Function):
+class Loudness(NoDerivative):
     """Mean size of a map [..., sample, channel] before each sample, that fades over so many samples: no derivative."""
 
     @staticmethod
     def forward(rate: Tensor, samples: float) -> Tensor:
-        """One-pole filter of the absolute values."""
+        """One-pole filter of the absolute values, sample by sample."""
+        size = rate.abs().movedim(-2, 0).numpy()
         share = 1 - float(np.exp(-1 / samples))
-        return torch.from_numpy(lfilter([0.0, share], [1.0, share - 1], rate.abs().numpy(), axis=-2))
-
-    @staticmethod
-    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
-        """Nothing is kept."""
-
-    @staticmethod
-    def jvp(ctx: Any, rate: Tensor, samples: None) -> Tensor:
-        """No derivative."""
-        return torch.zeros_like(rate)
-
-    @staticmethod
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
-        """No derivative."""
-        return torch.zeros_like(gradient), None
+        heard, last = np.empty_like(size), np.zeros_like(size[0])
+        for row in range(len(size)):
+            heard[row] = last
+            last = last + share * (size[row] - last)
+        return torch.from_numpy(heard).movedim(0, -2)
 
 
 @effect(
