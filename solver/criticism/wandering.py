@@ -8,14 +8,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from solver.criticism.bench import Bench
 from solver.criticism.candidate import fault_candidate
+from solver.criticism.fields import alike
 from solver.criticism.marginal import Spectrum, mixture
 from solver.criticism.policy import POLICY
 from solver.criticism.scorer import Scorer
 from solver.fit.map_fit import SPLINE_VARIANCE
+from solver.trajectory.trajectory_effects import SLOW_ERROR
 
 #: Sizes that tracks may wander by, m.
 SIZES = np.geomspace(0.01, 0.3, 11)
@@ -54,8 +55,12 @@ def wander_of(scorer: Scorer) -> Wander | None:
     left = scorer.slow_left
     if left is None:
         return None
-    per_size = torch.full((len(left.score),), SPLINE_VARIANCE**-0.5, dtype=torch.float64)
-    return Wander.of(lambda size: Spectrum.of(left.information, left.score, size * per_size), scorer.variance)
+    # Errors last for seconds: those of a track are alike, see `solver.criticism.fields`.
+    together = alike(SLOW_ERROR, [sum(scorer.tracks)] * 2, scorer.tracks)
+    assert together is not None
+    root = SPLINE_VARIANCE**-0.5 * together
+    own, score = root.T @ left.information @ root, root.T @ left.score
+    return Wander.of(lambda size: Spectrum.of_plausible(size**2 * own, size * score), scorer.variance)
 
 
 def explains_best(found: Wander, bench: Bench) -> bool:
