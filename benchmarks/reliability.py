@@ -158,10 +158,9 @@ def looked_again(
     named = known_to(found)
     first = next((name for name in scenario.effects if name in said(named[:1])), None)
     if first is None:
-        known = [name for name in scenario.effects if name in built_in()]
-        if len(known) < len(scenario.effects):
+        if any(name not in built_in() for name in scenario.effects):
             return None, []
-        grown = {name: grow(*fitted(located), name, built_in(), None) for name in known}
+        grown = {name: grow(*fitted(located), name, built_in(), None) for name in scenario.effects}
         most = min(grown, key=lambda name: grown[name].result(0.0).chi2_per_dof)
         return beside(scenario, grown[most], located.problem.strain_rate.numel(), most, most), []
     if named[0] not in found.fits:

@@ -1,13 +1,16 @@
 """The benchmark of a diagnosis's probabilities: what it draws, and what it counts as right."""
 
 from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import torch
 
+from benchmarks import reliability
 from benchmarks.judged_probabilities import binned, claims, judged, report
 from benchmarks.reliability import AS_DRAWN, KINDS, draw
-from solver.simulator import EFFECTS
+from solver.simulator import EFFECTS, Scenario
 
 ECHO = {"kind": "unknown", "effects": ["generic_echo"], "stage": "interrogator", "probability": 0.2}
 GAUGE = {"kind": "effect", "effects": ["gauge_length"], "stage": "interrogator", "probability": 0.7}
@@ -110,3 +113,27 @@ def test_a_report_has_a_line_for_each_kind_and_a_diagram(capsys, tmp_path):
     assert shares["placed"] == ["1.0", "1"] and shares["named"] == ["1.0", "1"] and shares["claimed"] == ["NaN", "0"]
     assert [line.split()[0] for line in said.splitlines()[-2:]] == ["one", "unknown"]
     assert (tmp_path / "diagram.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("hidden", "told"),
+    [(("camber", "gauge_length"), (12, "gauge_length", "gauge_length")), (("camber", "cycle_skips"), None)],
+)
+def test_where_nothing_was_named_the_second_is_told_beside_what_explains_more(monkeypatch, hidden, told):
+    """Of a fault of the survey, which is no effect to add, nothing is told."""
+    misfit = {"camber": 1.5, "gauge_length": 1.2}
+
+    def grow(fit: None, state: None, name: str, *more: Any) -> Any:
+        return SimpleNamespace(name=name, result=lambda seconds: SimpleNamespace(chi2_per_dof=misfit[name]))
+
+    def beside(scenario: Scenario, both: Any, samples: int, named: str, first: str) -> Any:
+        assert both.name == named
+        return samples, named, first
+
+    monkeypatch.setattr("solver.criticism.growth.grow", grow)
+    monkeypatch.setattr(reliability, "beside", beside)
+    monkeypatch.setattr(reliability, "fitted", lambda run: (None, None))
+    located: Any = SimpleNamespace(problem=SimpleNamespace(strain_rate=torch.zeros(3, 4)))
+    found: Any = SimpleNamespace(verdict="inconclusive", candidates=())
+    scenario = Scenario(effects=dict.fromkeys(hidden, 1.0))
+    assert reliability.looked_again(scenario, located, found, []) == (told, [])

@@ -60,7 +60,8 @@ class Ending:
         # What is fitted with a prior of one plausible size ends at (I + 1)^-1 U, were it linear.
         score = torch.from_numpy(left @ ended + ended)
         counts = [len(numbers_of(slot, 0)) for slot in amplitudes]
-        root = alike(effect, counts, () if fit.extension.scopes is None else fit.extension.scopes.tracks, passes=True)
+        assert fit.extension.scopes is not None
+        root = alike(effect, counts, fit.extension.scopes.tracks, passes=True)
         return cls(Spectrum.of_plausible(torch.from_numpy(left), score, root), float(np.log(np.diagonal(lower)).sum()))
 
 

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from solver.effect import Effect, Parameter
-from solver.signal_path.extension import SMOOTH_TRACK, spacing_of
+from solver.signal_path.extension import spacing_of
 
 #: How far along fiber or road what changes gradually is alike, m: some lengths of what is laid or built in one piece.
 ALIKE = 20.0
@@ -15,7 +15,7 @@ ALIKE = 20.0
 LASTING = 2.0
 
 
-def alike(effect: Effect, counts: Sequence[int], tracks: Sequence[int] = (), passes: bool = False) -> Tensor | None:
+def alike(effect: Effect, counts: Sequence[int], tracks: Sequence[int], passes: bool = False) -> Tensor | None:
     """Root [number, process] of the correlation of an effect's numbers; None where none are alike.
 
     Neighbors are correlated as by a once differentiable process (Matern, order 3/2; Rasmussen and Williams 2006,
@@ -28,12 +28,12 @@ def alike(effect: Effect, counts: Sequence[int], tracks: Sequence[int] = (), pas
     passes : whether numbers of passes are all the same
     """
     kinds = list(zip(effect.amplitudes, counts, strict=True))
-    if not any(p.scope == "track" or (passes and p.scope == "pass") or spacing_of(effect, p) for p, _ in kinds):
+    if not any((passes and p.scope == "pass") or spacing_of(effect, p) for p, _ in kinds):
         return None
 
     def root_of(p: Parameter, count: int) -> Tensor:
         if p.scope == "track":
-            return torch.block_diag(*(root(each, SMOOTH_TRACK, LASTING) for each in tracks))
+            return torch.block_diag(*(root(each, spacing_of(effect, p), LASTING) for each in tracks))
         if passes and p.scope == "pass":
             return torch.ones(count, 1, dtype=torch.float64)
         return root(count, spacing_of(effect, p))

@@ -28,8 +28,7 @@ def slow_precision(fit: MapFit) -> Tensor:
     Each row's error is as the track has it there, rows a knot apart being independent: a number of the spline that
     reaches out of view, where a vehicle may slow down or speed up, is held by the rows in view all the same.
     """
-    others = [one for one in fit.extension.effects if one is not SLOW_ERROR]
-    extension = fit.problem.extension([*others, SLOW_ERROR])
+    extension = fit.problem.extension([*fit.extension.effects, SLOW_ERROR])
     assert extension.scopes is not None
     spread, traffic = extension.scopes.along("track"), fit.path.with_effects(extension).traffic
     cosine, sine = (traffic.heading**2).unbind(-1)
@@ -40,12 +39,6 @@ def slow_precision(fit: MapFit) -> Tensor:
     held = [each.T @ (each / way.clamp_min(usual)[:, None]) for way in (cosine * x + sine * y, sine * x + cosine * y)]
     least = LEAST_KNOWN * SPLINE_VARIANCE / usual
     return torch.block_diag(*held) + least * torch.eye(2 * len(total), dtype=torch.float64)
-
-
-def slow_root(fit: MapFit) -> Tensor:
-    """Root [number, way], m, of the covariance of the tracks' slow errors."""
-    factor = torch.linalg.cholesky(slow_precision(fit))
-    return torch.linalg.inv(factor).T
 
 
 def slow_evidence(at: "Directions", variance: float) -> float:
@@ -61,6 +54,7 @@ def slow_evidence(at: "Directions", variance: float) -> float:
     left = at.slow_left
     if left is None:
         return 0.0
-    root = slow_root(at.fit)
+    # A root [number, way], m, of their covariance.
+    root = torch.linalg.inv(torch.linalg.cholesky(slow_precision(at.fit))).T
     spectrum = Spectrum.of_plausible(root.T @ left.information @ root, root.T @ left.score)
     return mixture([spectrum.scaled(variance, scale) for scale in SCALES])

@@ -59,7 +59,7 @@ class Scopes:
     rates: Mapping[str, Tensor]
     fiber: Tensor
     samples: Tensor
-    tracks: tuple[int, ...] = ()
+    tracks: tuple[int, ...]
 
     @classmethod
     def of(
@@ -136,14 +136,15 @@ def spread_of(effect: Effect, parameter: Parameter) -> str:
 
 
 def spacing_of(effect: Effect, parameter: Parameter) -> float | None:
-    """How far apart the numbers of an effect's parameter are along fiber or road, m; None where they are not.
+    """How far apart the numbers of an effect's parameter are along fiber or road, m, or a track, s; None of others.
 
     >>> from solver.catalogue.catalogue import built_in
-    >>> effects = [built_in()[name] for name in ("channel_coupling", "track_bend", "clock_offset")]
+    >>> effects = [built_in()[name] for name in ("channel_coupling", "track_bend", "track_jitter", "clock_offset")]
     >>> [spacing_of(one, one.parameters[0]) for one in effects]
-    [5.0, 10.0, None]
+    [5.0, 10.0, 1.0, None]
     """
-    return {"fiber": SMOOTH, "road": SMOOTH, STRAIGHT_ON: SMOOTH_BEND}.get(spread_of(effect, parameter))
+    spacing = {"fiber": SMOOTH, "road": SMOOTH, STRAIGHT_ON: SMOOTH_BEND, "track": SMOOTH_TRACK}
+    return spacing.get(spread_of(effect, parameter))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from solver.criticism.directions import Directions
 from solver.criticism.policy import POLICY
 from solver.criticism.slow_errors import SCALES, SMALLEST, slow_evidence, slow_precision
 from solver.fit.chain import Chain
-from solver.fit.map_fit import MapFit
+from solver.fit.map_fit import SPLINE_VARIANCE, MapFit
 from solver.fit.windowed import Windowed
 from solver.signal_path.traffic import Traffic
 from solver.survey.anchors import Anchor
@@ -244,6 +244,9 @@ def test_tracks_that_are_sure_of_themselves_may_still_be_off(at: Directions) -> 
     """By a centimeter: what is open is no less than that."""
     sure, least = (slow_prior(told(at, lambda one, s=s: np.full(one.sigma.shape, s))) for s in (1e-6, SMALLEST))
     torch.testing.assert_close(sure, least)
+    assert float(track_spread(told(at, lambda one: np.full(one.sigma.shape, 1e-6)))[1].median()) == pytest.approx(
+        SMALLEST, rel=0.1
+    )
 
 
 def track_spread(found: Directions) -> tuple[Tensor, Tensor]:
@@ -256,7 +259,11 @@ def track_spread(found: Directions) -> tuple[Tensor, Tensor]:
 
 
 def test_a_slow_error_is_as_large_as_its_track_says(at: Directions) -> None:
-    _, sd = track_spread(told(at, lambda one: np.full(one.sigma.shape, 0.05)))
+    found = told(at, lambda one: np.full(one.sigma.shape, 0.05))
+    weights, sd = track_spread(found)
+    whole = weights.sum(0) > 0.99 * weights.sum(0).max()
+    known = slow_prior(found).diagonal()[: len(whole)][whole]
+    torch.testing.assert_close(known, torch.full_like(known, SPLINE_VARIANCE / 0.05**2), rtol=0.02, atol=0)
     # A little more at the ends, where fewer rows hold a number.
     assert float(sd.median()) == pytest.approx(0.05, rel=0.1)
     assert float(sd.min()) > 0.04 and float(sd.max()) < 0.25

@@ -13,7 +13,7 @@ KNOWN = built_in()
 
 @pytest.mark.parametrize(("name", "counts"), [("clock_offset", [1]), ("gauge_length", [1]), ("dynamic_load", [4, 4])])
 def test_numbers_without_a_place_have_no_neighbors(name, counts):
-    assert alike(KNOWN[name], counts) is None
+    assert alike(KNOWN[name], counts, ()) is None
 
 
 def test_neighbors_are_alike_over_tens_of_meters_whatever_the_spacing_of_knots():
@@ -24,7 +24,7 @@ def test_neighbors_are_alike_over_tens_of_meters_whatever_the_spacing_of_knots()
 
 
 def test_each_parameter_of_a_field_is_alike_by_itself():
-    field = alike(KNOWN["generic_track"], [8, 8])
+    field = alike(KNOWN["generic_track"], [8, 8], ())
     assert field is not None and not field[:8, 8:].any()
     torch.testing.assert_close(field[:8, :8], root(8, 10.0))
 
@@ -40,9 +40,9 @@ def test_neighbors_along_one_track_are_alike_for_seconds_and_tracks_are_not():
 
 def test_passes_may_have_one_number():
     """One process for all of them; what has no number for each pass stays as it is."""
-    same = alike(KNOWN["dynamic_load"], [4, 4], passes=True)
+    same = alike(KNOWN["dynamic_load"], [4, 4], (), passes=True)
     assert same is not None and same.tolist() == [[1, 0]] * 4 + [[0, 1]] * 4
-    assert alike(KNOWN["clock_offset"], [1], passes=True) is None
+    assert alike(KNOWN["clock_offset"], [1], (), passes=True) is None
     size, information = torch.ones(6, dtype=torch.float64), 400 * torch.eye(6, dtype=torch.float64)
     one = Spectrum.of(information, 400 * 0.5 * size, size, torch.ones(6, 1, dtype=torch.float64))
     assert one.smaller(1.0) > 10, "six numbers that are the same pay for one"
