@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from solver.drive.car import Car, Driven
+from solver.drive.gauge_rate import gauge_rates
 from solver.drive.path import BESIDE, STEP, Path
 from solver.drive.quiet import Quiet
-from solver.ground.boussinesq import displacement_rate
 from solver.load.wheel_layout import layout_of
 from solver.trajectory.tracks import turns
 
@@ -124,16 +123,15 @@ def segments_of(
     sorted_cells = legs.cell[order]
     low = np.searchsorted(sorted_cells, np.arange(cells) - reach / STEP)
     high = np.searchsorted(sorted_cells, np.arange(cells) + reach / STEP, side="right")
-    begin, found = np.zeros(cells + 1, np.int64), []
-    for cell in np.flatnonzero(wanted & (high > low)):
-        some = np.sort(order[low[cell] : high[cell]])
-        cuts = np.flatnonzero((np.diff(some) > 1) | (np.diff(legs.leg[some]) != 0)) + 1
-        first = some[np.concatenate([[0], cuts])]
-        last = some[np.concatenate([cuts - 1, [len(some) - 1]])] + 1
-        found.append(np.stack([first, last, legs.leg[first]], -1))
-        begin[cell + 1] = len(first)
-    joined = np.concatenate(found) if found else np.zeros((0, 3), np.int64)
-    return np.cumsum(begin), joined
+    count = np.where(wanted, np.maximum(high - low, 0), 0)
+    cell = np.repeat(np.arange(cells), count)
+    row = order[np.arange(len(cell)) + np.repeat(low - np.cumsum(count) + count, count)]
+    row = row[np.lexsort((row, cell))]
+    ends = (np.diff(row) != 1) | (np.diff(cell) != 0) | (np.diff(legs.leg[row]) != 0)
+    begins = np.concatenate([np.ones(min(len(row), 1), bool), ends])
+    first, last = row[begins], row[np.roll(begins, -1)] + 1
+    begin = np.concatenate([[0], np.cumsum(np.bincount(cell[begins], minlength=cells))])
+    return begin, np.stack([first, last, legs.leg[first]], -1)
 
 
 def responses(
@@ -233,19 +231,23 @@ def strain_rate(
 ) -> Array:
     """Strain rate [value], per F / (4 pi G) in m^2, of a gauge at a cell, moved to the right, at a sample."""
     half = quiet.gauge_length / 2 / STEP
-    place, velocity = legs.driven.position[sample], legs.driven.velocity[sample]
-    speed = np.hypot(*velocity.T)
-    heading = velocity / np.maximum(speed, 1e-6)[:, None]
     layout = layout_of(car.vehicle_class)
     axles = ((layout.wheelbase / 2, layout.front_share), (-layout.wheelbase / 2, 1 - layout.front_share))
-    total = np.zeros(len(sample))
-    for sign in (1, -1):
-        number = np.clip(cell + round(sign * half), 0, len(path.points) - 1)
-        along = path.along[number]
-        rest = sign * half - round(sign * half)
-        end = path.points[number] + rest * STEP * along + shift[:, None] * path.across[number]
-        for ahead, share in axles if layout.wheelbase else ((0.0, 1.0),):
-            offset = np.column_stack([end - place - ahead * heading, np.full(len(end), depth)])
-            rate = displacement_rate(torch.from_numpy(offset), torch.from_numpy(velocity), POISSON_RATIO).numpy()
-            total += sign * share * (rate[:, 0] * along[:, 0] + rate[:, 1] * along[:, 1])
+    driven, total = legs.driven, np.empty(len(sample))
+    gauge_rates()(
+        cell,
+        sample,
+        shift,
+        path.points,
+        path.along,
+        path.across,
+        driven.position,
+        driven.velocity,
+        np.array([round(half), -round(half)]),
+        np.array([1, -1]) * (half - round(half)) * STEP,
+        np.array(axles if layout.wheelbase else ((0.0, 1.0),)),
+        depth,
+        1 - 2 * POISSON_RATIO,
+        total,
+    )
     return total / quiet.gauge_length

@@ -31,6 +31,11 @@ def wrong(hidden):
     return rf.locate(hidden[0])
 
 
+@pytest.fixture(scope="module")
+def better(hidden):
+    return rf.locate(hidden[0], effects=list(HIDDEN))
+
+
 def rms(run, truth):
     heard = run.arrays["heard"] & ~np.array(truth["in_loop"])
     return float(np.sqrt((along_error(run, truth)[heard] ** 2).mean()))
@@ -55,9 +60,8 @@ def test_what_is_stated_wrongly_is_named_with_its_size(wrong):
     assert gate["verdict"] == "failed" and "--effects clock_drift,gauge_length" in gate["mend"][0]
 
 
-def test_fitted_it_brings_the_route_back(hidden, wrong):
-    drive, truth = hidden
-    better = rf.locate(drive, effects=list(HIDDEN))
+def test_fitted_it_brings_the_route_back(hidden, wrong, better):
+    _, truth = hidden
     assert rms(better, truth) < 1.5 < 2 * rms(better, truth) < rms(wrong, truth)
     table = better.misstated.set_index("effect")
     assert table["fitted"].to_dict() == {"channel_stretch": False, "gauge_length": True, "clock_drift": True}
@@ -107,12 +111,11 @@ def test_size_of_what_is_named_is_that_of_a_fit_that_has_it() -> None:
     assert found["gauge_length"] == first[1]
 
 
-def test_what_is_named_is_sized_as_it_is_fitted(hidden, wrong):
+def test_what_is_named_is_sized_as_it_is_fitted(wrong, better):
     """Picks of a fit without it are made as if it were none, so that it finds too little: by a tenth and more."""
-    better = rf.locate(hidden[0], effects=list(HIDDEN)).misstated.set_index("effect")
-    table = wrong.misstated.set_index("effect")
+    table, fitted = (run.misstated.set_index("effect") for run in (wrong, better))
     for name in HIDDEN:
-        assert abs(table.loc[name, "value"] - better.loc[name, "value"]) < 0.6 * table.loc[name, "sigma"]
+        assert abs(table.loc[name, "value"] - fitted.loc[name, "value"]) < 0.6 * table.loc[name, "sigma"]
 
 
 def test_a_drive_that_is_located_is_not_refused_for_sizes(hidden, wrong, monkeypatch) -> None:
