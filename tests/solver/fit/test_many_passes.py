@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import roadfiber as rf
 from solver import simulator
@@ -12,12 +11,9 @@ from solver.fit.pose import LESS, MANY, UNCERTAIN, with_slow_errors
 from solver.trajectory.vehicle_pass import track_sigma
 
 
-@pytest.mark.parametrize("seed", [21, 22])
-def test_a_fiber_under_many_tracks_is_as_deep_as_it_is(seed: int, tmp_path: Path) -> None:
-    """By 1.7 and 2.4 sigmas too deep, and Poisson's ratio 1.7 and 2.5 too small, where tracks count as they are."""
-    scenario = simulator.Scenario(
-        seed=seed, passes=60, snr_db=18.0, track_noise="camera", view=(0.0, 40.0), channels=121
-    )
+def test_a_fiber_under_many_tracks_is_as_deep_as_it_is(tmp_path: Path) -> None:
+    """By 2.4 sigmas too deep, and Poisson's ratio 2.5 too small, where tracks count as they are."""
+    scenario = simulator.Scenario(seed=22, passes=60, snr_db=18.0, track_noise="camera", view=(0.0, 40.0), channels=121)
     made = simulator.simulate(scenario)
     run = rf.locate(simulator.write_survey(made, tmp_path / "survey"), all_passes=True, corridor="fit")
     result = run.result
