@@ -16,6 +16,7 @@ from torch import Tensor
 
 from solver.criticism.fields import alike
 from solver.criticism.marginal import Spectrum
+from solver.criticism.sums import load_size
 from solver.effect import Effect
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
@@ -35,7 +36,7 @@ class Ending:
     Parameters
     ----------
     spectrum : what is left of the candidate's numbers, with the score that leads to where they ended
-    sharpness : see `solver.criticism.sums.sharpness`, of all else
+    sharpness : see `solver.criticism.sums.sharpness`, of all else, with `load_size`
     """
 
     spectrum: Spectrum
@@ -62,7 +63,8 @@ class Ending:
         counts = [len(numbers_of(slot, 0)) for slot in amplitudes]
         assert fit.extension.scopes is not None
         root = alike(effect, counts, fit.extension.scopes.tracks, passes=True)
-        return cls(Spectrum.of_plausible(torch.from_numpy(left), score, root), float(np.log(np.diagonal(lower)).sum()))
+        sharp = float(np.log(np.diagonal(lower)).sum()) + load_size(visit.state.vehicles.amplitude)
+        return cls(Spectrum.of_plausible(torch.from_numpy(left), score, root), sharp)
 
 
 def normal_matrix(chain: Chain, visit: Visit) -> tuple[Array, NDArray[np.int64]]:

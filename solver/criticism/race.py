@@ -234,13 +234,16 @@ def onward(course: Course, pace: int, one: Refit) -> tuple[Solution, float]:
 
 
 def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
-    """Known effects of one size that fit better from far beyond what is plausible, where something unknown leads.
+    """Known effects of one size that fit better from far beyond what is plausible, where something unknown comes near.
 
     What the route and the ground have followed a long way, as a wide pulse, may have a second minimum where little of
     it is there, and the discrepancy models then imitate the rest.
     """
-    leader = max(tried.values(), key=lambda one: one.evidence, default=None)
-    if leader is None or not leader.effect.generic:
+    most, unknown = (
+        max((one.evidence for one in tried.values() if one.effect.generic or not generic), default=-np.inf)
+        for generic in (False, True)
+    )
+    if unknown < most - POLICY.far:
         return {}
     course = Course.of(scorer)
 
@@ -250,7 +253,7 @@ def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
         while end is not None:
             one = one.at(*end)
             pace += PACE
-            if one.solution.converged or pace > PACE * ROUNDS or one.hoped < POLICY.stay * leader.evidence:
+            if one.solution.converged or pace > PACE * ROUNDS or one.hoped < POLICY.stay * most:
                 break
             end = course.run(one.fit, one.solution, PACE)
         return one if one.fall > known.fall else known

@@ -60,7 +60,7 @@ class Refit:
     score : of the candidate
     fit, solution : with it
     fall : how far the robust misfit fell
-    before : `solver.criticism.sums.sharpness` of the fit without it
+    before : how sharply the fit without it ends, as of `Ending`
     slow : what the tracks' slow errors explain beside it less what they explain without it, ln of Bayes factors; at
         most 0, and None where that is not known yet
     """
