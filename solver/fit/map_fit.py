@@ -212,13 +212,21 @@ class MapFit(ParameterSpace):
         x, y = (traffic.sigma**2 - slow).clamp_min(0.0).unbind(-1)
         along = local.vehicle("along") ** 2 * (cosine * x + sine * y)[:, None]
         across = local.vehicle("across") ** 2 * (sine * x + cosine * y)[:, None]
-        chosen = self.extension.chosen
-        total = traffic.superpose(along + across)[torch.from_numpy(traffic.sampled)]
-        return (total if chosen is None else total[:, chosen]) / self.problem.noise**2
+        return self.of_record(along + across) / self.problem.noise**2
+
+    def of_record(self, rows: Tensor) -> Tensor:
+        """Sums [sample, channel], where it was measured, over vehicles of what each has [row, channel]."""
+        total = self.path.traffic.superpose(rows)[torch.from_numpy(self.path.traffic.sampled)]
+        return total if self.extension.chosen is None else total[:, self.extension.chosen]
 
     def added_variance(self, local: Sensitivities, model: Tensor) -> Tensor:
-        """Variance, in noise units, beside the noise's own: uncertain tracks, noise that grows with the signal."""
-        return self.track_variance(local) + self.problem.signal_noise * (model / self.problem.noise) ** 2
+        """Variance, in noise units, beside the noise's own: uncertain tracks, noise that grows with the signal.
+
+        What uncertain tracks add is told of the ground; what comes after it leaves as much of that as of the signal.
+        """
+        ground = self.of_record(local.rate).square().sum().clamp_min(1e-300)
+        tracks = self.track_variance(local) * (model.square().sum() / ground)
+        return tracks + self.problem.signal_noise * (model / self.problem.noise) ** 2
 
     def cost(self, state: State, weights: Weights, model: Tensor | None = None) -> float:
         """Weighted misfit plus priors; `model` [sample, channel], 1/s, there if known."""

@@ -1,6 +1,7 @@
 """How sharply a fit with a candidate ends."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.ending import Ending, normal_matrix
 from solver.criticism.refit import with_effect
 from solver.criticism.scorer import Scorer
-from solver.criticism.sums import factor_of, sharpness
+from solver.criticism.sums import factor_of, load_size, sharpness
+from solver.effect import Parameter, Surroundings, effect
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
+from solver.interrogator.interrogator import Interrogator
 
 KNOWN = built_in()
 
@@ -56,7 +59,7 @@ def test_all_else_and_the_candidate_are_the_whole(record):
     fit, _, visit = begun(record, "channel_coupling")
     end = Ending.of(fit, visit, KNOWN["channel_coupling"])
     p = KNOWN["channel_coupling"].amplitudes[0]
-    whole = np.linalg.slogdet(visit.normal.dense()[0])[1] / 2
+    whole = np.linalg.slogdet(visit.normal.dense()[0])[1] / 2 + load_size(visit.state.vehicles.amplitude)
     size = len(end.spectrum.information) * np.log(p.plausible)
     assert end.sharpness + np.log1p(end.spectrum.information).sum() / 2 - size == pytest.approx(whole, abs=1e-6)
 
@@ -68,6 +71,25 @@ def test_what_changes_nothing_leaves_all_else_as_sharp(record):
     without = Scorer(MapFit(problem), state)
     assert Ending.of(fit, visit, KNOWN["clock_offset"]).sharpness == pytest.approx(without.sharpness, abs=1e-6)
     assert sharpness(factor_of(torch.eye(5, dtype=torch.float64))) == pytest.approx(0.0, abs=1e-9)
+
+
+@effect("dull", "interrogator", [Parameter("gain", "1", 1.0, null=1.0)], physics="Less output.", source="A test.")
+def dull(interrogator: Interrogator, p: dict[str, Any], survey: Surroundings) -> Interrogator:
+    return replace(interrogator, gain=interrogator.gain * p["gain"])
+
+
+def test_a_law_that_makes_less_of_a_load_is_none_the_more_probable(record):
+    """Loads ten times as large of a tenth of the output are the same model."""
+    problem, state = record
+    fit = MapFit(with_effect(problem, dull))
+    chain, ends = Chain.single(fit), []
+    for gain in (1.0, 0.1):
+        vehicles = replace(state.vehicles, amplitude=state.vehicles.amplitude / gain)
+        visit = chain.visit(replace(state, vehicles=vehicles, numbers=torch.tensor([gain], dtype=torch.float64)))
+        ends.append((visit, Ending.of(fit, visit, dull).sharpness))
+    (one, sharp), (ten, as_sharp) = ends
+    torch.testing.assert_close(ten.models, one.models)
+    assert as_sharp == pytest.approx(sharp, abs=1e-6)
 
 
 def test_numbers_that_ended_at_their_prior_of_one_size_come_from_that_score(record):
