@@ -15,10 +15,11 @@ from solver.criticism.corridor import Corridor
 from solver.criticism.explaining import Explainer
 from solver.criticism.explanations import Posterior, Weighed
 from solver.criticism.finding import LISTED, Diagnosis, concluded
+from solver.criticism.from_far import from_far
 from solver.criticism.judging import Weighing, judge, order
 from solver.criticism.plain_verdict import spoken
 from solver.criticism.policy import POLICY
-from solver.criticism.race import elsewhere, from_far, race, with_slow_errors
+from solver.criticism.race import elsewhere, race, with_slow_errors
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import mended
 from solver.criticism.route_change import route_of, with_moves

@@ -233,39 +233,6 @@ def onward(course: Course, pace: int, one: Refit) -> tuple[Solution, float]:
     return course.run(one.fit, one.solution, pace) or (replace(one.solution, converged=True), one.fall)
 
 
-def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
-    """Known effects of one size that fit better from far beyond what is plausible, where something unknown comes near.
-
-    What the route and the ground have followed a long way, as a wide pulse, may have a second minimum where little of
-    it is there, and the discrepancy models then imitate the rest.
-    """
-    most, unknown = (
-        max((one.evidence for one in tried.values() if one.effect.generic or not generic), default=-np.inf)
-        for generic in (False, True)
-    )
-    if unknown < most - POLICY.far:
-        return {}
-    course = Course.of(scorer)
-
-    def gone(start: tuple[Refit, State]) -> Refit:
-        (known, far), pace = start, FAR_PACE
-        one, end = known, course.run(known.fit, far, pace)
-        while end is not None:
-            one = one.at(*end)
-            pace += PACE
-            if one.solution.converged or pace > PACE * ROUNDS or one.hoped < POLICY.stay * most:
-                break
-            end = course.run(one.fit, one.solution, PACE)
-        return one if one.fall > known.fall else known
-
-    starts = [(one, far) for one in tried.values() if one.single for far in one.extremes(course.weights)]
-    better: dict[str, Refit] = {}
-    for (known, _), one in zip(starts, side_by_side(gone, starts), strict=True):
-        if one.fall > better.get(one.effect.name, known).fall:
-            better[one.effect.name] = one
-    return better
-
-
 def leaders_told(scorer: Scorer, running: Sequence[Refit]) -> list[Refit]:
     """Fits on their way, the best one told from slow errors of the tracks where it has ended.
 

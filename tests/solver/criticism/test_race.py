@@ -12,10 +12,10 @@ from noisy_trials import noisy
 from solver.catalogue.catalogue import built_in
 from solver.catalogue.trial_survey import trial_survey
 from solver.criticism import race as criticism_race
+from solver.criticism.from_far import from_far
 from solver.criticism.policy import POLICY
 from solver.criticism.race import (
     elsewhere,
-    from_far,
     goes_on,
     leaders_told,
     race,
