@@ -176,11 +176,16 @@ def test_a_wide_pulse_is_found_from_far_where_something_unknown_leads() -> None:
     names = ("pulse_width", "generic_neighbors")
     best = [max(scorer.scores(KNOWN[name]), key=lambda one: one.evidence) for name in names]
     tried = race(scorer, [scorer.reaching(one) for one in best])
-    assert tried["generic_neighbors"].evidence > 2 * tried["pulse_width"].evidence
+    pulse, unknown = (tried[name] for name in names)
+    assert unknown.evidence > 2 * pulse.evidence
     found = from_far(scorer, tried)["pulse_width"]
-    assert found.evidence > tried["generic_neighbors"].evidence
+    assert found.evidence > unknown.evidence
     assert found.estimate[0] == pytest.approx(9.65**2, abs=5 * float(found.sigma[0]))
     assert not from_far(scorer, {"pulse_width": found})
+    for behind in (5.0, 15.0):  # of the odds, in logs, that still count
+        less = 2 * unknown.score.variance * (unknown.evidence - pulse.evidence + behind)
+        late = tried | {"generic_neighbors": replace(unknown, fall=unknown.fall - less)}
+        assert ("pulse_width" in from_far(scorer, late)) == (behind < POLICY.far)
 
 
 @pytest.mark.parametrize(
