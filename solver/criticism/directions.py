@@ -11,7 +11,7 @@ from solver.criticism.policy import POLICY
 from solver.criticism.record_parts import RecordPart, linearized, reach_of
 from solver.criticism.score import Projected, Score
 from solver.criticism.slow_errors import slow_precision
-from solver.criticism.sums import Sums, factor_of, load_size, sharpness
+from solver.criticism.sums import Sums, factor_of, load_cost, sharpness
 from solver.effect import Effect, Heard
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
@@ -59,7 +59,7 @@ class Directions:
         self._slow: list[int] | None = None
         factor = factor_of(matrix)
         #: How sharply the fit ends, with what its loads take of the prior density.
-        self.sharpness = sharpness(factor) + load_size(state.vehicles.amplitude)
+        self.sharpness = sharpness(factor) + load_cost(state.vehicles.amplitude)
         #: Largest component of the residual along what was fitted, sigmas: far below 1 where the fit converged.
         self.stress = float(torch.linalg.solve_triangular(factor, right[:, None], upper=False).abs().max())
         #: Whitened residual [sample * channel + anchor], those of the anchors below those of the record.

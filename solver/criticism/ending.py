@@ -16,7 +16,7 @@ from torch import Tensor
 
 from solver.criticism.fields import alike
 from solver.criticism.marginal import Spectrum
-from solver.criticism.sums import load_size
+from solver.criticism.sums import load_cost
 from solver.effect import Effect
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
@@ -36,7 +36,7 @@ class Ending:
     Parameters
     ----------
     spectrum : what is left of the candidate's numbers, with the score that leads to where they ended
-    sharpness : see `solver.criticism.sums.sharpness`, of all else, with `load_size`
+    sharpness : see `solver.criticism.sums.sharpness`, of all else, with `load_cost`
     """
 
     spectrum: Spectrum
@@ -63,7 +63,7 @@ class Ending:
         counts = [len(numbers_of(slot, 0)) for slot in amplitudes]
         assert fit.extension.scopes is not None
         root = alike(effect, counts, fit.extension.scopes.tracks, passes=True)
-        sharp = float(np.log(np.diagonal(lower)).sum()) + load_size(visit.state.vehicles.amplitude)
+        sharp = float(np.log(np.diagonal(lower)).sum()) + load_cost(visit.state.vehicles.amplitude)
         return cls(Spectrum.of_plausible(torch.from_numpy(left), score, root), sharp)
 
 

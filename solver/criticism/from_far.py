@@ -18,10 +18,8 @@ def from_far(scorer: Scorer, tried: Mapping[str, Refit]) -> dict[str, Refit]:
     What the route and the ground have followed a long way, as a wide pulse, may have a second minimum where little of
     it is there, and the discrepancy models then imitate the rest.
     """
-    most, unknown = (
-        max((one.evidence for one in tried.values() if one.effect.generic or not generic), default=-np.inf)
-        for generic in (False, True)
-    )
+    most = max((one.evidence for one in tried.values()), default=0.0)
+    unknown = max((one.evidence for one in tried.values() if one.effect.generic), default=-np.inf)
     if unknown < most - POLICY.far:
         return {}
     course = Course.of(scorer)

@@ -54,7 +54,7 @@ def sharpness(factor: Tensor) -> float:
     return float(factor.diagonal().log().sum())
 
 
-def load_size(amplitude: Tensor) -> float:
+def load_cost(amplitude: Tensor) -> float:
     """-ln of the prior density of loads [pass], but for a constant: all are of one size, which is not known.
 
     Integrated over that size, every one as probable in its ln, n loads of which only the size is unknown have a density
@@ -62,7 +62,7 @@ def load_size(amplitude: Tensor) -> float:
     larger loads that it takes; a density that is the same for all loads would favor it by that in each pass.
 
     >>> three = torch.tensor([1.0, 2.0, 2.0])
-    >>> round(load_size(10 * three) - load_size(three), 3) == round(3 * torch.tensor(10.0).log().item(), 3)
+    >>> round(load_cost(10 * three) - load_cost(three), 3) == round(3 * torch.tensor(10.0).log().item(), 3)
     True
     """
     return len(amplitude) * float(amplitude.norm().clamp_min(1e-300).log())

@@ -12,7 +12,7 @@ from solver.catalogue.trial_survey import trial_survey
 from solver.criticism.ending import Ending, normal_matrix
 from solver.criticism.refit import with_effect
 from solver.criticism.scorer import Scorer
-from solver.criticism.sums import factor_of, load_size, sharpness
+from solver.criticism.sums import factor_of, load_cost, sharpness
 from solver.effect import Parameter, Surroundings, effect
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
@@ -59,7 +59,7 @@ def test_all_else_and_the_candidate_are_the_whole(record):
     fit, _, visit = begun(record, "channel_coupling")
     end = Ending.of(fit, visit, KNOWN["channel_coupling"])
     p = KNOWN["channel_coupling"].amplitudes[0]
-    whole = np.linalg.slogdet(visit.normal.dense()[0])[1] / 2 + load_size(visit.state.vehicles.amplitude)
+    whole = np.linalg.slogdet(visit.normal.dense()[0])[1] / 2 + load_cost(visit.state.vehicles.amplitude)
     size = len(end.spectrum.information) * np.log(p.plausible)
     assert end.sharpness + np.log1p(end.spectrum.information).sum() / 2 - size == pytest.approx(whole, abs=1e-6)
 
