@@ -77,12 +77,12 @@ def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     return replace(cable, loose=Loose(center - half, center + half, p["share"]))
 
 
-def coiled(fitted: Fitted) -> Start | None:
+def coiled(fitted: Fitted) -> list[Start]:
     """A coil as the matched filter saw it, beside a straight route: a fit without one ends too far off to find it."""
     if fitted.coil is None:
-        return None
+        return []
     middle = (fitted.distance[0] + fitted.distance[-1]) / 2
-    return Start((np.array([fitted.coil.length]),), {"place": fitted.coil.place - middle}, fitted.coil.route)
+    return [Start((np.array([fitted.coil.length]),), {"place": fitted.coil.place - middle}, fitted.coil.route)]
 
 
 @effect(
@@ -97,7 +97,7 @@ def coiled(fitted: Fitted) -> Start | None:
     source="ITU-T L.1430: slack storage at closures.",
     confounders="smooth errors of the channels' positions",
     families=("place",),
-    start=coiled,
+    starts=coiled,
 )
 def slack_spool(cable: Cable, p: Values, survey: Surroundings) -> Cable:
     """Gauges end where the fiber leads, which stands still over the coil; what lies coiled senses nothing.

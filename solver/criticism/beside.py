@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from solver.criticism.bench import Asked, Bench, racers, scorable
 from solver.criticism.marginal import mixture
 from solver.criticism.policy import POLICY
-from solver.criticism.race import race, told_from_slow_errors, with_slow_errors
+from solver.criticism.race import race, started_elsewhere, told_from_slow_errors, with_slow_errors
 from solver.criticism.refit import Refit
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
@@ -53,7 +53,9 @@ class Beside:
         table = sorted(scored, key=lambda s: -s.evidence)
         # What may be unknown beside it is scored alone, so that of known effects only what shows is fitted.
         known = [s for s in shown(table) if not s.effect.generic]
-        seconds = race(scorer, racers(known, POLICY.besides + POLICY.unknown_racers), asked.advance)
+        first = racers(known, POLICY.besides + POLICY.unknown_racers)
+        others = started_elsewhere(scorer, scorable(scorer.fit.problem, asked.effects))
+        seconds = race(scorer, first, asked.advance, others)
         return replace(self, table=table, seconds=tuple(with_slow_errors(scorer, seconds).values()))
 
     @property

@@ -14,7 +14,7 @@ from solver.criticism.refit import Refit, counted, loss, with_effect
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer, score_all
 from solver.criticism.slow_errors import slow_evidence
-from solver.effect import Effect, Fitted
+from solver.effect import Effect, Fitted, Start
 from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.side_by_side import side_by_side
@@ -128,19 +128,21 @@ def unshifted(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
 
 def elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
     """Candidates that start elsewhere than the fit: where they say themselves, or with unshifted tracks."""
-    told = (started_elsewhere(scorer, one) for one in effects)
-    return [one for one in told if one is not None] + unshifted(scorer, effects)
+    return started_elsewhere(scorer, effects) + unshifted(scorer, effects)
 
 
-def started_elsewhere(scorer: Scorer, effect: Effect) -> tuple[Scorer, Score] | None:
-    """A candidate where it says that a fit with it may start; None where it says nothing."""
+def started_elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
+    """Candidates at each place where they say that a fit with them may start."""
+    problem = scorer.fit.problem
+    classes = tuple(one.vehicle_class for one in problem.passes)
+    known = Fitted(problem.distance, classes, np.abs(scorer.state.vehicles.amplitude.numpy()), problem.coil)
+    return [begun_at(scorer, one, start) for one in effects if one.starts is not None for start in one.starts(known)]
+
+
+def begun_at(scorer: Scorer, effect: Effect, start: Start) -> tuple[Scorer, Score]:
+    """A candidate at a start."""
     fit, state = scorer.fit, scorer.state
     problem = fit.problem
-    classes = tuple(one.vehicle_class for one in problem.passes)
-    known = Fitted(problem.distance, classes, np.abs(state.vehicles.amplitude.numpy()), problem.coil)
-    start = None if effect.start is None else effect.start(known)
-    if start is None:
-        return None
     nu = torch.tensor(problem.prior.poisson_ratio[0]).double()
     if start.route is None:
         begun = replace(fit.start_at(state.coefficients, nu, state.numbers), vehicles=state.vehicles)

@@ -69,7 +69,7 @@ class Effect:
     corrects : of `STATED`, what its first parameter says is off; "" if none
     slow_error : it is each track's slow error, which is fitted wherever tracks are uncertain, as far as they say
     seek : finds the shapes worth trying in what was heard, where a grid fine enough would be too large; else None
-    start : finds where else a fit with it may start, None where nothing tells; else None
+    starts : finds where else fits with it may start, nowhere where nothing tells; else None
     trace : says how a record shows that it is in there, None where it does not; else None
     """
 
@@ -88,7 +88,7 @@ class Effect:
     corrects: str = ""
     slow_error: bool = False
     seek: Callable[[Heard], Proposal] | None = None
-    start: Callable[[Fitted], Start | None] | None = None
+    starts: Callable[[Fitted], Sequence[Start]] | None = None
     trace: Callable[[Recorded], str | None] | None = None
 
     @property
@@ -155,7 +155,7 @@ def effect(
     corrects: str = "",
     slow_error: bool = False,
     seek: Callable[[Heard], Proposal] | None = None,
-    start: Callable[[Fitted], Start | None] | None = None,
+    starts: Callable[[Fitted], Sequence[Start]] | None = None,
     trace: Callable[[Recorded], str | None] | None = None,
 ) -> Callable[[Change], Effect]:
     """Make an effect of a function.
@@ -215,7 +215,7 @@ def effect(
             corrects=corrects,
             slow_error=slow_error,
             seek=seek,
-            start=start,
+            starts=starts,
             trace=trace,
         )
 

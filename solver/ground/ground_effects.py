@@ -100,12 +100,12 @@ def of_law(ground: Ground, law: Corrected) -> Ground:
     return ground.responding(law, law.displacement)
 
 
-def soft_on_stiff(fitted: Fitted) -> Start:
+def soft_on_stiff(fitted: Fitted) -> list[Start]:
     """Two meters three times softer than what is below, as ground is that stiffens with depth.
 
     Once the route has followed such a layer, a stiff one may seem to explain the rest: no step leads back from there.
     """
-    return Start((np.array([-np.log(3.0)]),), {"thickness": 2.0})
+    return [Start((np.array([-np.log(3.0)]),), {"thickness": 2.0})]
 
 
 @effect(
@@ -126,7 +126,7 @@ def soft_on_stiff(fitted: Fitted) -> Start:
     source="Burmister 1945, J. Appl. Phys. 16, 89; Kausel and Roesset 1981, BSSA 71, 1743.",
     confounders="whatever blurs; several speeds, lanes and distances separate them",
     families=("blur",),
-    start=soft_on_stiff,
+    starts=soft_on_stiff,
     order=-1,
 )
 def layered_ground(ground: Ground, p: Values, survey: Surroundings) -> Ground:

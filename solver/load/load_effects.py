@@ -17,6 +17,8 @@ Values = Mapping[str, Tensor]
 SOFTENING = 0.3
 #: Classes from light to heavy, and weights relative to the lighter half's mean that divide them.
 HEAVIER, TIMES = ("car", "truck", "bus"), (1.8, 5.0)
+#: Classes of which a vehicle may be a long one.
+HEAVY = ("vehicle", "unknown", "truck", "bus")
 
 
 def spread(second: Tensor) -> tuple[Tensor, Tensor]:
@@ -37,19 +39,19 @@ def share_in_front(wheelbase: Tensor) -> Tensor:
     return torch.clamp(0.71 - 0.058 * wheelbase, 0.36, 0.56)
 
 
-def on_usual_wheels(fitted: Fitted) -> Start | None:
+def on_usual_wheels(fitted: Fitted) -> list[Start]:
     """Vehicles of unknown class on the wheels of the classes that their weights suggest.
 
     Point loads have driven the ground's Poisson ratio and the depth elsewhere, from where steps lead nowhere.
     """
     unknown = np.array([name in POINTS for name in fitted.vehicle_class])
     if not unknown.any():
-        return None
+        return []
     light = np.sort(fitted.weight)[: (len(fitted.weight) + 1) // 2].mean()
     kinds = [LAYOUTS[HEAVIER[np.searchsorted(TIMES, one / light)]] for one in fitted.weight]
     along = np.array([kind.wheelbase**2 for kind in kinds]) * unknown
     across = np.array([kind.track**2 for kind in kinds]) * unknown
-    return Start((along, across, 0 * along), {})
+    return [Start((along, across, 0 * along), {})]
 
 
 @effect(
@@ -66,7 +68,7 @@ def on_usual_wheels(fitted: Fitted) -> Start | None:
     confounders="pulse width, if there is one type of vehicle only",
     families=("blur",),
     base_part="wheels",
-    start=on_usual_wheels,
+    starts=on_usual_wheels,
     order=-3,
 )
 def wheel_layout(load: Load, p: Values, survey: Surroundings) -> Load:
@@ -118,6 +120,15 @@ def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
     return replace(load, share=load.share + p["change"] * torch.tensor([0.5, 0.5, -0.5, -0.5], dtype=torch.float64))
 
 
+def on_many_axles(fitted: Fitted) -> list[Start]:
+    """Half of the load of all vehicles that may be long, or all of it, on many axles.
+
+    Where a fit has moved route and tracks to make up for them, what a small share of them would do tells little.
+    """
+    heavy = np.array([name in HEAVY for name in fitted.vehicle_class], dtype=float)
+    return [Start((share * heavy,), {"length": length}) for share, length in ((0.5, 12.0), (1.0, 14.0)) if heavy.any()]
+
+
 @effect(
     "long_vehicle",
     "load",
@@ -131,11 +142,12 @@ def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
     ),
     source="EU Directive 96/53/EC, annex I: lengths and axles of lorries.",
     confounders="nothing where one pass differs from the others",
+    starts=on_many_axles,
     order=-2,
 )
 def long_vehicle(load: Load, p: Values, survey: Surroundings) -> Load:
     """Five axles, evenly apart, carry a share of a heavy or unknown vehicle."""
-    heavy = torch.tensor([name in ("vehicle", "unknown", "truck", "bus") for name in CLASSES])[load.class_index]
+    heavy = torch.tensor([name in HEAVY for name in CLASSES])[load.class_index]
     share = p["share"] * heavy[:, None].double()
     along = p["length"] * torch.linspace(-0.5, 0.5, 5, dtype=torch.float64)
     where = load.trajectory.position[..., None, :] + along[:, None] * load.trajectory.heading[..., None, :]

@@ -142,17 +142,19 @@ def scorer() -> Scorer:
     return Scorer(MapFit(replace(fit.problem, coil=Coil(30.0, 8.0, -34.5, 1.0, 4.0, 0.9))), state)
 
 
-@pytest.mark.parametrize("name", [name for name, one in built_in().items() if one.start is not None])
+@pytest.mark.parametrize("name", [name for name, one in built_in().items() if one.starts is not None])
 def test_a_user_s_effect_starts_where_an_equal_one_does(scorer: Scorer, name: str) -> None:
-    (built, score), (users, user_score) = (begun for one in both(name) if (begun := started_elsewhere(scorer, one)))
-    torch.testing.assert_close(users.state.vector(), built.state.vector(), rtol=0, atol=0)
-    assert user_score.shape == score.shape
-    assert np.abs(score.estimate).max() > 0
-    np.testing.assert_array_equal(user_score.estimate, score.estimate)
+    own, like = (started_elsewhere(scorer, [one]) for one in both(name))
+    assert own
+    for (built, score), (users, user_score) in zip(own, like, strict=True):
+        torch.testing.assert_close(users.state.vector(), built.state.vector(), rtol=0, atol=0)
+        assert user_score.shape == score.shape
+        assert np.abs(score.estimate).max() > 0
+        np.testing.assert_array_equal(user_score.estimate, score.estimate)
 
 
 def test_an_effect_without_a_start_of_its_own_begins_where_the_fit_ended(scorer: Scorer) -> None:
-    assert started_elsewhere(scorer, built_in()["camber"]) is None
+    assert started_elsewhere(scorer, [built_in()["camber"]]) == []
 
 
 def test_a_discrepancy_model_of_the_user_s_is_placed_as_an_equal_one(scorer: Scorer) -> None:

@@ -140,9 +140,8 @@ def test_an_effect_may_say_where_its_fit_starts(scorer: Scorer) -> None:
     distance = scorer.fit.problem.distance
     aside = np.column_stack([distance - distance.mean(), np.full(len(distance), 6.0), np.ones(len(distance))])
     for route in (None, lambda at: np.column_stack([np.interp(at, distance, aside[:, k]) for k in range(3)])):
-        effect = replace(GAUGE, start=lambda known, route=route: Start((np.array([0.2]),), {}, route))
-        at, score = started_elsewhere(scorer, effect) or (None, None)
-        assert at is not None and score is not None
+        effect = replace(GAUGE, starts=lambda known, route=route: [Start((np.array([0.2]),), {}, route)])
+        ((at, score),) = started_elsewhere(scorer, [effect])
         assert score.estimate.tolist() == [0.2] and score.counts == (1,) and score.fall == 0.0
         assert score.evidence <= 0.0, "its fit goes on by what its own steps gain"
         assert at.alone and at.variance == scorer.variance
@@ -151,9 +150,9 @@ def test_an_effect_may_say_where_its_fit_starts(scorer: Scorer) -> None:
         else:
             coefficients = at.state.coefficients.numpy()
             assert np.median(at.fit.basis.along(coefficients, distance)[:, 1]) == pytest.approx(6.0, abs=0.05)
-    assert started_elsewhere(scorer, GAUGE) is None
-    silent = replace(GAUGE, start=lambda known: None)
-    assert started_elsewhere(scorer, silent) is None and elsewhere(scorer, [silent]) == unshifted(scorer, [silent])
+    assert started_elsewhere(scorer, [GAUGE]) == []
+    silent = replace(GAUGE, starts=lambda known: [])
+    assert started_elsewhere(scorer, [silent]) == [] and elsewhere(scorer, [silent]) == unshifted(scorer, [silent])
 
 
 def test_a_soft_layer_is_found_where_the_score_takes_it_for_a_stiff_one() -> None:
