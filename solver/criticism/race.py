@@ -132,7 +132,7 @@ def elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
 
 
 def started_elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
-    """Candidates at each place where they say that a fit with them may start."""
+    """Candidates, with scores, at each place where they say that a fit with them may start; see `Effect.starts`."""
     problem = scorer.fit.problem
     classes = tuple(one.vehicle_class for one in problem.passes)
     known = Fitted(problem.distance, classes, np.abs(scorer.state.vehicles.amplitude.numpy()), problem.coil)

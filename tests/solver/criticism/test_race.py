@@ -167,6 +167,21 @@ def test_a_soft_layer_is_found_where_the_score_takes_it_for_a_stiff_one() -> Non
     assert found.solution.converged and found.estimate[0] == pytest.approx(-1.3, abs=5 * float(found.sigma[0]))
 
 
+def test_long_vehicles_are_found_where_their_score_speaks_against_them() -> None:
+    """Route and tracks have moved for them, so that their first small share on many axles gains next to nothing."""
+    long = KNOWN["long_vehicle"]
+    told = {"passes": 7, "snr_db": 10.2, "noise": "colored", "view": (0.0, 49.6), "effects": {"long_vehicle": 10.52}}
+    fit = MapFit(strict_tracks(case_of(simulate(Scenario(name="long", seed=12975, **told))).problem))
+    scorer = Scorer(fit, solve(fit, fit.start()).state)
+    score = max(scorer.scores(long), key=lambda one: one.evidence)
+    assert score.evidence < 0
+    found = race(scorer, [], others=started_elsewhere(scorer, [long]))["long_vehicle"]
+    assert found.solution.converged and found.evidence > 5 * POLICY.found
+    assert found.shape["length"] == pytest.approx(10.52, abs=0.1)
+    many = np.array([int(one.track_id) % 3 == 1 for one in fit.problem.passes])
+    assert found.estimate[many].min() > 0.9 > 0.5 > found.estimate[~many].max()
+
+
 def test_a_wide_pulse_is_found_from_far_where_something_unknown_leads() -> None:
     """Its fit from the score's estimate ends at a second minimum, of a narrow one."""
     told = {"passes": 4, "snr_db": 18.2, "noise": "colored", "view": (0.0, 45.0), "effects": {"pulse_width": 9.65}}
