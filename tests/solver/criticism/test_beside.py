@@ -108,13 +108,21 @@ def test_what_did_not_show_before_is_asked_where_it_is_widened(monkeypatch: pyte
     bench: Any = SimpleNamespace(scorer=SimpleNamespace(fit=SimpleNamespace(problem=problem), variance=1.0))
     late = fitted("saturation", 440.0)
     monkeypatch.setattr(beside, "score_all", lambda scorer, effects, advance: [scored("saturation", 400.0)])
-    monkeypatch.setattr(beside, "race", lambda scorer, scores, advance: {s.effect.name: late for s in scores})
+    monkeypatch.setattr(beside, "started_elsewhere", lambda scorer, effects: [(scorer, one) for one in effects])
+    begun = []
+
+    def race(scorer: Any, scores: Any, advance: Any, others: Any) -> dict[str, Any]:
+        begun.extend(one.name for _, one in others)
+        return {s.effect.name: late for s in scores}
+
+    monkeypatch.setattr(beside, "race", race)
     monkeypatch.setattr(beside, "with_slow_errors", lambda scorer, tried: tried)
     before = Beside(fitted("dynamic_load", 1000.0), bench, [scored("generic_nonlinearity", 400.0)])
     asked = Asked([bounce, clips], held_out=False, advance=lambda n: None)
     wide = before.widened(asked)
     assert [one.effect.name for one in wide.seconds] == ["saturation"]
     assert wide.second == 440.0
+    assert begun == ["saturation"], "from where it says itself, too, as it may not show beside what has followed it"
 
 
 @pytest.mark.parametrize(
