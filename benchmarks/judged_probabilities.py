@@ -101,11 +101,11 @@ def draw_plot(table: pd.DataFrame, path: Path) -> None:
     axes.plot([0, 1], [0, 1], color="#8a929a", linewidth=1)
     axes.vlines(table["said"], middle - half, middle + half, color="#0072b2", linewidth=2)
     axes.plot(table["said"], p, "o", color="#0072b2")
-    for x, y, count in zip(table["said"], p, n, strict=True):
-        axes.annotate(f"{count}", (x, y), textcoords="offset points", xytext=(7, -4), fontsize=8)
+    for x, y, count in zip(table["said"], middle + half, n, strict=True):
+        axes.annotate(f"{count}", (x, y), textcoords="offset points", xytext=(0, 3), ha="center", fontsize=8)
     axes.set(
-        xlim=(-0.02, 1.12),
-        ylim=(-0.04, 1.04),
+        xlim=(-0.04, 1.06),
+        ylim=(-0.04, 1.08),
         xlabel="probability that the diagnosis gives",
         ylabel="share that was so",
     )
