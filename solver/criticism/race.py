@@ -140,7 +140,7 @@ def started_elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[S
 
 
 def begun_at(scorer: Scorer, effect: Effect, start: Start) -> tuple[Scorer, Score]:
-    """A candidate at a start."""
+    """A candidate at one of its starts, where all that was fitted is as the start says, and a score in form only."""
     fit, state = scorer.fit, scorer.state
     problem = fit.problem
     nu = torch.tensor(problem.prior.poisson_ratio[0]).double()
@@ -150,7 +150,7 @@ def begun_at(scorer: Scorer, effect: Effect, start: Start) -> tuple[Scorer, Scor
         distance = problem.distance_of(problem.route_channel)
         begun = fit.start_at(torch.from_numpy(fit.basis.interpolate(distance, start.route(distance))), nu)
     counts, numbers = tuple(len(one) for one in start.numbers), np.concatenate(start.numbers)
-    # A score in form only: nothing is predicted.
+    # Nothing is predicted.
     at = Scorer(fit, begun, alone=True, variance=scorer.variance)
     signal, sigma = Windowed((), len(at.residual), 1), np.ones(len(numbers))
     nothing = torch.zeros(at.fitted, dtype=torch.float64)

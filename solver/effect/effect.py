@@ -69,7 +69,7 @@ class Effect:
     corrects : of `STATED`, what its first parameter says is off; "" if none
     slow_error : it is each track's slow error, which is fitted wherever tracks are uncertain, as far as they say
     seek : finds the shapes worth trying in what was heard, where a grid fine enough would be too large; else None
-    starts : finds where else fits with it may start, nowhere where nothing tells; else None
+    starts : finds where else fits with it may start, if anywhere; else None
     trace : says how a record shows that it is in there, None where it does not; else None
     """
 

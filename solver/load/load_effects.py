@@ -9,7 +9,7 @@ from torch import Tensor
 
 from solver.effect import Fitted, Parameter, Plain, Start, Surroundings, absolute, effect, percent, percents, root
 from solver.load.load import Load, added
-from solver.load.wheel_layout import CLASSES, LAYOUTS, POINTS
+from solver.load.wheel_layout import CLASSES, LAYOUTS, POINTS, class_number
 
 Values = Mapping[str, Tensor]
 
@@ -121,11 +121,12 @@ def front_share(load: Load, p: Values, survey: Surroundings) -> Load:
 
 
 def on_many_axles(fitted: Fitted) -> list[Start]:
-    """Half of the load of all vehicles that may be long, or all of it, on many axles.
+    """Half of the load of all vehicles that may be long on axles over 12 m, or all of it over 14 m.
 
-    Where a fit has moved route and tracks to make up for them, what a small share of them would do tells little.
+    Where a fit has moved route and tracks to make up for them, a small share tells little. Of eight training surveys
+    with lengths of 10 to 18 m every one was found from the one or the other.
     """
-    heavy = np.array([name in HEAVY for name in fitted.vehicle_class], dtype=float)
+    heavy = np.array([CLASSES[class_number(name)] in HEAVY for name in fitted.vehicle_class], dtype=float)
     return [Start((share * heavy,), {"length": length}) for share, length in ((0.5, 12.0), (1.0, 14.0)) if heavy.any()]
 
 

@@ -2,8 +2,11 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from solver.effect import Fitted
+from solver.load.load_effects import on_many_axles
 from solver.load.wheel_layout import CLASSES, LAYOUTS, POINT, class_number, layout_of, not_known
 from vision.contract import read_trajectories
 from vision.contract.classes import plain_name
@@ -38,6 +41,14 @@ def test_wheels_of_a_class_that_is_not_known_may_be_any() -> None:
     assert abs(bus.wheelbase - strange.wheelbase) < 2.5 * strange.wheelbase_sd
     assert abs(light - strange.wheelbase) < 1.5 * strange.wheelbase_sd
     assert CLASSES[class_number("tuk tuk")] == "unknown"
+
+
+def test_vehicles_of_a_class_that_is_not_known_may_start_as_long_ones() -> None:
+    classes = ("car", "truck", "tram", "vehicle", "van", "bus")
+    half, whole = on_many_axles(Fitted(np.arange(3.0), classes, np.ones(len(classes)), None))
+    assert half.numbers[0].tolist() == [0, 0.5, 0.5, 0.5, 0, 0.5]
+    assert whole.numbers[0].tolist() == [0, 1, 1, 1, 0, 1]
+    assert on_many_axles(Fitted(np.arange(3.0), ("car", "van"), np.ones(2), None)) == []
     assert layout_of("vehicle") is POINT and class_number("vehicle") == 0
 
 
