@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import softplus
 
@@ -17,6 +18,8 @@ Values = Mapping[str, Tensor]
 
 #: Least share of its length over which a gauge reaches.
 SHORTEST = 0.02
+#: Least detour, m, for which a coil may stand: half of a plausible one.
+DETOUR = 2.5
 
 
 @effect(
@@ -78,11 +81,40 @@ def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
 
 
 def coiled(fitted: Fitted) -> list[Start]:
-    """A coil as the matched filter saw it, beside a straight route: a fit without one ends too far off to find it."""
+    """Coils where the matched filter saw one, and in place of a detour: fits without one end too far off to find it."""
     if fitted.coil is None:
+        return without_detour(fitted)
+    place = fitted.coil.place - (fitted.distance[0] + fitted.distance[-1]) / 2
+    return [Start((np.array([fitted.coil.length]),), {"place": place}, fitted.coil.route), *without_detour(fitted)]
+
+
+def without_detour(fitted: Fitted) -> list[Start]:
+    """A coil as long as what a route is longer than the straight way between its ends; none of less than `DETOUR`.
+
+    Channels are as far apart along a route as fiber is. Where some lies coiled, and the model has no coil, the route
+    swings aside and comes back, and is as much longer.
+
+    >>> s = np.arange(0.0, 61.0)
+    >>> turn = np.where((s >= 20) & (s < 40), np.where(s < 30, 1.0, -1.0), 0.0)
+    >>> route = np.cumsum(np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1), 0)
+    >>> [one] = without_detour(Fitted(s, (), np.ones(0), route, None))
+    >>> round(one.numbers[0].item()), one.shape
+    (9, {'place': -1.0})
+    """
+    distance, route = fitted.distance, fitted.route
+    way = float(np.linalg.norm(route[-1] - route[0]))
+    length = float(distance[-1] - distance[0]) - way
+    if length < DETOUR:
         return []
-    middle = (fitted.distance[0] + fitted.distance[-1]) / 2
-    return [Start((np.array([fitted.coil.length]),), {"place": fitted.coil.place - middle}, fitted.coil.route)]
+    ahead = (route[-1] - route[0]) / way
+    late = distance - distance[0] - (route - route[0]) @ ahead
+    place = float(distance[(late >= length / 2).argmax()] - (distance[0] + distance[-1]) / 2)
+
+    def straight(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        # Half of the coil counts on either side of its middle.
+        return route[0] + (at - length / 2 - distance[0])[:, None] * ahead
+
+    return [Start((np.array([length]),), {"place": place}, straight)]
 
 
 @effect(

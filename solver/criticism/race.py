@@ -133,9 +133,10 @@ def elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, S
 
 def started_elsewhere(scorer: Scorer, effects: Sequence[Effect]) -> list[tuple[Scorer, Score]]:
     """Candidates, with scores, at each place where they say that a fit with them may start; see `Effect.starts`."""
-    problem = scorer.fit.problem
+    problem, state = scorer.fit.problem, scorer.state
     classes = tuple(one.vehicle_class for one in problem.passes)
-    known = Fitted(problem.distance, classes, np.abs(scorer.state.vehicles.amplitude.numpy()), problem.coil)
+    route = scorer.fit.basis.along(state.coefficients.numpy(), problem.distance)
+    known = Fitted(problem.distance, classes, np.abs(state.vehicles.amplitude.numpy()), route, problem.coil)
     return [begun_at(scorer, one, start) for one in effects if one.starts is not None for start in one.starts(known)]
 
 

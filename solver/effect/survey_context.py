@@ -66,12 +66,14 @@ class Fitted:
     distance : [channel], of the fitted channels along the fiber, m
     vehicle_class : [pass]
     weight : [pass], how heavy each vehicle came out, in the same unit for all
+    route : [channel, 3], where the channels came out, m
     coil : `solver.cable.fiber.Coil` that the matched filter saw; None where it saw none
     """
 
     distance: NDArray[np.float64]
     vehicle_class: tuple[str, ...]
     weight: NDArray[np.float64]
+    route: NDArray[np.float64]
     coil: Any
 
 

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from solver.catalogue.catalogue import built_in
 from solver.criticism.growth import fitted_with
+from solver.criticism.race import started_elsewhere
+from solver.criticism.scorer import Scorer
 from solver.fit.chain import Chain
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import Posterior
@@ -141,6 +143,21 @@ def test_a_coil_is_seen_and_a_fit_with_it_begins_there(tmp_path: Path) -> None:
     problem = found.problem
     route = Posterior(Chain.single(refit.fit), at).route(problem.distance)[0]
     assert np.linalg.norm(route - survey.route[problem.channel], axis=1).max() < 0.3
+
+
+def test_fits_with_a_coil_start_from_the_detour_that_a_route_without_it_takes(tmp_path: Path) -> None:
+    small = {"passes": 5, "view": (0.0, 70.0), "channels": 200, "snr_db": 18.0}
+    survey = simulate(Scenario(seed=4, **small, effects={"slack_spool": 8.0, "slack_spool_at": 0.5}))
+    found = locate(Read.read(write_survey(survey, tmp_path / "s")))
+    assert found.problem.coil is None
+    fit = MapFit(found.problem)
+    scorer = Scorer(fit, fit.state_of(torch.from_numpy(found.result.vector)))
+    coil = built_in()["slack_spool"]
+    [(_, score)] = started_elsewhere(scorer, [coil])
+    assert score.estimate == pytest.approx([8.0], abs=2.5)
+    refit = fitted_with(fit, scorer.state, coil, lambda n: None)
+    assert refit.estimate == pytest.approx([8.0], abs=0.2)
+    assert score.shape["place"] == pytest.approx(refit.shape["place"], abs=6.0)
 
 
 def test_a_straight_fiber_has_no_coil() -> None:

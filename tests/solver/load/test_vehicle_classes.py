@@ -45,10 +45,10 @@ def test_wheels_of_a_class_that_is_not_known_may_be_any() -> None:
 
 def test_vehicles_of_a_class_that_is_not_known_may_start_as_long_ones() -> None:
     classes = ("car", "truck", "tram", "vehicle", "van", "bus")
-    half, whole = on_many_axles(Fitted(np.arange(3.0), classes, np.ones(len(classes)), None))
+    half, whole = on_many_axles(Fitted(np.arange(3.0), classes, np.ones(len(classes)), np.zeros((3, 3)), None))
     assert half.numbers[0].tolist() == [0, 0.5, 0.5, 0.5, 0, 0.5]
     assert whole.numbers[0].tolist() == [0, 1, 1, 1, 0, 1]
-    assert on_many_axles(Fitted(np.arange(3.0), ("car", "van"), np.ones(2), None)) == []
+    assert on_many_axles(Fitted(np.arange(3.0), ("car", "van"), np.ones(2), np.zeros((3, 3)), None)) == []
     assert layout_of("vehicle") is POINT and class_number("vehicle") == 0
 
 
