@@ -1,6 +1,6 @@
 """Cable stage: how the fiber lies in its duct and follows the ground."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -82,39 +82,49 @@ def conduit_slip(cable: Cable, p: Values, survey: Surroundings) -> Cable:
 
 def coiled(fitted: Fitted) -> list[Start]:
     """Coils where the matched filter saw one, and in place of a detour: fits without one end too far off to find it."""
-    if fitted.coil is None:
-        return without_detour(fitted)
-    place = fitted.coil.place - (fitted.distance[0] + fitted.distance[-1]) / 2
-    return [Start((np.array([fitted.coil.length]),), {"place": place}, fitted.coil.route), *without_detour(fitted)]
+    found = [] if fitted.coil is None else [(fitted.coil.place, fitted.coil.length, fitted.coil.route)]
+    found += without_detour(fitted.distance, fitted.route)
+    middle = (fitted.distance[0] + fitted.distance[-1]) / 2
+    return [Start((np.array([length]),), {"place": place - middle}, route) for place, length, route in found]
 
 
-def without_detour(fitted: Fitted) -> list[Start]:
+def without_detour(
+    distance: NDArray[np.float64], route: NDArray[np.float64]
+) -> list[tuple[float, float, Callable[[NDArray[np.float64]], NDArray[np.float64]]]]:
     """A coil as long as what a route is longer than the straight way between its ends; none of less than `DETOUR`.
 
     Channels are as far apart along a route as fiber is. Where some lies coiled, and the model has no coil, the route
     swings aside and comes back, and is as much longer.
 
+    Parameters
+    ----------
+    distance : [channel], along the fiber, m
+    route : [channel, 3], m
+
+    Returns
+    -------
+    place and length of the coil, m, and the straight route as of `Start`
+
     >>> s = np.arange(0.0, 61.0)
     >>> turn = np.where((s >= 20) & (s < 40), np.where(s < 30, 1.0, -1.0), 0.0)
     >>> route = np.cumsum(np.stack([np.cos(turn), np.sin(turn), 0 * turn], 1), 0)
-    >>> [one] = without_detour(Fitted(s, (), np.ones(0), route, None))
-    >>> round(one.numbers[0].item()), one.shape
-    (9, {'place': -1.0})
+    >>> [(place, length, _)] = without_detour(s, route)
+    >>> place, round(length)
+    (29.0, 9)
     """
-    distance, route = fitted.distance, fitted.route
     way = float(np.linalg.norm(route[-1] - route[0]))
     length = float(distance[-1] - distance[0]) - way
     if length < DETOUR:
         return []
     ahead = (route[-1] - route[0]) / way
     late = distance - distance[0] - (route - route[0]) @ ahead
-    place = float(distance[(late >= length / 2).argmax()] - (distance[0] + distance[-1]) / 2)
+    place = float(distance[(late >= length / 2).argmax()])
 
     def straight(at: NDArray[np.float64]) -> NDArray[np.float64]:
         # Half of the coil counts on either side of its middle.
         return route[0] + (at - length / 2 - distance[0])[:, None] * ahead
 
-    return [Start((np.array([length]),), {"place": place}, straight)]
+    return [(place, length, straight)]
 
 
 @effect(

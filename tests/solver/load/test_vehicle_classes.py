@@ -41,6 +41,7 @@ def test_wheels_of_a_class_that_is_not_known_may_be_any() -> None:
     assert abs(bus.wheelbase - strange.wheelbase) < 2.5 * strange.wheelbase_sd
     assert abs(light - strange.wheelbase) < 1.5 * strange.wheelbase_sd
     assert CLASSES[class_number("tuk tuk")] == "unknown"
+    assert layout_of("vehicle") is POINT and class_number("vehicle") == 0
 
 
 def test_vehicles_of_a_class_that_is_not_known_may_start_as_long_ones() -> None:
@@ -49,7 +50,6 @@ def test_vehicles_of_a_class_that_is_not_known_may_start_as_long_ones() -> None:
     assert half.numbers[0].tolist() == [0, 0.5, 0.5, 0.5, 0, 0.5]
     assert whole.numbers[0].tolist() == [0, 1, 1, 1, 0, 1]
     assert on_many_axles(Fitted(np.arange(3.0), ("car", "van"), np.ones(2), np.zeros((3, 3)), None)) == []
-    assert layout_of("vehicle") is POINT and class_number("vehicle") == 0
 
 
 def test_a_class_that_is_not_known_is_said_with_those_that_are() -> None:
