@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.criticism.directions import Directions
+from solver.criticism.disagreement import Disagreement
 from solver.criticism.explanations import Posterior, priors
 from solver.criticism.policy import POLICY
 from solver.criticism.route_change import moves, route_of
 from solver.criticism.score import Score
 from solver.run.geojson import normals
+from solver.run.run_corridor import TOLD
 
 if TYPE_CHECKING:
     from solver.criticism.bench import Bench
@@ -26,6 +29,8 @@ Array = NDArray[np.float64]
 
 #: Probability below which an explanation does not show.
 LEAST = 1e-6
+#: Name and title of what widens a corridor where parts of the record disagree about the route.
+DISAGREEMENT, DISAGREE = "disagreement", "How far vehicles disagree about the route"
 
 
 @dataclass(frozen=True)
@@ -37,8 +42,8 @@ class Corridor:
     channel : [channel]
     covariance : [channel, 3, 3], m^2, to be added to the fit's
     across : [channel, 2, 3], unit vectors across the route: sideways and down
-    widest : name of the effect that adds most across the route; "" where nothing does
-    share : of what is added, by that effect
+    widest : name of the effect that adds most across the route, or `DISAGREEMENT`; "" where nothing does
+    share : of what is added, by that
     """
 
     channel: NDArray[np.int64]
@@ -82,6 +87,32 @@ class Corridor:
         widest = max(sizes, key=lambda name: sizes[name], default="")
         whole = sum(sizes.values())
         return cls(channel, total, across, widest if whole > 0 else "", sizes[widest] / whole if whole > 0 else 0.0)
+
+    @classmethod
+    def own(cls, scorer: Directions) -> "Corridor":
+        """What is added where nothing is known but the fit: nothing."""
+        channel, across = scorer.fit.problem.channel, sideways(route_of(scorer.fit, scorer.state))
+        return cls(channel, np.zeros((len(channel), 3, 3)), across, "", 0.0)
+
+    def with_disagreement(self, found: Disagreement, probability: float = 1.0) -> "Corridor":
+        """The same with how far parts of the record disagree with a model beyond noise, as probable as that is."""
+        return self.with_part(DISAGREEMENT, probability * found.added)
+
+    def with_disagreements(self, bench: "Bench", tried: Mapping[str, "Refit"], posterior: Posterior) -> "Corridor":
+        """The same of the fit that is criticized and of those with effects that may be missing: these may be why."""
+        scorer, scores = bench.scorer, {score.effect.name: score for score in bench.table}
+        found = self.with_disagreement(Disagreement.of(scorer), posterior.unmoved)
+        for one in posterior.weighed:
+            if one.kind != "effect" or one.probability < TOLD:
+                continue
+            name = one.effects[0]
+            if name in tried:
+                fit, state = tried[name].fit, tried[name].solution.state
+                left = Disagreement.of(Directions(fit, state, variance=scorer.variance))
+            else:
+                left = Disagreement.of(scorer, scores[name])
+            found = found.with_disagreement(left, one.probability)
+        return found
 
     def with_move(self, name: str, move: Array, probability: float = 1.0) -> "Corridor":
         """The same about a route that moves [channel, 3], m, once a fault of that name, as probable, is mended."""

@@ -109,6 +109,11 @@ class Posterior:
         return sum(one.probability for one in self.weighed if one.kind in kinds)
 
     @property
+    def unmoved(self) -> float:
+        """Probability of all for which the route stays as it was fitted: no known effect or fault is missing."""
+        return self.of_kind("nothing", "overlooked", "unknown")
+
+    @property
     def beside_leader(self) -> float:
         """Probability of something unknown beside a known effect that alone holds most: that one is missing either way.
 

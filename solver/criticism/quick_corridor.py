@@ -10,7 +10,8 @@ from solver.catalogue.catalogue import FAULTS
 from solver.criticism.audit import NoiseAudit, audit_of
 from solver.criticism.bench import Bench, scorable
 from solver.criticism.candidate import fault_candidate
-from solver.criticism.corridor import Corridor
+from solver.criticism.corridor import DISAGREE, DISAGREEMENT, Corridor
+from solver.criticism.disagreement import Disagreement
 from solver.criticism.explaining import Explainer
 from solver.criticism.explanations import Posterior, title_of_explanation
 from solver.criticism.growth import Grown, regrown
@@ -36,7 +37,7 @@ from solver.fit.stretches import is_long
 from solver.fit.track_trust import strict_tracks, track_spread
 from solver.run.fitted import fitted
 from solver.run.run import Run
-from solver.run.run_corridor import corridor_facts
+from solver.run.run_corridor import TOLD, corridor_facts
 from solver.run.strict_json import strict
 from solver.run.titles import lower
 from solver.survey.memory import give_back
@@ -70,12 +71,12 @@ def widened(run: Run, advance: Advance = lambda n: None) -> Run:
         return plain(run, "what it may lack is not looked for over a long fiber")
     if not run.result.converged:
         return plain(run, "the fit has not converged, so what it may lack cannot be told")
-    at = np.isin(run.result.channel, run.problem.channel)
+    at, effects = np.isin(run.result.channel, run.problem.channel), list(run.known.values())
     give_back()
     scorer, check = strict_scorer(run)
     if not check.passed:
-        return plain(run, f"the noise is not understood, so what it may lack cannot be told: {check.faults[0]}")
-    effects = list(run.known.values())
+        why = f"effects cannot be weighed, as the noise is not understood: {check.faults[0]}"
+        return told(run, Corridor.own(scorer).with_disagreement(Disagreement.of(scorer)), Posterior(()), effects, why)
     bench = scored(scorer, check, effects, advance)
     wander = wander_of(scorer)
     if wander is not None and explains_best(wander, bench) and (again := allowed_for(run, wander)) is not run:
@@ -116,9 +117,10 @@ def strict_scorer(run: Run) -> tuple[Scorer, NoiseAudit]:
     return Scorer(MapFit(problem), state), check
 
 
-def told(run: Run, corridor: Corridor, posterior: Posterior, effects: Sequence[Effect]) -> Run:
-    """The run with a corridor, and what is told of it."""
+def told(run: Run, corridor: Corridor, posterior: Posterior, effects: Sequence[Effect], why: str = "") -> Run:
+    """The run with a corridor, and what is told of it; `why` it leaves something out, as a clause."""
     titles = {name: one.title for name, one in FAULTS.items()} | {one.name: one.title for one in effects}
+    titles[DISAGREEMENT] = DISAGREE
     families = {one.name: one.families for one in effects}
     widest, added = corridor.widest, corridor.at(run.result.channel)
     advice = [ADVICE[kind] for kind in families.get(widest, ()) if kind in ADVICE] or [MORE]
@@ -133,6 +135,7 @@ def told(run: Run, corridor: Corridor, posterior: Posterior, effects: Sequence[E
     facts = corridor_facts(
         run.result,
         added,
+        why=why,
         widest=widest,
         title=title,
         share=corridor.share,
@@ -182,7 +185,10 @@ def weighed(bench: Bench, effects: Sequence[Effect], sigma: Array, advance: Adva
             corridor = corridor.with_move(fault.name, move, one.probability)
     for name, part in law_errors(bench.scorer).items():
         corridor = corridor.with_part(name, part)
-    return corridor, posterior
+    shown = {name for one in posterior.weighed if one.probability >= TOLD for name in one.effects}
+    heard = iter(with_signals(bench.scorer, [score for score in bench.table if score.effect.name in shown]))
+    bench.table = [next(heard) if score.effect.name in shown else score for score in bench.table]
+    return corridor.with_disagreements(bench, tried, posterior), posterior
 
 
 def far_moving(bench: Bench, sigma: Array) -> list[Score]:

@@ -144,11 +144,21 @@ class Windowed:
             parts = (*parts, Part(more, self.rows, self.rows + len(below), below[:, more].T.contiguous()))
         return Windowed(parts, self.rows + len(below), self.width)
 
-    def times(self, factors: Tensor) -> Tensor:
-        """The product [row] with as many factors as it has columns."""
-        product = factors.new_zeros(self.rows)
+    def between(self, first: int, last: int) -> "Windowed":
+        """Its rows [first, last) alone."""
+        parts = []
         for part in self.parts:
-            product[part.first : part.last] += factors[part.columns] @ part.values
+            a, b = max(part.first, first), min(part.last, last)
+            if a < b:
+                values = part.values[:, a - part.first : b - part.first]
+                parts.append(Part(part.columns, a - first, b - first, values))
+        return Windowed(tuple(parts), last - first, self.width)
+
+    def times(self, factors: Tensor) -> Tensor:
+        """The product [..., row] with as many factors [..., column] as it has columns."""
+        product = factors.new_zeros(*factors.shape[:-1], self.rows)
+        for part in self.parts:
+            product[..., part.first : part.last] += factors[..., part.columns] @ part.values
         return product
 
     def along(self, vector: Tensor) -> Tensor:

@@ -49,7 +49,7 @@ def corridor_facts(
     result: FitResult,
     added: Array | None = None,
     *,
-    why: str = NOT_LOOKED,
+    why: str = "",
     widest: str = "",
     title: str = "",
     share: float = 0.0,
@@ -62,8 +62,8 @@ def corridor_facts(
     ----------
     result : of the fit
     added : [channel, 3, 3], m^2, for what its model may lack; None where the corridor is the fit's own
-    why : the corridor is that, as a clause
-    widest, title, share : effect that adds most, its title in plain words, its share of what is added
+    why : what the model may lack is left out, or a part of it, as a clause
+    widest, title, share : what adds most, its title in plain words, its share of what is added
     narrower : what would narrow it, with commands between backticks
     explanations : title, kind, effects, stage and probability of each, most probable first
     """
@@ -71,7 +71,7 @@ def corridor_facts(
     whole, own = (median_half(one) if result.converged else np.nan for one in (placed(result, added), result))
     return {
         "full": added is not None,
-        "why": why if added is None else "",
+        "why": why or (NOT_LOOKED if added is None else ""),
         "half_width": whole,
         "half_width_fit": own,
         "widest": widest,
@@ -104,10 +104,10 @@ widened most by gauge length (80 % of what is added); two lanes would narrow it.
         return f"95 % corridor: {own:.2f} m to either side (median) if the model lacks nothing; {facts['why']}."
     said = f"95 % corridor: {whole:.2f} m to either side (median) with what the model may lack, "
     said += f"{own:.2f} m if it lacks nothing."
-    if whole < NOTED * own or not facts["title"]:
-        return said
-    said += f" It is widened most by {facts['title']} ({100 * facts['share']:.0f} % of what is added)"
-    return f"{said}; {facts['narrower']} would narrow it." if facts["narrower"] else f"{said}."
+    if whole >= NOTED * own and facts["title"]:
+        said += f" It is widened most by {facts['title']} ({100 * facts['share']:.0f} % of what is added)"
+        said += f"; {facts['narrower']} would narrow it." if facts["narrower"] else "."
+    return f"{said} {facts['why'][:1].upper()}{facts['why'][1:]}." if facts["why"] else said
 
 
 def probable(facts: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -32,13 +32,13 @@ class CorridorFile(Stored):
     Attributes
     ----------
     full : whether it holds what the model may lack; else it takes the model for granted
-    why : it does that; empty where it does not
+    why : it does that, or leaves out a part of what the model may lack; empty where it does not
     half_width : half of its width, m, the median over channels that data decide; null where no sigma is known,
         or the fit has not converged
     half_width_fit : the same if the model lacks nothing
-    widest : effect that widens it most; empty where none does
-    title : of that effect, in plain words
-    share : of what is added to the fit's variance, by that effect
+    widest : effect that widens it most, or disagreement (of vehicles about the route); empty where none does
+    title : of that, in plain words
+    share : of what is added to the fit's variance, by that
     narrower : what would narrow it: a survey, or the effect in the model
     explanations : all that the model may lack, most probable first
     """

@@ -128,6 +128,8 @@ def held(run: Run) -> str:
         return "The corridor is that of where the fit stopped: it need not hold the true route."
     if run.added is None:
         return "If the model holds, the true route lies inside the corridor at 95 of 100 places."
+    if run.facts["corridor"]["why"]:
+        return "The corridor is as wide as vehicles disagree about the route. What moves it alike for all is not in it."
     return (
         "The true route should lie inside the corridor at 95 of 100 places, also where the model lacks an effect of "
         "the catalogue; inside the darker band within it if the model lacks nothing."
@@ -138,10 +140,13 @@ def sure(run: Run) -> str:
     """What the corridor is made of, and what follows, with commands between backticks."""
     if run.added is None:
         return "A corridor that takes the model for granted is too narrow wherever something is missing in it."
+    if run.facts["corridor"]["why"]:
+        return "Where vehicles disagree about the route by more than noise explains, something is wrong with the model."
     return (
         "Every effect of the catalogue was tested on what the fit leaves. Each may move the route in its own way: as "
-        "far as it shows, as probable as it is, and as far as one that is too small to show could. That is a quick "
-        "look, enough for a corridor: `roadfiber diagnose RUN` fits the best in full, and may name another."
+        "far as it shows, as probable as it is, and as far as one that is too small to show could. How far vehicles "
+        "disagree about the route beyond noise widens the corridor, too. That is a quick look, enough for a corridor: "
+        "`roadfiber diagnose RUN` fits the best in full, and may name another."
     )
 
 
