@@ -94,14 +94,13 @@ class Corridor:
         channel, across = scorer.fit.problem.channel, sideways(route_of(scorer.fit, scorer.state))
         return cls(channel, np.zeros((len(channel), 3, 3)), across, "", 0.0)
 
-    def with_disagreement(self, found: Disagreement, probability: float = 1.0) -> "Corridor":
-        """The same with how far parts of the record disagree with a model beyond noise, as probable as that is."""
-        return self.with_part(DISAGREEMENT, probability * found.added)
+    def with_disagreement(self, bench: "Bench", tried: Mapping[str, "Refit"], posterior: Posterior) -> "Corridor":
+        """The same with how far parts of the record disagree beyond noise, with each model as probable as that is.
 
-    def with_disagreements(self, bench: "Bench", tried: Mapping[str, "Refit"], posterior: Posterior) -> "Corridor":
-        """The same of the fit that is criticized and of those with effects that may be missing: these may be why."""
+        An effect that is missing may be why they disagree: they need not where it is in the model.
+        """
         scorer, scores = bench.scorer, {score.effect.name: score for score in bench.table}
-        found = self.with_disagreement(Disagreement.of(scorer), posterior.unmoved)
+        total = posterior.unmoved * Disagreement.of(scorer).added
         for one in posterior.weighed:
             if one.kind != "effect" or one.probability < TOLD:
                 continue
@@ -111,8 +110,8 @@ class Corridor:
                 left = Disagreement.of(Directions(fit, state, variance=scorer.variance))
             else:
                 left = Disagreement.of(scorer, scores[name])
-            found = found.with_disagreement(left, one.probability)
-        return found
+            total = total + one.probability * left.added
+        return self.with_part(DISAGREEMENT, total)
 
     def with_move(self, name: str, move: Array, probability: float = 1.0) -> "Corridor":
         """The same about a route that moves [channel, 3], m, once a fault of that name, as probable, is mended."""

@@ -116,7 +116,7 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
         return beside_fault(bench, weighing.posterior.weighed[0].effects[0], asked)
     found = judge(bench, ranked, tried, asked, weighing)
     corridor = Corridor.of(bench, tried, weighing.posterior)
-    corridor = corridor.with_disagreements(bench, tried, weighing.posterior)
+    corridor = corridor.with_disagreement(bench, tried, weighing.posterior)
     fits = {n: (one.fit, one.solution.state) for n, one in tried.items()}
     listed = {c.effect for c in found.candidates[:LISTED]} - set(fits)
     predicted = {s.effect.name: bench.scorer.changed(s).numpy() for s in bench.table if s.effect.name in listed}

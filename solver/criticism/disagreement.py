@@ -1,10 +1,10 @@
 """How far the parts of a record disagree about the route, over how far noise makes them.
 
-Where a fit ends, each part b of its record still pulls it by g_b = J_b' r_b, and all together cancel. Of noise alone, g_b
-has the covariance H_b - H_b H^-1 H_b, with H_b = J_b' J_b and the normal matrix H. The squares of the route's moves
-H^-1 g_b over what they then would be are a Birge ratio of what moves the route, where chi2 over its freedom is one of the
-whole record: a model may leave little, all of which moves the route. Clusters and their moves are those of the sandwich
-(Liang and Zeger 1986, Biometrika 73, 13). A wrong model that pulls all parts the same way does not show in it.
+Where a fit ends, each part b of its record still pulls it by g_b = J_b' r_b, and all together cancel. Of noise alone,
+g_b has the covariance H_b - H_b H^-1 H_b, with H_b = J_b' J_b and the normal matrix H. The squares of the route's moves
+H^-1 g_b over what they then would be are a Birge ratio of what moves the route, where chi2 over its freedom is one of
+the whole record: a model may leave little, all of which moves the route. Clusters and their moves are those of the
+sandwich (Liang and Zeger 1986, Biometrika 73, 13). A wrong model that pulls all parts alike does not show in it.
 """
 
 from collections.abc import Iterator

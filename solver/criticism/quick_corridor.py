@@ -76,7 +76,8 @@ def widened(run: Run, advance: Advance = lambda n: None) -> Run:
     scorer, check = strict_scorer(run)
     if not check.passed:
         why = f"effects cannot be weighed, as the noise is not understood: {check.faults[0]}"
-        return told(run, Corridor.own(scorer).with_disagreement(Disagreement.of(scorer)), Posterior(()), effects, why)
+        wide = Corridor.own(scorer).with_part(DISAGREEMENT, Disagreement.of(scorer).added)
+        return told(run, wide, Posterior(()), effects, why)
     bench = scored(scorer, check, effects, advance)
     wander = wander_of(scorer)
     if wander is not None and explains_best(wander, bench) and (again := allowed_for(run, wander)) is not run:
@@ -188,7 +189,7 @@ def weighed(bench: Bench, effects: Sequence[Effect], sigma: Array, advance: Adva
     shown = {name for one in posterior.weighed if one.probability >= TOLD for name in one.effects}
     heard = iter(with_signals(bench.scorer, [score for score in bench.table if score.effect.name in shown]))
     bench.table = [next(heard) if score.effect.name in shown else score for score in bench.table]
-    return corridor.with_disagreements(bench, tried, posterior), posterior
+    return corridor.with_disagreement(bench, tried, posterior), posterior
 
 
 def far_moving(bench: Bench, sigma: Array) -> list[Score]:

@@ -8,7 +8,8 @@ import pytest
 
 from solver.catalogue.catalogue import built_in
 from solver.criticism import corridor
-from solver.criticism.corridor import Corridor, hidden_size, sideways
+from solver.criticism.corridor import DISAGREEMENT, Corridor, hidden_size, sideways
+from solver.criticism.disagreement import Disagreement
 from solver.criticism.explanations import Posterior, Weighed, priors
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
@@ -120,3 +121,31 @@ def test_numbers_of_vehicles_that_did_not_pass_widen_nothing():
     one.estimate = np.array([0.0, one.estimate[0], 0.0])
     one.spectrum = Spectrum(np.array([0.0, 0.0, 24.0]), np.zeros(3))
     assert hidden_size(one) == pytest.approx(1 / 25 / 0.04)
+
+
+def test_vehicles_may_disagree_with_the_model_of_each_explanation(monkeypatch):
+    """With the fitted one as far as the route stays, with a fit in full where there is one, with a score else."""
+    factors = {"scorer": 5.0, "lowpass": 3.0, "shear_lag": 2.0}
+    monkeypatch.setattr(corridor, "Directions", lambda fit, state, variance: fit)
+    own = np.tile(np.eye(3), (2, 1, 1))
+
+    def of(there: Any, score: Any = None) -> Disagreement:
+        return Disagreement(factors[there.name if score is None else score.effect.name], own)
+
+    monkeypatch.setattr(Disagreement, "of", of)
+    scorer = SimpleNamespace(name="scorer", variance=1.0)
+    bench: Any = SimpleNamespace(scorer=scorer, table=[scored("lowpass", 1.0), scored("shear_lag", 1.0)])
+    solution = SimpleNamespace(state=None)
+    tried: Any = {"lowpass": SimpleNamespace(fit=SimpleNamespace(name="lowpass"), solution=solution)}
+    weighed = (
+        Weighed("effect", ("lowpass",), "interrogator", 0.5),
+        Weighed("effect", ("shear_lag",), "cable", 0.2),
+        Weighed("effect", ("gauge_length",), "interrogator", 0.01),
+        Weighed("overlooked", (), "", 0.1),
+        Weighed("unknown", ("generic_delay",), "interrogator", 0.1),
+        Weighed("nothing", (), "", 0.09),
+    )
+    plain = Corridor(np.arange(2), np.zeros((2, 3, 3)), sideways(ROUTE[:2]), "", 0.0)
+    found = plain.with_disagreement(bench, tried, Posterior(weighed))
+    np.testing.assert_allclose(found.covariance, (0.29 * 4 + 0.5 * 2 + 0.2 * 1) * own)
+    assert (found.widest, found.share) == (DISAGREEMENT, 1.0)

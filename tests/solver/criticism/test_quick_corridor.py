@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solver.criticism import quick_corridor
+from solver.criticism import corridor, quick_corridor
 from solver.criticism.corridor import Corridor
+from solver.criticism.disagreement import Disagreement
 from solver.criticism.explanations import Posterior, Weighed
 from solver.criticism.quick_corridor import FITTED, far_moving, told, widened
+from solver.run.report.report_page import render
 from solver.run.run import Run, run_of
 
 
@@ -33,11 +35,22 @@ def test_a_fit_that_cannot_be_criticized_keeps_its_own_corridor_and_says_why(run
     assert bool(found.corridor) == found.result.converged
 
 
-def test_noise_that_is_not_understood_leaves_the_fits_own_corridor(run, monkeypatch):
-    check = SimpleNamespace(passed=False, faults=("too little quiet",))
-    monkeypatch.setattr(quick_corridor, "strict_scorer", lambda run: (None, check))
+@pytest.mark.parametrize("factor", [0.8, 5.0])
+def test_where_noise_is_not_understood_the_corridor_is_as_wide_as_vehicles_disagree(run, monkeypatch, factor):
+    channel = run.problem.channel
+    check, own = SimpleNamespace(passed=False, faults=("too little quiet",)), np.diag([0.04, 0.01, 0.01])
+    left = Disagreement(factor, np.tile(own, (len(channel), 1, 1)))
+    scorer = SimpleNamespace(fit=SimpleNamespace(problem=run.problem), state=None)
+    monkeypatch.setattr(quick_corridor, "strict_scorer", lambda run: (scorer, check))
+    monkeypatch.setattr(Disagreement, "of", lambda scorer: left)
+    monkeypatch.setattr(corridor, "route_of", lambda fit, state: run.problem.start)
     found = widened(replace(run, result=replace(run.result, method="spline", converged=True)))
-    assert found.added is None and found.facts["corridor"]["why"].endswith("cannot be told: too little quiet")
+    assert found.added is not None
+    np.testing.assert_allclose(found.added[5], max(factor - 1, 0) * own)
+    told = "Effects cannot be weighed, as the noise is not understood: too little quiet."
+    assert found.corridor.endswith(told) and ("how far vehicles disagree" in found.corridor) == (factor > 1)
+    page = render(found)
+    assert "The corridor is as wide as vehicles disagree about the route." in page and told in page
 
 
 def bench_of(evidences: dict[str, float]) -> Any:
@@ -68,9 +81,9 @@ def test_what_shows_most_and_moves_the_route_by_more_than_its_sigma_is_fitted(mo
 def test_a_run_says_what_widens_its_corridor_and_what_would_narrow_it(run, probability, narrower):
     channel = run.result.channel
     added = np.tile(np.diag([0.0, 1.0, 0.0]), (len(channel), 1, 1))
-    corridor = Corridor(channel, added, np.zeros((len(channel), 2, 3)), "shear_lag", 0.7)
+    wide = Corridor(channel, added, np.zeros((len(channel), 2, 3)), "shear_lag", 0.7)
     weighed = [Weighed("effect", ("shear_lag",), "cable", probability), Weighed("nothing", (), "", 1 - probability)]
-    found = told(run, corridor, Posterior(tuple(weighed)), list(run.known.values()))
+    found = told(run, wide, Posterior(tuple(weighed)), list(run.known.values()))
     title = run.known["shear_lag"].title
     assert found.corridor.endswith(
         f"is widened most by {title.lower()} (70 % of what is added); {narrower} would narrow it."

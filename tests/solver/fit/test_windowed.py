@@ -57,6 +57,9 @@ def test_products_are_those_of_the_whole_matrices():
     torch.testing.assert_close(both.transposed_times(both), torch.cat([a, b], 1).T @ torch.cat([a, b], 1))
     torch.testing.assert_close(both.gram, both.transposed_times(both))
     torch.testing.assert_close(one.along(b[:, 0]), a.T @ b[:, 0])
+    ways = torch.randn(2, 7, dtype=torch.float64)
+    torch.testing.assert_close(both.times(ways), ways @ torch.cat([a, b], 1).T)
+    torch.testing.assert_close(dense(both.between(17, 44)), torch.cat([a, b], 1)[17:44])
     assert np.isclose(one.norm, a.norm())
 
 
