@@ -23,8 +23,8 @@ class CorridorFile(Written):
     ----------
     channel : channel numbers
     added_sigma : standard deviations of x, y, z that are added to the fit's by their squares, m, for each channel
-    widest : effect that adds most; empty where nothing does
-    share : of what is added, by that effect
+    widest : effect that adds most, or disagreement (of vehicles about the route); empty where nothing does
+    share : of what is added, by that
     """
 
     channel: tuple[int, ...]

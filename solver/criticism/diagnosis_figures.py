@@ -191,7 +191,8 @@ def sureness_section(run: Run, diagnosis: "Diagnosis", title: str) -> str:
     figure = svg(corridor_figure(pair, ("nothing missing", "with what may be missing")))
     return (
         f"<section><h2>How sure the route is</h2><p>{escape(words)}. At left the corridor takes the model for granted; "
-        "at right every explanation moves the route by its own way, as probable as it is.</p>"
+        "at right every explanation moves the route by its own way, as probable as it is, and what vehicles disagree "
+        "about beyond noise counts, too.</p>"
         f'<div class="wide-table">{figure}</div></section>'
     )
 

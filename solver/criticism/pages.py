@@ -6,6 +6,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from solver.criticism.candidate import Candidate
+from solver.criticism.corridor import DISAGREE, DISAGREEMENT
 from solver.criticism.diagnosis_figures import (
     LEFT,
     before_after,
@@ -24,6 +25,7 @@ from solver.run.report.ladder_page import ladder_body
 from solver.run.report.parts import EXPORT, next_section, page
 from solver.run.run import Run
 from solver.run.rung import Rung
+from solver.run.titles import lower
 from vision.contract.figures import svg
 
 if TYPE_CHECKING:
@@ -146,6 +148,8 @@ def next_words(diagnosis: "Diagnosis") -> list[str]:
 def widest_title(diagnosis: "Diagnosis") -> str:
     """Title of what widens the corridor most; "" where nothing does."""
     widest = "" if diagnosis.corridor is None else diagnosis.corridor.widest
+    if widest == DISAGREEMENT:
+        return lower(DISAGREE)
     return titles([widest], diagnosis.candidates) if widest else ""
 
 

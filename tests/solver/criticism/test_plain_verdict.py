@@ -10,9 +10,10 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.plain_words import told
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import Candidate, idle_candidate
+from solver.criticism.corridor import Corridor
 from solver.criticism.diagnosis_files import diagnosis_facts
 from solver.criticism.finding import Diagnosis
-from solver.criticism.pages import diagnosis_page
+from solver.criticism.pages import diagnosis_page, widest_title
 from solver.criticism.plain_verdict import details, headline, hidden_change, least_words, size_words
 from solver.criticism.route_change import from_run, route_of
 from solver.effect import Setting
@@ -85,3 +86,14 @@ def test_markup_in_a_users_name_is_text_on_the_page() -> None:
     evil_told = replace(one.told, title=evil, sentence=evil, unit=evil)
     page = diagnosis_page(diagnosis("missing-effect", replace(one, told=evil_told, confounded_with=(evil,))), evil)
     assert "<img src=x" not in page and "&lt;img" in page
+
+
+@pytest.mark.parametrize(
+    ("widest", "title"),
+    [("gauge_length", "gauge length"), ("disagreement", "how far vehicles disagree about the route")],
+)
+def test_what_widens_a_corridor_most_is_told_in_plain_words(widest: str, title: str) -> None:
+    corridor = Corridor(np.zeros(0, int), np.zeros((0, 3, 3)), np.zeros((0, 2, 3)), widest, 0.8)
+    found = replace(diagnosis("adequate", candidate("gauge_length")), corridor=corridor)
+    assert widest_title(found) == title
+    assert not widest_title(replace(found, corridor=replace(corridor, widest="")))
