@@ -35,7 +35,7 @@ def route_derivative(fit: MapFit, state: State) -> NDArray[np.float64]:
     tangent = fit.basis.along(state.coefficients.numpy(), at, 1)
     by = np.zeros((len(at), 3, fit.layout.size))
     by[:, :, fit.layout["route"]] = np.kron(fit.basis.at(at), np.eye(3)).reshape(len(at), 3, -1)
-    by[:, :, other] += tangent[:, :, None] * by_number.numpy()[:, None, :]
+    by[:, :, other.numpy()] += tangent[:, :, None] * by_number.numpy()[:, None, :]
     return by[:, :, fit.free.numpy()]
 
 
