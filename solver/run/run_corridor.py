@@ -62,7 +62,7 @@ def corridor_facts(
     ----------
     result : of the fit
     added : [channel, 3, 3], m^2, for what its model may lack; None where the corridor is the fit's own
-    why : what the model may lack is left out, or a part of it, as a clause
+    why : what the model may lack is left out, as a clause; where something is added, it is what vehicles disagree about
     widest, title, share : what adds most, its title in plain words, its share of what is added
     narrower : what would narrow it, with commands between backticks
     explanations : title, kind, effects, stage and probability of each, most probable first
@@ -94,6 +94,9 @@ def corridor_sentence(facts: Mapping[str, Any]) -> str:
     >>> corridor_sentence(facts)
     '95 % corridor: 0.30 m to either side (median) with what the model may lack, 0.10 m if it lacks nothing. It is \
 widened most by gauge length (80 % of what is added); two lanes would narrow it.'
+    >>> corridor_sentence(facts | {"why": "the noise is not understood: it is correlated in time"})
+    '95 % corridor: 0.30 m to either side (median) with what vehicles disagree about, 0.10 m if the model lacks nothing. \
+The noise is not understood: it is correlated in time.'
     >>> corridor_sentence(facts | {"full": False, "why": "what it may lack was not looked at"})
     '95 % corridor: 0.10 m to either side (median) if the model lacks nothing; what it may lack was not looked at.'
     """
@@ -102,12 +105,15 @@ widened most by gauge length (80 % of what is added); two lanes would narrow it.
         return ""
     if not facts["full"]:
         return f"95 % corridor: {own:.2f} m to either side (median) if the model lacks nothing; {facts['why']}."
-    said = f"95 % corridor: {whole:.2f} m to either side (median) with what the model may lack, "
-    said += f"{own:.2f} m if it lacks nothing."
-    if whole >= NOTED * own and facts["title"]:
-        said += f" It is widened most by {facts['title']} ({100 * facts['share']:.0f} % of what is added)"
-        said += f"; {facts['narrower']} would narrow it." if facts["narrower"] else "."
-    return f"{said} {facts['why'][:1].upper()}{facts['why'][1:]}." if facts["why"] else said
+    said = f"95 % corridor: {whole:.2f} m to either side (median) with what "
+    if facts["why"]:
+        said += f"vehicles disagree about, {own:.2f} m if the model lacks nothing."
+        return f"{said} {facts['why'][:1].upper()}{facts['why'][1:]}."
+    said += f"the model may lack, {own:.2f} m if it lacks nothing."
+    if whole < NOTED * own or not facts["title"]:
+        return said
+    said += f" It is widened most by {facts['title']} ({100 * facts['share']:.0f} % of what is added)"
+    return f"{said}; {facts['narrower']} would narrow it." if facts["narrower"] else f"{said}."
 
 
 def probable(facts: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -48,7 +48,8 @@ def test_where_noise_is_not_understood_the_corridor_is_as_wide_as_vehicles_disag
     assert found.added is not None
     np.testing.assert_allclose(found.added[5], max(factor - 1, 0) * own)
     told = "Effects cannot be weighed, as the noise is not understood: too little quiet."
-    assert found.corridor.endswith(told) and ("how far vehicles disagree" in found.corridor) == (factor > 1)
+    assert found.corridor.endswith(told) and "with what vehicles disagree about, " in found.corridor
+    assert found.facts["corridor"]["widest"] == ("disagreement" if factor > 1 else "")
     page = render(found)
     assert "The corridor is as wide as vehicles disagree about the route." in page and told in page
 
