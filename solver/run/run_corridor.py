@@ -95,8 +95,8 @@ def corridor_sentence(facts: Mapping[str, Any]) -> str:
     '95 % corridor: 0.30 m to either side (median) with what the model may lack, 0.10 m if it lacks nothing. It is \
 widened most by gauge length (80 % of what is added); two lanes would narrow it.'
     >>> corridor_sentence(facts | {"why": "the noise is not understood: it is correlated in time"})
-    '95 % corridor: 0.30 m to either side (median) with what vehicles disagree about, 0.10 m if the model lacks nothing. \
-The noise is not understood: it is correlated in time.'
+    '95 % corridor: 0.30 m to either side (median) with what vehicles disagree about, 0.10 m if the model lacks \
+nothing. The noise is not understood: it is correlated in time.'
     >>> corridor_sentence(facts | {"full": False, "why": "what it may lack was not looked at"})
     '95 % corridor: 0.10 m to either side (median) if the model lacks nothing; what it may lack was not looked at.'
     """
