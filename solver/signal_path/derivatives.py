@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import torch
 from torch import Tensor
-from torch.func import jvp, vmap
+from torch.func import jvp
 
 from solver.effect import Parameter
 from solver.signal_path.autodiff import pushed_all, pushed_ways
@@ -43,8 +43,9 @@ def observed_tangents(
     plain = not stages.nonlinear and not stages.processing.steps
 
     def seen(some: Tensor) -> Tensor:
-        # What the map itself becomes is computed once for all columns: a running median takes as long as all else.
-        return observed(some) if plain else vmap(lambda one: jvp(observed, (alone,), (one,))[1])(some)
+        if plain:
+            return observed(some)
+        return jvp(observed, (alone.expand_as(some).clone(),), (some.contiguous(),))[1]
 
     # Spectra of all columns at once would not fit into memory.
     found = [seen(some) for some in tangents.split(COLUMNS)]
