@@ -19,7 +19,7 @@ from solver.criticism.policy import POLICY
 from solver.criticism.route_change import moves, route_of
 from solver.criticism.score import Score
 from solver.run.geojson import normals
-from solver.run.run_corridor import TOLD
+from solver.run.run_corridor import DISAGREEMENT, TOLD
 
 if TYPE_CHECKING:
     from solver.criticism.bench import Bench
@@ -29,8 +29,6 @@ Array = NDArray[np.float64]
 
 #: Probability below which an explanation does not show.
 LEAST = 1e-6
-#: Name and title of what widens a corridor where parts of the record disagree about the route.
-DISAGREEMENT, DISAGREE = "disagreement", "How far vehicles disagree about the route"
 
 
 @dataclass(frozen=True)

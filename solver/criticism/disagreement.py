@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.criticism.directions import Directions
-from solver.criticism.route_change import route_derivative
 from solver.criticism.score import Score
+from solver.fit.map_fit import MapFit
+from solver.fit.state import State
 from solver.fit.windowed import Windowed
 
 Array = NDArray[np.float64]
@@ -82,6 +83,17 @@ def ways_of_route(scorer: Directions) -> tuple[Tensor, Array]:
     _, values, ways = torch.linalg.svd(in_sigmas.flatten(0, 1), full_matrices=False)
     kept = values > RANK * values.max()
     return values[kept, None] * ways[kept], covariance.numpy()
+
+
+def route_derivative(fit: MapFit, state: State) -> Array:
+    """Derivatives [channel, 3, free] of the places of fitted channels by all that is fitted."""
+    place, by_number, other = fit.prior.led(state, fit.problem.distance)
+    at = place.clamp(fit.basis.start, fit.basis.stop).numpy()
+    tangent = fit.basis.along(state.coefficients.numpy(), at, 1)
+    by = np.zeros((len(at), 3, fit.layout.size))
+    by[:, :, fit.layout["route"]] = np.kron(fit.basis.at(at), np.eye(3)).reshape(len(at), 3, -1)
+    by[:, :, other.numpy()] += tangent[:, :, None] * by_number.numpy()[:, None, :]
+    return by[:, :, fit.free.numpy()]
 
 
 def parts_of(record: Windowed, ways: Tensor, channels: int, count: int) -> Iterator[tuple[int, int]]:

@@ -6,7 +6,6 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from solver.criticism.candidate import Candidate
-from solver.criticism.corridor import DISAGREE, DISAGREEMENT
 from solver.criticism.diagnosis_figures import (
     LEFT,
     before_after,
@@ -24,6 +23,7 @@ from solver.criticism.verdict_words import left_open
 from solver.run.report.ladder_page import ladder_body
 from solver.run.report.parts import EXPORT, next_section, page
 from solver.run.run import Run
+from solver.run.run_corridor import DISAGREE, DISAGREEMENT
 from solver.run.rung import Rung
 from solver.run.titles import lower
 from vision.contract.figures import svg

@@ -10,7 +10,7 @@ from solver.catalogue.catalogue import FAULTS
 from solver.criticism.audit import NoiseAudit, audit_of
 from solver.criticism.bench import Bench, scorable
 from solver.criticism.candidate import fault_candidate
-from solver.criticism.corridor import DISAGREE, DISAGREEMENT, Corridor
+from solver.criticism.corridor import Corridor
 from solver.criticism.disagreement import Disagreement
 from solver.criticism.explaining import Explainer
 from solver.criticism.explanations import Posterior, title_of_explanation
@@ -37,7 +37,7 @@ from solver.fit.stretches import is_long
 from solver.fit.track_trust import strict_tracks, track_spread
 from solver.run.fitted import fitted
 from solver.run.run import Run
-from solver.run.run_corridor import TOLD, corridor_facts
+from solver.run.run_corridor import DISAGREE, DISAGREEMENT, TOLD, corridor_facts
 from solver.run.strict_json import strict
 from solver.run.titles import lower
 from solver.survey.memory import give_back

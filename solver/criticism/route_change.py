@@ -28,17 +28,6 @@ def route_of(fit: MapFit, state: State, channel: NDArray[np.int64] | None = None
     return np.asarray(fit.basis.along(state.coefficients.numpy(), at))
 
 
-def route_derivative(fit: MapFit, state: State) -> NDArray[np.float64]:
-    """Derivatives [channel, 3, free] of the places of fitted channels by all that is fitted."""
-    place, by_number, other = fit.prior.led(state, fit.problem.distance)
-    at = place.clamp(fit.basis.start, fit.basis.stop).numpy()
-    tangent = fit.basis.along(state.coefficients.numpy(), at, 1)
-    by = np.zeros((len(at), 3, fit.layout.size))
-    by[:, :, fit.layout["route"]] = np.kron(fit.basis.at(at), np.eye(3)).reshape(len(at), 3, -1)
-    by[:, :, other.numpy()] += tangent[:, :, None] * by_number.numpy()[:, None, :]
-    return by[:, :, fit.free.numpy()]
-
-
 def moved_by(scorer: "Scorer", change: Tensor) -> NDArray[np.float64]:
     """How the route moves [channel, 3], m, with a change of all that was fitted [free]."""
     step = scorer.fit.mean.new_zeros(len(scorer.fit.mean))

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 NOT_LOOKED = "what it may lack was not looked at"
 #: By how much a corridor must be wider than the fit's own for it to be said what widens it.
 NOTED = 1.1
+#: Name and title of what widens a corridor where parts of the record disagree about the route.
+DISAGREEMENT, DISAGREE = "disagreement", "How far vehicles disagree about the route"
 #: Probability from which an explanation is told of.
 TOLD = 0.05
 

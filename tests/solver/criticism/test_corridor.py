@@ -8,11 +8,12 @@ import pytest
 
 from solver.catalogue.catalogue import built_in
 from solver.criticism import corridor
-from solver.criticism.corridor import DISAGREEMENT, Corridor, hidden_size, sideways
+from solver.criticism.corridor import Corridor, hidden_size, sideways
 from solver.criticism.disagreement import Disagreement
 from solver.criticism.explanations import Posterior, Weighed, priors
 from solver.criticism.marginal import Spectrum
 from solver.criticism.policy import POLICY
+from solver.run.run_corridor import DISAGREEMENT
 
 KNOWN = built_in()
 #: Along x.

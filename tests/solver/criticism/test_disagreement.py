@@ -15,8 +15,8 @@ from torch import Tensor
 from solver.catalogue.catalogue import built_in
 from solver.criticism import disagreement
 from solver.criticism.directions import Directions
-from solver.criticism.disagreement import Disagreement, parts_of, ways_of_route
-from solver.criticism.route_change import moved_by, route_derivative
+from solver.criticism.disagreement import Disagreement, parts_of, route_derivative, ways_of_route
+from solver.criticism.route_change import moved_by
 from solver.criticism.scorer import Scorer, score_all
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
