@@ -2,7 +2,8 @@
 
 An explanation moves the route by d with probability p: about the fitted route that adds p d d' to the covariance (law
 of total covariance, with the fit's own for each). Effects too small to show may still move it, by their posterior size:
-Schmidt's consider covariance (Schmidt 1966, Adv. Control Syst. 3, 293), with the probability that they are there.
+Schmidt's consider covariance (Schmidt 1966, Adv. Control Syst. 3, 293), with the probability that they are there. What
+moves the route another way at each pass shows as a disagreement, and adds what that is beyond noise.
 """
 
 from collections.abc import Mapping
