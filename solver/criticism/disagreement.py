@@ -24,8 +24,8 @@ from solver.fit.windowed import Windowed
 
 Array = NDArray[np.float64]
 
-#: Parts of the record for each pass.
-PARTS = 2
+#: Clusters of samples for each pass.
+CLUSTERS = 2
 #: Ways of the route that are looked at together.
 FEW = 16
 #: Share of the largest singular value below which a way of the route is none, and least variance of a place, m^2.
@@ -56,10 +56,10 @@ class Disagreement:
             rest = rest - scorer.changed(score).flatten()
         ways, covariance = ways_of_route(scorer)
         found = expected = 0.0
-        for first, last in parts_of(record, ways, samples.shape[1], PARTS * len(scorer.fit.problem.passes)):
-            part = record.between(first, last)
-            seen = part.times(ways)
-            pull = part.transposed_times(Windowed.whole(seen))
+        for first, last in clusters(record, ways, samples.shape[1], CLUSTERS * len(scorer.fit.problem.passes)):
+            cluster = record.between(first, last)
+            seen = cluster.times(ways)
+            pull = cluster.transposed_times(Windowed.whole(seen))
             fitted = torch.linalg.solve_triangular(scorer.factor, pull, upper=False)
             found += float((seen @ rest[first:last]).square().sum())
             expected += float(seen.square().sum() - fitted.square().sum())
@@ -96,8 +96,8 @@ def route_derivative(fit: MapFit, state: State) -> Array:
     return by[:, :, fit.free.numpy()]
 
 
-def parts_of(record: Windowed, ways: Tensor, channels: int, count: int) -> Iterator[tuple[int, int]]:
-    """Rows [first, last) of so many parts of a record that tell about as much of the route, whole samples each."""
+def clusters(record: Windowed, ways: Tensor, channels: int, count: int) -> Iterator[tuple[int, int]]:
+    """Rows [first, last) of so many clusters of whole samples that tell about as much of the route each."""
     told = torch.zeros(record.rows, dtype=torch.float64)
     for some in ways.split(FEW):
         told += record.times(some).square().sum(0)

@@ -187,8 +187,7 @@ def weighed(bench: Bench, effects: Sequence[Effect], sigma: Array, advance: Adva
     for name, part in law_errors(bench.scorer).items():
         corridor = corridor.with_part(name, part)
     shown = {name for one in posterior.weighed if one.probability >= TOLD for name in one.effects}
-    heard = iter(with_signals(bench.scorer, [score for score in bench.table if score.effect.name in shown]))
-    bench.table = [next(heard) if score.effect.name in shown else score for score in bench.table]
+    bench.table = [with_signals(bench.scorer, [s])[0] if s.effect.name in shown else s for s in bench.table]
     return corridor.with_disagreement(bench, tried, posterior), posterior
 
 

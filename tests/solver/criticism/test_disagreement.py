@@ -15,7 +15,7 @@ from torch import Tensor
 from solver.catalogue.catalogue import built_in
 from solver.criticism import disagreement
 from solver.criticism.directions import Directions
-from solver.criticism.disagreement import Disagreement, parts_of, route_derivative, ways_of_route
+from solver.criticism.disagreement import Disagreement, clusters, route_derivative, ways_of_route
 from solver.criticism.route_change import moved_by
 from solver.criticism.scorer import Scorer, score_all
 from solver.fit.least_squares import solve
@@ -63,8 +63,7 @@ def test_noise_alone_makes_parts_disagree_by_about_one(fitted):
 def test_parts_that_pull_the_route_apart_widen_it(fitted):
     rng = np.random.default_rng(7)
     # What moves the route one way in the first half and the other way in the second.
-    apart = torch.ones(SAMPLES, CHANNELS, dtype=torch.float64)
-    end = fitted(apart * 0, rng)
+    end = fitted(torch.zeros(SAMPLES, CHANNELS, dtype=torch.float64), rng)
     way = end.jacobian.between(0, SAMPLES * CHANNELS).times(torch.ones(FREE, dtype=torch.float64))
     apart = 8 * way.reshape(SAMPLES, CHANNELS) * torch.where(torch.arange(SAMPLES) < 26, 1.0, -1.0)[:, None]
     found = Disagreement.of(fitted(apart, rng))
@@ -82,7 +81,7 @@ def test_parts_that_agree_better_than_noise_narrow_nothing():
 def test_a_record_falls_into_parts_that_tell_as_much(fitted):
     end = fitted(torch.zeros(SAMPLES, CHANNELS, dtype=torch.float64), np.random.default_rng(8))
     record, (ways, _) = end.jacobian.between(0, SAMPLES * CHANNELS), ways_of_route(end)
-    parts = list(parts_of(record, ways, CHANNELS, 6))
+    parts = list(clusters(record, ways, CHANNELS, 6))
     assert parts[0][0] == 0 and parts[-1][1] == SAMPLES * CHANNELS and len(parts) == 6
     assert all(last == first for (_, last), (first, _) in pairwise(parts))
     assert all(first % CHANNELS == 0 for first, _ in parts)
