@@ -16,7 +16,7 @@ def export(
         str, typer.Option(help="As pyproj reads it: EPSG:2039, or EPSG:2039+5773 with heights.")
     ] = "EPSG:4326",
     ground_height: Annotated[
-        float | None, typer.Option(help="Height of the road in the vertical CRS, m; a route has depths below it.")
+        float | None, typer.Option(help="Height of the road in the vertical CRS, m; it is written in the CRS's unit.")
     ] = None,
 ) -> None:
     """Write the route for a GIS or CAD, or as a page for the file, with accuracy classes.
@@ -24,14 +24,14 @@ def export(
     A GeoPackage has the layers route, corridor (95 %), channels and anchors; a drawing (.dxf) lines, outlines and
     anchors; csv a row per channel; a pdf one page. Lines are cut where the class changes: PAS 128 quality levels by the
     95 % half-widths, QL-B2 at best since DAS is one technique, and the kind of evidence in the words of ASCE 38-22.
-    Neither standard is claimed: QL-A and QLA need exposure.
+    Neither standard is claimed: QL-A and QLA need exposure. Coordinates are in the units of the CRS, depths and sigmas
+    in the unit that their column names. All files are written, or none.
 
     Examples: `roadfiber export runs/elm --to elm.gpkg --crs EPSG:2039`, `roadfiber export runs/elm --to elm.dxf
     --crs EPSG:2039+5773 --ground-height 31.4`
     """
     import roadfiber as rf
+    from solver.run.gis.target import Target
 
-    opened = rf.open(run)
-    for path in to:
-        opened.to_gis(path, crs=crs, ground_height=ground_height)
-        print(f"wrote {path}")
+    rf.open(run).to_gis(*to, crs=crs, ground_height=ground_height)
+    print(f"wrote {', '.join(map(str, to))}; third coordinate: {Target.of(crs, ground_height).third}")

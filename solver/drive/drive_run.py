@@ -124,13 +124,13 @@ class DriveRun(LocatedFiber):
             found["features"].append(feature("Point", point, what="loop of slack", **one))
         return found
 
-    def to_gis(self, path: Path | str, *, crs: str | int = "EPSG:4326", ground_height: float | None = None) -> None:
+    def to_gis(self, *paths: Path | str, crs: str | int = "EPSG:4326", ground_height: float | None = None) -> None:
         """Write the route for a GIS or CAD, with accuracy classes; as `Run.to_gis`."""
         from solver.run.gis.export import export
         from solver.run.gis.layers import Subject
 
         place = self.straight, self.frame, self.anchors, self.name
-        export(Subject(*place, str(self.facts["trust"]["grade"]), self.trust), path, crs, ground_height)
+        export(Subject(*place, str(self.facts["trust"]["grade"]), self.trust), paths, crs, ground_height)
 
     def to_patch(self, patch: Any) -> Any:
         """A DASCore patch of the record with the route as coordinates along its distance; as `Run.to_patch`."""

@@ -142,7 +142,7 @@ class Combined:
         with writing_into(Path(path).parent) as folder:
             (folder / Path(path).name).write_text(json.dumps(self._features(), allow_nan=False), encoding="utf-8")
 
-    def to_gis(self, path: Path | str, *, crs: str | int = "EPSG:4326", ground_height: float | None = None) -> None:
+    def to_gis(self, *paths: Path | str, crs: str | int = "EPSG:4326", ground_height: float | None = None) -> None:
         """Write the route for a GIS or CAD; parameters and errors as of `Run.to_gis`."""
         from solver.run.gis.export import export
         from solver.run.gis.layers import Subject
@@ -152,7 +152,7 @@ class Combined:
         grade = "weak" if not self.converged else max(grades, key=("good", "fair", "weak", "poor").index)
         export(
             Subject(self.place, self.frame, list(anchors.values()), self.name, grade, self.headline),
-            path,
+            paths,
             crs,
             ground_height,
         )

@@ -98,14 +98,14 @@ class Run(Seen):
         with writing(Path(path)) as temporary:
             temporary.write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
 
-    def to_gis(self, path: Path | str, *, crs: str | int = "EPSG:4326", ground_height: float | None = None) -> None:
+    def to_gis(self, *paths: Path | str, crs: str | int = "EPSG:4326", ground_height: float | None = None) -> None:
         """Write the route, its corridor and its anchors for a GIS or CAD, with accuracy classes; the suffix says how.
 
         Parameters
         ----------
-        path : `.gpkg`, `.geojson`, `.kml`, `.dxf`, `.csv`, or `.pdf`: one page for the file
+        paths : `.gpkg`, `.geojson`, `.kml`, `.dxf`, `.csv`, or `.pdf`: one page for the file; all are written, or none
         crs : as pyproj reads it, such as "EPSG:2039", or "EPSG:2039+5773" with heights
-        ground_height : of the road in a vertical CRS, m: the route itself has depths below the road
+        ground_height : of the road in a vertical CRS, m, whatever its unit: the route itself has depths below the road
 
         Raises
         ------
@@ -116,7 +116,7 @@ class Run(Seen):
         from solver.run.gis.layers import Subject
 
         subject = self.place, self.frame, self.anchors, self.name
-        export(Subject(*subject, str(self.facts["trust"]["grade"]), self.trust), path, crs, ground_height)
+        export(Subject(*subject, str(self.facts["trust"]["grade"]), self.trust), paths, crs, ground_height)
 
     def to_patch(self, patch: Any) -> Any:
         """A DASCore patch of the record with the route as coordinates along its distance.

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLUMNS = ("name", "channel", "x", "y", "z", "sigma_xy", "sigma_z")
+METERS = {f"{name}_m": name for name in COLUMNS[4:]}  # as an exported map names them
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,8 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     Parameters
     ----------
     path : columns `name, channel, x, y, z, sigma_xy, sigma_z`, or `latitude, longitude` (or `lat, lon`) in place
-        of x, y; points have the same as attributes but for x and y, z too: the depth below the road, m
+        of x, y; points have the same as attributes but for x and y, z too: the depth below the road, m (or z_m,
+        sigma_xy_m, sigma_z_m, as an exported map has them)
     frame : local frame that latitude and longitude are projected into
 
     Returns
@@ -72,19 +74,22 @@ def point_table(path: Path) -> "pd.DataFrame":
     """Points with attributes as an anchors table in latitude and longitude."""
     import pandas as pd
 
-    found = [
-        one for one in read_features(path) if one.kind == "Point" and {"channel", "sigma_xy"} <= set(one.properties)
+    points = [
+        (one.coordinates[0], {METERS.get(name, name): value for name, value in one.properties.items()})
+        for one in read_features(path)
+        if one.kind == "Point"
     ]
+    found = [(place, known) for place, known in points if {"channel", "sigma_xy"} <= set(known)]
     if not found:
         raise InputError(
             f"{path}: no point with the attributes channel and sigma_xy; an anchor has name, channel, z (depth below "
             "the road, m), sigma_xy and sigma_z"
         )
     names = [name for name in COLUMNS if name not in ("x", "y")]
-    rows = [{name: one.properties[name] for name in names if name in one.properties} for one in found]
+    rows = [{name: known[name] for name in names if name in known} for _, known in found]
     places = {
-        "latitude": [one.coordinates[0, 1] for one in found],
-        "longitude": [one.coordinates[0, 0] for one in found],
+        "latitude": [place[1] for place, _ in found],
+        "longitude": [place[0] for place, _ in found],
     }
     return pd.DataFrame(rows).assign(**places)
 

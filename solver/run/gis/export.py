@@ -1,7 +1,8 @@
 """Writes a route for surveyors: GeoPackage, GeoJSON, KML, DXF, csv and a sheet in PDF."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,22 @@ from vision.contract.geometry import with_geopandas
 
 #: Layers that a KML viewer can bear.
 DRAWN = ("route", "corridor", "anchors")
+#: Units of a drawing, by the header $INSUNITS.
+DRAWING_UNITS = {"m": 6, "ft": 2, "ftUS": 21}
 
 
-def export(subject: Subject, path: Path | str, crs: str | int = DEGREES, ground_height: float | None = None) -> None:
-    """Write a route; the suffix of `path` says how.
+def export(
+    subject: Subject,
+    paths: Path | str | Sequence[Path | str],
+    crs: str | int = DEGREES,
+    ground_height: float | None = None,
+) -> None:
+    """Write a route as one file or several, all or none; their suffixes say how.
 
     Parameters
     ----------
     subject : the route
-    path : `.gpkg` (layers route, corridor, channels, anchors), `.geojson`, `.kml`, `.dxf`, `.csv` (a row per channel)
+    paths : `.gpkg` (layers route, corridor, channels, anchors), `.geojson`, `.kml`, `.dxf`, `.csv` (a row per channel)
         or `.pdf` (one page for the file)
     crs : as pyproj reads it, with a vertical part or without
     ground_height : height of the road in the vertical part, m
@@ -32,14 +40,15 @@ def export(subject: Subject, path: Path | str, crs: str | int = DEGREES, ground_
         If the suffix is not known, the CRS cannot be used or not in such a file, a package is missing, or the file
         cannot be written.
     """
-    path = Path(path)
-    write = WRITERS.get(path.suffix.lower())
-    if write is None:
-        raise InputError(f"{path}: unknown kind of file; give one of {', '.join(WRITERS)}")
+    wanted = [Path(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
+    for path in wanted:
+        if path.suffix.lower() not in WRITERS:
+            raise InputError(f"{path}: unknown kind of file; give one of {', '.join(WRITERS)}")
     target = Target.of(crs, ground_height)
-    require_writable(path)
-    with writing(path) as temporary:
-        write(subject, target, temporary)
+    require_writable(*wanted)
+    with ExitStack() as whole:  # nothing takes its place before all are written
+        for path in wanted:
+            WRITERS[path.suffix.lower()](subject, target, whole.enter_context(writing(path)))
 
 
 def tables(subject: Subject, target: Target, path: Path) -> dict[str, Any]:
@@ -55,8 +64,9 @@ def tables(subject: Subject, target: Target, path: Path) -> dict[str, Any]:
 
 def write_geopackage(subject: Subject, target: Target, path: Path) -> None:
     """One file with all layers in any CRS, and the claim as its description."""
+    said = {"CLAIM": CLAIM, "THIRD": target.third}
     for name, table in tables(subject, target, path).items():
-        table.to_file(path, layer=name, driver="GPKG", engine="pyogrio", layer_metadata={"CLAIM": CLAIM})
+        table.to_file(path, layer=name, driver="GPKG", engine="pyogrio", layer_metadata=said)
 
 
 def write_geojson(subject: Subject, target: Target, path: Path) -> None:
@@ -95,14 +105,19 @@ def write_csv(subject: Subject, target: Target, path: Path) -> None:
 
 
 def write_dxf(subject: Subject, target: Target, path: Path) -> None:
-    """Layers of a drawing in meters: 3-D polylines of the route, outlines of the corridor, anchors with names."""
+    """Layers of a drawing: 3-D polylines of the route, outlines of the corridor, anchors with names."""
     if target.degrees:
-        raise InputError(f"{path}: a drawing is in meters; give a projected --crs, as EPSG:32636")
+        raise InputError(f"{path}: a drawing holds lengths, not degrees; give a projected --crs, as EPSG:32636")
+    if target.unit not in DRAWING_UNITS or target.third_unit != target.unit:
+        raise InputError(
+            f"{path}: a drawing has one unit, meters or feet; --crs {target.crs.to_string()} counts in {target.unit}, "
+            f"heights in {target.third_unit}; give one that counts all in one of these"
+        )
     try:
         import ezdxf
     except ImportError as error:
         raise InputError(f"{path}: .dxf files need ezdxf: pip install roadfiber[gis]") from error
-    drawing = ezdxf.new("R2018", units=6)
+    drawing = ezdxf.new("R2018", units=DRAWING_UNITS[target.unit])
     drawing.header.custom_vars.append("CRS", target.crs.to_string())
     drawing.header.custom_vars.append("THIRD", target.third)
     space = drawing.modelspace()
@@ -113,12 +128,13 @@ def write_dxf(subject: Subject, target: Target, path: Path) -> None:
         line = space.add_polyline3d(list(shape.coords), dxfattribs=layer)
         line.set_xdata("ROADFIBER", [(1000, f"PAS 128 {row['pas128']}; ASCE 38-22 {row['asce38']}")])
     drawing.appids.add("ROADFIBER")
+    height = 0.5 / target.horizontal.axis_info[0].unit_conversion_factor
     for shape, _ in LAYERS["corridor"](subject, target):
         space.add_lwpolyline(list(shape.exterior.coords), close=True, dxfattribs={"layer": "FIBER_CORRIDOR"})
     for shape, row in LAYERS["anchors"](subject, target):
         at, layer = tuple(shape.coords[0]), {"layer": "FIBER_ANCHORS"}
         space.add_point(at, dxfattribs=layer)
-        space.add_text(str(row["name"]), height=0.5, dxfattribs=layer).set_placement(at)
+        space.add_text(str(row["name"]), height=height, dxfattribs=layer).set_placement(at)
     drawing.saveas(path)
 
 

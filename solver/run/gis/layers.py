@@ -117,7 +117,7 @@ def channel_table(subject: Subject, target: Target) -> "pd.DataFrame":
     columns |= {across: points[:, 0], down: points[:, 1]}
     columns |= {"depth_m": place.route[:, 2].round(4)}
     if target.ground_height is not None:
-        columns["height_m"] = points[:, 2].round(4)
+        columns[f"height_{target.third_unit}"] = points[:, 2].round(4)
     sigma = place.sigma.round(4)
     columns |= {f"sigma_{axis}_m": sigma[:, number] for number, axis in enumerate("xyz")}
     columns |= {"half_width_95_m": found.across.round(4), "depth_95_m": found.depth.round(4)}
@@ -142,8 +142,8 @@ def anchor_layer(subject: Subject, target: Target) -> list[tuple[Any, dict[str, 
     found = []
     for one in subject.anchors:
         place = target.points(subject.frame, np.array([[one.x, one.y, one.z]]))[0]
-        known = {"name": one.name, "channel": one.channel, "z": one.z}
-        found.append((Point(place), known | {"sigma_xy": one.sigma_xy, "sigma_z": one.sigma_z}))
+        known = {"name": one.name, "channel": one.channel, "z_m": one.z}
+        found.append((Point(place), known | {"sigma_xy_m": one.sigma_xy, "sigma_z_m": one.sigma_z}))
     return found
 
 

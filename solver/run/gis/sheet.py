@@ -114,4 +114,4 @@ def draw_table(figure: Figure, subject: Subject, target: Target) -> None:
     table.auto_set_font_size(False)
     table.set_fontsize(6.5)
     table.auto_set_column_width(range(len(head)))
-    axes.set_title(f"Coordinates, {target.crs.to_string()}; m, ± at 95 %", size=8)
+    axes.set_title(f"Coordinates, {target.crs.to_string()}, {target.unit}; depth and ±, m, at 95 %", size=8)

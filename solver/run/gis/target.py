@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 #: Longitude and latitude, WGS 84.
 DEGREES = "EPSG:4326"
 DEPTHS = "minus the depth below the road"
+#: Abbreviations of the units that pyproj names.
+UNITS = {"metre": "m", "foot": "ft", "US survey foot": "ftUS"}
 
 
 @dataclass(frozen=True)
@@ -22,7 +24,8 @@ class Target:
     Parameters
     ----------
     crs : `pyproj.CRS`
-    ground_height : of the road in the vertical CRS, m; None: the third number is minus the depth below the road
+    ground_height : of the road in the vertical CRS, m, whatever its unit; None: the third number is minus the depth
+        below the road
     """
 
     crs: Any
@@ -55,6 +58,8 @@ class Target:
         if not (known.is_geographic or known.is_projected):
             raise InputError(f"--crs {crs}: no coordinates on a map; give one as EPSG:32636")
         high = len(known.axis_info) == 3
+        if high and known.axis_info[-1].direction != "up":
+            raise InputError(f"--crs {crs}: its third axis points down; give a vertical CRS of heights, as EPSG:5703")
         if high and ground_height is None:
             raise InputError(
                 f"--crs {crs}: has heights, and a route has depths below the road; give the road's height in it with "
@@ -83,18 +88,38 @@ class Target:
 
     @property
     def names(self) -> tuple[str, str]:
-        """What its horizontal coordinates are called."""
-        return ("longitude", "latitude") if self.degrees else ("easting", "northing")
+        """What its horizontal coordinates are called, with the unit of lengths."""
+        return ("longitude", "latitude") if self.degrees else (f"easting_{self.unit}", f"northing_{self.unit}")
+
+    @property
+    def unit(self) -> str:
+        """Unit of the horizontal coordinates."""
+        return unit_of(self.horizontal.axis_info[0])
+
+    @property
+    def third_unit(self) -> str:
+        """Unit of the third number: that of its axis, else of the others, else meters.
+
+        >>> Target.of("EPSG:2263+6360", 20.0).third_unit, Target.of("EPSG:2263").third_unit, Target.of().third_unit
+        ('ftUS', 'ftUS', 'm')
+        """
+        return unit_of(self._third_axis) if self._third_axis else "m"
+
+    @property
+    def _third_axis(self) -> Any:
+        return None if self.degrees and self.ground_height is None else self.crs.axis_info[-1]
 
     @property
     def third(self) -> str:
         """What the third number is, in words."""
         if self.ground_height is None:
-            return f"{DEPTHS}, m"
-        return f"height, m, with the road at {self.ground_height:g} m"
+            return f"{DEPTHS}, {self.third_unit}"
+        return f"height, {self.third_unit}, with the road at {self.ground_height:g} m"
 
     def points(self, frame: LocalFrame, places: Array) -> Array:
         """Local places [point, 3] (x, y, depth z, m) -> east or longitude, north or latitude, third [point, 3].
+
+        Each is in the unit of its axis.
 
         >>> there = Target.of("EPSG:32636").points(LocalFrame((32.0, 34.8), 90.0), np.array([[0.0, 0.0, 0.9]]))
         >>> there.round(1).tolist()
@@ -106,7 +131,14 @@ class Target:
         move = Transformer.from_crs(4326, self.horizontal, always_xy=True)
         first, second = move.transform(longitude, latitude)
         third = (self.ground_height or 0.0) - places[:, 2]
+        if self._third_axis:
+            third = third / self._third_axis.unit_conversion_factor
         found = np.column_stack([first, second, third])
         if not np.isfinite(found[:, :2][np.isfinite(places[:, :2]).all(1)]).all():
             raise InputError(f"--crs {self.crs.name}: does not reach the survey; give one of its region")
         return found
+
+
+def unit_of(axis: Any) -> str:
+    """Unit of an axis, as a column's name can hold it."""
+    return UNITS.get(axis.unit_name, axis.unit_name.replace(" ", "_"))

@@ -86,11 +86,40 @@ def test_heights_are_those_of_the_road_less_the_depth(subject: Subject, tmp_path
     export(subject, tmp_path / "a.csv", "EPSG:2039+5773", 31.4)
     table = pd.read_csv(tmp_path / "a.csv")
     assert table["height_m"].to_numpy() == pytest.approx(31.4 - subject.place.route[:, 2], abs=1e-4)
-    assert table[["easting", "northing"]].to_numpy() == pytest.approx(places(subject, "EPSG:2039"), abs=1e-3)
+    assert table[["easting_m", "northing_m"]].to_numpy() == pytest.approx(places(subject, "EPSG:2039"), abs=1e-3)
     export(subject, tmp_path / "a.gpkg", "EPSG:2039+5773", 31.4)
     shape = geopandas.read_file(tmp_path / "a.gpkg", layer="channels")
     assert shape.geometry.iloc[0].z == pytest.approx(31.4 - 0.9) and "height_m" in shape
     assert geopandas.read_file(tmp_path / "a.gpkg", layer="route").crs.is_compound
+
+
+def test_lengths_are_in_the_units_of_the_axes_and_their_columns_say_so(subject: Subject, tmp_path: Path) -> None:
+    foot, depth = 1200 / 3937, subject.place.route[:, 2]
+    files = [tmp_path / name for name in ("a.gpkg", "a.csv", "a.dxf")]
+    export(subject, files, "EPSG:2263+6360", 20.0)
+    points = geopandas.read_file(files[0], layer="channels").geometry
+    assert [one.z for one in points] == pytest.approx((20 - depth) / foot)
+    table = pd.read_csv(files[1])
+    assert table["height_ftUS"].to_numpy() == pytest.approx((20 - depth) / foot, abs=1e-4)
+    assert {"easting_ftUS", "northing_ftUS", "depth_m", "sigma_z_m"} <= set(table)
+    drawing = ezdxf.readfile(files[2])
+    assert drawing.units == 21 and dict(drawing.header.custom_vars)["THIRD"].startswith("height, ftUS")
+    ends = [v.dxf.location.z for v in drawing.modelspace().query("POLYLINE").first.vertices]
+    assert ends[0] == pytest.approx((20 - depth[0]) / foot)
+    assert drawing.modelspace().query("TEXT").first.dxf.height == pytest.approx(0.5 / foot)
+    below = Target.of("EPSG:2263").points(FRAME, subject.place.route)[:, 2]  # no heights: depths in the same feet
+    assert below == pytest.approx(-depth / foot)
+    assert all(
+        one.z_m == was.z
+        for one, was in zip(geopandas.read_file(files[0], layer="anchors").itertuples(), subject.anchors, strict=True)
+    )
+
+
+def test_all_files_are_written_or_none(subject: Subject, tmp_path: Path) -> None:
+    (tmp_path / "b.csv").write_text("older")
+    with pytest.raises(InputError, match=r"b\.geojson: \.geojson files are WGS 84"):
+        export(subject, [tmp_path / "b.csv", tmp_path / "b.geojson"], UTM)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["older"]
 
 
 def test_a_drawing_has_lines_outlines_and_names(subject: Subject, tmp_path: Path) -> None:
@@ -147,7 +176,9 @@ def test_the_sheet_is_one_page(subject: Subject, tmp_path: Path) -> None:
         ("a.gpkg", "EPSG:32636+5773", float("nan"), "--ground-height: give a number"),
         ("a.geojson", UTM, None, ".geojson files are WGS 84 by their standard"),
         ("a.kml", UTM, None, ".kml files are WGS 84 by their standard"),
-        ("a.dxf", "EPSG:4326", None, "a drawing is in meters; give a projected --crs"),
+        ("a.dxf", "EPSG:2263+5703", 3.0, "a drawing has one unit, meters or feet; --crs"),
+        ("a.gpkg", "EPSG:2263+6358", 3.0, "--crs EPSG:2263+6358: its third axis points down"),
+        ("a.dxf", "EPSG:4326", None, "a drawing holds lengths, not degrees; give a projected --crs"),
     ],
 )
 def test_what_cannot_be_written_is_one_line(
