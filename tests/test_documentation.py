@@ -7,6 +7,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from html.parser import HTMLParser
 from io import StringIO
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import pytest
@@ -83,11 +84,29 @@ def test_formulas_are_there_without_a_script(built: Path) -> None:
     assert text.count("<math") > 20 and "MathJax" not in text
 
 
-def test_every_public_name_is_in_the_reference(built: Path) -> None:
+def test_a_fraction_takes_its_digits_one_by_one(built: Path) -> None:
+    """`\\tfrac12 \\ln` was drawn as 12 over ln."""
+    text = (built / "mathematics" / "criticism.html").read_text(encoding="utf-8")
+    half = r"<mfrac[^>]*><mn>1</mn><mn>2</mn></mfrac>"
+    assert len(re.findall(half, text)) == 4 and "<mn>12</mn>" not in text
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_code_on_the_first_page_is_cut(built: Path, chromium: Any, width: int) -> None:
+    page = chromium.new_page(viewport={"width": width, "height": 900})
+    page.goto((built / "index.html").as_uri())
+    cut = "pres => pres.filter(pre => pre.scrollWidth > pre.clientWidth).map(pre => pre.innerText)"
+    assert page.eval_on_selector_all("pre", cut) == []
+    page.close()
+
+
+def test_every_public_name_is_on_one_page_of_the_reference(built: Path) -> None:
     import roadfiber as rf
 
-    places = Page(built / "reference" / "python.html").places
-    assert [name for name in rf.__all__ if f"roadfiber.{name}" not in places] == []
+    shown = [Page(path).places for path in (built / "reference" / "python").glob("*.html")]
+    assert {name: sum(f"roadfiber.{name}" in places for places in shown) for name in rf.__all__} == dict.fromkeys(
+        rf.__all__, 1
+    )
 
 
 def test_every_command_is_in_the_reference(built: Path) -> None:

@@ -1,7 +1,8 @@
-"""`{commands}`: every command as `--help` has it; `{other-names}`: public names that a page has not shown."""
+"""`{commands}`: every command as `--help` has it; `{other-names}`: public names that no page of its folder shows."""
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -55,16 +56,17 @@ class CommandsDirective(SphinxDirective):
 
 
 class OtherNamesDirective(SphinxDirective):
-    """Public names that the page has not shown."""
+    """Public names that no page beside this one shows."""
 
     def run(self) -> list[nodes.Node]:
         """Make the nodes."""
         import roadfiber as rf
 
-        page = self.env.doc2path(self.env.docname).read_text(encoding="utf-8")
+        folder = Path(self.env.doc2path(self.env.docname)).parent
+        shown = "".join(page.read_text(encoding="utf-8") for page in folder.glob("*.md"))
         lines = ["```{eval-rst}"]
         for name in rf.__all__:
-            if not re.search(rf":: roadfiber\.{name}$", page, re.MULTILINE):
+            if not re.search(rf":: roadfiber\.{name}$", shown, re.MULTILINE):
                 kind = "autoclass" if isinstance(getattr(rf, name), type) else "autofunction"
                 lines += [f".. {kind}:: roadfiber.{name}", *(["   :members:"] if kind == "autoclass" else [])]
         return self.parse_text_to_nodes("\n".join([*lines, "```"])) if len(lines) > 1 else []

@@ -3,16 +3,18 @@
 from typing import Any
 
 from docutils.nodes import SkipNode
-from docutils.utils.math import MathError, latex2mathml
+from math_core import LatexError, LatexToMathML
 from sphinx.application import Sphinx
 from sphinx.util import logging
+
+CONVERTER = LatexToMathML(fancy_error=False)
 
 
 def formula(node: Any, *, as_block: bool) -> str:
     """A formula as MathML; a warning, which ends a strict build, where it is not understood."""
     try:
-        return str(latex2mathml.tex2mathml(node.astext(), as_block=as_block))
-    except MathError as error:
+        return CONVERTER.convert_with_local_state(node.astext(), displaystyle=as_block)
+    except LatexError as error:
         logging.getLogger(__name__).warning("%s", error, location=node)
         return ""
 
