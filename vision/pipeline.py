@@ -17,7 +17,7 @@ from vision.camera import Calibration
 from vision.contract.errors import InputError
 from vision.contract.progress import progress
 from vision.contract.table import COLUMNS
-from vision.detectors import Detector, is_street, load_detector
+from vision.detectors import Detector, OnnxDetector, is_street, load_detector
 from vision.detectors.look import Look, look
 from vision.dropped import causes, join, words
 from vision.follow import FEWEST_FIXES, PIXEL_COLUMNS, detection_table, follow, patience
@@ -39,6 +39,7 @@ DEMO_GRADE = (
     "%s: the detector `street` was trained on renderings alone and is not to be trusted on real streets (MOTA -0.25 to "
     "0.88, by clip); leave --detector out for NanoDet-g, or bring weights: --detector yolox_s.onnx"
 )
+SIZES = "length, width and wheelbase of a vehicle are those usual of its class where the pictures do not tell them"
 EXTRA_COLUMNS = (
     *("speed", "confidence", "interpolated", *SIZE, "frame", *BOX, "detected_class"),
     *("x_measured", "y_measured"),
@@ -106,11 +107,18 @@ def track(
     boxes, speed, far = box_tracks(
         clip, finder, calibration=view, min_score=min_score, every=every, cache=cache, appearance=looks
     )
+    told = "not known" if zero is None else f"{zero}Z, {'as given' if start else 'as its header says'}"
+    taken = [
+        *([finder.taken] if isinstance(finder, OnnxDetector) else []),
+        f"a track starts at a score of {finder.threshold if min_score is None else min_score:g}",
+        f"{clip.path.name}: frames timed by {f'--frame-rate {frame_rate:g}' if frame_rate else 'the file'}, "
+        f"{1 / max(clip.frame_interval, 1e-9):.4g} a second; start {told}",
+    ]
     if view is None or zero is None:
         timed = boxes if zero is None else boxes.assign(time=utc(boxes["time"], zero, clock_offset))
-        return Tracked(timed, None, speed, clip, every)
+        return Tracked(timed, None, speed, clip, every, tuple(taken))
     table, dropped = on_road(boxes, view, zero, clock_offset, clip.path, far)
-    return Tracked(table, dropped, speed, clip, every)
+    return Tracked(table, dropped, speed, clip, every, (*taken, SIZES))
 
 
 def box_tracks(

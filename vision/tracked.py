@@ -92,6 +92,7 @@ class Tracked:
     speed : where the time went
     clip : the video
     every : one of so many frames was processed
+    taken : what was taken for granted, a line each
     """
 
     table: "pd.DataFrame"
@@ -99,6 +100,7 @@ class Tracked:
     speed: Speed
     clip: Video
     every: int = 1
+    taken: tuple[str, ...] = ()
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -127,7 +129,7 @@ class Tracked:
         if "sigma_x" in table:
             facts["median_sigma_x"] = round(float(table["sigma_x"].median()), 3)
             facts["median_sigma_y"] = round(float(table["sigma_y"].median()), 3)
-        return facts | {"metric": self.dropped is not None}
+        return facts | {"metric": self.dropped is not None, "taken": list(self.taken)}
 
     def lines(self) -> list[str]:
         """The same in words, a line each."""
@@ -146,7 +148,7 @@ class Tracked:
             kept = f"{facts['frames_detected_before']} of {facts['frames']}"
             lines.append(f"detections of {kept} frames were kept from before")
         rates = ", ".join(f"{step} {rate:g}" for step, rate in facts["frames_per_second"].items())
-        return [*lines, f"frames per second: {rates}"]
+        return [*lines, f"frames per second: {rates}", *self.taken]
 
     @property
     def placed(self) -> str:

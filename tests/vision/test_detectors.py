@@ -252,6 +252,19 @@ def test_coco_ids():
     assert [name for name in COCO_IDS if name != "unused"] == list(COCO)
 
 
+def test_names_that_a_file_lost_are_assumed_aloud(tmp_path, caplog):
+    """A list of detections does not show how many classes there are."""
+    path = graphs.yolov10(tmp_path / "m.onnx")
+    detector = load_detector(path)
+    assert "COCO's names are assumed" in caplog.text and "--names" in caplog.text
+    assert "class names COCO's, which is assumed" in detector.taken and "RGB from 0 to 1" in detector.taken
+    caplog.clear()
+    assert "class names as given; follows bus, not" in load_detector(path, names=["a", "b", "c", "d", "e", "bus"]).taken
+    assert caplog.text == ""
+    with pytest.raises(InputError, match=r"finds class number 5 .from 0. but 3 are named"):
+        load_detector(path, names=["car", "bus", "truck"])
+
+
 def test_names_of_an_own_rf_detr(tmp_path):
     """Three classes and the column of no class: the logits are as wide as the boxes."""
     outputs = {"dets": graphs.share_boxes(), "labels": graphs.logits(4, [(1, 0.8), (0, 0.9)])}

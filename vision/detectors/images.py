@@ -79,6 +79,17 @@ class Normalization:
         """
         return Normalization("BGR" if self.order == "RGB" else "RGB", self.mean[::-1], self.deviation[::-1])
 
+    @property
+    def words(self) -> str:
+        """In words.
+
+        >>> RGB_UNIT.words, BGR_IMAGENET.words
+        ('RGB from 0 to 1', "BGR less ImageNet's mean")
+        """
+        if any(self.mean):
+            return f"{self.order} less ImageNet's mean"
+        return f"{self.order} from 0 to {255 / self.deviation[0]:g}"
+
     def tensor(self, canvas: NDArray[np.uint8], dtype: type = np.float32, channels_last: bool = False) -> NDArray[Any]:
         """Image [h, w, 3] BGR, 0-255 -> [1, 3, h, w], or [1, h, w, 3].
 

@@ -1,11 +1,14 @@
 """Class names: the COCO list, spellings models differ in, and which classes are road vehicles."""
 
 import ast
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 
 from vision.contract.classes import VEHICLES, plain_name
 from vision.contract.errors import InputError
+
+log = logging.getLogger("roadfiber.detectors")
 
 COCO_LIST = (
     "person,bicycle,car,motorcycle,airplane,bus,train,truck,boat,traffic light,fire hydrant,"
@@ -29,6 +32,7 @@ def _by_id() -> tuple[str, ...]:
 
 
 COCO_IDS = _by_id()
+ASSUMED = "COCO's, which is assumed: its file names none"
 
 
 def class_names(
@@ -37,19 +41,26 @@ def class_names(
     given: Sequence[str] | None,
     model: str,
     usual: Sequence[str] = COCO,
-) -> list[str]:
+) -> tuple[list[str], str]:
     """Names of a model's classes in its order: those given, else its metadata's (`names`), else the `usual` ones.
 
-    `count` is how many classes the graph has, where its shapes say. Raises InputError where that does not agree.
+    And in words, which of these they are. `count` is how many classes the graph has, where its shapes say. Raises
+    InputError where that does not agree.
     """
-    names = list(given) if given else _metadata_names(metadata, model)
+    names, source = (list(given), "as given") if given else (_metadata_names(metadata, model), "its own")
     if names is None:
         if count not in (None, len(usual)):
             raise InputError(f"{model}: has {count} classes and no names in its metadata; name them with --names")
-        names = list(usual)
+        names, source = list(usual), ASSUMED
+        if count is None:
+            log.warning(
+                "%s: its file neither names nor counts its classes, so COCO's names are assumed; where it was trained "
+                "on others, cars become motorcycles and buses vanish: name them with --names",
+                model,
+            )
     if count not in (None, len(names)):
         raise InputError(f"{model}: has {count} classes but {len(names)} names; give one name for each (--names)")
-    return [plain_name(name) for name in names]
+    return [plain_name(name) for name in names], source
 
 
 def _metadata_names(metadata: Mapping[str, str], model: str) -> list[str] | None:

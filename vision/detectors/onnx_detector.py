@@ -23,6 +23,7 @@ from vision.frames import Video
 FLOOR = 0.1  # lowest score reported; weak detections continue tracks but start none
 LARGEST = 0.5  # share of the image; small models detect an empty road as one huge car
 BACKGROUND_FRAMES = 50
+MOST_CLASSES = 10_000  # class numbers looked at where a graph does not show how many it has
 LISTENING_FRAMES = 5  # frames tried before a graph whose scores are all zero is rejected as mute
 REVISION = 3  # version of the decoding: raise it when `detect` changes, which invalidates cached detections
 BUILT_IN = {
@@ -43,7 +44,7 @@ class OnnxDetector:
     image : how it takes images
     size : (width, height) of the input, px
     reads : names of the outputs to read
-    names : class names in the model's order
+    names, named : class names in the model's order, and in words, where they are from
     wanted : classes to look for, places in `names`
     threshold : score above which a single detection is credible
     mute : whether all its scores were exactly zero in the dry run, though it gives one for every place
@@ -59,6 +60,7 @@ class OnnxDetector:
     size: Size
     reads: tuple[str, ...]
     names: tuple[str, ...]
+    named: str
     wanted: NDArray[np.intp]
     threshold: float
     mute: bool = False
@@ -76,6 +78,17 @@ class OnnxDetector:
             "classes": {str(place): self.names[place] for place in self.wanted},
             "rules": [REVISION, FLOOR, LARGEST],
         }
+
+    @property
+    def taken(self) -> str:
+        """How the model is read, in words: what its file does not say and might be otherwise."""
+        followed = [self.names[place] for place in self.wanted]
+        others = [name for name in self.names if name not in followed]
+        left = f", not {', '.join(others[:4])}{', ...' * (len(others) > 4)}" if others else ""
+        return (
+            f"{self.path.name}: layout {self.layout.name}, {self.size[0]} x {self.size[1]} px, "
+            f"{self.layout.normalization.words}; class names {self.named}; follows {', '.join(followed)}{left}"
+        )
 
     def prepare(self, video: Video) -> Self:
         """Return a detector with the background: the median of 50 frames spread over the video.
@@ -191,14 +204,15 @@ def load_detector(
     answer = [values[place] for place in places]
     with _read_as(chosen, path):
         count = chosen.classes([np.shape(part) for part in answer])
-    known = class_names(metadata, count, names, str(path), chosen.names)
+    known, named = class_names(metadata, count, names, str(path), chosen.names)
     with _read_as(chosen, path):
-        chosen.decode(answer, size, np.arange(len(known)), FLOOR)
+        found: Candidates = chosen.decode(answer, size, np.arange(len(known) if count else MOST_CLASSES), FLOOR)
         mute = chosen.dense and is_mute(chosen, answer, size, len(known))
+    _require_named(found, len(known), path)
     wanted = np.array(wanted_classes(known, classes, str(path)), np.intp)
     reads = tuple(outputs[place] for place in places)
     threshold = float(metadata.get("threshold", chosen.threshold))
-    return OnnxDetector(path, session, chosen, image, size, reads, tuple(known), wanted, threshold, mute)
+    return OnnxDetector(path, session, chosen, image, size, reads, tuple(known), named, wanted, threshold, mute)
 
 
 def is_street(detector: Detector) -> bool:
@@ -229,6 +243,14 @@ def _require_task(metadata: Mapping[str, str], path: Path) -> None:
     task = metadata.get("task", "detect")
     if task != "detect":
         raise InputError(f"{path}: is a model for the task {task!r}, not a detector; give one of the task 'detect'")
+
+
+def _require_named(found: Candidates, names: int, path: Path) -> None:
+    if (found.label >= names).any():
+        raise InputError(
+            f"{path}: finds class number {found.label.max()} (from 0) but {names} are named; give one name for each "
+            "(--names)"
+        )
 
 
 def _places(outputs: Sequence[str], layout: Layout, path: Path) -> list[int]:
