@@ -12,12 +12,12 @@ import torch
 from torch import Tensor
 from torch.func import jvp
 
-from solver.effect import Parameter
+from solver.effect import BY_ROW, Parameter
 from solver.signal_path.autodiff import pushed_all, pushed_ways
 from solver.signal_path.extension import Extension, Slot, Values
 from solver.signal_path.few import few_of
 from solver.signal_path.gauges import Gauges
-from solver.signal_path.local import ALIKE, EACH, LOOSE, Seen, number
+from solver.signal_path.local import ALIKE, EACH, LOOSE, Section, Seen, number
 from solver.signal_path.map_changes import Changed, acts_on_map, by_channel, moving
 from solver.signal_path.observation import Description
 from solver.signal_path.sensitivities import along_load
@@ -189,7 +189,7 @@ def by_ground(seen: Seen, slot: Slot, changed: Changed, here: Tensor, numbers: T
         return path.alone(load, local.here, local.poisson_ratio, grounds)
 
     value = local.law_at(path, telling(path.extension, numbers), lambda: rate(here))
-    return total + local.amplitude * slope(rate, here, slot.parameter, value)
+    return total + local.amplitude * slope(rate, here, slot.parameter, value, local.section)
 
 
 def telling(extension: Extension, numbers: Tensor) -> Tensor:
@@ -205,7 +205,9 @@ def telling(extension: Extension, numbers: Tensor) -> Tensor:
     return told
 
 
-def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter, value: Tensor) -> Tensor:
+def slope(
+    law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter, value: Tensor, section: Section | None = None
+) -> Tensor:
     """Derivative of a law by a parameter from its value there and one nearby, within the bounds.
 
     Laws of the ground are fast where they carry no derivative: with a tangent PyTorch calls Python for every operand
@@ -214,8 +216,9 @@ def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter, value: T
     Parameters
     ----------
     law : each row of what it returns depends on the parameter's value at that row
-    here : the parameter's value, [] or [row, 1]
+    here : the parameter's value, [], [channel] or, of all rows, [row, 1]
     value : of the law there
+    section : whose rows the law returns; all where None
 
     >>> here = torch.tensor(0.0, dtype=torch.float64)
     >>> slope(lambda x: x.exp(), here, Parameter("share", "1", 0.2, lower=0), torch.ones(()).double())
@@ -223,7 +226,8 @@ def slope(law: Callable[[Tensor], Tensor], here: Tensor, of: Parameter, value: T
     """
     step = STEP * of.plausible
     way = step * torch.where(here + step > of.upper, -1.0, 1.0)
-    return (law(here + way) - value) / way
+    change = law(here + way) - value
+    return change / (way[section.rows] if section is not None and of.scope in BY_ROW else way)
 
 
 def acts_on_rows(seen: Seen, slot: Slot, values: Values) -> bool:

@@ -34,6 +34,8 @@ NAMES = (
     "braking",
     "poisson_gradient",
     "layered_ground",
+    "rayleigh_wave",
+    "generic_wave",
     "channel_coupling",
     "slack_spool",
     "gauge_length",
