@@ -41,12 +41,16 @@ def foreign(beside: Path) -> list[str]:
 
 
 def require_own(beside: Path) -> None:
-    """Refuse to go on with packages that are not roadfiber's.
+    """Refuse to go on with packages that are not roadfiber's; folders of data that have their names do no harm.
 
     Raises
     ------
     ImportError
         If another package or file of the same name stands before one of `OWN` on `sys.path`.
     """
+    # An editable install is asked only where a whole path knows no folder of that name; on the path packages win over
+    # folders of data, in whatever order.
+    if str(beside) not in sys.path:
+        sys.path.append(str(beside))
     if wrong := foreign(beside):
         raise ImportError(f"roadfiber: {'; '.join(wrong)}")

@@ -1,10 +1,12 @@
 """The operator's map of a cable: GeoJSON, KML, csv or GeoPackage -> points in order along it."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.drive.path import STEP
 from vision.contract import InputError, LocalFrame
 from vision.contract.columns import check_meters, finite, to_frame, with_positions
 from vision.contract.csv_table import read_csv
@@ -16,8 +18,15 @@ Array = NDArray[np.float64]
 JOINED = 50.0
 #: Points closer than this, m, are one.
 SAME = 0.01
-#: A path in order turns back, by more than 120 degrees, at no more than this share of its points.
-TURNS_BACK = 0.1
+#: Cosine of the angle by which a path turns back, 120 degrees, and at which share of its points it may if in order.
+BACK, TURNS_BACK = -0.5, 0.1
+
+
+class Line(NamedTuple):
+    """A line of a map: what it is called, and its points [point, 2], m."""
+
+    name: str
+    points: Array
 
 
 def read_operator_map(path: Path, frame: LocalFrame) -> Array:
@@ -26,7 +35,8 @@ def read_operator_map(path: Path, frame: LocalFrame) -> Array:
     Parameters
     ----------
     path : GeoJSON with one LineString, or several that join end to end; KML likewise; csv with `latitude, longitude` or
-        `x, y` (m), a row per point in order; GeoPackage likewise (needs roadfiber[gis])
+        `x, y` (m), a row per point in order; GeoPackage likewise (needs roadfiber[gis]); a line that is there twice, or
+        lies on another, counts once
     frame : the local frame
 
     Returns
@@ -48,15 +58,18 @@ def read_operator_map(path: Path, frame: LocalFrame) -> Array:
     """
     path = Path(path)
     if path.suffix.lower() == ".csv":
-        lines = [csv_line(path, frame)]
+        lines = [Line(path.name, csv_line(path, frame))]
     elif path.suffix.lower() in SUFFIXES:
-        lines = [in_frame(one, frame, path) for one in read_features(path) if one.kind == "LineString"]
+        drawn = [one for one in read_features(path) if one.kind == "LineString"]
+        names = [str(one.properties.get("name") or f"line {number}") for number, one in enumerate(drawn, 1)]
+        lines = [Line(name, in_frame(one, frame, path)) for name, one in zip(names, drawn, strict=True)]
     else:
         raise InputError(f"{path}: unknown kind of map; give one of .csv, {', '.join(SUFFIXES)}")
-    lines = [one for one in map(without_repeats, lines) if len(one) > 1]
+    lines = [one._replace(points=without_repeats(one.points)) for one in lines]
+    lines = [one for one in lines if len(one.points) > 1]
     if not lines:
         raise InputError(f"{path}: no line of two points or more; give the cable's path as a line")
-    joined = chained(lines, path)
+    joined = chained(once(lines), path)
     check_order(joined, path)
     return joined
 
@@ -87,19 +100,57 @@ def without_repeats(line: Array) -> Array:
     return line[np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > SAME])]
 
 
-def chained(lines: list[Array], path: Path) -> Array:
-    """Lines joined end to end, each turned as it must be.
+def once(lines: list[Line]) -> list[Line]:
+    """Lines without those that lie on another.
+
+    >>> line = np.array([[0.0, 0], [40, 0], [90, 30]])
+    >>> [one.name for one in once([Line("a", line), Line("b", line[::-1]), Line("c", line[:2])])]
+    ['a']
+    """
+    kept: list[Line] = []
+    for one in sorted(lines, key=lambda line: -stepped(line.points)[0][-1]):
+        if not any(lies_on(one.points, other.points) for other in kept):
+            kept.append(one)
+    return [one for one in lines if any(one is other for other in kept)]
+
+
+def lies_on(line: Array, other: Array) -> bool:
+    """Whether a line is no farther from another than points of a path are from each other."""
+    from scipy.spatial import KDTree
+
+    if (line.min(0) < other.min(0) - STEP).any() or (line.max(0) > other.max(0) + STEP).any():
+        return False
+    return bool(KDTree(stepped(other)[1]).query(stepped(line)[1])[0].max() < STEP)
+
+
+def stepped(line: Array) -> tuple[Array, Array]:
+    """Meters along a line [step] and points there [step, 2], half a `STEP` apart, its end the last."""
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    at = np.append(np.arange(0.0, arc[-1], STEP / 2), arc[-1])
+    return at, np.stack([np.interp(at, arc, column) for column in line.T], -1)
+
+
+def chained(lines: list[Line], path: Path) -> Array:
+    """Lines joined end to end [point, 2], each turned as it must be.
 
     Raises
     ------
     InputError
-        If one does not join the others.
+        If one does not continue the others.
 
     >>> one, other = np.array([[0.0, 0], [10, 0]]), np.array([[30.0, 0], [12, 0]])
-    >>> chained([one, other], Path("a"))[:, 0].tolist()
+    >>> chained([Line("a", one), Line("b", other)], Path("a"))[:, 0].tolist()
     [0.0, 10.0, 12.0, 30.0]
     """
-    whole, rest = lines[0], lines[1:]
+    whole, rest = lines[0].points, [one.points for one in lines[1:]]
+
+    def refuse(how: str) -> InputError:
+        names = ", ".join(one.name for one in lines[:5]) + (", ..." if len(lines) > 5 else "")
+        return InputError(
+            f"{path}: holds {len(lines)} lines that {how}: {names}; keep the one of the cable that is recorded, and "
+            "draw it as one line"
+        )
+
     while rest:
         ends = [(whole[-1], 1), (whole[0], 0)]
         near = [
@@ -110,12 +161,21 @@ def chained(lines: list[Array], path: Path) -> Array:
         ]
         gap, number, at, last = min(near)
         if gap > JOINED:
-            how = "cross" if any(crosses(whole, line) for line in rest) else f"are {gap:.0f} m apart"
-            raise InputError(f"{path}: holds {len(lines)} lines that {how}; keep the one of the cable that is recorded")
+            raise refuse("cross" if any(crosses(whole, line) for line in rest) else f"are {gap:.0f} m apart")
         line = rest.pop(number)
         line = line if (at == 0) == bool(last) else line[::-1]
-        whole = np.concatenate([whole, line] if last else [line, whole])
+        before, after = (whole, line) if last else (line, whole)
+        if heading(after) @ -heading(before[::-1]) < BACK:
+            raise refuse("lie beside each other, or turn back where they meet")
+        whole = np.concatenate([before, after])
     return without_repeats(whole)
+
+
+def heading(line: Array) -> Array:
+    """Direction [2] in which a line begins, over as many meters as another may be away that it joins."""
+    at, points = stepped(line)
+    way = points[np.searchsorted(at, min(JOINED, at[-1]))] - points[0]
+    return np.asarray(way / np.hypot(*way))
 
 
 def crosses(one: Array, other: Array) -> bool:
@@ -140,7 +200,7 @@ def check_order(line: Array, path: Path) -> None:
     """Raise InputError where points jump to and fro."""
     step = np.diff(line, axis=0)
     step /= np.linalg.norm(step, axis=1, keepdims=True)
-    back = (step[1:] * step[:-1]).sum(1) < -0.5
+    back = (step[1:] * step[:-1]).sum(1) < BACK
     if back.sum() > max(2, TURNS_BACK * len(line)):
         raise InputError(
             f"{path}: the line turns back at {back.sum()} of {len(line)} points; put them in order along the cable"

@@ -97,6 +97,22 @@ def test_a_file_of_the_user_that_is_called_as_a_package_of_ours_is_told_in_a_lin
     assert done.returncode == 1
 
 
+def test_folders_of_data_that_are_called_as_packages_of_ours_do_no_harm(tmp_path: Path) -> None:
+    """Where roadfiber is an editable install, which Python asks only after all of its path."""
+    for name in own_packages.OWN:
+        (tmp_path / name).mkdir()
+    code = (
+        f"import sys; from importlib.machinery import PathFinder; root = {str(ROOT)!r}\n"
+        "class Editable:\n"
+        "    find_spec = staticmethod(lambda name, path=None, target=None: PathFinder.find_spec(name, [root]))\n"
+        "sys.path = [one for one in sys.path if one != root]\n"
+        "sys.meta_path.insert(sys.meta_path.index(PathFinder) + 1, Editable)\n"
+        "import roadfiber, calib.rounding"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
 def test_packages_that_are_not_there_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(own_packages, "OWN", ("no_such_package",))
     assert own_packages.foreign(ROOT)[0].startswith("no_such_package is missing from")

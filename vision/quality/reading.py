@@ -33,7 +33,7 @@ def read_tracks(path: Path, frame_rate: float | None = None) -> "pd.DataFrame":
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: unknown kind of table of tracks; give one of {', '.join(SUFFIXES)}")
     if suffix == ".txt":
-        return read_mot(path, frame_rate).pipe(lambda table: table.assign(detected_class=table["class"]))
+        return tidy(read_mot(path, frame_rate), path)
     table = {".ottrk": read_ottrk, ".otdet": follow_otdet}.get(suffix, read_as_is)(path)
     if missing := [name for name in NEEDED if name not in table]:
         raise InputError(f"{path}: no column {', '.join(missing)}; give a table that `roadfiber track` wrote")

@@ -137,8 +137,20 @@ def test_maps_that_cross_and_that_join(tmp_path: Path) -> None:
     path.write_text(lines([(0, 0), (900, 0)], [(0, 500), (900, 500)]))
     with pytest.raises(rf.InputError, match="2 lines that are 500 m apart"):
         read_operator_map(path, FRAME)
+    path.write_text(lines([(0, 0), (900, 0)], [(0, 30), (880, 30)]))
+    with pytest.raises(rf.InputError, match=r"2 lines that lie beside each other.*: line 1, line 2; keep the one"):
+        read_operator_map(path, FRAME)
     path.write_text(lines([(0, 0), (900, 0), (900, 0)], [(1800, 0), (905, 0)]))
     assert read_operator_map(path, FRAME)[:, 0].round().tolist() == [0, 900, 905, 1800]
+
+
+def test_a_line_that_is_there_twice_is_one(tmp_path: Path) -> None:
+    """As a whole, from its other end, or in parts that another layer has as one."""
+    path, line = tmp_path / "a.geojson", [(0, 0), (900, 0), (900, 700)]
+    for again in ([line], [line[::-1]], [line[1:], line[:2]], [[(50, 0), (800, 0)]]):
+        path.write_text(lines(*again, line))
+        found = read_operator_map(path, FRAME).round()
+        assert np.array_equal(found, line) or np.array_equal(found, line[::-1])
 
 
 def test_kml_and_damaged_geopackage(tmp_path: Path) -> None:

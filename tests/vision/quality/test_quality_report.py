@@ -85,6 +85,11 @@ def test_the_report_is_whole_and_offline(files, command, tmp_path):
     assert [entry["role"] for entry in facts["inputs"]] == ["tracks", "tracks", "truth", "video"]
 
 
+def test_motchallenge_files_have_a_report(files, command, tmp_path):
+    code, out, _ = command(files / "truth.txt", "--frame-rate", 25)
+    assert code == 0 and "truth: 7 vehicles, 229 frames each" in out and (tmp_path / "quality" / "report.html").exists()
+
+
 def test_on_the_report_names_are_text(files, command, tmp_path):
     """Classes and tracks of a table, and its file's name, which has no slash."""
     table = pd.read_csv(files / "fine.csv")
