@@ -68,7 +68,7 @@ class Page:
             fields[name] = TextInput(
                 title=title, width=120 if name == "name" else 68, name=f"field_{name}", disabled=True
             )
-            fields[name].on_change("value", lambda _attr, _old, _new: self.typed())
+            fields[name].on_change("value", lambda _attr, _old, new, name=name: self.typed(name, new))
         return fields
 
     def _layout(self) -> Any:
@@ -107,21 +107,25 @@ class Page:
 
     def choose(self, model: str) -> None:
         """Fit with another model."""
+        self.take_over()
         self.session.model = next(name for name in MODELS if name == model)
         self.show()
 
     def undo(self) -> None:
         """Go one step back."""
+        self.take_over()
         if self.session.undo():
             self.show()
 
     def redo(self) -> None:
         """Go one step forward."""
+        self.take_over()
         if self.session.redo():
             self.show()
 
     def delete(self) -> None:
         """Delete the selected marks."""
+        self.take_over()
         chosen = set(self.marks.selected.indices)
         self.marks.selected.indices = []
         if self.session.change(tuple(m for index, m in enumerate(self.session.marks) if index not in chosen)):
@@ -129,6 +133,7 @@ class Page:
 
     def save(self) -> None:
         """Write the calibration and the points."""
+        self.take_over()
         try:
             written = ", ".join(str(path) for path in self.session.save(self.out))
             self.saved.text = (
@@ -138,13 +143,16 @@ class Page:
             self.saved.text = wrong(f"not saved: {error}")
 
     def edited(self) -> None:
-        """Apply what was dragged or typed, after a pause in the input."""
+        """Apply what was dragged or added, after a pause in the input."""
         if self.writing or self.waiting:
             return
         self.waiting = True
-        self.document.add_timeout_callback(self._take_over, WAIT)
+        self.document.add_timeout_callback(self.take_over, WAIT)
 
-    def _take_over(self) -> None:
+    def take_over(self) -> None:
+        """Apply now what was dragged or added, before anything else is done to the marks."""
+        if not self.waiting:
+            return
         self.waiting = False
         marks = read_marks(dict(self.marks.data))
         grown = len(marks) > len(self.session.marks)
@@ -176,13 +184,15 @@ class Page:
         chosen = [index for index in self.marks.selected.indices if index < len(self.session.marks)]
         return self.session.marks[chosen[0]] if len(chosen) == 1 else None
 
-    def typed(self) -> None:
-        """Apply what was typed for the selected mark."""
-        mark = self._selected()
-        if self.writing or mark is None:
+    def typed(self, name: str, text: str) -> None:
+        """Apply what was typed into a field for the selected mark."""
+        if self.writing:
+            return
+        self.take_over()
+        if (mark := self._selected()) is None:
             return
         try:
-            texts = {name: box.value for name, box in self.fields.items()}
+            texts = {field: box.value for field, box in self.fields.items()} | {name: text}
             changed = typed_mark(mark, with_place(texts, self.session.frame))
         except ValueError as error:
             self.saved.text = wrong(error)
@@ -199,6 +209,9 @@ class Page:
         except InputError as error:
             message = wrong(error)
         self.writing = True
+        # With the index of a mark that is no more, Bokeh drags a row into some columns only.
+        count = len(self.session.marks)
+        self.marks.selected.indices = [at for at in self.marks.selected.indices if at < count]
         self.marks.data = table_data(self.session.marks, fit)
         self.table.data = listed(dict(self.marks.data))
         self.writing = False

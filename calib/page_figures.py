@@ -6,6 +6,7 @@ import numpy as np
 from bokeh.models import (
     ColorBar,
     ColumnDataSource,
+    CustomJS,
     DataTable,
     HoverTool,
     LogColorMapper,
@@ -117,8 +118,11 @@ class Figures:
             )
             for name, title in LISTED.items()
         ]
-        return DataTable(source=self.table, columns=columns, width=BESIDE, height=250, index_position=None,
+        table = DataTable(source=self.table, columns=columns, width=BESIDE, height=250, index_position=None,
                           sortable=False, reorderable=False, name="table", autosize_mode="none")  # fmt: skip
+        # Bokeh draws rows anew only where their number changes.
+        self.table.js_on_change("data", CustomJS(args={"view": table.view}, code="view.change.emit()"))
+        return table
 
     def draw(self, points: ControlPoints | None, fit: GroundFit | None) -> None:
         """Draw all that depends on the marks whose place is known; nothing where they determine no fit."""

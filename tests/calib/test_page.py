@@ -10,9 +10,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from bokeh.document import Document
 from street_marks import CAMERA, SIZE, marks
 
 from calib.control_points import write_control_points
+from calib.page import Page
+from calib.session import Session, marks_of
 from tests.web_requests import is_shut
 from vision.camera import Calibration
 
@@ -84,6 +87,41 @@ def street(chromium, tmp_path_factory):
             server.terminate()
 
 
+@pytest.fixture
+def page(tmp_path):
+    """The page as the server holds it, without a browser."""
+    picture = np.full((SIZE[1], SIZE[0], 3), 120, np.uint8)
+    return Page(Document(), Session(SIZE, marks_of(marks())), picture, tmp_path / "calibration.json")
+
+
+def dragged(page, **columns):
+    """What a browser sends when marks were dragged or added."""
+    page.marks.data = {name: [*values] for name, values in page.marks.data.items()} | columns
+
+
+def test_an_added_mark_that_is_undone_is_no_longer_selected(page):
+    """Its index made Bokeh write a later drag into the columns of pixels alone, which the server could not read."""
+    added = {"name": "", "color": ""}
+    dragged(page, **{name: [*values, added.get(name, 5.0)] for name, values in page.marks.data.items()})
+    page.take_over()
+    assert page.marks.selected.indices == [10]
+    page.undo()
+    assert page.marks.selected.indices == [] and len(page.session.marks) == 10
+    page.redo()
+    assert len(page.session.marks) == 11
+
+
+def test_what_was_just_dragged_is_kept_by_whatever_is_done_next(page):
+    page.marks.selected.indices = [4]
+    moved = [px + 3 * (at == 4) for at, px in enumerate(page.marks.data["px"])]
+    dragged(page, px=moved)
+    page.fields["x"].value = "30.5"
+    assert page.session.marks[4].px == pytest.approx(moved[4]) and page.session.marks[4].x == 30.5
+    dragged(page, py=[5.0] * 10)
+    page.undo()
+    assert page.session.marks[4].x == 30.5 and page.session.redo()
+
+
 def test_nobody_else_drives_the_page(street):
     assert is_shut(street.address)
 
@@ -121,6 +159,8 @@ def test_drag_undo_type_add_save_and_delete(street):
     street.page.get_by_label("x, m").fill(f"{street.column('x')[0] + 8:.2f}")
     street.page.get_by_label("x, m").press("Enter")
     street.wait("() => Bokeh.documents[0].get_model_by_name('status').text.includes('left out as outliers: p0')")
+    row = street.page.locator(".slick-row", has=street.page.get_by_text("p0", exact=True))
+    assert f"{street.column('x')[0]:.3f}" in row.inner_text(), "the table shows what was typed"
     street.page.get_by_role("button", name="Undo").click()
     street.wait(
         "before => Bokeh.documents[0].get_model_by_name('status').text.includes(before)", f"id='rms'>{rms:.3f}<"
