@@ -1,5 +1,6 @@
 """Anchors: fiber points known from a manhole or a tap test."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,8 @@ from vision.contract.geometry import SUFFIXES, read_features
 if TYPE_CHECKING:
     import pandas as pd
 
+#: Anchors farther than this from some channels, in meters of fiber, say nothing about them.
+ANCHOR_REACH = 50.0
 COLUMNS = ("name", "channel", "x", "y", "z", "sigma_xy", "sigma_z")
 METERS = {f"{name}_m": name for name in COLUMNS[4:]}  # as an exported map names them
 
@@ -36,6 +39,17 @@ class Anchor:
     z: float
     sigma_xy: float
     sigma_z: float
+
+
+def within_reach(anchors: Sequence[Anchor], channels: tuple[int, int], spacing: float) -> list[Anchor]:
+    """Anchors on channels from a first to a last one, or so little beyond that they say something about these.
+
+    >>> near, far = Anchor("a", 140, 0, 0, 1, 0.1, 0.1), Anchor("b", 160, 0, 0, 1, 0.1, 0.1)
+    >>> [one.name for one in within_reach([near, far], (0, 100), 1.0)]
+    ['a']
+    """
+    first, last = (end + way * ANCHOR_REACH / spacing for end, way in zip(channels, (-1, 1), strict=True))
+    return [one for one in anchors if first <= one.channel <= last]
 
 
 def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.survey.anchors import Anchor
+from solver.survey.anchors import Anchor, within_reach
 from solver.survey.das.opened import Raw
 from solver.survey.das.store import Store
 
@@ -50,7 +50,7 @@ def near_road(
     """First and last channel, out of those `held`, that may lie beside the road.
 
     The fiber from an anchor beside the road to the farthest vehicle is at most `SLACK` times as long as the distance
-    there. Without such an anchor, all channels may lie there.
+    there. Without such an anchor on a channel that is held, all channels may lie there.
 
     Parameters
     ----------
@@ -58,10 +58,16 @@ def near_road(
     spacing : of channels, m
     tracks : trajectory table
     anchors : known points of the fiber
+
+    >>> import pandas as pd
+    >>> tracks = pd.DataFrame({"x": [0.0, 100.0], "y": 0.0})
+    >>> inside, outside = (Anchor(name, at, 50, 5, 1, 0.1, 0.1) for name, at in (("a", 300), ("b", 1200)))
+    >>> near_road((0, 999), 1.0, tracks, [inside, outside]), near_road((0, 999), 1.0, tracks, [outside])
+    ((84, 516), (0, 999))
     """
     place = tracks[["x", "y"]].to_numpy(float)
     first, last = held[1], held[0]
-    for one in anchors:
+    for one in within_reach(anchors, held, spacing):
         way = np.hypot(*(place - (one.x, one.y)).T)
         if way.min(initial=np.inf) > FAR + 5 * one.sigma_xy:
             continue

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.survey.anchors import Anchor
+from solver.survey.anchors import ANCHOR_REACH, Anchor, within_reach
 from solver.survey.das.record import DASRecord
 from solver.survey.limits import VEHICLE_REACH
 from vision.contract import InputError
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Anchors farther than this from the active channels, in meters of fiber, say nothing about them.
-ANCHOR_REACH = 50.0
 #: Share by which channel spacings may be off, and sigmas by which anchors may be.
 SPACING_OFF, SURE = 0.05, 5.0
 #: An anchor this far along the road from where vehicles are recorded on its channel, m, is wrong: rough routes are
@@ -84,20 +82,19 @@ def slow_line(record: DASRecord, passes: "Sequence[Pass]") -> str | None:
 def in_record(anchors: Sequence[Anchor], record: DASRecord, warnings: list[str]) -> list[Anchor]:
     """Anchors on channels of the record, or so little beyond that they matter; the others are named in `warnings`."""
     first, last = record.recorded.channels
-    reach = ANCHOR_REACH / record.channel_spacing
+    used = within_reach(anchors, (first, last), record.channel_spacing)
     for one in anchors:
-        if not first - reach <= one.channel <= last + reach:
+        if one not in used:
             warnings.append(
                 f"anchor {one.name} is on channel {one.channel:g}, which is not in the record ({first} to {last}), so "
                 "it is not used; check the number if the record should hold it"
             )
-    return [one for one in anchors if first - reach <= one.channel <= last + reach]
+    return used
 
 
 def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, warnings: list[str]) -> list[Anchor]:
     """Anchors within reach of the active channels; the others are named in `warnings`."""
-    reach = ANCHOR_REACH / spacing
-    used = [a for a in anchors if active[0] - reach <= a.channel <= active[1] + reach]
+    used = within_reach(anchors, active, spacing)
     far = [f"{a.name} (channel {a.channel:g})" for a in anchors if a not in used]
     if far:
         warnings.append(

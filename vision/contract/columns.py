@@ -94,12 +94,14 @@ def to_frame(
     Raises
     ------
     InputError
-        Where a value is out of range, or is over 100 km from the origin of `frame` (swapped columns look so).
+        Where a value is out of range, or is over 100 km from the origin of `frame` (swapped ones look so, those of the
+        origin as well as the columns).
 
     >>> frame = LocalFrame((32.0, 34.8), 90.0)
     >>> to_frame(np.array([34.8]), np.array([32.0]), frame, Path("gps.csv"))
     Traceback (most recent call last):
-    vision.contract.errors.InputError: gps.csv: latitude and longitude look swapped; exchange the two columns
+    vision.contract.errors.InputError: gps.csv: latitude and longitude look swapped, there or in the frame's \
+origin (32.0, 34.8): exchange those of the file, or the two numbers of origin
     """
     for name, degrees, limit in (("latitude", latitude, 90), ("longitude", longitude, 180)):
         bad = np.abs(degrees) > limit
@@ -112,7 +114,11 @@ def to_frame(
         within = np.abs(longitude) <= 90
         swapped = np.hypot(*frame.to_local(np.where(within, longitude, 90.0), latitude))
         if np.median(swapped) < REACH_OF_FRAME:
-            raise InputError(f"{path}: latitude and longitude look swapped; exchange the two columns")
+            # Exchanged in the file or in the origin, the distance is the same: nothing here tells which.
+            raise InputError(
+                f"{path}: latitude and longitude look swapped, there or in the frame's origin {frame.origin}: "
+                "exchange those of the file, or the two numbers of origin"
+            )
         row = int(far.argmax())
         raise InputError(
             f"{path}: row {row + 1}: {far[row] / 1e3:.0f} km from the frame's origin {frame.origin}; "

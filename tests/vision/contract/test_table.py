@@ -171,7 +171,7 @@ def test_bad_csv_is_one_clear_line(tmp_path, text, says):
     [
         ("97.0,34.8", "row 1: latitude is 97; give degrees within ±90"),
         ("32.1,190.0", "row 1: longitude is 190"),
-        ("34.804,32.113", "latitude and longitude look swapped"),
+        ("34.804,32.113", "look swapped, there or in the frame's origin"),
         ("33.113,36.804", "km from the frame's origin"),
         (",34.8", "row 1: latitude is 'nan'"),
     ],
