@@ -55,7 +55,7 @@ def trial_survey() -> tuple[MapFit, State]:
         record=np.zeros((samples, CHANNELS)),
         noise=torch.ones(CHANNELS, dtype=torch.float64),
         channel=channel,
-        recorded=CHANNELS,
+        recorded=(0, CHANNELS - 1),
         zero_distance=0.0,
         channel_spacing=SPACING,
         gauge_length=10.0,

@@ -82,7 +82,7 @@ def pose(
         record=kept,
         noise=torch.from_numpy(noise[alive]),
         channel=channel[alive],
-        recorded=record.recorded.channels[1] - record.recorded.channels[0] + 1,
+        recorded=record.recorded.channels,
         zero_distance=float(record.distance[0] - record.channel[0] * record.channel_spacing),
         channel_spacing=record.channel_spacing,
         gauge_length=record.gauge_length,

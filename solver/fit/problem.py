@@ -39,7 +39,7 @@ class Problem:
         where it was read so, of which fits take the samples that they need in double
     noise : [channel], standard deviation of the noise, 1/s
     channel : [channel], numbers of the fitted channels
-    recorded : how many channels the whole record has
+    recorded : first and last channel number of the whole record
     zero_distance : distance along the fiber of channel 0, m
     channel_spacing, gauge_length : m
     passes : vehicles; `traffic.samples` are the rows of the record that are fitted
@@ -60,7 +60,7 @@ class Problem:
     record: NDArray[Any]
     noise: Tensor
     channel: NDArray[np.int64]
-    recorded: int
+    recorded: tuple[int, int]
     zero_distance: float
     channel_spacing: float
     gauge_length: float
@@ -119,9 +119,10 @@ class Problem:
 
     @property
     def route_channel(self) -> NDArray[np.int64]:
-        """Channel numbers within `span`, those without data between them included."""
-        first, last = ((end - self.zero_distance) / self.channel_spacing for end in self.span)
-        return np.arange(int(np.ceil(first)), int(np.floor(last)) + 1)
+        """Numbers of the record's channels within `span`, and of those beyond it out to an anchor."""
+        span = (np.array(self.span) - self.zero_distance) / self.channel_spacing
+        held = [*self.recorded, *(one.channel for one in self.anchors)]
+        return np.arange(int(np.ceil(max(span[0], min(held)))), int(np.floor(min(span[1], max(held)))) + 1)
 
     @property
     def base_parts(self) -> set[str]:
@@ -170,7 +171,7 @@ class Problem:
         inside = self.traffic.position.numpy()
         around = Surroundings(
             distance=torch.from_numpy(distance),
-            recorded=self.recorded,
+            recorded=self.recorded[1] - self.recorded[0] + 1,
             gauge_length=self.gauge_length,
             channel_spacing=self.channel_spacing,
             sampling_rate=self.sampling_rate,

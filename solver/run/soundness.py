@@ -123,6 +123,8 @@ def check_agreement(problem: "Problem", arrays: Arrays, anchors: Sequence[Anchor
     """
     channel, length = arrays["channel"], len(arrays["channel"]) * problem.channel_spacing
     require(problem.gauge_length < length, "the gauge is longer than the route")
+    fitted, (first, last) = arrays["fitted_channel"], problem.recorded
+    require(first <= fitted[0] and fitted[-1] <= last, "a fitted channel is not in the record")
     ends = channel[0] - 1, channel[-1] + 1
     require(all(ends[0] <= one.channel <= ends[1] for one in anchors), "an anchor is at none of the channels")
     require(problem.basis.size <= 8 * len(channel) + 100, "the route has more knots than its channels can place")

@@ -27,7 +27,7 @@ from solver.run.stored_types import (
 )
 from solver.run.trust import Verdict
 
-Format = Literal["roadfiber run 4"]
+Format = Literal["roadfiber run 5"]
 (FORMAT,) = get_args(Format)
 #: What says of a file that it is of a run, of whatever version of roadfiber.
 ANY_FORMAT = r"^roadfiber run (\d{1,9})$"
@@ -108,7 +108,7 @@ class CoilFile(Stored):
 class ProblemFile(Stored):
     """`problem`: what of `solver.fit.problem.Problem` are not arrays; `added` are the names of its effects."""
 
-    recorded: Count
+    recorded: tuple[Count, Count]
     zero_distance: Place
     channel_spacing: Length
     gauge_length: Length

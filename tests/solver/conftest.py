@@ -166,7 +166,7 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Survey:
         record=strain_rate[:, fitted],
         noise=torch.from_numpy(noise),
         channel=fitted,
-        recorded=strain_rate.shape[1],
+        recorded=(0, strain_rate.shape[1] - 1),
         zero_distance=0.0,
         channel_spacing=1.0,
         gauge_length=10.0,

@@ -134,7 +134,7 @@ def posed(site: PlannedSite, record: DASRecord, passes: list[Pass], anchors: Any
         record=np.zeros((len(record.time), count)),
         noise=torch.ones(count, dtype=torch.float64),
         channel=record.channel,
-        recorded=count,
+        recorded=(int(record.channel[0]), int(record.channel[-1])),
         zero_distance=0.0,
         channel_spacing=record.channel_spacing,
         gauge_length=record.gauge_length,

@@ -214,8 +214,8 @@ def test_the_mean_that_is_taken_off_is_that_of_the_whole_record():
     """Most of a long record senses no vehicle."""
     fit, state = trial_survey()
     effect = built_in()["common_mode"]
-    long = Trial(effect, MapFit(replace(fit.problem, recorded=3200)), state)
-    short = Trial(effect, MapFit(replace(fit.problem, recorded=320)), state)
+    long = Trial(effect, MapFit(replace(fit.problem, recorded=(0, 3199))), state)
+    short = Trial(effect, MapFit(replace(fit.problem, recorded=(0, 319))), state)
     changes = [one.map(one.numbers({"share": 1.0})) - one.base() for one in (short, long)]
     assert changes[0].abs().max() > 0
     torch.testing.assert_close(changes[0], 10 * changes[1])

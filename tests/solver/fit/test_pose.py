@@ -12,6 +12,7 @@ from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.signal_path.traffic import Traffic
 from solver.start.rough_route import silent
+from solver.survey.anchors import Anchor
 from solver.survey.das import DASRecord
 from solver.survey.dead_channels import dead_channels
 from solver.trajectory.vehicle_pass import track_sigma
@@ -146,3 +147,11 @@ def test_the_record_is_not_copied_and_what_is_fitted_of_it_is_in_double_precisio
     assert posed.strain_rate.dtype == double.strain_rate.dtype == torch.float64
     assert torch.equal(posed.strain_rate.nan_to_num(), double.strain_rate.nan_to_num())
     assert np.allclose(posed.law.own, double.law.own, rtol=1e-5)
+
+
+def test_the_route_has_no_channel_that_the_record_lacks(survey) -> None:
+    """Half a gauge beyond the last fitted channel route.csv had one more, unless an anchor is out there."""
+    problem = replace(survey.problem, recorded=(52, 107), anchors=[])
+    assert problem.route_channel[[0, -1]].tolist() == [52, 107] != survey.problem.route_channel[[0, -1]].tolist()
+    out = replace(problem, anchors=[Anchor("a", 115, 60.0, 4.0, 0.9, 0.05, 0.05)])
+    assert out.route_channel[[0, -1]].tolist() == [52, 115]

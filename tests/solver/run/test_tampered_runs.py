@@ -167,8 +167,8 @@ def test_json_that_is_none_is_refused(run, content):
 def test_a_run_of_another_version_says_what_to_do(run):
     facts = json.loads((run / "fit.json").read_text())
     for written, wanted in (
-        ("roadfiber run 3", "run `roadfiber locate` on its survey again"),
-        ("roadfiber run 5", "update roadfiber to open it"),
+        ("roadfiber run 4", "run `roadfiber locate` on its survey again"),
+        ("roadfiber run 6", "update roadfiber to open it"),
     ):
         (run / "fit.json").write_text(json.dumps(facts | {"format": written}))
         assert f'roadfiber (format "{written}"); {wanted}' in refused(run)

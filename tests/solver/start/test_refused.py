@@ -24,7 +24,7 @@ def test_the_gate_and_what_was_seen_are_told(survey, tmp_path: Path) -> None:
         initialize(survey.record, wild)
     seen = caught.value.seen
     assert seen.inliers.sum() < seen.needed and len(seen.x) == len(seen.channel) == len(seen.inliers)
-    assert f"{seen.inliers.sum()} of {len(seen.inliers)} detections" in refused_figure(seen).axes[0].get_title(
+    assert f"{seen.inliers.sum()} of {seen.beside.sum()} detections" in refused_figure(seen).axes[0].get_title(
         loc="left"
     )
     told = pictured(caught.value, tmp_path / "run")
@@ -33,6 +33,22 @@ def test_the_gate_and_what_was_seen_are_told(survey, tmp_path: Path) -> None:
     again = InputError("more words")
     again.__cause__ = caught.value
     assert pictured(again, tmp_path / "other").endswith("other-refused.png")
+
+
+@pytest.mark.parametrize(("first", "count"), [(50, 40), (20, 60)])
+def test_fixes_beyond_the_recorded_channels_are_no_contradiction(survey, first: int, count: int) -> None:
+    """The same survey, cut to fixes beside recorded channels, was accepted, and no record under 48 m of fiber was."""
+    part = slice(first, first + count)
+    record = replace(
+        survey.record,
+        strain_rate=survey.record.strain_rate[:, part],
+        channel=survey.record.channel[part],
+        distance=survey.record.distance[part],
+    )
+    x0, slope = initialize(survey.record, survey.passes).x_of_channel
+    found = initialize(record, survey.passes).x_of_channel
+    middle = first + count / 2
+    assert found[0] + found[1] * middle == pytest.approx(x0 + slope * middle, abs=2.0)
 
 
 def test_other_errors_have_no_picture(tmp_path: Path) -> None:

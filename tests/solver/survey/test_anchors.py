@@ -55,7 +55,10 @@ def test_latitude_and_longitude_are_projected(tmp_path, names):
             [HEADER, "w,84,32.1131,34.8041,1,.1,.1", "e,99,32.1132,34.8042,1,.1,.1"],
             "x and y hold latitude and longitude",
         ),
-        ([HEADER.replace("x,y", "latitude,longitude"), "w,84,34.804,32.113,1,.1,.1"], "look swapped, there or in the frame's origin"),
+        (
+            [HEADER.replace("x,y", "latitude,longitude"), "w,84,34.804,32.113,1,.1,.1"],
+            "there or in the frame's origin",
+        ),
         ([HEADER, WEST, WEST + ",1,2"], "cannot be read (Error tokenizing"),
     ],
 )
