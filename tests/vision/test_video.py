@@ -144,6 +144,13 @@ def test_not_a_video(content, tmp_path, capfd):
     assert capfd.readouterr().err == "", "our line is the only one"
 
 
+def test_a_playlist_is_not_followed(clip):
+    playlist = clip.with_name("playlist.mp4")
+    playlist.write_text(f"ffconcat version 1.0\nfile {clip.name}\n")
+    with pytest.raises(InputError, match="not a video but text"):
+        open_video(playlist)
+
+
 def test_no_frames(tmp_path):
     images = numbered_images(1)
     path = write_video(tmp_path / "one.mp4", images)

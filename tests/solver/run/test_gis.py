@@ -2,6 +2,8 @@
 
 import builtins
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -224,6 +226,24 @@ def test_maps_that_cannot_be_read_are_one_line(tmp_path: Path, name: str, text: 
     with pytest.raises(InputError) as error:
         read_features(tmp_path / name)
     assert said in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_geopackage_is_no_other_format_and_computes_nothing(subject: Subject, tmp_path: Path) -> None:
+    export(subject, tmp_path / "a.gpkg", UTM)
+    vrt = '<OGRVRTDataSource><OGRVRTLayer name="route"><SrcDataSource>{}</SrcDataSource></OGRVRTLayer></OGRVRTDataSource>'
+    (tmp_path / "b.gpkg").write_text(vrt.format(tmp_path / "a.gpkg"))
+    assert len(geopandas.read_file(tmp_path / "b.gpkg"))  # GDAL reads what it names
+    with pytest.raises(InputError, match="not a readable GeoPackage"):
+        read_features(tmp_path / "b.gpkg")
+    with closing(sqlite3.connect(tmp_path / "a.gpkg")) as file:
+        file.executescript(
+            """DROP TABLE channels; DROP TABLE route;
+            CREATE VIEW channels AS WITH RECURSIVE n(geom) AS (VALUES(1) UNION ALL SELECT 2 FROM n) SELECT * FROM n;
+            CREATE TABLE route(geom, huge AS (zeroblob(1000000000)));
+            INSERT INTO route VALUES (NULL)"""
+        )
+    with pytest.raises(InputError, match="too big"):
+        read_features(tmp_path / "a.gpkg")
 
 
 def test_points_without_attributes_are_no_anchors(tmp_path: Path) -> None:
