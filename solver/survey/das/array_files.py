@@ -78,7 +78,7 @@ def load_array(path: Path) -> NDArray[Any]:
 def read_numpy(path: Path) -> Iterator[Block]:
     """Read a `.npy` or `.npz` file and its side file."""
     side, data = read_side_file(path), load_array(path)
-    if data.ndim != 2 or not np.issubdtype(data.dtype, np.number) or np.iscomplexobj(data):
+    if data.ndim != 2:
         raise InputError(f"{path}: an array of {data.dtype} {data.shape}; give real numbers [time, channel]")
     if sorted(side.axes) != ["channel", "time"]:
         raise InputError(f"{path}: axes is {list(side.axes)}; give ['time', 'channel'] or the reverse")

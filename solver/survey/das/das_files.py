@@ -178,4 +178,6 @@ def read_blocks(path: Path) -> list[Block]:
     blocks = [block for block in reader(path) if block.data.size]
     if not blocks:
         raise InputError(f"{path}: no samples; give a file with a recording of time and distance")
+    if other := [block.data.dtype for block in blocks if block.data.dtype.kind not in "iuf"]:
+        raise InputError(f"{path}: holds {other[0]}, no real numbers; give strain rate, strain or phase")
     return blocks

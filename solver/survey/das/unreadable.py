@@ -44,6 +44,8 @@ def why_unreadable(error: Exception) -> str:
     >>> why_unreadable(ValueError("'bananas' is not defined in the unit registry"))
     "unknown unit 'bananas'; write one such as (nm/m)/s or rad/s into the file"
     """
+    if isinstance(error, OverflowError):
+        return "a number in its header, perhaps in a unit, is beyond all range; mend it"
     reason = str(error).splitlines()[0] if str(error) else type(error).__name__
     if unit := re.search(r"('.+') is not defined in the unit registry", reason):
         return f"unknown unit {unit[1]}; write one such as (nm/m)/s or rad/s into the file"

@@ -39,6 +39,10 @@ FILE = Path("a.h5")
         ("volt", None),
         ("rad*s", None),
         ("no such unit", None),
+        ("9**9**9 1/s", None),  # in whole numbers it has 400 million digits
+        ("9" * 100_000 + "/s", None),
+        ("1e400/s", None),
+        (" ", None),
         ("", None),
     ],
 )
