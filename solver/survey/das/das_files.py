@@ -179,5 +179,5 @@ def read_blocks(path: Path) -> list[Block]:
     if not blocks:
         raise InputError(f"{path}: no samples; give a file with a recording of time and distance")
     if other := [block.data.dtype for block in blocks if block.data.dtype.kind not in "iuf"]:
-        raise InputError(f"{path}: holds {other[0]}, no real numbers; give strain rate, strain or phase")
+        raise InputError(f"{path}: an array of {other[0]}; give real numbers [time, channel]")
     return blocks

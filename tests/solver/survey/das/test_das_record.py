@@ -298,8 +298,8 @@ def changed(path, name, value):
         ("RawData", np.transpose, r"its data are \[12, 40\], but time and channel \[40, 12\]: the axes are exchanged"),
         ("RawDataUnit", np.bytes_("bananas"), "unknown unit 'bananas'; write one such as"),
         ("RawDataUnit", np.bytes_("9**9**9 1/s"), "a number in its header, perhaps in a unit, is beyond all range"),
-        ("RawData", lambda v: v.astype(complex), "holds complex128, no real numbers"),
-        ("RawData", lambda v: v.astype("S9"), r"holds \|S9, no real numbers"),
+        ("RawData", lambda v: v.astype(complex), "an array of complex128; give real numbers"),
+        ("RawData", lambda v: v.astype("S9"), r"an array of \|S9; give real"),
         ("RawDataTime", lambda t: t[::-1], "its times run backwards at sample 1"),
         (
             "RawDataTime",
