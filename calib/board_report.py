@@ -82,7 +82,7 @@ def write_board_picture(fit: BoardFit, path: Path) -> None:
     names = [name for name, _, _ in fit.intrinsics.views]
     bars.bar(range(len(names)), [rms for _, _, rms in fit.intrinsics.views], color="steelblue")
     bars.axhline(fit.intrinsics.rms_px, color="crimson", lw=1)
-    bars.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=6)
+    bars.set_xticks(range(len(names)), names, rotation=60, ha="right", fontsize=6, parse_math=False)
     bars.set(ylabel="rms, px", title="error of every view (red: all)")
     bars.title.set_fontsize(10)
     with writing(path) as temporary:

@@ -141,7 +141,8 @@ def _from_above(axes: "Axes", calibration: Calibration) -> None:
         inward = 1 if point.x < (low[0] + high[0]) / 2 else -1  # so that no name extends beyond the panel
         axes.annotate(
             point.name, (point.x, point.y), xytext=(3 * inward, 3), textcoords="offset points", fontsize=7,
-            ha="left" if inward > 0 else "right", path_effects=[withStroke(linewidth=2, foreground="white")],
+            ha="left" if inward > 0 else "right", parse_math=False,
+            path_effects=[withStroke(linewidth=2, foreground="white")],
         )  # fmt: skip
     title = f"from above: 1 sigma of a position, m (red: {GOOD:g} m)"
     axes.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), xlabel="x, m", ylabel="y, m (right of +x)", title=title)

@@ -29,6 +29,7 @@ from roadfiber import (
 )
 from solver.survey.memory import collect_seldom, reuse_freed_memory
 from vision.contract.errors import InputError, machine_words
+from vision.contract.text import plain
 
 if TYPE_CHECKING:
     from solver.simulator import Scenario
@@ -80,6 +81,8 @@ def verbosity(
     """Locate a buried fiber from street video (or GPS) and Distributed Acoustic Sensing."""
     level = logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO
     logging.basicConfig(format="%(message)s", stream=sys.stderr)
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(legible)
     logging.getLogger("roadfiber").setLevel(level)
     # It says at length where it keeps its fonts, for a user who has no home.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
@@ -209,6 +212,12 @@ def flush() -> None:
         raise type(error)(error.errno, error.strerror, "standard output") from error
 
 
+def legible(record: logging.LogRecord) -> bool:
+    """Take from a message what controls terminals: names of files may hold it."""
+    record.msg, record.args = "\n".join(map(plain, record.getMessage().split("\n"))), ()
+    return True
+
+
 def tell(line: str) -> None:
     """Print a line on standard error."""
-    print(f"roadfiber: {line}", file=sys.stderr)
+    print(f"roadfiber: {plain(line)}", file=sys.stderr)

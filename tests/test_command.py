@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import roadfiber.command
 from solver.ground.compiled import compiled
 from solver.survey.das.units import require_cache
+from vision.contract import InputError
 
 
 def ended(monkeypatch, capsys, *words) -> tuple[int, str]:
@@ -33,6 +34,7 @@ def test_version():
     [
         (KeyboardInterrupt(), 130, "roadfiber: interrupted; the unfinished output is discarded\n"),
         (MemoryError(), 2, "roadfiber: not enough memory; name fewer channels in [das] of site.toml, "),
+        (InputError("\x1b[2Ja.h5: no"), 2, "roadfiber: ?[2Ja.h5: no\n"),
         (OSError(5, "Input/output error", "a.h5"), 2, "roadfiber: a.h5: Input/output error\n"),
     ],
 )

@@ -52,7 +52,7 @@ def open_capture(path: Path, packets: bool = False) -> Any:
     with path.open("rb") as stream:
         start = stream.read(64)
     # FFmpeg follows playlists to the files that they name, whatever their own name says.
-    if b"\0" not in start and start.isascii() and not start.startswith(b"YUV4MPEG2"):
+    if start and b"\0" not in start and start.isascii() and not start.startswith(b"YUV4MPEG2"):
         raise InputError(f"{path}: not a video but text; give the video itself")
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # roadfiber itself reports a refused file
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1] if packets else [])

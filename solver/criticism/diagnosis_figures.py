@@ -55,7 +55,7 @@ def support_figure(listed: Sequence[Candidate]) -> Figure:
         axes.barh(at, c.delta_chi2, color=color, height=0.62)
         beside(axes, c.delta_chi2, at, f"{c.delta_chi2:,.0f}" + ("" if c.refitted else " (predicted)"))
     beside(axes, 0.0, len(shown), "0")
-    axes.set_yticks(range(len(shown) + 1), [*(c.title for c in shown), "Nothing is missing"], parse_math=False)
+    axes.set_yticks(range(len(shown) + 1), [*(c.title for c in shown), "Nothing is missing"])
     axes.set(xlim=(0, 1.12 * max(most, 1.0)), ylim=(len(shown) + 0.5, -0.5))
     axes.set_xlabel("misfit that it takes away (fall of chi²)")
     return figure

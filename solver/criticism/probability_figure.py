@@ -30,7 +30,7 @@ def probability_figure(explanations: Sequence[Weighed], listed: Sequence[Candida
         axes.barh(at, 100 * one.probability, color=color, height=0.62)
         beside(axes, 100 * one.probability, at, probability_words(one.probability))
     titles = titles_of(listed)
-    axes.set_yticks(range(len(shown)), [title_of_explanation(one, titles) for one in shown], parse_math=False)
+    axes.set_yticks(range(len(shown)), [title_of_explanation(one, titles) for one in shown])
     axes.set(xlim=(0, 115), ylim=(len(shown) - 0.5, -0.5), xticks=(0, 25, 50, 75, 100))
     axes.set_xlabel("probability, %")
     return figure

@@ -78,6 +78,8 @@ def channel_figure(run: "DriveRun", width: int) -> Figure:
     heard = run.arrays["heard"]
     panels[2].plot(channel[heard], np.full(heard.sum(), NARROW * 1.15), "|", color=INK, ms=5, mew=0.8)
     panels[2].set(yscale="log", ylim=(NARROW, WIDE), xlabel="channel", ylabel="m")
+    panels[2].yaxis.set_major_formatter("{x:g}")
+    panels[2].yaxis.set_minor_formatter("")
     panels[2].set_title("Half-width of the 95 % band along the path; ticks: channels that heard the car")
     return figure
 

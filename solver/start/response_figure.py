@@ -28,7 +28,8 @@ def draw_maps(maps: "ResponseMaps") -> "Figure":
     panel(maps, axes[0, 2], ratio, "depth over offset, powers of ten", "coolwarm", limit=1.0)
     for axis, (name, title) in zip(axes[1], TITLES.items(), strict=True):
         panel(maps, axis, 100 * maps.told[name] * UNIT[name], f"{title}, %", "cividis")
-    figure.suptitle(f"{maps.vehicle_class}: response of a straight fiber, weight of the vehicle unknown")
+    title = f"{maps.vehicle_class}: response of a straight fiber, weight of the vehicle unknown"
+    figure.suptitle(title, parse_math=False)
     return figure
 
 

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 from solver.survey.limits import VEHICLE_REACH
 from vision.contract import InputError, LocalFrame
-from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame, with_positions
+from vision.contract.columns import (
+    check_meters,
+    check_names,
+    check_positive,
+    finite,
+    first_row,
+    to_frame,
+    with_positions,
+)
 from vision.contract.csv_table import read_csv
 from vision.contract.geometry import SUFFIXES, read_features
 
@@ -123,7 +131,8 @@ def anchors_of(table: "pd.DataFrame", frame: LocalFrame, path: Path = Path("anch
         raise InputError(f"{path}: no column {', '.join(missing)}; an anchors table has {', '.join(COLUMNS)}")
     if table.empty:
         raise InputError(f"{path}: no anchors; write one row per anchor or leave [anchors] out of site.toml")
-    table = finite(table, names[1:], path)
+    table = finite(table.assign(name=table["name"].astype(str)), names[1:], path)
+    check_names(table, ("name",), path)
     check_positive(table, ("sigma_xy", "sigma_z"), path)
     if (wrong := (table["z"] <= 0) | (table["z"] > VEHICLE_REACH)).any():
         row = first_row(wrong)

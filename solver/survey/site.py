@@ -21,6 +21,7 @@ from solver.survey.site_sections import (
     DASSection,
     FrameSection,
     GroundSection,
+    Name,
     RouteSection,
     Section,
     TrajectoriesSection,
@@ -40,7 +41,7 @@ class Site(Section):
     plan : of the survey before it was driven
     """
 
-    name: str = ""
+    name: Name = ""
     frame_section: FrameSection = Field(alias="frame")
     das: DASSection
     camera: CameraSection | None = None

@@ -18,6 +18,7 @@ from pydantic import (
 from solver.survey.das.units import Quantity
 from solver.survey.limits import VEHICLE_REACH
 from solver.survey.patterns import files_matching
+from vision.contract.text import LONGEST, is_name, plain
 
 STORE_FILE = "store.json"  # which identifies the folder of a store
 DETECTORS = ("nanodet", "street")  # built in, the default first
@@ -29,17 +30,26 @@ def folder_of(info: ValidationInfo) -> Path:
     return Path(context["folder"])
 
 
-def existing(path: Path, info: ValidationInfo) -> Path:
-    """Return `path` relative to the site file's folder; ValueError if there is no such file."""
+def beside(path: Path, info: ValidationInfo) -> Path:
+    """Return `path` relative to the site file's folder, whether it exists or not.
+
+    Raises
+    ------
+    ValueError
+        If its name, which pages and files repeat, controls terminals.
+    """
     full = folder_of(info) / path
-    if not full.is_file():
-        raise ValueError(f"no such file {str(path)!r} beside the site file")
+    if plain(str(full)) != str(full):
+        raise ValueError(f"{plain(str(full))!r} is no name in one line; rename it")
     return full
 
 
-def beside(path: Path, info: ValidationInfo) -> Path:
-    """Return `path` relative to the site file's folder, whether it exists or not."""
-    return folder_of(info) / path
+def existing(path: Path, info: ValidationInfo) -> Path:
+    """Return `path` relative to the site file's folder; ValueError if there is no such file."""
+    full = beside(path, info)
+    if not full.is_file():
+        raise ValueError(f"no such file {str(path)!r} beside the site file")
+    return full
 
 
 def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
@@ -54,7 +64,7 @@ def matching(patterns: Any, info: ValidationInfo) -> list[Path]:
         hits = {path for path in files_matching(pattern, folder) if not (path.parent / STORE_FILE).is_file()}
         if not hits:
             raise ValueError(f"no file matches {pattern!r} beside the site file")
-        found.update(hits)
+        found.update(beside(path, info) for path in hits)
     return sorted(found)
 
 
@@ -65,6 +75,14 @@ def detector_of(detector: Any, info: ValidationInfo) -> Any:
     return detector if detector in DETECTORS else existing(Path(detector), info)
 
 
+def one_line(name: str) -> str:
+    """Return a name; ValueError if it is none."""
+    if not is_name(name):
+        raise ValueError(f"{plain(name[:LONGEST])!r}; give at most {LONGEST} characters in one line")
+    return name
+
+
+Name = Annotated[str, AfterValidator(one_line)]
 File = Annotated[Path, AfterValidator(existing)]
 Files = Annotated[list[Path], BeforeValidator(matching, json_schema_input_type=str | list[str])]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -161,7 +161,7 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Survey:
         seconds=1.2,
         converged=True,
     )
-    anchors = [Anchor("pit <1>", 60.0, *route[10], 0.05, 0.05)]
+    anchors = [Anchor("pit <1> $^$", 60.0, *route[10], 0.05, 0.05)]
     problem = Problem(
         record=strain_rate[:, fitted],
         noise=torch.from_numpy(noise),

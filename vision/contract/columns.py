@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from vision.contract.errors import InputError
 from vision.contract.frame import LocalFrame
+from vision.contract.text import LONGEST, is_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,6 +75,18 @@ def check_positive(table: "pd.DataFrame", names: Sequence[str], path: Path, unit
             row = first_row(bad)
             value = table[name].iloc[row - 1]
             raise InputError(f"{path}: row {row}: {name} is {value:g}; give a standard deviation above 0 {unit}")
+
+
+def check_names(table: "pd.DataFrame", names: Sequence[str], path: Path) -> None:
+    """Raise InputError where a text of these columns is no name: what is written with it could not be read back."""
+    for name in names:
+        bad = ~table[name].map({one: is_name(one) for one in table[name].unique()})
+        if bad.any():
+            row = first_row(bad)
+            raise InputError(
+                f"{path}: row {row}: {name} is {table[name].iloc[row - 1][:LONGEST]!r}; give at most {LONGEST} "
+                "characters in one line"
+            )
 
 
 def check_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> None:

@@ -39,6 +39,7 @@ STYLE: dict[Any, Any] = {
     "text.color": INK,
     "legend.frameon": False,
     "legend.fontsize": 8.5,
+    "text.parse_math": False,  # names are text, whatever stands between two dollars
     "svg.fonttype": "none",
     "svg.hashsalt": "roadfiber",
 }

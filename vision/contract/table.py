@@ -6,7 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from vision.contract.classes import plain_name
-from vision.contract.columns import check_meters, check_positive, finite, first_row, to_frame, with_positions
+from vision.contract.columns import (
+    check_meters,
+    check_names,
+    check_positive,
+    finite,
+    first_row,
+    to_frame,
+    with_positions,
+)
 from vision.contract.csv_table import read_csv
 from vision.contract.errors import InputError
 from vision.contract.files import writing
@@ -203,6 +211,7 @@ def trajectories_of(table: "pd.DataFrame", frame: LocalFrame | None, path: Path 
     table = to_meters(table.assign(time=to_utc(table["time"], path)), frame, path)
     names = {name: table[name].astype(str).str.strip() for name in ("track_id", "class")}
     table = table.assign(track_id=names["track_id"], **{"class": names["class"].map(plain_name)})
+    check_names(table, ("track_id", "class"), path)
     return ordered(without_repeats(with_wheelbase(table, path), path))
 
 

@@ -1,11 +1,35 @@
 """Text and TOML as any editor saves them."""
 
 import codecs
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
 
 from vision.contract.errors import InputError
+
+#: What no name holds: it breaks lines, controls terminals, or is half a character.
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
+#: Characters of a name at most.
+LONGEST = 200
+
+
+def is_name(text: str) -> bool:
+    r"""Whether a text can be the name of something: one line that every file and terminal takes.
+
+    >>> is_name("m$^$ <1>"), is_name("manhole\nwest"), is_name("\x1b[2J")
+    (True, False, False)
+    """
+    return len(text) <= LONGEST and not CONTROL.search(text)
+
+
+def plain(text: str) -> str:
+    r"""A text without what controls a terminal.
+
+    >>> plain("a\x1b[2Jb")
+    'a?[2Jb'
+    """
+    return CONTROL.sub("?", text)
 
 
 def read_text(path: Path, wanted: str) -> str:

@@ -7,6 +7,7 @@ from difflib import get_close_matches
 
 from vision.contract.classes import VEHICLES, plain_name
 from vision.contract.errors import InputError
+from vision.contract.text import LONGEST, is_name
 
 log = logging.getLogger("roadfiber.detectors")
 
@@ -60,6 +61,8 @@ def class_names(
             )
     if count not in (None, len(names)):
         raise InputError(f"{model}: has {count} classes but {len(names)} names; give one name for each (--names)")
+    if odd := [name for name in names if not is_name(name)]:
+        raise InputError(f"{model}: class name {odd[0][:LONGEST]!r} is no text in one line; name them with --names")
     return [plain_name(name) for name in names], source
 
 

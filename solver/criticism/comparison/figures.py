@@ -226,7 +226,9 @@ def spectrum_figure(spectrum: Spectrum, run: Run, width: int) -> Figure:
         18 if not narrow else tall + 66,
         *((9, tall) if not narrow else (wide, 8)),
     )
-    figure.colorbar(mesh, cax=bar, orientation="horizontal" if narrow else "vertical")
+    figure.colorbar(mesh, cax=bar, orientation="horizontal" if narrow else "vertical", format="{x:g}")
+    bar.xaxis.set_minor_formatter("")
+    bar.yaxis.set_minor_formatter("")
     bar.spines[:].set_visible(False)
     start = left + wide + 110 if not narrow else left
     down = 18 if not narrow else tall + 120

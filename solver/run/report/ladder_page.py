@@ -43,7 +43,7 @@ def ladder_figure(rungs: Sequence[Rung]) -> Figure:
         lower.text(at, max(rung.route_change, 0.0), f"{rung.route_change:.2f} m", ha="center", va="bottom", color=INK)
     lower.set_ylabel("route moved, m")
     lower.set_ylim(0, 1.3 * max([0.01, *(r.route_change for r in rungs if np.isfinite(r.route_change))]))
-    lower.set_xticks(x, news(rungs), parse_math=False)
+    lower.set_xticks(x, news(rungs))
     for axes in (upper, lower):
         axes.set_xlim(-0.5, len(rungs) - 0.5)
     return figure
@@ -88,7 +88,7 @@ def move_figure(rungs: Sequence[Rung]) -> Figure:
         look: dict[str, Any] = (
             {"color": ROUTE, "lw": 2.2} if last else {"color": MUTED, "lw": 1.2, "ls": (0, (number + 1, 1.5))}
         )
-        panels[0].plot(route[:, 1], route[:, 2], label=news(rungs)[number].replace("$", r"\$"), zorder=3 + last, **look)
+        panels[0].plot(route[:, 1], route[:, 2], label=news(rungs)[number], zorder=3 + last, **look)
         panels[1].plot(route[:, 1], route[:, 3], zorder=3 + last, **look)
     panels[0].set(ylabel="y, m", title="From above, stretched sideways")
     panels[1].set(ylabel="z, m", xlabel="x, m along the road", title="Depth, stretched")

@@ -15,6 +15,7 @@ from solver.survey.das.tdms import read_tdms_properties
 from solver.survey.das.units import Unit, dascore, parse_unit
 from solver.survey.das.unreadable import why_unknown, why_unreadable
 from vision.contract import InputError
+from vision.contract.text import plain
 
 ROUNDED = 1_000_000  # ns; largest difference between two clocks of one file
 
@@ -72,7 +73,7 @@ def from_febus(block: Block) -> Block:
     product = next(name.rpartition("/")[2] for name in names if not name.endswith("/time"))
     if product.startswith("PSD") or "dB" in product:
         raise InputError(f"{block.path}: holds {product!r}, a spectrum, not a time series; export StrainRate instead")
-    return block if "rate" in product.lower() else replace(block, unit=None, stated=product)
+    return block if "rate" in product.lower() else replace(block, unit=None, stated=plain(product))
 
 
 def from_ap_sensing(block: Block) -> Block:
@@ -80,7 +81,7 @@ def from_ap_sensing(block: Block) -> Block:
     import h5py
 
     with h5py.File(block.path) as file:
-        return replace(block, stated=file["ProcessingServer/DataType"][0].decode())
+        return replace(block, stated=plain(file["ProcessingServer/DataType"][0].decode()))
 
 
 COMPLETIONS: dict[str, Callable[[Block], Block]] = {

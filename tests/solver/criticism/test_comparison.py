@@ -313,6 +313,7 @@ def test_page_needs_no_other_file_and_holds_every_pass(written, gain_run):
     page = (written / "compare.html").read_text(encoding="utf-8")
     assert not re.search(r"https?://|//cdn|@import|url\((?!['\"]?#)|<script src|\$\{", page)
     assert "Elm &lt;Street&gt;" in page
+    assert "mathdefault" not in page  # numbers at axes are text
     assert "Channels 118-131, all passes: gain 30 % low" in page
     data = json.loads(re.search(r'<script type="application/json" id="maps">(.*?)</script>', page).group(1))
     assert len(data["passes"]) == len(gain_run.passes)

@@ -230,8 +230,8 @@ def test_maps_that_cannot_be_read_are_one_line(tmp_path: Path, name: str, text: 
 
 def test_a_geopackage_is_no_other_format_and_computes_nothing(subject: Subject, tmp_path: Path) -> None:
     export(subject, tmp_path / "a.gpkg", UTM)
-    vrt = '<OGRVRTDataSource><OGRVRTLayer name="route"><SrcDataSource>{}</SrcDataSource></OGRVRTLayer></OGRVRTDataSource>'
-    (tmp_path / "b.gpkg").write_text(vrt.format(tmp_path / "a.gpkg"))
+    layer = f'<OGRVRTLayer name="route"><SrcDataSource>{tmp_path / "a.gpkg"}</SrcDataSource></OGRVRTLayer>'
+    (tmp_path / "b.gpkg").write_text(f"<OGRVRTDataSource>{layer}</OGRVRTDataSource>")
     assert len(geopandas.read_file(tmp_path / "b.gpkg"))  # GDAL reads what it names
     with pytest.raises(InputError, match="not a readable GeoPackage"):
         read_features(tmp_path / "b.gpkg")

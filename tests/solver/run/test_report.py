@@ -81,7 +81,7 @@ def test_page_is_whole_html_and_says_the_name_as_written(page):
     assert "Elm <Street> & 2nd" in text
     assert "Street" not in reader.tags
     assert "The fiber runs" in text
-    assert "pit <1>" in text
+    assert text.count("pit <1> $^$") > 1  # in the picture too, where it is no formula
     assert "${" not in text
 
 

@@ -36,6 +36,7 @@ def test_latitude_and_longitude_are_projected(tmp_path, names):
     [
         ([""], "empty file"),
         ([HEADER], "no anchors"),
+        ([HEADER, WEST.replace("west", '"manhole\nwest"')], r"row 1: name is 'manhole\nwest'; give at most 200"),
         ([HEADER.replace(",z", ",depth"), WEST], "no column z"),
         ([HEADER, WEST, WEST.replace("84.5", "90")], "row 2: name west is there twice"),
         ([HEADER, WEST, WEST.replace("west", "east")], "row 2: channel 84.5 is there twice"),

@@ -76,6 +76,7 @@ def test_a_file_that_two_patterns_match_counts_once(folder):
         ([FRAME, DAS, TRACKS, "[grund]\n"], "unknown key grund at the top; did you mean ground?"),
         ([FRAME, DAS, "colour = 1\n", TRACKS], "unknown key colour in [das]; known: files, gauge_length"),
         ([FRAME, DAS], "neither [camera] nor [trajectories]; give one of them"),
+        (['name = "a\\nb"\n', FRAME, DAS, TRACKS], "name: 'a?b'; give at most 200 characters in one line"),
         ([FRAME, TRACKS], "no das; add it"),
         ([DAS, TRACKS], "no frame; add it"),
         (["[frame]\norigin = [32.1, 34.8]\n", DAS, TRACKS], "no frame.x_azimuth; add it"),

@@ -123,6 +123,8 @@ def test_repeated_rows_count_once(tmp_path):
     ("text", "says"),
     [
         ("", "empty file"),
+        (HEADER + "\n" + ROW.replace("Car", "Car\x1b[2J"), r"row 1: class is 'car\x1b[2j'; give at most 200 char"),
+        (f"{HEADER}\n{ROW.replace(',1,', ',' + 'a' * 70_000 + ',')}\n", "row 1: track_id is 'aaaa"),
         (HEADER + "\n", "no fixes"),
         ("time,track_id,class,x\na,b,c,d", "no column y, sigma_x, sigma_y"),
         ("time,track_id,class,latitude\na,b,c,d", "no column longitude, sigma"),
