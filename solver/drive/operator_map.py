@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 JOINED = 50.0
 #: Points closer than this, m, are one.
 SAME = 0.01
-#: Cosine of the angle by which a path turns back, 120 degrees, and at which share of its points it may if in order.
+#: Cosine of the angle by which a path turns back, 120 degrees; at which share of its points it may if in order, and
+#: along which share of its length it may lie on itself.
 BACK, TURNS_BACK = -0.5, 0.1
 
 
@@ -197,11 +198,20 @@ def crosses(one: Array, other: Array) -> bool:
 
 
 def check_order(line: Array, path: Path) -> None:
-    """Raise InputError where points jump to and fro."""
+    """Raise InputError where points jump to and fro, or the line goes one way twice: no car tells which part is heard."""
+    from scipy.spatial import KDTree
+
     step = np.diff(line, axis=0)
     step /= np.linalg.norm(step, axis=1, keepdims=True)
     back = (step[1:] * step[:-1]).sum(1) < BACK
     if back.sum() > max(2, TURNS_BACK * len(line)):
         raise InputError(
             f"{path}: the line turns back at {back.sum()} of {len(line)} points; put them in order along the cable"
+        )
+    at, points = stepped(line)
+    pairs = KDTree(points).query_pairs(STEP, output_type="ndarray")
+    again = np.unique(pairs[np.abs(np.diff(at[pairs])[:, 0]) > JOINED])
+    if len(again) > TURNS_BACK * len(at):
+        raise InputError(
+            f"{path}: the line lies on itself along {len(again) * STEP / 2:.0f} of {at[-1]:.0f} m; draw the cable once"
         )

@@ -104,6 +104,7 @@ def test_car_that_stays(drive: rf.Drive) -> None:
         ("a.csv", "x,y\n0,0\n", "no line of two points"),
         ("a.csv", "a,b\n0,0\n", "no columns latitude, longitude or x, y"),
         ("a.csv", "x,y\n" + "".join(f"{x},0\n" for x in (0, 90, 10, 80, 20, 70, 30, 60, 40, 50)), "in order along"),
+        ("a.csv", "x,y\n0,0\n900,0\n0,0\n", "lies on itself along 17.. of 1800 m; draw the cable once"),
         ("a.csv", "x,y\n32.1,34.8\n32.2,34.9\n", "hold latitude and longitude"),
         ("a.shp", "", "unknown kind of map"),
         ("a.geojson", "{", "not GeoJSON"),
