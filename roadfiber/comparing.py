@@ -12,8 +12,7 @@ from solver.criticism.comparison.comparison_page import WIDE, render
 from solver.criticism.comparison.comparison_words import headline, region_words, verdict
 from solver.criticism.comparison.figures import figures_of
 from solver.criticism.comparison.map_figure import map_figure
-from solver.run.run import Run
-from vision.contract import InputError
+from solver.run.run import Run, require_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,7 +106,7 @@ def compare(run: Run) -> Comparison:
     Raises
     ------
     InputError
-        If the run is of a long fiber (see `compare_stretches`).
+        If the run is of a long fiber (see `compare_stretches`), of a drive, or several that were combined.
 
     Examples
     --------
@@ -115,6 +114,5 @@ def compare(run: Run) -> Comparison:
     >>> comparison.regions.columns[:3].tolist(), comparison.facts["noise_floor"] > 0.9
     (['words', 'x', 'time'], True)
     """
-    if run.too_long:
-        raise InputError(run.too_long)
+    require_whole(run)
     return Comparison(run, compare_run(run))

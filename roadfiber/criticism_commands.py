@@ -60,15 +60,16 @@ def combine(
 ) -> None:
     """Combine runs of one fiber into one route: the one that a single fit of all their passes finds.
 
-    Writes route.csv, route.geojson, combined.json and combined.html, and says whether the runs agree.
+    Writes route.csv, route.geojson, combined.json and combined.html, says whether the runs agree, and keeps them in
+    `runs`; `roadfiber export` takes the folder.
 
     Example: `roadfiber combine runs/monday runs/tuesday --out runs/both`
     """
     import roadfiber as rf
     from roadfiber.locating import open_street
-    from vision.contract import require_writable
+    from solver.run.combined import check_place
 
-    require_writable(out)
+    check_place(out)
     combined = rf.combine(*(open_street(run) for run in runs))
     combined.save(out)
     if as_json:

@@ -18,7 +18,7 @@ from solver.criticism.probability_figure import probability_figure, probability_
 from solver.criticism.route_change import from_run
 from solver.effect import Effect
 from solver.run.fitted import fitted
-from solver.run.run import Run
+from solver.run.run import Run, require_whole
 from solver.run.titles import lower
 from vision.contract import progress
 from vision.contract.notebook import framed
@@ -172,6 +172,7 @@ def diagnose(run: Run, *, effects: Iterable[Effect] = (), tell: Callable[[str], 
     >>> round(float(found.probabilities.probability.sum()), 6)
     1.0
     """
+    require_whole(run)
     known = list(run.known.extended(effects).values())
     fit, state = fitted(run)
 

@@ -21,7 +21,7 @@ from solver.run.ladder import climbed, rungs_of
 from solver.run.ladder_file import ladder_facts, write_ladder
 from solver.run.report.joined import join
 from solver.run.report.ladder_page import ladder_figure, ladder_page
-from solver.run.run import Run
+from solver.run.run import Run, require_whole
 from solver.run.rung import Rung
 from solver.run.titles import lower
 from solver.trajectory.trajectory_effects import CLOCK
@@ -69,6 +69,7 @@ def add(
     check_corridor(corridor)
     begun = time.perf_counter()
     mine = [one for one in effects if isinstance(one, Effect)]
+    require_whole(run)
     names = [one.name if isinstance(one, Effect) else one for one in effects]
     run = replace(run, known=run.known.extended(mine))
     check_names(names, run.problem, run.known)

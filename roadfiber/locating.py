@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from solver.drive.drive import Drive
     from solver.drive.drive_run import DriveRun
+    from solver.run.combined import Combined
     from solver.run.scene import Scene
     from solver.survey.site_sections import CameraSection
     from vision.tracked import Tracked
@@ -205,8 +206,8 @@ def followed(camera: "CameraSection | None") -> "Tracked":
 
 def open(
     folder: Path | str, *, plugins: Sequence[Path | str] = (), effects: Iterable[Effect] = (), changed: bool = False
-) -> "Run | DriveRun":
-    """Open a run folder. It is data: nothing in it is executed.
+) -> "Run | DriveRun | Combined":
+    """Open a run folder, or one that `Combined.save` wrote. It is data: nothing in it is executed.
 
     Parameters
     ----------
@@ -229,8 +230,14 @@ def open(
     from solver.drive.drive_folder import read_drive_run
     from solver.drive.drive_format import is_drive
 
-    if is_drive(Path(folder)):
-        return read_drive_run(Path(folder))
+    folder = Path(folder)
+    if is_drive(folder):
+        return read_drive_run(folder)
+    # Loads PyTorch, which a drive does without.
+    from solver.run.combined import is_combined, read_combined
+
+    if is_combined(folder):
+        return read_combined(folder, plugins=[Path(path) for path in plugins], effects=effects, changed=changed)
     return open_street(folder, plugins=plugins, effects=effects, changed=changed)
 
 
@@ -244,9 +251,21 @@ def open_street(
     InputError
         As of `open`, and where it is of a drive.
     """
-    from solver.drive.drive_format import require_street
     from vision.street_picture import StreetPicture
 
     require_street(Path(folder))
     run = read_run(Path(folder), plugins=[Path(path) for path in plugins], effects=effects, changed=changed)
     return replace(run, scene=StreetPicture.read(Path(folder) / PICTURE, Path(folder) / CALIBRATION))
+
+
+def require_street(folder: Path) -> None:
+    """Refuse the folder of a drive or of combined runs where the run of a street is needed; InputError says which."""
+    from solver.drive.drive_format import is_drive
+
+    if is_drive(folder):
+        raise InputError(f"{folder}: the run of a drive, which has one car; give the run of a street")
+    from solver.run.combined import RUNS, is_combined
+
+    if is_combined(folder):
+        runs = ", ".join(str(one) for one in sorted((folder / RUNS).glob("*")))
+        raise InputError(f"{folder}: one route of several runs, each with a model of its own; give one of them: {runs}")

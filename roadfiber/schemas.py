@@ -12,10 +12,11 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from roadfiber.table_rows import AnchorRow, ChannelRow, FileRow, PointRow, RouteRow, TrajectoryRow
-from roadfiber.written_files import CombinedFile, CompareFile, DiagnosisFile, RouteFeatures, Written
+from roadfiber.written_files import CompareFile, DiagnosisFile, RouteFeatures, Written
 from roadfiber.written_quality import HeardFile, QualityFile
 from roadfiber.written_stretches import StretchesFile
 from solver.drive.drive_folder import DriveFile
+from solver.run.combined import CombinedFile
 from solver.run.ladder_file import LadderFile
 from solver.run.stored import FitFile
 from solver.survey.das.store import StoreFile

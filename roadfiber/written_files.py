@@ -7,7 +7,6 @@ from pydantic import BaseModel, ConfigDict
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import Candidate
 from solver.criticism.explanations import Weighed
-from solver.run.combined import Agreement
 
 
 class Written(BaseModel):
@@ -201,43 +200,6 @@ class CompareFile(Written):
     stack: StackFile
     power: dict[str, tuple[PowerFile, ...] | tuple[tuple[float, ...], ...] | dict[str, Any]]
     noise: dict[str, float]
-
-
-class NumberFile(Written):
-    """A number.
-
-    Attributes
-    ----------
-    value, sigma : and its standard deviation
-    """
-
-    value: float
-    sigma: float
-
-
-class CombinedFile(Written):
-    """combined.json: one route from several runs.
-
-    Attributes
-    ----------
-    format : of the file
-    headline : what was combined and whether it agrees
-    converged : whether the fit did
-    chi2_per_dof : misfit of all
-    widened : what all sigmas are times since the runs differ by more than they say; 1 where they agree
-    poisson_ratio : of the ground
-    channels : first and last
-    runs : how far each by itself is from the whole
-    """
-
-    format: Literal["roadfiber combined 1"]
-    headline: str
-    converged: bool
-    chi2_per_dof: float
-    widened: float
-    poisson_ratio: NumberFile
-    channels: tuple[int, int]
-    runs: tuple[Agreement, ...]
 
 
 class Feature(Written):

@@ -45,12 +45,12 @@ def serve_workbench(folder: Path, plugins: Sequence[Path], tiles: str, port: int
 
     def read() -> None:
         # These take longer to import than the first page to draw.
+        from roadfiber.locating import require_street
         from roadfiber.web.bench import Bench
         from roadfiber.web.film import film_of
         from roadfiber.web.layout import laid_out
         from roadfiber.web.tiles import around
         from roadfiber.web.workbench_page import Page
-        from solver.drive.drive_format import require_street
         from solver.run.read_seen import read_seen
 
         ground, untiled = None, ""

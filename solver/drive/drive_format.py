@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from vision.contract import InputError
-
 FORMAT = "roadfiber drive 2"
 
 
@@ -15,9 +13,3 @@ def is_drive(folder: Path) -> bool:
             return f'"{FORMAT.rpartition(" ")[0]} ' in file.read(200)
     except (OSError, UnicodeDecodeError):
         return False
-
-
-def require_street(folder: Path) -> None:
-    """Refuse the run folder of a drive where that of a street is needed; InputError says what to give."""
-    if is_drive(folder):
-        raise InputError(f"{folder}: the run of a drive, which has one car; give the run of a street")

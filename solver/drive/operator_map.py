@@ -198,7 +198,7 @@ def crosses(one: Array, other: Array) -> bool:
 
 
 def check_order(line: Array, path: Path) -> None:
-    """Raise InputError where points jump to and fro, or the line goes one way twice: no car tells which part is heard."""
+    """Raise InputError where points jump to and fro, or the line goes one way twice: a car is beside both parts."""
     from scipy.spatial import KDTree
 
     step = np.diff(line, axis=0)

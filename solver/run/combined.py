@@ -1,26 +1,32 @@
 """Several runs of one fiber, of several days or cameras, as one route."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from solver.effect import Effect
 from solver.fit.joint import joint_fit
 from solver.fit.pose import shortened
 from solver.fit.posterior import Posterior, lateral_share
 from solver.fit.problem import Problem
 from solver.fit.result import Placed
+from solver.run import arrays
+from solver.run.folder import read_run, write_run
 from solver.run.geojson import Z95, half_width, normals, route_features
+from solver.run.read_stored import read_model
 from solver.run.route_table import route_csv, route_table
 from solver.run.run import Run
 from solver.run.run_corridor import lacking
+from solver.run.stored_types import Maybe, Positive, Stored, Text
 from solver.run.strict_json import strict
-from vision.contract import InputError, LocalFrame, require_writable, writing_into
+from vision.contract import InputError, LocalFrame, require_writable, writing, writing_into
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +34,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-FORMAT = "roadfiber combined 1"
+FORMAT = "roadfiber combined 2"
+#: What marks a folder of combined runs, and what lies in it beside the route: its runs, by number.
+FILE, RUNS = "combined.json", "runs"
+#: Kind and axes of every array of data.npz: those of a run's route.
+EXPECTED: arrays.Expected = {
+    **{name: arrays.EXPECTED[name] for name in ("channel", "distance", "route", "covariance", "constrained")},
+    "fit_covariance": arrays.EXPECTED["covariance"],
+}
 #: Sigmas beyond which a run disagrees with the others.
 APART = 3.0
 #: Share of a run's own variance that its difference from the whole has at least: fits end within a part of a sigma.
@@ -51,12 +64,49 @@ class Agreement:
     across_z, depth_z : the same in the sigmas that it should have
     """
 
-    run: str
+    run: Text
     passes: int
     across: float
     depth: float
     across_z: float
     depth_z: float
+
+
+class PoissonFile(Stored):
+    """Poisson's ratio of the ground.
+
+    Attributes
+    ----------
+    value, sigma : and its standard deviation
+    """
+
+    value: float
+    sigma: Maybe
+
+
+class CombinedFile(Stored):
+    """combined.json: one route from several runs.
+
+    Attributes
+    ----------
+    format : of the file
+    headline : what was combined and whether it agrees
+    converged : whether the fit did
+    chi2_per_dof : misfit of all
+    widened : what all sigmas are times since the runs differ by more than they say; 1 where they agree
+    poisson_ratio : of the ground
+    channels : first and last
+    runs : how far each by itself is from the whole; their run folders are `runs/1` and so on
+    """
+
+    format: Literal["roadfiber combined 2"]
+    headline: Text
+    converged: bool
+    chi2_per_dof: Maybe
+    widened: Positive
+    poisson_ratio: PoissonFile
+    channels: tuple[int, int]
+    runs: Annotated[tuple[Agreement, ...], Field(min_length=2)]
 
 
 @dataclass(frozen=True, repr=False)
@@ -158,14 +208,28 @@ class Combined:
         )
 
     def save(self, folder: Path | str) -> None:
-        """Write route.csv, route.geojson, combined.json and combined.html; InputError where that cannot be."""
+        """Write a folder that `rf.open` reads: the route and the runs, whole or not at all; an earlier one is replaced.
+
+        `route.csv`, `route.geojson`, `combined.json`, `combined.html` and `data.npz` go there, and each run's own
+        folder into `runs`.
+
+        Raises
+        ------
+        InputError
+            If `folder` holds something else than combined runs, or cannot be written.
+        """
         folder = Path(folder)
-        require_writable(folder)
-        with writing_into(folder) as into:
+        check_place(folder)
+        place = {name: getattr(self.place, name) for name in EXPECTED}
+        with writing(folder) as into:
+            into.mkdir()
             (into / "route.csv").write_text(route_csv(self.route), encoding="utf-8")
             (into / "route.geojson").write_text(json.dumps(self._features(), allow_nan=False), encoding="utf-8")
-            (into / "combined.json").write_text(json.dumps(self.facts, allow_nan=False, indent=1), encoding="utf-8")
+            (into / FILE).write_text(json.dumps(self.facts, allow_nan=False, indent=1), encoding="utf-8")
             (into / "combined.html").write_text(self.page(), encoding="utf-8")
+            np.savez_compressed(into / "data.npz", **place)
+            for number, run in enumerate(self.runs, 1):
+                write_run(into / RUNS / str(number), run)
 
     def page(self) -> str:
         """One page that opens offline."""
@@ -184,6 +248,40 @@ class Combined:
         from vision.contract.notebook import framed
 
         return framed(self.page())
+
+
+def check_place(folder: Path) -> None:
+    """Refuse, before any work, a folder that holds something else than combined runs, or cannot be written."""
+    if folder.is_dir() and any(folder.iterdir()) and not is_combined(folder):
+        raise InputError(f"{folder}: holds something else than combined runs; give the name of a new folder")
+    require_writable(folder)
+
+
+def is_combined(folder: Path) -> bool:
+    """Whether a folder holds combined runs."""
+    return (folder / FILE).is_file()
+
+
+def read_combined(
+    folder: Path, *, plugins: Sequence[Path] = (), effects: Iterable[Effect] = (), changed: bool = False
+) -> Combined:
+    """Read a folder that `Combined.save` wrote; arguments and errors as of `solver.run.folder.read_run`."""
+    facts = read_model(folder / FILE, CombinedFile, "run `roadfiber combine` again")
+    found = arrays.read_arrays(folder / "data.npz", EXPECTED)
+    if not all(np.isfinite(found[name]).all() for name in ("distance", "route")):
+        raise InputError(f"{folder / 'data.npz'}: not the arrays of a route; run `roadfiber combine` again")
+    numbers, known = range(1, 1 + len(facts.runs)), tuple(effects)
+    runs = [read_run(folder / RUNS / str(n), plugins=plugins, effects=known, changed=changed) for n in numbers]
+    return Combined(
+        runs=runs,
+        frame=runs[0].frame,
+        place=Placed(**found),
+        poisson_ratio=(facts.poisson_ratio.value, facts.poisson_ratio.sigma or np.nan),
+        chi2_per_dof=facts.chi2_per_dof or np.nan,
+        converged=facts.converged,
+        widened=facts.widened,
+        agreement=facts.runs,
+    )
 
 
 def label(run: Run) -> str:

@@ -4,7 +4,7 @@ import torch
 
 from solver.fit.map_fit import MapFit
 from solver.fit.state import State
-from solver.run.run import Run
+from solver.run.run import Run, require_whole
 from vision.contract import InputError
 
 
@@ -14,11 +14,10 @@ def fitted(run: Run) -> tuple[MapFit, State]:
     Raises
     ------
     InputError
-        If the run is of a long fiber, where effects would have to be the same along all of it; if it holds other
-        numbers than its model has; or if code of its model was not given.
+        If the run is of a long fiber, where effects would have to be the same along all of it, or of no one street; if
+        it holds other numbers than its model has; or if code of its model was not given.
     """
-    if run.too_long:
-        raise InputError(run.too_long)
+    require_whole(run)
     fit = MapFit(run.problem)
     if len(run.result.vector) != len(fit.mean):
         raise InputError(

@@ -14,6 +14,7 @@ from solver.run.scene import Scene
 from solver.run.seen import Seen
 from solver.survey.anchors import Anchor
 from solver.trajectory.vehicle_pass import Pass
+from vision.contract.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -162,6 +163,20 @@ class Run(Seen):
         from vision.contract.notebook import framed
 
         return framed(render(self))
+
+
+def require_whole(run: Run) -> None:
+    """Refuse what has no one model that is criticized as a whole.
+
+    Raises
+    ------
+    InputError
+        If it is of a long fiber, of a drive, or several runs as one.
+    """
+    if not isinstance(run, Run):
+        raise InputError(f"{run!r}: has no model of one street; give a run of one, such as each that was combined")
+    if run.too_long:
+        raise InputError(run.too_long)
 
 
 def run_of(

@@ -8,11 +8,12 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import roadfiber as rf
+from roadfiber.locating import open_street
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.fit.spline import fit_spline
 from solver.fit.stretches import part
-from solver.run.run import Run
+from solver.run.run import Run, run_of
 from solver.run.run_corridor import lacking
 from solver.signal_path.traffic import Traffic
 from tests.offline_pages import EVIL, is_whole, tells
@@ -101,20 +102,38 @@ def test_a_camera_that_is_off_is_named_and_widens_the_sigmas(days) -> None:
     assert found.agreement[0].across < 0 < found.agreement[1].across
 
 
-def test_what_is_written_is_what_was_found(days, tmp_path) -> None:
-    _, _, combined = days
-    combined.save(tmp_path / "both")
-    assert {path.name for path in (tmp_path / "both").iterdir()} == {
-        *("route.csv", "route.geojson", "combined.json", "combined.html")
+def test_what_is_written_is_what_was_found_and_opens_again(days, survey, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("solver.run.report.report_page.render", lambda run: "<!doctype html>")
+    whole = run_of(survey.result, **survey.arguments)
+    combined, both = replace(days[2], runs=[whole, whole], frame=whole.frame), tmp_path / "both"
+    combined.save(both)
+    assert {path.name for path in both.iterdir()} == {
+        *("route.csv", "route.geojson", "combined.json", "combined.html", "data.npz", "runs")
     }
-    facts = json.loads((tmp_path / "both" / "combined.json").read_text())
+    facts = json.loads((both / "combined.json").read_text())
     assert facts == json.loads(json.dumps(combined.facts)) and len(facts["runs"]) == 2
     Draft202012Validator(rf.schema("combined.json")).validate(facts)
-    rows = (tmp_path / "both" / "route.csv").read_text().splitlines()
+    rows = (both / "route.csv").read_text().splitlines()
     assert len(rows) == 1 + len(combined.route) and rows[0].startswith("channel,distance,x,y,z,sigma_x")
-    combined.to_geojson(tmp_path / "route.geojson")
-    assert json.loads((tmp_path / "route.geojson").read_text())["features"][0]["geometry"]["type"] == "LineString"
     assert "Do the runs agree?" in combined.page() and combined.headline in repr(combined)
+    opened = rf.open(both)
+    opened.to_geojson(tmp_path / "route.geojson")
+    assert (tmp_path / "route.geojson").read_text() == (both / "route.geojson").read_text()
+    assert opened.facts == facts and opened.route.equals(combined.route)
+
+
+def test_of_combined_runs_each_is_criticized(days, tmp_path) -> None:
+    combined = days[2]
+    for verb in (rf.compare, rf.diagnose, rf.add):
+        with pytest.raises(InputError, match=r"2 runs with 4 passes.*give a run of one, such as each that was"):
+            verb(combined)
+    (tmp_path / "runs" / "1").mkdir(parents=True)
+    (tmp_path / "combined.json").write_text("{}")
+    with pytest.raises(InputError, match=r"one route of several runs.*give one of them: .*runs.1$"):
+        open_street(tmp_path)
+    (tmp_path / "combined.json").unlink()
+    with pytest.raises(InputError, match="holds something else than combined runs"):
+        combined.save(tmp_path)
 
 
 def test_on_the_page_names_are_text(days) -> None:
