@@ -25,9 +25,9 @@ from solver.trajectory.trajectory_effects import SLOW_ERROR
 from solver.trajectory.vehicle_pass import Pass, track_sigma
 from vision.contract import InputError
 
-#: An end where the route turns by more than this over a gauge length, rad, and the misfit exceeds this many times
-#: that of the other channels, is a bend that the model does not hold for.
-TURN, EXCESS = 0.2, 1.2
+#: An end where the route turns by more than this over a gauge length, rad, and vehicles leave more than chance does in
+#: a thousand, in standard deviations, is a bend that the model does not hold for.
+TURN, BEYOND = 0.2, 3.09
 
 #: Channels without which there is no route to speak of: a cubic spline has four coefficients.
 FEWEST = 4
@@ -131,35 +131,42 @@ def with_slow_errors_of(problem: Problem, sigma: float) -> Problem:
     return replace(problem, effects=(*problem.effects, SLOW_ERROR), prior=prior)
 
 
-def mean_square(result: FitResult, block: np.ndarray) -> np.ndarray:
-    """Mean square of the residual of some fitted channels [channel], in noise units; NaN where nothing is fitted."""
-    weight = result.weight[:, block]
-    residual = result.unexplained((slice(None), block)) / result.noise[block]
-    total = weight.sum(0)
-    return np.asarray(
-        np.divide(np.nansum(weight * residual**2, 0), total, np.full(len(block), np.nan), where=total > 0)
-    )
+def left_by_vehicles(result: FitResult, problem: Problem, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sum of squares of the residual of some fitted channels, in noise units, and of weights, [channel], near vehicles.
+
+    Samples that no vehicle reaches would hide what the model leaves of those that it does.
+    """
+    route = result.route[np.searchsorted(result.channel, result.fitted_channel[block])]
+    near = ~quiet(len(problem.record), route, problem.passes, problem.gauge_length)[result.samples]
+    weight = np.where(near, result.weight[:, block], 0.0)
+    residual = np.nan_to_num(result.unexplained((slice(None), block)) / result.noise[block])
+    return np.asarray((weight * residual**2).sum(0)), np.asarray(weight.sum(0))
 
 
-def bent_ends(result: FitResult, gauge: int) -> slice:
+def bent_ends(result: FitResult, problem: Problem, gauge: int) -> slice:
     """Fitted channels to keep: without the last gauge length where the fiber turns off and the model fails.
 
     Parameters
     ----------
+    result, problem : the fit, and what was fitted
     gauge : gauge length, channels
     """
     whole = slice(0, len(result.fitted_channel))
     if whole.stop <= 2 * gauge:
         return whole
     blocks = np.array_split(np.arange(whole.stop), max(1, whole.stop // TYPICAL))
-    square = np.concatenate([mean_square(result, block) for block in blocks])
+    square, count = np.concatenate([left_by_vehicles(result, problem, block) for block in blocks], axis=1)
+    told = count > 0
+    level = np.median(square[told] / count[told]) if told.any() else 1.0
     route = result.route[np.isin(result.channel, result.fitted_channel)]
     direction = np.gradient(route, axis=0)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
 
     def bent(inner: int, end: slice) -> bool:
         turn = np.arccos(np.clip(direction[end] @ direction[inner], -1, 1)).max()
-        return bool(turn > TURN and np.nanmean(square[end]) > EXCESS * np.nanmedian(square))
+        # From the very end inward: a turn may begin anywhere within the gauge.
+        more, number = (np.cumsum(part[end][:: 1 if inner > 0 else -1]) for part in (square - level * count, count))
+        return bool(turn > TURN and (more > BEYOND * level * np.sqrt(2 * number)).any())
 
     first = gauge * bent(gauge, slice(None, gauge))
     stop = len(square) - gauge * bent(-gauge - 1, slice(-gauge, None))

@@ -80,7 +80,7 @@ def fit_straight(
     if problem.coil is not None:
         return result, problem
     gauge = round(problem.gauge_length / problem.channel_spacing)
-    while (keep := bent_ends(result, gauge)) != slice(0, len(problem.channel)):
+    while (keep := bent_ends(result, problem, gauge)) != slice(0, len(problem.channel)):
         whole, problem = problem, shortened(problem, keep, result)
         for end in sorted({int(whole.channel[0]), int(whole.channel[-1])} - set(problem.channel[[0, -1]].tolist())):
             warnings.append(left_out(end, recorded, gauge))
