@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from roadfiber.comparing import Comparison, compare
 from roadfiber.stretching import stretch
-from solver.criticism.comparison.comparison_words import MEANING, excess, largest_source
+from solver.criticism.comparison.comparison_words import MEANING, largest_source
 from solver.run.run import Run
 from solver.run.stretch import folder_of, saved, stretches_of
 
@@ -41,7 +41,7 @@ class StretchComparison:
         count, failing = len(self.parts), [one for one in self.parts if one.finding.regions]
         if not failing:
             return f"In none of {count} stretches does a place, a vehicle or a time stand out."
-        worst = max(failing, key=lambda one: excess(one.finding))
+        worst = max(failing, key=lambda one: one.finding.excess)
         first, last = self.channels[self.parts.index(worst)]
         said = (
             f"Model and measurement differ in {len(failing)} of {count} stretches, most in channels {first} to {last}."
@@ -61,7 +61,7 @@ class StretchComparison:
             {
                 "first": first,
                 "last": last,
-                "excess": excess(one.finding),
+                "excess": one.finding.excess,
                 "regions": len(one.finding.regions),
                 "source": largest_source(one.finding) or "",
                 "verdict": one.verdict,
@@ -99,7 +99,7 @@ class StretchComparison:
         ----------
         name : as of `Comparison.plot`
         """
-        return max(self.parts, key=lambda one: excess(one.finding)).plot(name)
+        return max(self.parts, key=lambda one: one.finding.excess).plot(name)
 
     def pages(self, folder: Path | str) -> list[Path]:
         """Where `save` puts the page of each stretch."""

@@ -26,14 +26,15 @@ def check_corridor(kind: str) -> None:
 
 
 def with_corridor(run: "Run", kind: str) -> "Run":
-    """The run with a corridor of a kind, and the seconds that it took among its timings."""
-    if kind == FIT:
-        return run
+    """The run with a corridor of a kind and its local misfit told, and the seconds that it took among its timings."""
+    from solver.criticism.comparison.local_misfit import with_local_misfit
     from solver.criticism.quick_corridor import widened, widening_steps
     from vision.contract import progress
 
     begun = time.perf_counter()
-    with progress("weighing what the model may lack", widening_steps(run)) as advance:
-        run = widened(run, advance)
+    if kind == FULL:
+        with progress("weighing what the model may lack", widening_steps(run)) as advance:
+            run = widened(run, advance)
+    run = with_local_misfit(run)
     timings = run.facts["timings"] | {"corridor": time.perf_counter() - begun}
     return replace(run, facts=run.facts | {"timings": timings})

@@ -175,8 +175,8 @@ class CompareFile(Written):
     verdict : in words
     trust : whether the route may be relied on, in a sentence
     units : of everything below
-    chi2_per_sample : mean squared whitened residual
-    noise_floor : what noise alone would leave of it
+    chi2_per_dof : misfit of the fit, as fit.json has it
+    noise_floor : what noise alone would leave of it; null where that is not known
     samples : how many
     regions : where the model fails, worst first
     split : whose the misfit is
@@ -192,8 +192,8 @@ class CompareFile(Written):
     verdict: str
     trust: str
     units: dict[str, Any]
-    chi2_per_sample: float
-    noise_floor: float
+    chi2_per_dof: float
+    noise_floor: float | None
     samples: int
     regions: tuple[RegionFile, ...]
     split: SplitFile

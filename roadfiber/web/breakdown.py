@@ -68,7 +68,7 @@ class ByChannel:
         """Draw all channels."""
         powers = comparison.power.channel
         self.source.data = table(channel=[int(one) for one in powers.labels], chi2=powers.chi2)
-        self.floor.location = comparison.noise_floor
+        self.floor.location = comparison.level
 
 
 class ByProperty:
@@ -96,5 +96,5 @@ class ByProperty:
         chi2, sigma = powers.chi2[known], powers.sigma[known]
         self.plot.y_range.factors = list(dict.fromkeys(labels))
         self.source.data = table(label=labels, chi2=chi2, low=chi2 - 2 * sigma, high=chi2 + 2 * sigma)
-        self.floor.location = comparison.noise_floor
+        self.floor.location = comparison.level
         self.plot.title.text = f"Residual near the vehicles by {by}: dashed, noise alone"

@@ -160,6 +160,7 @@ class GateFile(Stored):
     mend : what to do where it failed
     found, expected, scatter : the number, what it should be, and by how much that scatters
     taken_up : share of the error that the fit takes up, so that the check does not see it
+    where : the part of the fiber that a failed check is about; empty where it is all of it
     """
 
     name: Text
@@ -170,6 +171,7 @@ class GateFile(Stored):
     expected: float | None
     scatter: float | None
     taken_up: float | None
+    where: Text
 
 
 class TrustFile(Stored):

@@ -1,8 +1,8 @@
 """Whether a route may be relied on: the checks of a fit, and the one sentence that follows from all of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 #: Multiple of the expected misfit beyond which no route was found.
 POOR = 3.0
@@ -24,6 +24,7 @@ class Gate:
     mend : what to do where it failed, step by step
     found, expected, scatter : the number, what is expected, and by how much chance scatters it; NaN where there is none
     taken_up : share of what is wrong that the fit takes up before it shows here; NaN where it is not known
+    where : the part of the fiber that a check that failed is about, as "at channels 7 to 12"; "" where it is all of it
     """
 
     name: str
@@ -34,6 +35,7 @@ class Gate:
     expected: float = float("nan")
     scatter: float = float("nan")
     taken_up: float = float("nan")
+    where: str = ""
 
     @property
     def failed(self) -> bool:
@@ -48,7 +50,8 @@ class Trust:
     Parameters
     ----------
     sentence : which checks failed and what to do next, or that none did
-    grade : good; fair where something could not be checked; weak where a check failed; poor where no route was found
+    grade : good; fair where something could not be checked, or failed along a part of the fiber; weak where a check
+        of all of it failed; poor where no route was found
     gates : the checks
     """
 
@@ -61,16 +64,31 @@ class Trust:
         """From the checks."""
         failed = [one for one in gates if one.failed]
         doubtful = [one for one in gates if one.verdict == "open"]
+        held = "; ".join(one.words for one in gates if one.verdict == "passed")
         if failed:
             next_steps = "; ".join(dict.fromkeys(step for one in failed for step in one.mend))
             found = "; ".join(one.words for one in failed)
-            sentence = f"Do not rely on this route as it stands: {found}. Next: {next_steps}."
+            local = all(one.where for one in failed)
+            where = " and ".join(one.where for one in failed) if local else "as it stands"
+            sentence = f"Do not rely on this route {where}: {found}. Next: {next_steps}."
+            if local and held:
+                sentence += f" Elsewhere no check failed: {held}."
         else:
-            held = "; ".join(one.words for one in gates if one.verdict == "passed")
             sentence = f"No check failed: {held}."
             if doubtful:
                 sentence += f" Not checked: {'; '.join(one.words for one in doubtful)}."
         return cls(sentence, grade_of(gates), tuple(gates))
+
+    @classmethod
+    def stored(cls, facts: Mapping[str, Any]) -> "Trust":
+        """As fit.json has it."""
+        nan = float("nan")
+        return cls.of(
+            [
+                Gate(**{name: nan if value is None else value for name, value in one.items()} | {"mend": tuple(one["mend"])})
+                for one in facts["gates"]
+            ]
+        )
 
 
 def grade_of(gates: Sequence[Gate]) -> str:
@@ -80,6 +98,6 @@ def grade_of(gates: Sequence[Gate]) -> str:
         one.name == "converged" or (one.name == "misfit" and not one.found <= POOR * one.expected) for one in failed
     ):
         return "poor"
-    if failed:
+    if any(not one.where for one in failed):
         return "weak"
-    return "fair" if any(one.verdict == "open" for one in gates) else "good"
+    return "fair" if failed or any(one.verdict == "open" for one in gates) else "good"

@@ -245,7 +245,7 @@ def test_an_effect_of_one_s_own_is_an_object(run: rf.Run, folder: Path) -> None:
     with pytest.raises(rf.InputError, match="made with the effect grip, which is not installed"):
         rf.add(rf.open(folder / "own"), "camber")
     opened = rf.open(folder / "own", effects=[grip])
-    assert torch.isfinite(torch.tensor(rf.compare(opened).finding.chi2_per_sample))
+    assert torch.isfinite(torch.tensor(rf.compare(opened).finding.level))
     with pytest.raises(rf.InputError, match="is in the model already"):
         rf.add(opened, grip)
 

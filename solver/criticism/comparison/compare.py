@@ -36,4 +36,5 @@ def compare(run: Run) -> Comparison:
         advance(1)
         stack, power = stack_of(run, cells), power_of(run, cells)
         advance(1)
-        return Comparison(regions_of(run, cells, advance), split, stack, power, cells.level)
+        misfit = run.facts["chi2_per_dof"], run.facts["noise_floor"]
+        return Comparison(regions_of(run, cells, advance), split, stack, power, cells.level, *misfit)

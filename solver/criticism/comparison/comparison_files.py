@@ -19,7 +19,7 @@ from vision.contract import progress, writing_into
 
 FORMAT = "roadfiber comparison 1"
 UNITS = {
-    "chi2_per_sample": "1, squared noise sigmas",
+    "chi2_per_dof": "1, squared noise sigmas",
     "noise": "1, squared noise sigmas",
     "regions": {
         "x": "m",
@@ -67,7 +67,7 @@ def facts_of(comparison: Comparison, run: Run) -> dict[str, Any]:
         "verdict": verdict(comparison, run),
         "trust": run.trust,
         "units": UNITS,
-        "chi2_per_sample": comparison.chi2_per_sample,
+        "chi2_per_dof": comparison.chi2_per_dof,
         "noise_floor": comparison.noise_floor,
         "samples": split.samples,
         "regions": regions,

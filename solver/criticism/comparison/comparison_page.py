@@ -142,13 +142,12 @@ def key_figures(comparison: Comparison) -> list[tuple[str, str, str]]:
     above = max(split.chi2 - split.noise, 0.0)
     name = words.largest_source(comparison)
     share = f"{100 * split.explained[name] / above:.0f} %" if name else "none"
+    floor = comparison.noise_floor
+    alone = "what noise alone leaves is not known" if floor is None else f"noise alone leaves {floor:.3f}"
+    beyond = "not known" if floor is None else f"{100 * max(comparison.excess, 0.0):.1f} %"
     return [
-        (
-            "Misfit, chi² per sample",
-            f"{comparison.chi2_per_sample:.3f}",
-            f"noise alone leaves {comparison.noise_floor:.3f}",
-        ),
-        ("Above the noise", f"{100 * words.excess(comparison):.1f} %", f"of {split.samples:,} samples"),
+        ("Misfit, chi²/dof", f"{comparison.chi2_per_dof:.3f}", alone),
+        ("Above the noise", beyond, f"of {split.samples:,} samples"),
         ("Largest one cause", share, words.NAMES[name] if name else "explains a fifth of that"),
         ("Regions that fail", str(len(comparison.regions)), "noise makes one in under 5 of 100 surveys"),
     ]

@@ -131,11 +131,6 @@ def region_words(region: Region, run: Seen) -> str:
     return ", ".join(part for part in (where, who, when) if part) + ": " + change_words(region)
 
 
-def excess(comparison: Comparison) -> float:
-    """Misfit above the noise, as a share of the noise."""
-    return comparison.chi2_per_sample / max(comparison.noise_floor, 1e-300) - 1
-
-
 def headline(comparison: Comparison, run: Seen) -> str:
     """What the page says first; where a check of the run failed, it does not say that all is well."""
     count = len(comparison.regions)
@@ -158,10 +153,12 @@ def largest_source(comparison: Comparison) -> str | None:
 
 def verdict(comparison: Comparison, run: Seen) -> str:
     """The sentence under the headline."""
-    above = excess(comparison)
+    above = comparison.excess
     if above <= SLIGHT and not comparison.regions:
         return "What the model leaves is noise, as far as it can be told: no place, vehicle or time stands out."
-    if above <= SLIGHT:
+    if comparison.noise_floor is None:
+        parts = ["What noise alone leaves of the misfit is not known."]
+    elif above <= SLIGHT:
         parts = ["The misfit as a whole is hardly more than that of noise, but some of it stands out."]
     else:
         parts = [f"The misfit is {100 * above:.1f} % above the noise."]

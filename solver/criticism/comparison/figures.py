@@ -150,7 +150,7 @@ def channel_figure(comparison: Comparison, run: Run, width: int) -> Figure:
     values = whole_range(result, power.by_pass_and_channel)
     extent = (channel[0] - 0.5, channel[-1] + 0.5, len(passes) - 0.5, -0.5)
     most = max(4.0, float(np.nanquantile(values, 0.995))) if np.isfinite(values).any() else 4.0
-    level = comparison.noise_floor
+    level = comparison.level
     picture = grid.imshow(
         values, aspect="auto", extent=extent, cmap=excess_map(), vmin=level, vmax=most, interpolation="none"
     )
@@ -170,7 +170,7 @@ def channel_figure(comparison: Comparison, run: Run, width: int) -> Figure:
 @styled
 def power_figure(comparison: Comparison, run: Run, width: int) -> Figure:
     """Chi2 per sample by pass, speed, class, lane and distance of the vehicle."""
-    power, floor, narrow = comparison.power, comparison.noise_floor, width < 500
+    power, floor, narrow = comparison.power, comparison.level, width < 500
     columns = [
         [(power.one_pass, "by pass")],
         [(power.speed, "by speed"), (power.vehicle_class, "by class")],

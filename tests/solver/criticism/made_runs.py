@@ -123,6 +123,7 @@ class Maker:
         facts = {
             "name": "Elm <Street>",
             "effects": ["wheel_layout"],
+            "chi2_per_dof": 1.0,
             "noise_floor": None,
             "trust": {"sentence": "No check failed: converged.", "grade": "good", "gates": []},
             "settings": settings,

@@ -1,6 +1,8 @@
 """Which channels are fitted, and which ends are left out."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +21,8 @@ from solver.trajectory.vehicle_pass import track_sigma
 from vision.contract import InputError
 
 GAUGE, COUNT = 10, 60
+#: Samples at which a vehicle is near.
+NEAR = slice(0, 40)
 
 
 @pytest.fixture
@@ -46,27 +50,36 @@ def turned(result: FitResult) -> FitResult:
 
 
 def failing(result: FitResult) -> FitResult:
-    """The model misses the last ten channels."""
+    """The model misses the last ten channels while a vehicle is near: too little to show over all samples."""
     measured = result.measured.copy()
-    measured[:, -10:] *= 2
+    measured[NEAR, -10:] *= 1.3
     return replace(result, measured=measured)
 
 
+def kept(result: FitResult, gauge: int = GAUGE) -> slice:
+    """Channels that are kept of a record with one vehicle, which is near all channels at some samples."""
+    place = np.tile([COUNT / 2, 0.0], (200, 1))
+    place[NEAR.stop :] += 1e3
+    one = SimpleNamespace(position=place, rows=np.arange(200))
+    problem: Any = SimpleNamespace(record=result.measured, passes=[one], gauge_length=float(gauge))
+    return bent_ends(replace(result, samples=np.arange(200)), problem, gauge)
+
+
 def test_a_straight_route_keeps_all_channels(straight: FitResult) -> None:
-    assert bent_ends(straight, GAUGE) == slice(0, COUNT)
+    assert kept(straight) == slice(0, COUNT)
 
 
-def test_an_end_that_turns_and_fails_is_left_out(straight: FitResult) -> None:
-    assert bent_ends(failing(turned(straight)), GAUGE) == slice(0, COUNT - GAUGE)
+def test_an_end_that_turns_and_fails_where_vehicles_are_is_left_out(straight: FitResult) -> None:
+    assert kept(failing(turned(straight))) == slice(0, COUNT - GAUGE)
 
 
 def test_neither_a_turn_nor_a_misfit_alone_is_a_bend(straight: FitResult) -> None:
-    assert bent_ends(turned(straight), GAUGE) == slice(0, COUNT)
-    assert bent_ends(failing(straight), GAUGE) == slice(0, COUNT)
+    assert kept(turned(straight)) == slice(0, COUNT)
+    assert kept(failing(straight)) == slice(0, COUNT)
 
 
 def test_a_fiber_of_two_gauge_lengths_is_not_shortened(straight: FitResult) -> None:
-    assert bent_ends(failing(turned(straight)), COUNT // 2) == slice(0, COUNT)
+    assert kept(failing(turned(straight)), COUNT // 2) == slice(0, COUNT)
 
 
 def uncertain(problem, sigma: float):
