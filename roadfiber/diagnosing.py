@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis import diagnose as diagnose_problem
 from solver.criticism.diagnosis import steps
-from solver.criticism.diagnosis_figures import considered, corridor_words, support_figure
+from solver.criticism.diagnosis_figures import support_figure
 from solver.criticism.diagnosis_files import diagnosis_facts, write_diagnosis
 from solver.criticism.explanations import title_of_explanation
 from solver.criticism.finding import Diagnosis as Finding
-from solver.criticism.pages import diagnosis_page, widest_title
+from solver.criticism.pages import diagnosis_page
 from solver.criticism.plain_verdict import details, headline, size_words
 from solver.criticism.probability_figure import probability_figure, probability_line, titles_of
+from solver.criticism.quick_corridor import with_diagnosis
 from solver.criticism.route_change import from_run
 from solver.effect import Effect
 from solver.run.fitted import fitted
@@ -38,7 +39,7 @@ class Diagnosis:
 
     Parameters
     ----------
-    run : that was diagnosed
+    run : that was diagnosed; its corridor and its trust are those of the diagnosis
     finding : all figures, see `solver.criticism.diagnosis.Diagnosis`
     """
 
@@ -93,8 +94,7 @@ class Diagnosis:
     @property
     def route(self) -> "pd.DataFrame":
         """The run's route, whose sigmas hold what the model may lack: columns as of `Run.route`."""
-        wide = considered(self.run, self.finding) or self.run
-        return wide.route
+        return self.run.route
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -111,7 +111,7 @@ class Diagnosis:
         )
 
     def save(self, folder: Path | str) -> None:
-        """Write diagnosis.json and diagnosis.html into a folder, such as the run's."""
+        """Write diagnosis.json and diagnosis.html into a folder; into the run's own with what follows for its route."""
         write_diagnosis(Path(folder), self.finding, self.run.name, self.run)
 
     def lines(self) -> list[str]:
@@ -120,8 +120,8 @@ class Diagnosis:
         lines = [f"{found.verdict}: {self.headline}", *(f"  {line}" for line in details(found)), f"  {found.words}"]
         if found.explanations:
             lines.append(f"how probable: {probability_line(found.explanations, found.candidates)}")
-        if words := corridor_words(self.run, found, widest_title(found)):
-            lines.append(words)
+        if self.run.corridor:
+            lines.append(self.run.corridor)
         if found.separate:
             lines.append(f"what would tell them apart: {found.separate}")
         return lines + [f"  {c.effect:22s} {c.verdict:12s} {explained(c)}" for c in found.candidates[:SHOWN]]
@@ -182,4 +182,5 @@ def diagnose(run: Run, *, effects: Iterable[Effect] = (), tell: Callable[[str], 
 
     with progress("testing effects", steps(known)) as advance:
         found = diagnose_problem(fit.problem, state, effects=known, advance=advance, tell=ranked)
-    return Diagnosis(run, from_run(run, found))
+    found = from_run(run, found)
+    return Diagnosis(with_diagnosis(run, found), found)

@@ -18,7 +18,6 @@ from solver.run.report.misfit import misfit_of, pass_label, rows_of, whole_range
 from solver.run.report.misfit_figure import scale_figure, wave_pictures
 from solver.run.report.route_figure import abscissa, along_x, depth_profile, draw_line, draw_profile, sideways_profile
 from solver.run.run import Run
-from solver.run.run_corridor import median_half
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract.drawing import beside, canvas, coarse, color_map, color_scale, place
 from vision.contract.figures import MUTED, data_uri, png_bytes, styled, svg
@@ -164,35 +163,16 @@ def route_section(pair: BeforeAfter, moved: float | None) -> str:
     )
 
 
-def considered(run: Run, diagnosis: "Diagnosis") -> Run | None:
-    """The run with the corridor of all that its model may lack; None where that is not known."""
-    corridor, result = diagnosis.corridor, run.result
-    if corridor is None or not np.isfinite(result.covariance).any():
-        return None
-    return replace(run, added=corridor.at(result.channel), folder=None)
-
-
-def corridor_words(run: Run, diagnosis: "Diagnosis", title: str) -> str:
-    """Both widths in a sentence; "" where they are not known."""
-    wide = considered(run, diagnosis)
-    if wide is None or diagnosis.corridor is None or not np.isfinite(median_half(run.result)):
+def sureness_section(run: Run) -> str:
+    """The corridor of a diagnosed run without and with what may be missing; "" where it has one alone."""
+    if run.added is None or not run.corridor:
         return ""
-    words = f"95 % corridor: {median_half(run.result):.2f} m to either side (median) if the model lacks nothing, "
-    words += f"{median_half(wide.place):.2f} m with what it may lack"
-    return f"{words}; it is widened most by {title}" if title and diagnosis.corridor.share > 0 else words
-
-
-def sureness_section(run: Run, diagnosis: "Diagnosis", title: str) -> str:
-    """The corridor if nothing is missing, and with what may be missing."""
-    wide = considered(run, diagnosis)
-    if wide is None or not (words := corridor_words(run, diagnosis, title)):
-        return ""
-    pair = BeforeAfter(replace(run, added=None), wide, run.passes[0])
+    pair = BeforeAfter(replace(run, added=None), run, run.passes[0])
     figure = svg(corridor_figure(pair, ("nothing missing", "with what may be missing")))
     return (
-        f"<section><h2>How sure the route is</h2><p>{escape(words)}. At left the corridor takes the model for granted; "
-        "at right every explanation moves the route by its own way, as probable as it is, and what vehicles disagree "
-        "about beyond noise counts, too.</p>"
+        f"<section><h2>How sure the route is</h2><p>{escape(run.corridor)} At left the corridor takes the model for "
+        "granted; at right every explanation moves the route by its own way, as probable as it is, and what vehicles "
+        "disagree about beyond noise counts, too.</p>"
         f'<div class="wide-table">{figure}</div></section>'
     )
 

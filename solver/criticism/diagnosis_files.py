@@ -10,9 +10,9 @@ import numpy as np
 
 from solver.criticism.pages import Chapter, diagnosis_page, story_page
 from solver.criticism.plain_verdict import headline
-from solver.run.folder import check_target
+from solver.run.folder import check_target, write_judged
 from solver.run.ladder_file import ladder_facts
-from solver.run.report.joined import join
+from solver.run.report.joined import facts_in, join
 from solver.run.run import Run
 from solver.run.rung import Rung
 from solver.run.strict_json import strict
@@ -42,9 +42,11 @@ def diagnosis_facts(diagnosis: "Diagnosis") -> dict[str, Any]:
     return {"format": "roadfiber diagnosis 1", "headline": headline(diagnosis), **facts}
 
 
-def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write files into a folder, all or none, and join the pages of a run folder."""
+def write_texts(folder: Path, texts: Mapping[str, str], run: Run | None = None) -> None:
+    """Write files into a folder, all or none, and those of a run where one is given; join the pages of a run folder."""
     with writing_into(folder) as scratch:
+        if run is not None:
+            write_judged(scratch, run)
         for name, text in texts.items():
             (scratch / name).write_text(text, encoding="utf-8")
     if (folder / "fit.json").is_file():
@@ -52,9 +54,14 @@ def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
 
 
 def write_diagnosis(folder: Path, diagnosis: "Diagnosis", name: str, run: Run | None = None) -> None:
-    """Write diagnosis.json and diagnosis.html into a run folder; `run` is the one that it is of."""
+    """Write diagnosis.json and diagnosis.html into a run folder; `run` is the one that it is of.
+
+    Where the folder holds that run, its route, corridor and first page follow the diagnosis.
+    """
     facts = json.dumps(diagnosis_facts(diagnosis), allow_nan=False, indent=1)
-    write_texts(folder, {DIAGNOSIS: facts, "diagnosis.html": diagnosis_page(diagnosis, name, run)})
+    texts = {DIAGNOSIS: facts, "diagnosis.html": diagnosis_page(diagnosis, name, run)}
+    same = run is not None and facts_in(folder, "fit.json").get("created") == run.facts["created"]
+    write_texts(folder, texts, run if same else None)
 
 
 def check_out(out: Path, run: Run) -> None:

@@ -66,7 +66,8 @@ def judge(
         found = undecided(bench, first, listed, posterior, asked)
     elif first.verdict == "negligible" and second_of(first.effect, posterior) is None:
         # Of two effects one may be small until both are there.
-        found = concluded(bench, "adequate", negligible_words(first, power_words(listed)), [absent(c) for c in listed])
+        named = order([absent(c) for c in listed], first)
+        found = concluded(bench, "adequate", negligible_words(first, power_words(listed)), named)
     else:
         found = confirmed(bench, first, listed, tried, asked, weighing)
     return replace(found, explanations=posterior.weighed)

@@ -23,9 +23,7 @@ from solver.criticism.verdict_words import left_open
 from solver.run.report.ladder_page import ladder_body
 from solver.run.report.parts import EXPORT, next_section, page
 from solver.run.run import Run
-from solver.run.run_corridor import DISAGREE, DISAGREEMENT
 from solver.run.rung import Rung
-from solver.run.titles import lower
 from vision.contract.figures import svg
 
 if TYPE_CHECKING:
@@ -145,14 +143,6 @@ def next_words(diagnosis: "Diagnosis") -> list[str]:
     return lines
 
 
-def widest_title(diagnosis: "Diagnosis") -> str:
-    """Title of what widens the corridor most; "" where nothing does."""
-    widest = "" if diagnosis.corridor is None else diagnosis.corridor.widest
-    if widest == DISAGREEMENT:
-        return lower(DISAGREE)
-    return titles([widest], diagnosis.candidates) if widest else ""
-
-
 def diagnosis_body(diagnosis: "Diagnosis", run: Run | None = None) -> str:
     """What a diagnosis found as a part of a page: support, before and after, candidates."""
     pair = None if run is None else before_after(run, diagnosis)
@@ -176,7 +166,7 @@ def diagnosis_body(diagnosis: "Diagnosis", run: Run | None = None) -> str:
     effects = (
         f"<section><h2>Candidates</h2>{VERDICT_WORDS}{COLUMN_WORDS}{table(diagnosis.candidates, pictures)}</section>"
     )
-    sure = "" if run is None else sureness_section(run, diagnosis, widest_title(diagnosis))
+    sure = "" if run is None else sureness_section(run)
     return (probable if bars else "") + support + shown + sure + effects
 
 

@@ -57,6 +57,9 @@ def headline(diagnosis: "Diagnosis") -> str:
     """The verdict in a sentence."""
     listed = diagnosis.candidates
     first = listed[0] if listed else None
+    if diagnosis.verdict == "adequate" and first is not None and first.verdict == "negligible" and first.told:
+        small = f"{first.title} shows, too small to matter: {lower(first.told.sentence)}"
+        return f"{small} Nothing else is missing that shows."
     if diagnosis.verdict == "adequate":
         return "Nothing is missing that this survey could show."
     if first is None or first.told is None:

@@ -10,12 +10,15 @@ from solver.catalogue.catalogue import FAULTS
 from solver.criticism.audit import NoiseAudit, audit_of
 from solver.criticism.bench import Bench, scorable
 from solver.criticism.candidate import fault_candidate
+from solver.criticism.comparison.local_misfit import with_local_misfit
 from solver.criticism.corridor import Corridor
 from solver.criticism.disagreement import Disagreement
 from solver.criticism.explaining import Explainer
 from solver.criticism.explanations import Posterior, title_of_explanation
+from solver.criticism.finding import Diagnosis
 from solver.criticism.growth import Grown, regrown
 from solver.criticism.law_tolerance import law_errors
+from solver.criticism.plain_verdict import meters
 from solver.criticism.policy import POLICY
 from solver.criticism.quick_scores import quick_scores, with_signals
 from solver.criticism.race import UNSOLVED, started
@@ -37,9 +40,10 @@ from solver.fit.stretches import is_long
 from solver.fit.track_trust import strict_tracks, track_spread
 from solver.run.fitted import fitted
 from solver.run.run import Run
-from solver.run.run_corridor import DISAGREE, DISAGREEMENT, TOLD, corridor_facts
+from solver.run.run_corridor import DISAGREE, DISAGREEMENT, TOLD, corridor_facts, median_half
 from solver.run.strict_json import strict
 from solver.run.titles import lower
+from solver.run.trust import Gate, with_gate
 from solver.survey.memory import give_back
 
 Array = NDArray[np.float64]
@@ -144,6 +148,31 @@ def told(run: Run, corridor: Corridor, posterior: Posterior, effects: Sequence[E
         explanations=listed,
     )
     return replace(run, added=added, facts=run.facts | {"corridor": strict(facts)})
+
+
+def with_diagnosis(run: Run, found: Diagnosis) -> Run:
+    """The run whose corridor, sentence of trust and explanations are those of its diagnosis."""
+    if found.corridor is not None and run.result.converged:
+        run = told(run, found.corridor, Posterior(found.explanations), list(run.known.values()))
+    gate = diagnosis_gate(found, median_half(run.result))
+    return with_local_misfit(replace(run, facts=run.facts | {"trust": with_gate(run.facts["trust"], gate)}))
+
+
+def diagnosis_gate(found: Diagnosis, half_width: float) -> Gate:
+    """The check that the model lacks nothing; what moves the route within the fit's own corridor, m, is no failure."""
+    name, first = "diagnosis", found.candidates[0] if found.candidates else None
+    if found.verdict == "adequate":
+        return Gate(name, "passed", "the diagnosis finds nothing missing that this survey could show")
+    if found.verdict == "inconclusive" or first is None:
+        return Gate(name, "open", "what the model may lack, since the diagnosis cannot tell")
+    if found.verdict == "unknown-effect":
+        words = f"something acts at the {first.stage} stage that the catalogue does not know"
+        return Gate(name, "failed", words, ("`roadfiber compare RUN` shows where it is left",))
+    words, move = f"the model lacks {lower(first.title)}", first.route_change
+    if move is not None:
+        words += f", which moves the route by up to {meters(move)}"
+    small = move is not None and move < half_width
+    return Gate(name, "passed" if small else "failed", words, (f"`roadfiber add RUN {first.effect} --out RUN-2`",))
 
 
 def plain(run: Run, why: str) -> Run:

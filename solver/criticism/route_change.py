@@ -11,7 +11,10 @@ from torch import Tensor
 from solver.criticism.candidate import Candidate
 from solver.fit.map_fit import MapFit
 from solver.fit.state import State
+from solver.run.ladder import MISFITS
 from solver.run.run import Run
+from solver.run.run_corridor import median_half
+from solver.run.trust import Trust
 
 if TYPE_CHECKING:
     from solver.criticism.bench import Bench
@@ -60,10 +63,32 @@ def with_moves(bench: "Bench", listed: Sequence[Candidate], tried: Mapping[str, 
 
 
 def from_run(run: Run, diagnosis: "Diagnosis") -> "Diagnosis":
-    """The diagnosis with route changes from the run's own route, as the ladder will state them, where that is known.
+    """The diagnosis as the run bears it out.
 
-    A diagnosis starts from a fit of its own, whose tracks may shift less.
+    Route changes are from the run's own route, as the ladder will state them, where that is known: a diagnosis starts
+    from a fit of its own, whose tracks may shift less. No model is adequate whose run leaves more than noise does, or
+    lacks what moves its route beyond its corridor.
     """
+    return borne_out(run, with_own_moves(run, diagnosis))
+
+
+def borne_out(run: Run, diagnosis: "Diagnosis") -> "Diagnosis":
+    """The diagnosis, inconclusive where it calls a model adequate that the run's own checks do not."""
+    first = diagnosis.candidates[0] if diagnosis.candidates else None
+    if diagnosis.verdict != "adequate":
+        return diagnosis
+    if first is not None and first.verdict == "negligible" and (first.route_change or 0.0) > median_half(run.result):
+        words = f"{diagnosis.words} But it moves the route by up to {first.route_change:.2f} m"
+        return replace(diagnosis, verdict="inconclusive", words=words)
+    failed = [one.words for one in Trust.stored(run.facts["trust"]).gates if one.failed and one.name in MISFITS]
+    if failed:
+        words = f"nothing in the catalogue explains what is left: {'; '.join(failed)}"
+        return replace(diagnosis, verdict="inconclusive", words=words)
+    return diagnosis
+
+
+def with_own_moves(run: Run, diagnosis: "Diagnosis") -> "Diagnosis":
+    """The diagnosis with route changes from the run's own route."""
     known = run.result.constrained
     if not diagnosis.fits or not known.any():
         return diagnosis

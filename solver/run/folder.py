@@ -60,6 +60,19 @@ def check_target(folder: Path) -> None:
     require_writable(folder)
 
 
+def write_judged(folder: Path, run: Run) -> None:
+    """Write all files of a run folder that say where the fiber is, and how far that may be relied on."""
+    # Loads Matplotlib, 30 MB, which nothing before needs.
+    from solver.run.report import report_page
+
+    (folder / "route.csv").write_text(route_csv(run.route), encoding="utf-8")
+    features = geojson.route_features(run.place, run.frame, run.anchors, run.name)
+    (folder / "route.geojson").write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
+    (folder / "fit.json").write_text(json.dumps(run.facts, allow_nan=False, indent=1), encoding="utf-8")
+    write_arrays(folder / "data.npz", run)
+    (folder / "report.html").write_text(report_page.render(run), encoding="utf-8")
+
+
 def write_run(folder: Path, run: Run) -> None:
     """Write a run folder, whole or not at all; an earlier run there is replaced.
 
@@ -73,20 +86,11 @@ def write_run(folder: Path, run: Run) -> None:
     InputError
         If `folder` holds something else than a run (see `check_target`), or cannot be written.
     """
-    # Loads Matplotlib, 30 MB, which nothing before needs.
-    from solver.run.report import report_page
-
     folder = Path(folder)
     check_target(folder)
-    facts = run.facts
     with writing(folder) as temporary:
         temporary.mkdir()
-        (temporary / "route.csv").write_text(route_csv(run.route), encoding="utf-8")
-        features = geojson.route_features(run.place, run.frame, run.anchors, run.name)
-        (temporary / "route.geojson").write_text(json.dumps(features, allow_nan=False), encoding="utf-8")
-        (temporary / "fit.json").write_text(json.dumps(facts, allow_nan=False, indent=1), encoding="utf-8")
-        write_arrays(temporary / "data.npz", run)
-        (temporary / "report.html").write_text(report_page.render(run), encoding="utf-8")
+        write_judged(temporary, run)
         if run.scene is not None:
             (temporary / PICTURE).write_bytes(run.scene.jpeg)
             (temporary / CALIBRATION).write_text(run.scene.text, encoding="utf-8")

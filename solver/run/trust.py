@@ -1,8 +1,10 @@
 """Whether a route may be relied on: the checks of a fit, and the one sentence that follows from all of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
+
+from solver.run.strict_json import strict
 
 #: Multiple of the expected misfit beyond which no route was found.
 POOR = 3.0
@@ -66,7 +68,10 @@ class Trust:
         doubtful = [one for one in gates if one.verdict == "open"]
         held = "; ".join(one.words for one in gates if one.verdict == "passed")
         if failed:
-            next_steps = "; ".join(dict.fromkeys(step for one in failed for step in one.mend))
+            steps = list(dict.fromkeys(step for one in failed for step in one.mend))
+            if any(one.name == "diagnosis" for one in gates):
+                steps = [step for step in steps if step != DIAGNOSE] or ["the diagnosis says what the model may lack"]
+            next_steps = "; ".join(steps)
             found = "; ".join(one.words for one in failed)
             local = all(one.where for one in failed)
             where = " and ".join(one.where for one in failed) if local else "as it stands"
@@ -83,12 +88,14 @@ class Trust:
     def stored(cls, facts: Mapping[str, Any]) -> "Trust":
         """As fit.json has it."""
         nan = float("nan")
-        return cls.of(
-            [
-                Gate(**{name: nan if value is None else value for name, value in one.items()} | {"mend": tuple(one["mend"])})
-                for one in facts["gates"]
-            ]
-        )
+        known = [{name: nan if value is None else value for name, value in one.items()} for one in facts["gates"]]
+        return cls.of([Gate(**one | {"mend": tuple(one["mend"])}) for one in known])
+
+
+def with_gate(facts: Mapping[str, Any], gate: Gate) -> dict[str, Any]:
+    """The trust of a run, as fit.json has it, with one check made, or made again."""
+    gates = [one for one in Trust.stored(facts).gates if one.name != gate.name]
+    return strict(asdict(Trust.of([*gates, gate])))
 
 
 def grade_of(gates: Sequence[Gate]) -> str:

@@ -1,7 +1,7 @@
 """Where along the fiber the model does not explain what vehicles leave, and what that does to the route there."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,7 @@ from solver.run.geojson import runs
 from solver.run.report.report_words import told
 from solver.run.run import Run
 from solver.run.run_corridor import median_half
-from solver.run.strict_json import strict
-from solver.run.trust import DIAGNOSE, Gate, Trust
+from solver.run.trust import DIAGNOSE, Gate, with_gate
 
 Array = NDArray[np.float64]
 
@@ -35,7 +34,8 @@ def unexplained(run: Run, regions: Sequence[Region]) -> NDArray[np.bool_]:
 
     What a single vehicle leaves is about that vehicle.
     """
-    result, half = run.result, run.problem.gauge_length / run.problem.channel_spacing / 2
+    result, settings = run.result, run.facts["settings"]
+    half = settings["gauge_length"] / settings["channel_spacing"] / 2
     found = np.zeros(len(result.channel), bool)
     for one in regions:
         if one.kind in OF_CHANNELS and (len(one.passes) > 1 or len(run.passes) == 1):
@@ -87,8 +87,7 @@ def with_local_misfit(run: Run) -> Run:
     if run.too_long:
         return run
     lost = unexplained(run, regions_of(run, cells_of(run)))
-    gates = [one for one in Trust.stored(run.facts["trust"]).gates if one.name != "places"]
-    facts = run.facts | {"trust": strict(asdict(Trust.of([*gates, gate_of(run, lost)])))}
+    facts = run.facts | {"trust": with_gate(run.facts["trust"], gate_of(run, lost))}
     result = replace(run.result, constrained=run.result.constrained & ~lost)
     run = replace(run, result=result, facts=facts)
     if lost.any() and run.added is not None and (more := without(run, lost)) is not None:

@@ -19,6 +19,7 @@ from solver.criticism.comparison.compare import compare
 from solver.criticism.comparison.comparison_files import facts_of, write_comparison
 from solver.criticism.comparison.comparison_page import render
 from solver.criticism.comparison.comparison_words import clock, region_words, size_words
+from solver.criticism.comparison.local_misfit import gate_of, unexplained
 from solver.criticism.comparison.power import periodogram, power_of
 from solver.criticism.comparison.region_search import regions_of
 from solver.criticism.comparison.split import SOURCES, fair_shares, normal_equations, split_of
@@ -149,6 +150,22 @@ def test_a_run_without_quiet_samples_takes_the_fits_noise_floor():
     level, spread = noise_of(residual, np.ones_like(residual, bool), np.zeros_like(residual, bool), 1.3)
     assert level.tolist() == [1.3, 1.3, 1.3]
     assert spread == 1.0
+
+
+def test_channels_that_all_passes_contradict_are_not_constrained_and_one_pass_is_about_itself(gain_run, noise_run):
+    lost = unexplained(gain_run, found(gain_run))
+    assert gain_run.result.channel[lost][[0, -1]].tolist() == [113, 136], "a gauge of ten channels, half to either side"
+    gate = gate_of(gain_run, lost)
+    assert gate.failed and gate.where == "at channels 113 to 136"
+    assert not unexplained(noise_run, found(noise_run)).any()
+    assert gate_of(noise_run, np.zeros(3, bool)).verdict == "passed"
+    own = Maker(seed=3, change=late(2, 0.3)).run()
+    assert found(own) and not unexplained(own, found(own)).any()
+
+
+def test_what_fails_along_most_of_the_fiber_is_not_of_a_place():
+    run = Maker(seed=3, change=gain(slice(2, CHANNELS - 2), 0.7)).run()
+    assert found(run) and not unexplained(run, found(run)).any()
 
 
 # ---- scans -----------------------------------------------------------------------------------------------------------

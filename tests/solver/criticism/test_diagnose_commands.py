@@ -17,6 +17,7 @@ import roadfiber.command
 from solver.catalogue import plugins
 from solver.catalogue.catalogue import built_in
 from solver.criticism.policy import POLICY
+from solver.run.folder import read_run
 from solver.run.titles import lower
 from vision.contract import InputError
 
@@ -81,6 +82,7 @@ def stretched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_hidden_effect_is_named_of_the_whole_catalogue(stretched: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(stretched, tmp_path / "run")
+    before = read_run(folder)
     said = run("diagnose", folder)
     assert 0 <= said.find("score test: ") < said.find("full fits: ") < said.find("missing-effect: "), "as it is found"
     found = written(folder)
@@ -94,6 +96,13 @@ def test_a_hidden_effect_is_named_of_the_whole_catalogue(stretched: Path, tmp_pa
     assert "gauge_length" in {first["effect"], *first["confounded_with"]}, found["words"]
     assert first["evidence"] > POLICY.found and first["held_out_gain"] > 0
     assert len(found["candidates"]) > 50
+    # What is found reaches the route, its first page and its corridor.
+    after = read_run(folder)
+    assert "the model lacks" in after.trust and "the model lacks" not in before.trust
+    assert "the model lacks" in (folder / "report.html").read_text(encoding="utf-8")
+    assert after.facts["corridor"]["explanations"][0]["effects"] == list(found["explanations"][0]["effects"])
+    assert not np.allclose(after.route["sigma_y"], before.route["sigma_y"])
+    assert np.allclose(after.route["sigma_y_fit"], before.route["sigma_y_fit"])
 
 
 def test_the_clocks_offset_is_estimated_and_kept_where_it_is_added(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """A diagnosis in plain words."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,14 +11,17 @@ from solver.catalogue.catalogue import built_in
 from solver.catalogue.plain_words import told
 from solver.criticism.audit import NoiseAudit
 from solver.criticism.candidate import Candidate, idle_candidate
-from solver.criticism.corridor import Corridor
 from solver.criticism.diagnosis_files import diagnosis_facts
 from solver.criticism.finding import Diagnosis
-from solver.criticism.pages import diagnosis_page, widest_title
+from solver.criticism.pages import diagnosis_page
 from solver.criticism.plain_verdict import details, headline, hidden_change, least_words, size_words
-from solver.criticism.route_change import from_run, route_of
+from solver.criticism.quick_corridor import diagnosis_gate
+from solver.criticism.route_change import borne_out, from_run, route_of
 from solver.effect import Setting
 from solver.fit.map_fit import MapFit
+from solver.run.geojson import Z95
+from solver.run.strict_json import strict
+from solver.run.trust import Gate, Trust
 
 HERE = Setting(gauge_length=10.0, channel_spacing=1.0, x=50.0, along=100.0)
 QUIET = NoiseAudit(1000, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.1, 0.0, 1.0, ())
@@ -88,12 +92,44 @@ def test_markup_in_a_users_name_is_text_on_the_page() -> None:
     assert "<img src=x" not in page and "&lt;img" in page
 
 
+def test_what_shows_and_does_not_matter_is_not_called_nothing() -> None:
+    """ "Nothing is missing" stood over an effect with a probability of 100 %."""
+    small = candidate("slack_spool", verdict="negligible")
+    assert headline(diagnosis("adequate", small)).startswith("Coil of slack shows, too small to matter: ")
+
+
 @pytest.mark.parametrize(
-    ("widest", "title"),
-    [("gauge_length", "gauge length"), ("disagreement", "how far vehicles disagree about the route")],
+    ("verdict", "move", "checked", "words"),
+    [
+        ("adequate", None, "passed", "the diagnosis finds nothing missing"),
+        ("missing-effect", 0.4, "failed", "the model lacks gauge length, which moves the route by up to 0.40 m"),
+        ("missing-effect", 0.1, "passed", "the model lacks gauge length, which moves the route by up to 0.10 m"),
+        ("unknown-effect", None, "failed", "something acts at the interrogator stage that the catalogue does not know"),
+        ("inconclusive", None, "open", "what the model may lack, since the diagnosis cannot tell"),
+    ],
 )
-def test_what_widens_a_corridor_most_is_told_in_plain_words(widest: str, title: str) -> None:
-    corridor = Corridor(np.zeros(0, int), np.zeros((0, 3, 3)), np.zeros((0, 2, 3)), widest, 0.8)
-    found = replace(diagnosis("adequate", candidate("gauge_length")), corridor=corridor)
-    assert widest_title(found) == title
-    assert not widest_title(replace(found, corridor=replace(corridor, widest="")))
+def test_what_a_diagnosis_finds_is_a_check_of_its_run(verdict: str, move: float, checked: str, words: str) -> None:
+    gate = diagnosis_gate(diagnosis(verdict, candidate("gauge_length", route_change=move)), half_width=0.2)
+    assert gate.verdict == checked and gate.words.startswith(words)
+
+
+def judged_run(gates: list[Gate], half: float = 0.1) -> Any:
+    """A run with checks and a corridor."""
+    covariance = np.tile(np.diag([0.01, (half / Z95) ** 2, 0.01]), (3, 1, 1))
+    route = np.column_stack([np.arange(3.0), np.full(3, 4.0), np.ones(3)])
+    result = SimpleNamespace(route=route, covariance=covariance, constrained=np.ones(3, bool))
+    return SimpleNamespace(result=result, facts={"trust": strict(asdict(Trust.of(gates)))})
+
+
+def test_no_model_is_adequate_whose_run_leaves_more_than_noise() -> None:
+    fine = diagnosis("adequate", candidate("gauge_length", verdict="excluded"))
+    assert borne_out(judged_run([Gate("misfit", "passed", "m")]), fine) is fine
+    told = borne_out(judged_run([Gate("misfit", "failed", "misfit 1.3 where noise alone leaves 1")]), fine)
+    assert told.verdict == "inconclusive" and "misfit 1.3" in told.words
+
+
+def test_what_moves_the_route_out_of_its_corridor_is_not_too_small_to_matter() -> None:
+    small = candidate("slack_spool", verdict="negligible", route_change=0.4)
+    run = judged_run([Gate("misfit", "passed", "m")])
+    assert borne_out(run, diagnosis("adequate", small)).verdict == "inconclusive"
+    assert borne_out(run, diagnosis("adequate", replace(small, route_change=0.05))).verdict == "adequate"

@@ -1,6 +1,6 @@
 """The checks of a fit, and the sentence that follows from them."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -11,6 +11,8 @@ from solver.fit.pose import pose
 from solver.fit.result import Parameter
 from solver.run.floor import Floor, noise_floor
 from solver.run.gates import trust_of
+from solver.run.strict_json import strict
+from solver.run.trust import DIAGNOSE, Gate, Trust
 from solver.survey.anchors import Anchor
 from solver.survey.das.rounding import Rounding
 
@@ -166,3 +168,25 @@ def test_a_floor_of_rounded_noise_is_said_to_be_an_upper_bound(survey, trust):
         "misfit 1.000 where noise alone leaves at most 1.000 ± 0.009"
         in trust(floor=replace(FLOOR, bound=True)).sentence
     )
+
+
+def test_a_check_of_a_part_of_the_fiber_leaves_the_rest_as_it_is() -> None:
+    fine, bend = (
+        Gate("misfit", "passed", "misfit 1.0"),
+        Gate("places", "failed", "a bend", ("look",), where="at channel 7"),
+    )
+    told = Trust.of([fine, bend])
+    assert told.grade == "fair"
+    assert told.sentence == (
+        "Do not rely on this route at channel 7: a bend. Next: look. Elsewhere no check failed: misfit 1.0."
+    )
+    both = Trust.of([replace(fine, verdict="failed"), bend])
+    assert both.grade != "fair" and both.sentence.startswith(
+        "Do not rely on this route as it stands: misfit 1.0; a bend"
+    )
+    assert Trust.stored(strict(asdict(told))).sentence == told.sentence
+
+
+def test_who_has_diagnosed_is_not_told_to_diagnose() -> None:
+    gates = [Gate("misfit", "failed", "misfit 2", (DIAGNOSE,)), Gate("diagnosis", "open", "what it may lack")]
+    assert DIAGNOSE not in Trust.of(gates).sentence and DIAGNOSE in Trust.of(gates[:1]).sentence
