@@ -43,7 +43,7 @@ from solver.run.run import Run
 from solver.run.run_corridor import DISAGREE, DISAGREEMENT, TOLD, corridor_facts, median_half
 from solver.run.strict_json import strict
 from solver.run.titles import lower
-from solver.run.trust import Gate, with_gate
+from solver.run.trust import DIAGNOSIS, Gate, with_gate
 from solver.survey.memory import give_back
 
 Array = NDArray[np.float64]
@@ -160,11 +160,11 @@ def with_diagnosis(run: Run, found: Diagnosis) -> Run:
 
 def diagnosis_gate(found: Diagnosis, half_width: float) -> Gate:
     """The check that the model lacks nothing; what moves the route within the fit's own corridor, m, is no failure."""
-    name, first = "diagnosis", found.candidates[0] if found.candidates else None
+    name, first = DIAGNOSIS, found.candidates[0] if found.candidates else None
     if found.verdict == "adequate":
         return Gate(name, "passed", "the diagnosis finds nothing missing that this survey could show")
     if found.verdict == "inconclusive" or first is None:
-        return Gate(name, "open", "what the model may lack, since the diagnosis cannot tell")
+        return Gate(name, "open", "the diagnosis cannot tell what the model may lack")
     if found.verdict == "unknown-effect":
         words = f"something acts at the {first.stage} stage that the catalogue does not know"
         return Gate(name, "failed", words, ("`roadfiber compare RUN` shows where it is left",))

@@ -11,6 +11,9 @@ POOR = 3.0
 #: What to do where the model leaves what noise does not.
 DIAGNOSE = "`roadfiber diagnose RUN` says what the model lacks"
 
+#: Name of the check that a diagnosis is; it is told whatever else failed.
+DIAGNOSIS = "diagnosis"
+
 Verdict = Literal["passed", "failed", "open"]
 
 
@@ -68,8 +71,9 @@ class Trust:
         doubtful = [one for one in gates if one.verdict == "open"]
         held = "; ".join(one.words for one in gates if one.verdict == "passed")
         if failed:
-            steps = list(dict.fromkeys(step for one in failed for step in one.mend))
-            if any(one.name == "diagnosis" for one in gates):
+            mended = [one for one in gates if one.failed or one.name == DIAGNOSIS]
+            steps = list(dict.fromkeys(step for one in mended for step in one.mend))
+            if any(one.name == DIAGNOSIS for one in gates):
                 steps = [step for step in steps if step != DIAGNOSE] or ["the diagnosis says what the model may lack"]
             next_steps = "; ".join(steps)
             found = "; ".join(one.words for one in failed)
@@ -78,6 +82,9 @@ class Trust:
             sentence = f"Do not rely on this route {where}: {found}. Next: {next_steps}."
             if local and held:
                 sentence += f" Elsewhere no check failed: {held}."
+            elif not local:
+                told = (one.words for one in gates if one.name == DIAGNOSIS and not one.failed)
+                sentence += "".join(f" {words[:1].upper()}{words[1:]}." for words in told)
         else:
             sentence = f"No check failed: {held}."
             if doubtful:

@@ -98,8 +98,8 @@ def test_a_hidden_effect_is_named_of_the_whole_catalogue(stretched: Path, tmp_pa
     assert len(found["candidates"]) > 50
     # What is found reaches the route, its first page and its corridor.
     after = read_run(folder)
-    assert "the model lacks" in after.trust and "the model lacks" not in before.trust
-    assert "the model lacks" in (folder / "report.html").read_text(encoding="utf-8")
+    assert "lacks gauge length" in after.trust and "lacks gauge length" not in before.trust
+    assert "lacks gauge length" in (folder / "report.html").read_text(encoding="utf-8")
     assert after.facts["corridor"]["explanations"][0]["effects"] == list(found["explanations"][0]["effects"])
     assert not np.allclose(after.route["sigma_y"], before.route["sigma_y"])
     assert np.allclose(after.route["sigma_y_fit"], before.route["sigma_y_fit"])

@@ -105,7 +105,7 @@ def test_what_shows_and_does_not_matter_is_not_called_nothing() -> None:
         ("missing-effect", 0.4, "failed", "the model lacks gauge length, which moves the route by up to 0.40 m"),
         ("missing-effect", 0.1, "passed", "the model lacks gauge length, which moves the route by up to 0.10 m"),
         ("unknown-effect", None, "failed", "something acts at the interrogator stage that the catalogue does not know"),
-        ("inconclusive", None, "open", "what the model may lack, since the diagnosis cannot tell"),
+        ("inconclusive", None, "open", "the diagnosis cannot tell what the model may lack"),
     ],
 )
 def test_what_a_diagnosis_finds_is_a_check_of_its_run(verdict: str, move: float, checked: str, words: str) -> None:
