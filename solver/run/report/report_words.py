@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from solver.run.geojson import Z95, half_width, runs
 from solver.run.run import Run
 from solver.run.seen import Seen
+from solver.run.trust import DIAGNOSIS
 from solver.survey.limits import PUSHES
 
 WINDS = ["N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW"]
@@ -142,11 +143,16 @@ def sure(run: Run) -> str:
         return "A corridor that takes the model for granted is too narrow wherever something is missing in it."
     if run.facts["corridor"]["why"]:
         return "Where vehicles disagree about the route by more than noise explains, something is wrong with the model."
-    return (
+    how = (
         "Every effect of the catalogue was tested on what the fit leaves. Each may move the route in its own way: as "
         "far as it shows, as probable as it is, and as far as one that is too small to show could. How far vehicles "
-        "disagree about the route beyond noise widens the corridor, too. That is a quick look, enough for a corridor: "
-        "`roadfiber diagnose RUN` fits the best in full, and may name another."
+        "disagree about the route beyond noise widens the corridor, too."
+    )
+    if any(one["name"] == DIAGNOSIS for one in run.facts["trust"]["gates"]):
+        return f"{how} This is what `roadfiber diagnose RUN` found, which fits the best in full."
+    return (
+        f"{how} That is a quick look, enough for a corridor: `roadfiber diagnose RUN` fits the best in full, and may "
+        "name another."
     )
 
 
