@@ -1,12 +1,15 @@
 """The command itself: its version, and how it ends when the machine refuses something."""
 
 import os
+import re
+import shlex
 import shutil
 import sys
 from importlib.metadata import version
 
 import pint
 import pytest
+import typer.main
 from numba.core import caching
 from typer.testing import CliRunner
 
@@ -22,6 +25,25 @@ def ended(monkeypatch, capsys, *words) -> tuple[int, str]:
     with pytest.raises(SystemExit) as end:
         roadfiber.command.main()
     return end.value.code, capsys.readouterr().err
+
+
+def leaves(command, *names):
+    """Commands and groups of them, by the words that call them."""
+    subs = getattr(command, "commands", {})
+    return {names: command} | {key: leaf for name in subs for key, leaf in leaves(subs[name], *names, name).items()}
+
+
+def test_each_command_has_examples_that_it_understands():
+    commands = leaves(typer.main.get_command(roadfiber.command.app))
+    for names, command in commands.items():
+        if hasattr(command, "commands"):
+            continue
+        examples = re.findall(r"`roadfiber ([^`]+)`", command.help.partition("Example")[2])
+        assert examples, f"{command.name} has no example"
+        for example in examples:
+            words = shlex.split(example.partition(" > ")[0])
+            called = tuple(words[: len(names)])
+            assert commands[called].make_context(called[-1], words[len(called) :]).params
 
 
 def test_version():
