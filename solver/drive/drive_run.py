@@ -130,7 +130,8 @@ class DriveRun(LocatedFiber):
         from solver.run.gis.layers import Subject
 
         place = self.straight, self.frame, self.anchors, self.name
-        export(Subject(*place, str(self.facts["trust"]["grade"]), self.trust), paths, crs, ground_height)
+        told = str(self.facts["trust"]["grade"]), self.trust, str(self.facts["start"])[:10]
+        export(Subject(*place, *told), paths, crs, ground_height)
 
     def to_patch(self, patch: Any) -> Any:
         """A DASCore patch of the record with the route as coordinates along its distance; as `Run.to_patch`."""

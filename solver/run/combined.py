@@ -200,12 +200,9 @@ class Combined:
         anchors = {(a.name, a.channel): a for run in self.runs for a in run.anchors}
         grades = [str(run.facts["trust"]["grade"]) for run in self.runs]
         grade = "weak" if not self.converged else max(grades, key=("good", "fair", "weak", "poor").index)
-        export(
-            Subject(self.place, self.frame, list(anchors.values()), self.name, grade, self.headline),
-            paths,
-            crs,
-            ground_height,
-        )
+        subject = self.place, self.frame, list(anchors.values()), self.name
+        days = ", ".join(sorted({str(run.start)[:10] for run in self.runs}))
+        export(Subject(*subject, grade, self.headline, days), paths, crs, ground_height)
 
     def save(self, folder: Path | str) -> None:
         """Write a folder that `rf.open` reads: the route and the runs, whole or not at all; an earlier one is replaced.

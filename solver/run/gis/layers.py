@@ -30,6 +30,7 @@ class Subject:
     name : of the survey
     grade : of its checks
     trust : sentence that says whether it may be relied on
+    recorded : date or dates of the record, UTC
     """
 
     place: FitResult | Placed
@@ -38,6 +39,7 @@ class Subject:
     name: str
     grade: str = "good"
     trust: str = ""
+    recorded: str = ""
 
     @property
     def accuracy(self) -> Accuracy:

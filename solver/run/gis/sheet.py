@@ -1,11 +1,14 @@
-"""One page for the file: where the fiber is, how sure that is, in which class, and what is not claimed."""
+"""One page for the file: where the fiber is, how sure that is, in which class, what is not claimed, and how to dig."""
 
 import textwrap
+from datetime import UTC, datetime
 from importlib.metadata import version
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
 from solver.run.geojson import Z95, corridor_ring, half_width
 from solver.run.gis.accuracy import CLAIM, share_lines
@@ -18,11 +21,21 @@ from vision.contract.palette import ROUTE
 A4, LINE = (8.27, 11.69), 118
 #: Places that the table of coordinates lists.
 ROWS = 12
+#: Height of a line of small print, of the page's.
+LEADING = 0.0118
+#: For who digs: the steps that one-call services ask for are to call, wait for the marks, respect them, dig with care.
+DIGGING = (
+    "Before anyone digs. This route is an estimate from vibration of the ground. It is not a utility locate, and no "
+    "mark on the street. It shows one fiber; pipes and cables of others are not on it. Call the one-call service "
+    "(in the United States 811) and wait until all utilities are marked. Within the corridor, and wherever the "
+    "marks ask for it, dig by hand or by vacuum until the fiber is seen; use no machine there, and do not trust the "
+    "depth. The fiber may lie outside the corridor, which at best holds it in 95 of 100 surveys like this one."
+)
 
 
 @styled
 def sheet(subject: Subject, target: Target) -> Figure:
-    """The page: title and trust, map, sideways place and depth with the 95 % corridor, classes, coordinates.
+    """The page: title, trust, what a crew must know, map, sideways place and depth with the corridor, classes, places.
 
     Parameters
     ----------
@@ -32,8 +45,11 @@ def sheet(subject: Subject, target: Target) -> Figure:
     figure = Figure(figsize=A4)
     place = subject.place
     figure.text(0.08, 0.955, f"{subject.name}: fiber route", size=16, weight="bold")
-    figure.text(0.08, 0.94, wrapped(subject.trust), size=8, va="top", color=MUTED)
-    boxes = {"map": (0.12, 0.67, 0.8, 0.17), "side": (0.12, 0.5, 0.8, 0.11), "depth": (0.12, 0.35, 0.8, 0.1)}
+    trust = wrapped(subject.trust)
+    figure.text(0.08, 0.945, trust, size=8, va="top", color=MUTED)
+    below = 0.945 - LEADING * (trust.count("\n") + 2)
+    figure.text(0.08, below, wrapped(DIGGING, 105), size=8, va="top", weight="bold")
+    boxes = {"map": (0.12, 0.635, 0.8, 0.15), "side": (0.12, 0.485, 0.8, 0.095), "depth": (0.12, 0.35, 0.8, 0.09)}
     axes = {name: figure.add_axes(box) for name, box in boxes.items()}
     for name, one in axes.items():
         one.set_label(name)
@@ -46,37 +62,52 @@ def sheet(subject: Subject, target: Target) -> Figure:
     figure.text(0.08, 0.282, "\n".join(share_lines(subject.accuracy)), size=8, va="top", linespacing=1.5)
     figure.text(0.08, 0.21, wrapped(CLAIM, 52), size=7, va="top", color=MUTED, linespacing=1.35)
     draw_table(figure, subject, target)
-    made = f"roadfiber {version('roadfiber')}; third coordinate: {target.third}"
-    figure.text(0.08, 0.025, made, size=7, color=MUTED)
+    made = f"Made {datetime.now(UTC):%Y-%m-%d} by roadfiber {version('roadfiber')}"
+    recorded = f" of a record of {subject.recorded}" if subject.recorded else ""
+    figure.text(0.08, 0.025, f"{made}{recorded}; third coordinate: {target.third}", size=7, color=MUTED)
     return figure
 
 
 def wrapped(text: str, width: int = LINE) -> str:
     """Text broken into lines."""
-    return "\n".join(textwrap.wrap(text, width))
+    return "\n".join(textwrap.wrap(text, width, break_on_hyphens=False))
 
 
 def draw_map(axes: Axes, subject: Subject) -> None:
-    """From above, in the local frame, north marked."""
+    """From above, in the local frame, of one scale along and across; true north, scale and signs are told."""
     place = subject.place
     half = half_width(place.route, place.covariance)
     if np.isfinite(half).all():
         ring = corridor_ring(place.route[:, :2], half)
-        axes.fill(ring[:, 0], ring[:, 1], color=ROUTE, alpha=0.25, lw=0)
-    axes.axhline(0, color=MUTED, lw=0.6, ls=(0, (6, 4)))
-    axes.plot(place.route[:, 0], place.route[:, 1], color=ROUTE, lw=1.8)
-    for one in subject.anchors:
-        axes.plot(one.x, one.y, "s", ms=5, mfc=PAPER, mec=INK)
+        axes.fill(ring[:, 0], ring[:, 1], color=ROUTE, alpha=0.25, lw=0, label="95 % corridor")
+    axes.axhline(0, color=MUTED, lw=0.6, ls=(0, (6, 4)), label="survey line, y = 0")
+    x, y, sure = place.route[:, 0], place.route[:, 1], place.constrained
+    axes.plot(np.where(sure, x, np.nan), y, color=ROUTE, lw=1.8, label="fiber")
+    if not sure.all():
+        axes.plot(np.where(sure, np.nan, x), y, color=ROUTE, lw=1.2, ls="--", label="fiber, not decided by data")
+    for at, one in enumerate(subject.anchors):
+        axes.plot(one.x, one.y, "s", ms=5, mfc=PAPER, mec=INK, label="" if at else "anchor, known place")
         axes.annotate(one.name, (one.x, one.y), (0, 7), textcoords="offset points", ha="center", size=7)
-    low, high = place.route[:, 1].min() - 3, place.route[:, 1].max() + 3
-    axes.set_ylim(max(high, 2.0), min(low, -2.0))
-    axes.set(xlabel="x, m along the road", ylabel="y, m", title="From above")
-    angle = np.deg2rad(subject.frame.x_azimuth)
-    way = 0.05 * np.array([np.cos(angle), np.sin(angle) * 3])
-    arrow = {"arrowstyle": "-|>", "color": INK}
-    tip, tail = (0.96 + way[0], 1.13 + way[1] / 2), (0.96 - way[0], 1.13 - way[1] / 2)
-    axes.annotate("", tip, tail, "axes fraction", arrowprops=arrow)
-    axes.text(0.91, 1.1, "N", transform=axes.transAxes, weight="bold")
+    axes.set(xlabel="x, m along the road", ylabel="y, m")
+    axes.set_title("From above", loc="left")
+    low, high = min(y.min() - 3, -2.0), max(y.max() + 3, 2.0)
+    axes.set_xlim(x.min() - 1, x.max() + 1)
+    axes.set_ylim(high, low)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.13, 0.99), ncols=5, fontsize=6.5, frameon=False, columnspacing=1.2)
+    length = MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(0, np.ptp(x) + 2)[1]
+    beneath = {"bbox_to_anchor": (1, -0.12), "bbox_transform": axes.transAxes, "frameon": False, "color": INK}
+    axes.add_artist(AnchoredSizeBar(axes.transData, length, f"{length:g} m", "upper right", **beneath))
+    draw_north(axes, subject.frame.x_azimuth)
+
+
+def draw_north(axes: Axes, x_azimuth: float) -> None:
+    """An arrow to true north, above a map whose +x points right and whose +y points down; azimuth in degrees."""
+    angle = np.deg2rad(x_azimuth)
+    tip = 26 * np.cos(angle), 26 * np.sin(angle)  # points on paper
+    arrow = {"arrowstyle": "<|-", "color": INK, "shrinkA": 0, "shrinkB": 0}
+    north = axes.annotate("N", (0.96, 1.08), tip, "axes fraction", "offset points", arrowprops=arrow)
+    north.set(ha="center", va="center", size=8, weight="bold")
 
 
 def draw_profile(axes: Axes, subject: Subject, axis: int, half: np.ndarray, label: str) -> None:

@@ -4,6 +4,7 @@ import builtins
 import json
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pyogrio
 import pytest
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from pyproj import Transformer
 from shapely import Point
 from typer.testing import CliRunner
@@ -165,6 +167,38 @@ def test_the_sheet_is_one_page(subject: Subject, tmp_path: Path) -> None:
     assert (tmp_path / "a.pdf").read_bytes().count(b"/Type /Page ") == 1
     figure = sheet(subject, Target.of(UTM))
     assert {axes.get_label() for axes in figure.axes} == {"map", "side", "depth", "table"}
+
+
+@pytest.mark.parametrize("azimuth", [78.0, 213.0])
+def test_the_sheet_points_north(subject: Subject, azimuth: float) -> None:
+    turned = replace(subject, frame=LocalFrame(FRAME.origin, azimuth))
+    figure = sheet(turned, Target.of(UTM))
+    figure.draw_without_rendering()
+    drawn = next(axes for axes in figure.axes if axes.get_label() == "map")
+    (arrow,) = (text for text in drawn.texts if text.get_text() == "N")
+    start, end = drawn.transData.transform(
+        np.column_stack(turned.frame.to_local(FRAME.origin[0] + np.array([0, 1e-4]), FRAME.origin[1] + np.zeros(2)))
+    )
+    north, tip = end - start, np.array(arrow.xyann)
+    assert north @ tip / np.linalg.norm(north) / np.linalg.norm(tip) > np.cos(np.deg2rad(0.1))
+
+
+def test_the_sheet_tells_its_signs_its_scale_its_day_and_how_to_dig(subject: Subject) -> None:
+    figure = sheet(replace(subject, recorded="2025-08-11"), Target.of(UTM))
+    drawn = next(axes for axes in figure.axes if axes.get_label() == "map")
+    signs = {text.get_text() for text in drawn.get_legend().get_texts()}
+    assert signs == {
+        "95 % corridor",
+        "survey line, y = 0",
+        "fiber",
+        "fiber, not decided by data",
+        "anchor, known place",
+    }
+    (bar,) = (one for one in drawn.artists if isinstance(one, AnchoredSizeBar))
+    assert bar.txt_label.get_text() == "20 m"
+    words = " ".join(" ".join(text.get_text().split()) for text in figure.texts)
+    assert "not a utility locate" in words and "one-call service" in words and "dig by hand" in words
+    assert "of a record of 2025-08-11" in words
 
 
 @pytest.mark.parametrize(
