@@ -14,6 +14,7 @@ from solver.run.geojson import Z95, corridor_ring, half_width
 from solver.run.gis.accuracy import CLAIM, share_lines
 from solver.run.gis.layers import Subject
 from solver.run.gis.target import Target
+from solver.run.report.route_figure import draw_north
 from vision.contract.figures import INK, MUTED, PAPER, styled
 from vision.contract.palette import ROUTE
 
@@ -99,15 +100,6 @@ def draw_map(axes: Axes, subject: Subject) -> None:
     beneath = {"bbox_to_anchor": (1, -0.12), "bbox_transform": axes.transAxes, "frameon": False, "color": INK}
     axes.add_artist(AnchoredSizeBar(axes.transData, length, f"{length:g} m", "upper right", **beneath))
     draw_north(axes, subject.frame.x_azimuth)
-
-
-def draw_north(axes: Axes, x_azimuth: float) -> None:
-    """An arrow to true north, above a map whose +x points right and whose +y points down; azimuth in degrees."""
-    angle = np.deg2rad(x_azimuth)
-    tip = 26 * np.cos(angle), 26 * np.sin(angle)  # points on paper
-    arrow = {"arrowstyle": "<|-", "color": INK, "shrinkA": 0, "shrinkB": 0}
-    north = axes.annotate("N", (0.96, 1.08), tip, "axes fraction", "offset points", arrowprops=arrow)
-    north.set(ha="center", va="center", size=8, weight="bold")
 
 
 def draw_profile(axes: Axes, subject: Subject, axis: int, half: np.ndarray, label: str) -> None:

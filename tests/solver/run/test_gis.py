@@ -175,12 +175,13 @@ def test_the_sheet_points_north(subject: Subject, azimuth: float) -> None:
     figure = sheet(turned, Target.of(UTM))
     figure.draw_without_rendering()
     drawn = next(axes for axes in figure.axes if axes.get_label() == "map")
-    (arrow,) = (text for text in drawn.texts if text.get_text() == "N")
+    (arrow,) = (text for text in drawn.texts if getattr(text, "arrow_patch", None))
     start, end = drawn.transData.transform(
         np.column_stack(turned.frame.to_local(FRAME.origin[0] + np.array([0, 1e-4]), FRAME.origin[1] + np.zeros(2)))
     )
-    north, tip = end - start, np.array(arrow.xyann)
-    assert north @ tip / np.linalg.norm(north) / np.linalg.norm(tip) > np.cos(np.deg2rad(0.1))
+    tail, tip = drawn.transAxes.transform([arrow.xyann, arrow.xy])
+    north, drawn_north = end - start, tip - tail
+    assert north @ drawn_north / np.linalg.norm(north) / np.linalg.norm(drawn_north) > np.cos(np.deg2rad(0.1))
 
 
 def test_the_sheet_tells_its_signs_its_scale_its_day_and_how_to_dig(subject: Subject) -> None:
