@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from vision.contract import InputError, read_toml
+from vision.contract.text import FARTHEST, TIME_MEND, moment
 from vision.frames import Video
 from vision.video import open_video
 
@@ -58,9 +59,10 @@ def read_clock(site: Path, clock_offset: float | None = None) -> Clock:
     if not isinstance(camera, dict) or not isinstance(camera.get("video"), str):
         raise InputError(f"{path}: no [camera] video; write [camera] with video, calibration and start")
     start, offset = camera.get("start"), camera.get("clock_offset", 0.0) if clock_offset is None else clock_offset
-    if not isinstance(start, datetime) or start.tzinfo is None:
-        raise InputError(f"{path}: [camera] start is {start}; give a time with Z or an offset, as 2025-08-11T06:00:00Z")
-    if isinstance(offset, bool) or not isinstance(offset, int | float) or not np.isfinite(offset):
+    if not isinstance(start, datetime):
+        raise InputError(f"{path}: [camera] start is {start}; {TIME_MEND}")
+    start = moment(start, f"{path}: [camera] start")
+    if isinstance(offset, bool) or not isinstance(offset, int | float) or not abs(offset) <= FARTHEST:
         raise InputError(f"{path}: [camera] clock_offset is {offset}; give seconds")
     return _clock(open_video(path.parent / camera["video"]), start.astimezone(UTC), float(offset))
 

@@ -1,15 +1,15 @@
 """Control point files (csv, json, OTVision's .otrfpts) as tables, and their places as meters of the local frame."""
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.contract import InputError, LocalFrame, read_text
+from vision.contract import InputError, LocalFrame
 from vision.contract.columns import finite, first_row, to_frame, with_positions
 from vision.contract.csv_table import read_csv
+from vision.contract.text import read_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,19 +43,10 @@ def read_table(path: Path) -> "pd.DataFrame":
     return table
 
 
-def _load(path: Path) -> Any:
-    try:
-        return json.loads(read_text(path, "a file of control points"))
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(f"{path}: not JSON ({str(error).splitlines()[0]})") from error
-
-
 def _read_json(path: Path) -> "pd.DataFrame":
     import pandas as pd
 
-    content = _load(path)
+    content = read_json(path, "a file of control points")
     rows = content.get("control_points") if isinstance(content, dict) else content
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise InputError(
@@ -67,7 +58,7 @@ def _read_json(path: Path) -> "pd.DataFrame":
 def _read_otvision(path: Path) -> "pd.DataFrame":
     import pandas as pd
 
-    content = _load(path)
+    content = read_json(path, "a file of control points")
     if not isinstance(content, dict) or not all(isinstance(row, dict) for row in content.values()):
         raise InputError(f'{path}: not OTVision\'s reference points; they are {{"1": {{{", ".join(OTVISION)}}}, ...}}')
     for name, row in content.items():

@@ -17,6 +17,7 @@ from vision.camera import Calibration
 from vision.contract.errors import InputError
 from vision.contract.progress import progress
 from vision.contract.table import COLUMNS
+from vision.contract.text import moment
 from vision.detectors import Detector, OnnxDetector, is_street, load_detector
 from vision.detectors.look import Look, look
 from vision.dropped import causes, join, words
@@ -237,12 +238,4 @@ def start_time(start: datetime | str | None, video: Video) -> np.datetime64:
             )
         log.warning("%s: taken to start at %sZ, as its header says; give --start if not", video.path, video.created)
         return video.created
-    try:
-        moment = datetime.fromisoformat(start) if isinstance(start, str) else start
-    except ValueError as error:
-        raise InputError(
-            f"--start {start!r}: is not a time; write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z"
-        ) from error
-    if moment.tzinfo is None:
-        raise InputError(f"--start {start}: has no time zone; write UTC with a Z, as 2025-08-11T06:00:00.25Z")
-    return np.datetime64(round(moment.timestamp() * 1e6), "us").astype("datetime64[ns]")
+    return np.datetime64(round(moment(start, "--start").timestamp() * 1e6), "us").astype("datetime64[ns]")

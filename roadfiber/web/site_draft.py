@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from vision.contract import InputError
+from vision.contract.text import moment
 
 #: Files of a record that are looked for in a folder, and at most one level below.
 DAS_KINDS = ("h5", "hdf5", "tdms", "sgy", "segy", "npy", "npz")
@@ -78,7 +79,11 @@ class Draft:
             },
         }
         if self.video or self.calibration:
-            parts["camera"] = {"video": self.video, "calibration": self.calibration, "start": moment(self.start)}
+            parts["camera"] = {
+                "video": self.video,
+                "calibration": self.calibration,
+                "start": moment(self.start, "start of the video"),
+            }
         if self.tracks:
             parts["trajectories"] = {"files": listed(self.tracks)}
         if self.anchors:
@@ -120,17 +125,6 @@ def numbers(text: str, what: str, count: int) -> list[float]:
     found = [number(one, what) for one in listed(text)]
     if len(found) != count:
         raise InputError(f"{what}: give {count} numbers, as 32.113, 34.804")
-    return found
-
-
-def moment(text: str) -> datetime:
-    """A time with its zone; InputError where it is none."""
-    try:
-        found = datetime.fromisoformat(text.strip())
-    except ValueError as error:
-        raise InputError(f"start of the video: {text!r} is no time; give one such as 2025-08-11T06:00:00Z") from error
-    if found.tzinfo is None:
-        raise InputError(f"start of the video: {text!r} has no zone; end it with Z for UTC, or with +02:00")
     return found
 
 

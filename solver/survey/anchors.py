@@ -131,7 +131,7 @@ def anchors_of(table: "pd.DataFrame", frame: LocalFrame, path: Path = Path("anch
         raise InputError(f"{path}: no column {', '.join(missing)}; an anchors table has {', '.join(COLUMNS)}")
     if table.empty:
         raise InputError(f"{path}: no anchors; write one row per anchor or leave [anchors] out of site.toml")
-    table = finite(table.assign(name=table["name"].astype(str)), names[1:], path)
+    table = finite(table.assign(name=table["name"].map(str)), names[1:], path)
     check_names(table, ("name",), path)
     check_positive(table, ("sigma_xy", "sigma_z"), path)
     if (wrong := (table["z"] <= 0) | (table["z"] > VEHICLE_REACH)).any():

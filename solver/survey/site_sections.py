@@ -18,7 +18,7 @@ from pydantic import (
 from solver.survey.das.units import Quantity
 from solver.survey.limits import VEHICLE_REACH
 from solver.survey.patterns import files_matching
-from vision.contract.text import LONGEST, is_name, plain
+from vision.contract.text import FARTHEST, LONGEST, YEARS, is_name, plain
 
 STORE_FILE = "store.json"  # which identifies the folder of a store
 DETECTORS = ("nanodet", "street")  # built in, the default first
@@ -159,8 +159,8 @@ class CameraSection(Section):
 
     video: File
     calibration: File
-    start: AwareDatetime
-    clock_offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    start: Annotated[AwareDatetime, Field(ge=YEARS[0], lt=YEARS[1])]
+    clock_offset: Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)] = 0.0
     detector: Annotated[Path | str, BeforeValidator(detector_of, json_schema_input_type=str)] = DETECTORS[0]
 
 

@@ -54,7 +54,7 @@ def test_gaps_are_counted(site):
     ("old", "new", "message"),
     [
         ("[camera]", "[film]", "no [camera] video"),
-        ("02.5Z", "02.5", "start is 2025-08-11 06:00:02.500000; give a time with Z"),
+        ("02.5Z", "02.5", "start 2025-08-11 06:00:02.500000: has no time zone"),
         ("0.25", '"soon"', "clock_offset is soon; give seconds"),
         ("street.mp4", "absent.mp4", "absent.mp4: no such file"),
         ("start =", "start ?", "invalid TOML"),

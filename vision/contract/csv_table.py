@@ -111,6 +111,8 @@ def read_csv(path: Path, text_columns: Collection[str] = (), comment: str | None
     """
     import pandas as pd
 
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; give the path of a table")
     try:
         form = form_of(path)
         names = [name.strip().lower() for name in form.header]
@@ -128,8 +130,6 @@ def read_csv(path: Path, text_columns: Collection[str] = (), comment: str | None
             skipinitialspace=True,
             comment=comment,
         )
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; give the path of a table") from error
     except UnicodeDecodeError as error:
         byte = error.object[error.start]
         raise InputError(f"{path}: not UTF-8 text (byte 0x{byte:02x}); {SAVE}") from error

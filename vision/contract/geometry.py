@@ -1,6 +1,5 @@
 """Points and lines of GeoJSON, KML and GeoPackage files, in WGS 84."""
 
-import json
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from vision.contract.errors import InputError
 from vision.contract.gpx import local_name, text_of
-from vision.contract.text import read_text
+from vision.contract.text import read_json, read_text
 
 Array = NDArray[np.float64]
 
@@ -74,19 +73,10 @@ def read_features(path: Path) -> list[Feature]:
     elif suffix == ".kml":
         found = list(kml(read_text(path, "a KML file"), path))
     else:
-        found = list(geojson(read_text(path, "a GeoJSON file"), path))
+        found = list(parts_of(read_json(path, "a GeoJSON file"), {}, path))
     if not found:
         raise InputError(f"{path}: holds neither a point nor a line; export the layer again")
     return found
-
-
-def geojson(text: str, path: Path) -> Iterator[Feature]:
-    """Features of a GeoJSON text."""
-    try:
-        whole = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path}: not GeoJSON ({error}); export it again") from error
-    yield from parts_of(whole, {}, path)
 
 
 def parts_of(value: Any, properties: dict[str, Any], path: Path) -> Iterator[Feature]:

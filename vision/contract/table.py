@@ -20,6 +20,7 @@ from vision.contract.errors import InputError
 from vision.contract.files import writing
 from vision.contract.frame import LocalFrame
 from vision.contract.gpx import read_gpx
+from vision.contract.text import TIME_MEND, YEARS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +33,6 @@ TEXT_COLUMNS = ("time", "track_id", "class")
 
 # A time of day, then Z or an offset; without these the time zone is unknown.
 ZONED = r"\d{1,2}:\d{2}.*(?:[Zz]|UTC|[+-]\d{2}(?::?\d{2})?)\s*$"
-TIME_MEND = "write ISO 8601 in UTC, as 2025-08-11T06:00:00.25Z"
 # Unix times of the years 2001 to 2096, s; in ms, us and ns they are 10^3, 10^6 and 10^9 times that.
 UNIX = (1e9, 4e9)
 UNIX_UNITS: dict[Literal["s", "ms", "us", "ns"], float] = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -54,12 +54,12 @@ def read_as_is(path: Path) -> "pd.DataFrame":
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: unknown kind of trajectory file; give one of {', '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; give the path of a trajectory table")
     try:
         if suffix == ".csv":
             return read_csv(path, TEXT_COLUMNS)
         return pd.read_parquet(path) if suffix == ".parquet" else read_gpx(path)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; give the path of a trajectory table") from error
     except (OSError, ArrowException) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path}: cannot be read ({reason}); check that the file is whole") from error
@@ -122,7 +122,9 @@ def to_utc(column: "pd.Series", path: Path) -> "pd.Series":
             raise InputError(f"{path}: row 1: time {text.iloc[0]!r} is a day number of a spreadsheet; {TIME_MEND}")
         times = pd.to_datetime(text, utc=True, format="ISO8601", errors="coerce")
         naive = ~text.str.contains(ZONED, regex=True)
-    for bad, problem in ((times.isna(), "is not a time"), (naive, "has no time zone")):
+    strange = (times < YEARS[0]) | (times >= YEARS[1])
+    of_no_year = f"is of no year from {YEARS[0].year} to {YEARS[1].year - 1}"
+    for bad, problem in ((times.isna(), "is not a time"), (naive, "has no time zone"), (strange, of_no_year)):
         if bad.any():
             row = first_row(bad)
             raise InputError(f"{path}: row {row}: time {str(column.iloc[row - 1])!r} {problem}; {TIME_MEND}")

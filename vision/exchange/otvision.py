@@ -23,12 +23,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vision.contract.errors import InputError
+from vision.contract.text import YEARS
 from vision.interpolate import BOX
 
 if TYPE_CHECKING:
     import pandas as pd
 
 CENTERED = (1, 0)  # last version of the detection format whose x, y is the box's middle
+LARGEST = 1 << 30  # bytes that are unpacked; a few of bzip2 can stand for all of a machine's memory
 DATE = "%Y-%m-%d %H:%M:%S.%f"
 
 
@@ -100,6 +102,8 @@ def _table(metadata: dict[str, Any], rows: Iterable[tuple[dict[str, Any], Any, A
     found = list(rows)
     entries = [entry for entry, _, _ in found]
     seconds = np.array([_seconds(when) for _, _, when in found], float)
+    if not ((seconds >= 0) & (seconds < YEARS[1].timestamp())).all():
+        raise ValueError("an occurrence is of no year")
     left, top, width, height = (np.array([float(entry[name]) for entry in entries], float) for name in "xywh")
     if _centered(metadata, any(_is_date(when) for _, _, when in found)):
         left, top = left - width / 2, top - height / 2
@@ -161,8 +165,8 @@ def _content(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; give .ottrk or .otdet of OTVision") from error
     try:
-        content = json.loads(bz2.decompress(raw) if raw[:3] == b"BZh" else raw)
-    except (OSError, ValueError) as error:
+        content = json.loads(bz2.BZ2Decompressor().decompress(raw, LARGEST) if raw[:3] == b"BZh" else raw)
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not .ottrk or .otdet of OTVision ({error})") from error
     metadata, data = (content.get(name) if isinstance(content, dict) else None for name in ("metadata", "data"))
     if not isinstance(metadata, dict) or not isinstance(data, dict):

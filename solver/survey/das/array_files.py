@@ -1,6 +1,5 @@
 """NumPy arrays as DAS files, with a side file that gives what an array does not."""
 
-import json
 from collections.abc import Iterator
 from datetime import UTC
 from pathlib import Path
@@ -12,7 +11,8 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from solver.survey.das.block import Block
 from solver.survey.das.units import parse_unit
-from vision.contract import InputError, read_text, read_toml
+from vision.contract import InputError, read_toml
+from vision.contract.text import YEARS, read_json
 
 #: Size of a `.npy` file, bytes, from which on it is read in parts.
 LARGE = 1 << 20
@@ -25,7 +25,7 @@ class SideFile(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    start: AwareDatetime
+    start: Annotated[AwareDatetime, Field(ge=YEARS[0], lt=YEARS[1])]
     sampling_rate: Positive
     channel_spacing: Positive | None = None
     gauge_length: Positive | None = None
@@ -45,10 +45,8 @@ def read_side_file(path: Path) -> SideFile:
         )
     try:
         wanted = "the side file of an array"
-        said = read_toml(found, wanted) if found.suffix == ".toml" else json.loads(read_text(found, wanted))
+        said = (read_toml if found.suffix == ".toml" else read_json)(found, wanted)
         return SideFile.model_validate(said)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{found}: cannot be read ({error}); mend that line") from error
     except ValidationError as error:
         problem = error.errors()[0]
         key = ".".join(map(str, problem["loc"]))

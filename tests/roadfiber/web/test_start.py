@@ -73,8 +73,8 @@ def test_places_far_apart_are_told(folder):
     [
         ({"das": "gone/*.h5"}, "no file matches 'gone/*.h5'"),
         ({"azimuth": "north"}, "azimuth: 'north' is no number"),
-        ({"video": "street.mp4", "start": "2025-08-11T06:00:00"}, "has no zone; end it with Z"),
-        ({"video": "street.mp4", "start": "noon"}, "'noon' is no time"),
+        ({"video": "street.mp4", "start": "2025-08-11T06:00:00"}, "has no time zone"),
+        ({"video": "street.mp4", "start": "noon"}, "'noon': is not a time"),
         ({"tracks": ""}, "neither [camera] nor [trajectories]"),
     ],
 )

@@ -107,7 +107,7 @@ def test_car_that_stays(drive: rf.Drive) -> None:
         ("a.csv", "x,y\n0,0\n900,0\n0,0\n", "lies on itself along 17.. of 1800 m; draw the cable once"),
         ("a.csv", "x,y\n32.1,34.8\n32.2,34.9\n", "hold latitude and longitude"),
         ("a.shp", "", "unknown kind of map"),
-        ("a.geojson", "{", "not GeoJSON"),
+        ("a.geojson", "{", "not JSON"),
         ("a.geojson", '{"type": "Point", "coordinates": [34.8, 32.1]}', "no line of two points"),
         ("a.geojson", '{"type": "LineString", "coordinates": [[32.1, 34.8], [32.2, 34.8]]}', "swapped"),
         ("a.kml", "<kml", "not a readable KML"),

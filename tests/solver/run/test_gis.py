@@ -247,7 +247,7 @@ def test_a_package_that_is_missing_is_named(subject: Subject, tmp_path: Path, mo
     ("name", "text", "said"),
     [
         ("a.txt", "", "points and lines are read from"),
-        ("a.geojson", "{", "not GeoJSON"),
+        ("a.geojson", "{", "not JSON"),
         ("a.geojson", '{"type": "Polygon"}', "neither a point nor a line"),
         ("a.geojson", '{"type": "Point", "coordinates": ["a", 3]}', "not longitude, latitude"),
         ("a.geojson", '{"type": "Point", "coordinates": [180000, 660000]}', "in degrees"),
