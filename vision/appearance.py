@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.contract.errors import InputError
-from vision.detectors.session import open_session
+from vision.detectors.session import open_session, run
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class Appearance:
     def run(self, images: NDArray[np.float32]) -> Array:
         """Images [n, 3, height, width] -> outputs of the graph, one row each."""
         batches = [images] if self.whole_batches else np.split(images, len(images))
-        return np.concatenate([self.session.run(None, {self.name: part})[0] for part in batches]).astype(float)
+        return np.concatenate([run(self.session, {self.name: part})[0] for part in batches]).astype(float)
 
     def embed(self, image: NDArray[np.uint8], boxes: Array) -> Array:
         """Appearance vectors [n, d], of length 1, of the boxes [n, 4], px, in an image [height, width, 3], BGR.

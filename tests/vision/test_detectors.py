@@ -172,9 +172,9 @@ def test_images_of_several_shapes_do_not_mix(layout, tmp_path, clip):
         def __getattr__(self, name):
             return getattr(self.session, name)
 
-        def run(self, names, feeds):
+        def run(self, names, feeds, options):
             shown.append(next(iter(feeds.values())).copy())
-            return self.session.run(names, feeds)
+            return self.session.run(names, feeds, options)
 
     rng = np.random.default_rng(0)
     images = [rng.integers(0, 256, (*shape, 3), dtype=np.uint8) for shape in [(312, 624), (500, 300), (416, 416)]]

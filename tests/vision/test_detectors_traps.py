@@ -3,9 +3,10 @@
 import logging
 
 import numpy as np
+import onnx
 import onnxruntime
 import pytest
-from onnx import TensorProto, helper
+from onnx import TensorProto, helper, numpy_helper
 
 from tests.vision import layout_graphs as graphs
 from tests.vision.graphs import center_size, write_decoded_yolox, write_graph, yolov8
@@ -278,3 +279,29 @@ def test_one_free_side(tmp_path):
     model.graph.input[0].type.tensor_type.shape.dim[2].dim_value = 384
     onnx.save(model, str(path))
     assert load_detector(path).size == (640, 384)
+
+
+def test_a_graph_without_end_is_given_up(tmp_path, monkeypatch):
+    """A loop whose condition stays true; while it runs nothing else would, Ctrl-C included."""
+    info = helper.make_tensor_value_info
+    body = helper.make_graph(
+        [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Identity", ["before"], ["after"])],
+        "body",
+        [
+            info("turn", TensorProto.INT64, []),
+            info("go", TensorProto.BOOL, []),
+            info("before", TensorProto.FLOAT, None),
+        ],
+        [info("on", TensorProto.BOOL, []), info("after", TensorProto.FLOAT, None)],
+    )
+    nodes = [
+        helper.make_node("Constant", [], ["true"], value=numpy_helper.from_array(np.array(True))),
+        helper.make_node("Loop", ["", "true", "images"], ["o"], body=body),
+    ]
+    images = info("images", TensorProto.FLOAT, [1, 3, 32, 32])
+    graph = helper.make_graph(nodes, "endless", [images], [info("o", TensorProto.FLOAT, None)])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 18)], ir_version=9)
+    onnx.save(model, tmp_path / "m.onnx")
+    monkeypatch.setattr("vision.detectors.session.LIMIT", 0.3)
+    with pytest.raises(InputError, match=r"m\.onnx: the model is not done with one image after 0\.3 s"):
+        load_detector(tmp_path / "m.onnx")

@@ -6,8 +6,10 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -30,6 +32,7 @@ ACCELERATORS = (
 PROCESSOR = "CPUExecutionProvider"
 DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8}
 NUMBERS = {**DTYPES, "tensor(int64)": np.int64, "tensor(int32)": np.int32, "tensor(double)": np.float64}
+LIMIT = 60.0  # s for one image; the slowest detectors take a few on one core
 USUAL_SIZES = ((640, 640), (416, 416), (320, 320), (512, 512), (300, 300))
 
 # Inputs beside the image, filled so that boxes come out in px of the input: size (w, h), its shape (h, w), scale 1.
@@ -154,8 +157,33 @@ def side_feeds(session: Any, image: ImageInput, size: Size) -> dict[str, NDArray
 
 
 def run(session: Any, feeds: Mapping[str, NDArray[Any]], reads: Sequence[str] = ()) -> list[NDArray[Any]]:
-    """Run the graph; half precision comes back as single."""
-    outputs = (np.asarray(output) for output in session.run(list(reads) or None, feeds))
+    """Run the graph; half precision comes back as single.
+
+    It runs in a thread: while it does, nothing else would, Ctrl-C included, and a graph may hold an endless loop.
+
+    Raises
+    ------
+    InputError
+        If it is not done after `LIMIT`.
+    """
+    from onnxruntime import RunOptions
+
+    options, answer = RunOptions(), Future[list[Any]]()
+
+    def work() -> None:
+        try:
+            answer.set_result(session.run(list(reads) or None, feeds, options))
+        except BaseException as error:
+            answer.set_exception(error)
+
+    Thread(target=work, daemon=True).start()
+    try:
+        found = answer.result(LIMIT)
+    except TimeoutError as error:
+        raise InputError(f"the model is not done with one image after {LIMIT:g} s; give another") from error
+    finally:
+        options.terminate = True
+    outputs = map(np.asarray, found)
     return [output.astype(np.float32) if output.dtype == np.float16 else output for output in outputs]
 
 
@@ -172,6 +200,8 @@ def dry_run(
         tensors = image.tensors([noise] * len(image.names), Normalization("RGB", deviation=(255.0, 255.0, 255.0)))
         try:
             outputs = run(session, {**tensors, **side_feeds(session, image, size)})
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
         except Exception as error:  # onnxruntime's errors share no base class
             reason = reason or first_line(error)
             continue
