@@ -33,6 +33,7 @@ PROCESSOR = "CPUExecutionProvider"
 DTYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8}
 NUMBERS = {**DTYPES, "tensor(int64)": np.int64, "tensor(int32)": np.int32, "tensor(double)": np.float64}
 LIMIT = 60.0  # s for one image; the slowest detectors take a few on one core
+PATIENCE = 5.0  # s until a graph that is told to end has done so: it looks after every node
 USUAL_SIZES = ((640, 640), (416, 416), (320, 320), (512, 512), (300, 300))
 
 # Inputs beside the image, filled so that boxes come out in px of the input: size (w, h), its shape (h, w), scale 1.
@@ -176,13 +177,15 @@ def run(session: Any, feeds: Mapping[str, NDArray[Any]], reads: Sequence[str] = 
         except BaseException as error:
             answer.set_exception(error)
 
-    Thread(target=work, daemon=True).start()
+    thread = Thread(target=work, daemon=True)
+    thread.start()
     try:
         found = answer.result(LIMIT)
     except TimeoutError as error:
         raise InputError(f"the model is not done with one image after {LIMIT:g} s; give another") from error
     finally:
         options.terminate = True
+        thread.join(PATIENCE)  # a process must not end while onnxruntime is at work
     outputs = map(np.asarray, found)
     return [output.astype(np.float32) if output.dtype == np.float16 else output for output in outputs]
 
