@@ -2,14 +2,15 @@
 
 Run `python benchmarks/calibration.py [CAMERAS]`: prints the rates beside those that Gaussian errors would have.
 `python benchmarks/calibration.py few [CAMERAS]` does so for 4 to 8 points.
+`python benchmarks/calibration.py places [CAMERAS]` for places in error, of which the file does not say how far.
 """
 
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib.control_points import ControlPoints, control_points
+from calib.control_points import MAP_SIGMA, PLACE_SIGMA, ControlPoints, control_points
 from calib.ground import GroundFit, fit_ground
 from vision.contract import InputError, progress
 from vision.lens import Lens
@@ -129,12 +130,25 @@ def judge(rates: Rates, camera: Camera, lens: Lens, fit: GroundFit, ground: np.n
             rates.deviations.setdefault(name, []).append((found.value - value) / found.sigma)
 
 
-def trial_rates(cameras: int, seed: int = 0, counts: tuple[int, int] = (8, 20), click: float = CLICK) -> Rates:
-    """Calibrate random cameras from marks read to `click` px and said to be read to 1 px."""
+def trial_rates(
+    cameras: int,
+    seed: int = 0,
+    counts: tuple[int, int] = (8, 20),
+    click: float = CLICK,
+    off: float = 0.0,
+    sigma_xy: float = 0.0,
+) -> Rates:
+    """Calibrate random cameras from marks read to `click` px and said to be read to 1 px.
+
+    And measured to `off` m, said to be measured to `sigma_xy` m.
+    """
     rng, rates = np.random.default_rng(seed), Rates()
     with progress("calibrating random cameras", cameras) as advance:
         for _ in range(cameras):
             camera, lens, marks, ground = survey(rng, counts, click)
+            if off or sigma_xy:
+                places = marks.ground + off * rng.normal(size=marks.ground.shape)
+                marks = replace(marks, ground=places, sigma_xy=np.full(len(marks), sigma_xy))
             rates.cameras += 1
             advance(1)
             try:
@@ -161,7 +175,23 @@ def few() -> None:
             )
 
 
+def places() -> None:
+    """Print the rates of places in error, said to be exact and with what is assumed where a file does not say."""
+    for off in (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 1.0):
+        for sigma_xy in (0.0, PLACE_SIGMA, MAP_SIGMA):
+            rates = trial_rates(int(sys.argv[2]) if len(sys.argv) > 2 else 100, off=off, sigma_xy=sigma_xy)
+            print(
+                f"places off by {off:g} m, said to be by {sigma_xy:g}: {rates.ninety_five:.1%} ± {rates.chance:.1%} "
+                f"inside the 95 % ellipse, {rates.left_out_two_sigma:.1%} of leave-one-out errors within two of their "
+                f"sigmas; {rates.refused} of {rates.cameras} refused",
+                flush=True,
+            )
+
+
 def main() -> None:
+    if sys.argv[1:2] == ["places"]:
+        places()
+        return
     if sys.argv[1:2] == ["few"]:
         few()
         return

@@ -44,6 +44,9 @@ def cautions(
         messages.append("without any one of the points the others no longer determine the view; add more")
     else:
         messages += _brittle(calibration.leave_one_out_m, calibration.leave_one_out_sigma_m or (), errors_m[used])
+    prior, lens = fit.model.prior, calibration.lens
+    if prior is not None and lens is not None and (doubt := prior.doubt(lens)):
+        messages.append(f"{doubt}: a cropped picture, or misread points")
     if dilution > WEAK:
         messages.append(
             f"the layout is weak: at the edge of the surveyed area pixels are {dilution:.0f} times as uncertain as a "

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.lengths import Lengths, Predicted
+from calib.lens_prior import weak_prior
 from calib.maps import meters_per_pixel, pixel_lattice, seen_area
 from calib.picture import (
     GREEN,
@@ -70,6 +71,9 @@ def facts(calibration: Calibration, lengths: Lengths | None, found: Predicted | 
         "has_covariance": calibration.covariance is not None,
         "camera_height_m": None if camera is None else float(-camera.position[2]),
         "camera_focal_px": None if camera is None else float(camera.focal),
+        "camera_doubt": None
+        if calibration.lens is None
+        else weak_prior(calibration.image_size).doubt(calibration.lens),
         "lengths": [],
     }
     if lengths is None or found is None:
@@ -96,6 +100,10 @@ def words(found: dict[str, Any]) -> str:
     lines = [f"{found['model']}; road in {found['road_share']:.0%} of the picture, {seen:.3f} m per pixel at best"]
     if found["camera_height_m"] is not None:
         lines.append(f"camera {found['camera_height_m']:.1f} m above the road, focal {found['camera_focal_px']:.0f} px")
+    if found["camera_doubt"]:
+        lines.append(
+            f"warning: {found['camera_doubt']}: right only if the picture is cropped, or the lens was measured"
+        )
     if not found["has_covariance"]:
         lines.append("the file has no covariance: fit it again to know its uncertainty")
     if not found["lengths"]:

@@ -18,6 +18,11 @@ Origin = Annotated[str | None, typer.Option(metavar="LAT,LON", help="In place of
 Azimuth = Annotated[float | None, typer.Option(help="Direction of +x, degrees from north; with --origin.")]
 Crs = Annotated[str | None, typer.Option(metavar="EPSG:CODE", help="Of easting, northing where there is no zone.")]
 
+Axes = Annotated[
+    str,
+    typer.Option(help="Where x and y of POINTS point: ahead,right (as here), ahead,left, right,ahead or east,north."),
+]
+
 
 @app.callback()
 def calibrate() -> None:
@@ -56,6 +61,7 @@ def ground(
     origin: Origin = None,
     x_azimuth: Azimuth = None,
     crs: Crs = None,
+    axes: Axes = "ahead,right",
     threshold: Annotated[float, typer.Option(help="Points further off than this, px, are left out.")] = 5.0,
     as_json: Json = False,
 ) -> None:
@@ -73,6 +79,7 @@ def ground(
     from calib.options import keep_inputs, measured, one_of, picture_size
     from calib.picture import draw_fit, write_picture
     from calib.proposed_frame import frame_for
+    from calib.starts import on_road
     from vision.contract import InputError, writing
 
     if threshold <= 0:
@@ -80,7 +87,7 @@ def ground(
     kind = one_of(model, MODELS, "--model")
     where = frame_for(points, frame, origin, x_azimuth, crs)
     tall = measured(height, "--height", "m")
-    marks = read_control_points(points, where, crs)
+    marks = read_control_points(points, where, crs, axes)
     size, image = picture_size(video, image_size)
     if picture and image is None:
         raise InputError("--picture: needs --video, to draw on one of its frames")
@@ -88,6 +95,7 @@ def ground(
     maps = maps or out.with_name(f"{out.stem}_maps.png")
     picture = picture or (None if image is None else out.with_suffix(".png"))
     keep_inputs([out, maps, picture], [points, video, intrinsics, frame])
+    marks = on_road(marks, size, lens, tall, threshold)
     fit = fit_ground(marks, size, model=kind, threshold=threshold, frame=where, lens=lens, height=tall)
     with ExitStack() as whole:  # nothing takes its place before all are written
         calibration_file, maps_file = (whole.enter_context(writing(path)) for path in (out, maps))
@@ -199,6 +207,7 @@ def page(
     origin: Origin = None,
     x_azimuth: Azimuth = None,
     crs: Crs = None,
+    axes: Axes = "ahead,right",
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page.")] = True,
 ) -> None:
@@ -209,6 +218,7 @@ def page(
     Example: `roadfiber calibrate page street.mp4 --frame site.toml --out calibration.json`
     """
     from calib.control_points import read_control_points
+    from calib.ground import THRESHOLD
     from calib.lens_prior import read_intrinsics
     from calib.options import keep_inputs, measured, read_frame
     from vision.contract.extras import require_extra
@@ -217,13 +227,15 @@ def page(
     from calib.page import serve
     from calib.proposed_frame import frame_for
     from calib.session import Session, marks_of
+    from calib.starts import on_road
 
     keep_inputs([out], [video, intrinsics, frame])
     where, tall = frame_for(points, frame, origin, x_azimuth, crs), measured(height, "--height", "m")
-    marks = marks_of(read_control_points(points, where, crs)) if points else ()
+    given = read_control_points(points, where, crs, axes) if points else None
     image = read_frame(video, time)
     size = (image.shape[1], image.shape[0])
     lens = read_intrinsics(intrinsics).prior(size, intrinsics) if intrinsics else None
+    marks = marks_of(on_road(given, size, lens, tall, THRESHOLD)) if given else ()
     serve(Session(size, marks, frame=where, lens=lens, height=tall), image, out, port, browser)
 
 

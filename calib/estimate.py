@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.control_points import ControlPoints
+from calib.lens_prior import DOUBT
 from calib.models import GroundModel, View
 from calib.posterior import TRUST, decided, posterior_covariance
 
 Array = NDArray[np.float64]
 
 LOST = 1e3  # sigmas; residual given to a point that a trial puts behind the camera
-DOUBT = 0.01  # probability of so large a misfit below which the stated sigmas are rejected
 STEP = 1e-5
 
 

@@ -12,7 +12,11 @@ from vision.contract import InputError
 Array = NDArray[np.float64]
 THIN = 0.01  # width over length below which a set of points counts as one line
 FEWEST = 4
-MIRRORED = "control points: mirrored; y must be to the right of +x seen from above (exchange its sign)"
+HANDED = (
+    "y must be to the right of +x seen from above; where x points right and y ahead give --axes right,ahead, where y "
+    "points left ahead,left, and east,north for these (or exchange the columns, or the sign of y)"
+)
+MIRRORED = f"control points: mirrored; {HANDED}"
 
 
 def require_layout(points: ControlPoints, image_size: tuple[int, int]) -> None:

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 FOCAL = 0.5  # sd of the logarithm of the focal length over the image's width
 CENTER = 0.01  # sd of the principal point, widths of the image
 WILD = 20.0  # sd
+DOUBT = 0.01  # probability of so unusual a lens, or of so large a misfit, below which it is not believed
 RADIAL = {"k1": 0.3, "k2": 0.15, "k3": 0.05}  # sd
 
 
@@ -46,6 +47,24 @@ class LensPrior:
     def slope(self, z: Array) -> Array:
         """Derivative [9, k] of the lens's `vector` by z [k]."""
         return np.asarray(self.factor * (np.abs(z) < WILD))
+
+    def doubt(self, lens: Lens) -> str | None:
+        """Say why a lens is implausible; None where it is not.
+
+        >>> weak_prior((1920, 1080)).doubt(Lens(focal=(1900.0, 1900.0), center=(576.0, 540.0)))
+        'the camera is implausible: focal length 1900 px, principal point at 576, 540 px, 20 standard deviations from \
+what is usual'
+        """
+        from scipy.stats import chi2
+
+        z = np.linalg.lstsq(self.factor, lens.vector - self.mean, rcond=None)[0]
+        if not self.size or chi2.sf(z @ z, self.size) >= DOUBT:
+            return None
+        return (
+            f"the camera is implausible: focal length {lens.focal[0]:.0f} px, principal point at {lens.center[0]:.0f}, "
+            f"{lens.center[1]:.0f} px, {np.sqrt(z @ z):.0f} standard deviations from what "
+            f"{'was measured' if self.known else 'is usual'}"
+        )
 
 
 def weak_prior(image_size: tuple[int, int]) -> LensPrior:

@@ -42,9 +42,10 @@ class View:
 
 
 class GroundModel(ABC):
-    """A family of views with parameters theta [p]."""
+    """A family of views with parameters theta [p], among them those of the lens, if it has one, with their prior."""
 
     name: str
+    prior: LensPrior | None
 
     @abstractmethod
     def view(self, theta: Array) -> View:

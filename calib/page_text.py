@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from calib.control_points import MAP_SIGMA, PLACE_SIGMA
 from calib.ground import GroundFit
 from calib.next_mark import next_mark
 from calib.report import scores_text
@@ -73,14 +74,15 @@ def with_place(texts: dict[str, str], frame: LocalFrame | None) -> dict[str, str
     except ValueError as error:
         raise ValueError(f"{texts['x']}: give LATITUDE, LONGITUDE in degrees, or x in meters") from error
     x, y = to_frame(latitude, longitude, frame, Path(texts["x"]))
-    return texts | {"x": f"{x[0]:.3f}", "y": f"{y[0]:.3f}"}
+    usual = texts.get("sigma_xy") == f"{PLACE_SIGMA:g}"  # of meters; a place on the globe is known less well
+    return texts | {"x": f"{x[0]:.3f}", "y": f"{y[0]:.3f}"} | ({"sigma_xy": f"{MAP_SIGMA:g}"} if usual else {})
 
 
 def typed_mark(mark: Mark, texts: dict[str, str]) -> Mark:
     """Change a mark to what was typed, where an empty place is unknown; ValueError, for people, if it is not a number.
 
     >>> typed_mark(Mark("p1", 5.0, 6.0), {"name": "curb", "x": "12.5", "y": ""})
-    Mark(name='curb', px=5.0, py=6.0, x=12.5, y=nan, sigma=1.0, sigma_xy=0.0)
+    Mark(name='curb', px=5.0, py=6.0, x=12.5, y=nan, sigma=1.0, sigma_xy=0.05)
     """
     values: dict[str, Any] = {}
     for name, text in texts.items():

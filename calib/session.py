@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.control_points import PIXEL_SIGMA, ControlPoints, write_control_points
+from calib.control_points import PIXEL_SIGMA, PLACE_SIGMA, ControlPoints, write_control_points
 from calib.ground import THRESHOLD, GroundFit, Model, fit_ground
 from calib.lens_prior import LensPrior
 from vision.contract import InputError, LocalFrame
@@ -25,7 +25,7 @@ class Mark:
     x: float = float("nan")
     y: float = float("nan")
     sigma: float = PIXEL_SIGMA
-    sigma_xy: float = 0.0
+    sigma_xy: float = PLACE_SIGMA
 
     @property
     def placed(self) -> bool:

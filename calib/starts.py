@@ -1,16 +1,21 @@
 """First guesses that are robust to outliers, and the points that agree with them."""
 
+import logging
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.control_points import ControlPoints
 from calib.estimate import Estimate, estimate
 from calib.homography import Scaling, inverse
-from calib.layout import MIRRORED, require_below_horizon
-from calib.lens_prior import LensPrior
+from calib.layout import HANDED, MIRRORED, require_below_horizon
+from calib.lens_prior import LensPrior, weak_prior
 from calib.models import CameraModel, GroundModel, HomographyModel, View, rotation_by
 from vision.contract import InputError
 from vision.lens import Lens
+
+log = logging.getLogger("roadfiber.calibrate")
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -98,7 +103,7 @@ def start_camera(
     fits = [estimate(model, points, theta, robust=robust) for model, theta in guesses[:REFINED]]
     fits = [fit for fit in fits if fit.theta[-1] < 0]
     if not fits:
-        raise InputError("control points: no camera above the road sees them so; check that y is to the right of +x")
+        raise InputError(f"control points: no camera above the road sees them so; {HANDED}")
     best = min(fits, key=lambda fit: _cost(fit.model, fit.theta, points))
     if not robust and best.errors(points).max() > BENT * threshold:
         raise InputError(f"control points: no camera puts them within {BENT * threshold:g} px; check their places")
@@ -114,6 +119,46 @@ def start_camera(
         if (used == before).all():
             break
     return best, before
+
+
+def on_road(
+    points: ControlPoints,
+    image_size: tuple[int, int],
+    lens: LensPrior | None,
+    height: tuple[float, float] | None,
+    threshold: float,
+) -> ControlPoints:
+    """Replace marks above or below the road by the places of the road in line with them.
+
+    These follow from the camera's position, which the marks determine, and hardly depend on it: a mark's height over
+    the camera's is the share of an error that is left after a round.
+
+    Parameters
+    ----------
+    points : control points
+    image_size, lens, height, threshold : as in `fit_ground`
+
+    Raises
+    ------
+    InputError
+        As `start_camera`, or if a mark is as high as the camera.
+    """
+    if points.z is None:
+        return points
+    flat = replace(points, z=None)
+    for limit in (BENT * threshold, threshold, threshold):
+        fit, _ = start_camera(flat, limit, lens or weak_prior(image_size), height)
+        *position, down = fit.theta[-3:]
+        if (points.z <= down).any():
+            name = points.names[int(points.z.argmin())]
+            raise InputError(f"control point {name}: its z is above the camera, {-down:.1f} m high; check z")
+        stretch = down / (down - points.z)
+        flat = replace(flat, ground=position + stretch[:, None] * (points.ground - position))
+    log.warning(
+        "%d marks lie off the road by up to %g m (z): taken as the road in line with them, seen from a camera %.1f m "
+        "above it", (points.z != 0).sum(), np.abs(points.z).max(), -down,
+    )  # fmt: skip
+    return flat
 
 
 def _subsets(points: ControlPoints, threshold: float) -> list[Mask]:

@@ -7,10 +7,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from calib.control_points import ControlPoints, read_control_points
+from calib.control_points import AXES, ControlPoints, read_control_points
 from calib.ground import MODELS, GroundFit, fit_ground
 from calib.options import one_of, picture_size
 from calib.report import summary, table
+from calib.starts import on_road
 from vision.cache import cache_folder
 from vision.camera import Calibration
 from vision.contract import LocalFrame
@@ -92,6 +93,7 @@ def calibrate(
     model: str = "auto",
     frame: LocalFrame | None = None,
     crs: str | None = None,
+    axes: str = AXES[0],
     threshold: float = 5.0,
     height: tuple[float, float] | None = None,
 ) -> Calibrated:
@@ -106,6 +108,7 @@ def calibrate(
     model : "auto" (by leave-one-out error), "homography" or "camera"
     frame : local frame, for points on the globe
     crs : of easting, northing where there is no zone, as "EPSG:32636"
+    axes : where x and y point: "ahead,right" as in the local frame, "ahead,left", "right,ahead" or "east,north"
     threshold : px; points further off are left out
     height : of the camera above the road and its sigma, m, if measured
 
@@ -126,7 +129,7 @@ def calibrate(
         None if video is None else Path(video), None if image_size is None else f"{image_size[0]}x{image_size[1]}"
     )
     with as_files([points], "points") as (path,):
-        marks = read_control_points(path, frame, crs)
+        marks = on_road(read_control_points(path, frame, crs, axes), size, None, height, threshold)
     kind = one_of(model, MODELS, "model")
     return Calibrated(marks, fit_ground(marks, size, model=kind, threshold=threshold, frame=frame, height=height))
 

@@ -89,7 +89,8 @@ class PointRow(OpenRow):
     easting, northing : in place of x, y: m
     zone : of easting and northing in UTM, as 36N
     sigma : accuracy of the pixel, px; 1 where absent
-    sigma_xy : accuracy of the place, m; 0 where absent
+    sigma_xy : accuracy of the place, m; where absent 0.05 for x, y, else 0.3
+    z : depth of the mark below the road, m: -0.15 for the top of a curb; 0 where absent
     """
 
     name: str
@@ -104,6 +105,7 @@ class PointRow(OpenRow):
     zone: str | None = None
     sigma: Positive | None = None
     sigma_xy: Annotated[float, Field(ge=0)] | None = None
+    z: float | None = None
 
 
 class RouteRow(Row):

@@ -15,6 +15,7 @@ from calib.lengths import Lengths, predict_lengths, read_lengths
 from calib.picture import GREEN, LABEL, draw_horizon, write_at, write_note
 from vision.camera import Calibration
 from vision.contract import InputError
+from vision.lens import Lens
 
 DASHES = np.array([[[20, -1.5], [23, -1.5]], [[30, 1.5], [36, 1.5]], [[25, -3.5], [25, 3.5]]], float)
 
@@ -87,6 +88,12 @@ def test_the_command_draws_and_says(street):
     assert result.exit_code == 0, result.output
     assert "predicted m" in result.output and "scale" in result.output and "warning" not in result.output
     assert cv2.imread(str(out)).shape == (720, 1280, 3)
+
+
+def test_a_lens_off_the_middle_is_told(street):
+    view = Calibration.read(street / "calibration.json")
+    off = view.model_copy(update={"lens": Lens(focal=(900.0, 900.0), center=(400.0, 360.0))})
+    assert "principal point at 400, 360 px, 19 standard deviations" in words(facts(off, None, None))
 
 
 def test_json(street):

@@ -26,6 +26,31 @@ def test_meters_and_sigma(tmp_path):
     np.testing.assert_array_equal(points.sigma, [0.5, 2])
 
 
+def test_what_a_file_does_not_say_is_assumed_aloud(tmp_path, caplog):
+    """Places on the globe are known less well than those measured on the road; columns of no use are named."""
+    for places, frame, usual in (("x,y", None, 0.05), ("latitude,longitude", FRAME, 0.3)):
+        caplog.clear()
+        points = read_control_points(write(tmp_path, f"name,px,py,{places},height\na,1,2,32.1131,34.8041,9\n"), frame)
+        assert points.sigma_xy.tolist() == [usual] and f"{usual} m is assumed" in caplog.text
+        assert "not used: column height" in caplog.text
+    caplog.clear()
+    read_control_points(write(tmp_path, "name,px,py,x,y,sigma_xy\na,1,2,3,4,0\n"))
+    assert caplog.text == ""
+
+
+@pytest.mark.parametrize(
+    ("axes", "place"),
+    [("ahead,right", (3, 20)), ("ahead,left", (3, -20)), ("right,ahead", (20, 3)), ("east,north", (7.0929, -18.9388))],
+)
+def test_places_may_be_given_along_other_axes(tmp_path, axes, place):
+    """The last as LocalFrame itself has it, for an azimuth of 78 degrees."""
+    path = write(tmp_path, "name,px,py,x,y\na,1,2,3,20\n")
+    np.testing.assert_allclose(read_control_points(path, FRAME, axes=axes).ground, [place], atol=1e-3)
+    for wrong, message in ((f"{axes},up", "give one of ahead,right"), ("east,north", "needs the local frame")):
+        with pytest.raises(InputError, match=message):
+            read_control_points(path, axes=wrong)
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_what_a_spreadsheet_writes_is_read(tmp_path, encoding):
     """Semicolons, decimal commas, names in capitals; a mark that was commented out."""
@@ -59,6 +84,7 @@ def test_latitudes_go_through_the_frame(tmp_path):
         ("name,px,py,x,y,sigma_xy\na,1,2,3,4,-1\n", "row 1: sigma_xy is -1"),
         ("name,px,py,x,y\na,1,2,3,north\n", "row 1: y is 'north'"),
         ("name,px,py,x,y,sigma\na,1,2,3,4,0\n", "above 0 px"),
+        ("name,px,py,x,y,z\na,1,2,3,4,0\nb,5,6,7,8,0.15\n", "row 2: z is 0.15, below the road; z points down"),
         ("name,px,py,x,y\na,1,2,3,4\na,5,6,7,8\n", "row 2: its name is there twice"),
         ("name,px,py,x,y\na,1,2,3,4\nb,1,2,7,8\n", "row 2: its pixel is there twice"),
         ("name,px,py,x,y\na,1,2,3,4\nb,5,6,3,4\n", "row 2: its place is there twice"),

@@ -7,12 +7,13 @@ import pytest
 from street_marks import CAMERA, GROUND, SIZE, marks
 
 from benchmarks.calibration import trial_rates
-from calib.control_points import control_points
+from calib.control_points import MAP_SIGMA, control_points
 from calib.estimate import estimate
 from calib.ground import fit_ground, smaller_beyond_chance
 from calib.homography import Scaling, apply, inverse
 from calib.lens_prior import LensPrior, weak_prior
 from calib.models import HomographyModel
+from calib.starts import on_road
 from vision.camera import Calibration
 from vision.contract import InputError, LocalFrame
 from vision.lens import Lens
@@ -134,7 +135,7 @@ def line(count):
         (lambda: marks(np.vstack([line(5), [[20.0, -5.0]]])), "all but one collinear"),
         (lambda: moved(0, (-5.0, 100.0)), "control point p0: outside the 1280x720 image"),
         (lambda: moved(2, (640.0, 30.0), count=5), "above the horizon"),
-        (lambda: mirrored(), "mirrored; y must be to the right"),
+        (lambda: mirrored(), "mirrored; y must be to the right .* give --axes right,ahead"),
         (lambda: shuffled(), "no homography puts most of them within"),
     ],
 )
@@ -160,6 +161,41 @@ def shuffled():
     points = marks()
     order = np.random.default_rng(1).permutation(len(points))
     return replace(points, pixels=points.pixels[order])
+
+
+def inside(calibration):
+    """Share of the road's places that lie inside their 95 % ellipse."""
+    ground = road()
+    pixels = CAMERA.project(np.column_stack([ground, np.zeros(len(ground))]))
+    off, covariance = calibration.to_ground(pixels) - ground, calibration.position_covariance(pixels)
+    return np.mean(np.einsum("ni,nij,nj->n", off, np.linalg.inv(covariance), off) < 5.991)
+
+
+def test_places_off_a_map_are_not_taken_as_exact():
+    off = 0.3 * np.random.default_rng(4).normal(size=GROUND.shape)
+    points = replace(marks(noise=0.5), ground=GROUND + off, sigma_xy=np.full(len(GROUND), MAP_SIGMA))
+    assert inside(fit_ground(points, SIZE, model="camera").calibration) > 0.9
+
+
+def test_marks_on_the_curb_are_used_at_their_height():
+    """15 cm up on one side: taken as on the road they put a camera of 7 m 0.7 m off."""
+    z = np.where(GROUND[:, 1] < 0, -0.15, 0.0)
+    pixels = CAMERA.project(np.column_stack([GROUND, z])) + 0.5 * np.random.default_rng(1).normal(size=GROUND.shape)
+    raised = replace(marks(), pixels=pixels, z=z)
+    found = fit_ground(on_road(raised, SIZE, None, None, 5.0), SIZE, model="camera").calibration
+    assert inside(found) > 0.9 and error_on_road(found).mean() < 0.1
+    assert inside(fit_ground(replace(raised, z=None), SIZE, model="camera").calibration) < 0.5
+    with pytest.raises(InputError, match="control point p0: its z is above the camera"):
+        on_road(replace(raised, z=np.where(np.arange(len(z)) == 0, -9.0, z)), SIZE, None, None, 5.0)
+
+
+def test_a_camera_that_no_lens_has_is_told():
+    """A part of a larger picture: its middle is not where the lens looks."""
+    points = marks(noise=0.3)
+    beside = replace(points, pixels=points.pixels + np.array([500, 0]))
+    said = fit_ground(beside, (1920, 1080), model="camera").warnings
+    assert any("implausible: focal length" in text and "principal point at 10" in text for text in said)
+    assert not any("implausible" in text for text in fit_ground(points, SIZE, model="camera").warnings)
 
 
 WIDE = Lens(focal=(760, 760), center=(646, 355), distortion=(-0.27, 0.08, 0, 0, 0))
