@@ -5,6 +5,7 @@ One bench serves all browsers that look at a run. It knows nothing of how it is 
 
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,7 @@ class Bench:
         self.comparison: Comparison | None = None
         self.job: Job | None = None
         self.messages, self.version = list[str](), 0
+        self.checked = ""  # what came of the last check of an effect of the user's own
         self.looker, self.adder = Worker("the worker that looks"), Worker("the worker that fits")
         self._written: dict[Path, str] = {}
         self._scored: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
@@ -175,8 +177,20 @@ class Bench:
 
     # ---- growing -----------------------------------------------------------------------------------------------------
 
-    def begin(self, title: str, task: str, *given: Any, then: Callable[[Any], None]) -> Job | None:
-        """Begin work in the background; None, and a message, where some is under way."""
+    def begin(
+        self,
+        title: str,
+        task: str,
+        *given: Any,
+        then: Callable[[Any], None],
+        unless: Callable[[str], None] = lambda words: None,
+    ) -> Job | None:
+        """Begin work in the background; None, and a message, where some is under way.
+
+        Parameters
+        ----------
+        then, unless : called with what came of it; with words on why nothing did
+        """
         with self._lock:
             if self.busy:
                 self.changed(f"{self.job.title if self.job else 'something'} is under way; wait for it, or cancel it")
@@ -192,8 +206,9 @@ class Bench:
             then(found)
 
         def failed(words: str) -> None:
-            job.ended, job.words = True, words
             stopped = words == "stopped"
+            job.ended, job.came = True, "Canceled" if stopped else "Failed"
+            unless("canceled" if stopped else words)
             kept = "; nothing was written, and all rungs are as they were"
             self.changed(f"{title}: {'canceled' if stopped else words}{kept if stopped else ''}")
 
@@ -220,10 +235,12 @@ class Bench:
             self.changed(f"added: {lower(title)}; {moved}; {folder}")
             self.look()
 
-        if self.begin(f"adding {lower(title)}", "add", effect, out, force, then=grown) is None and not any(
-            out.iterdir()
-        ):
-            out.rmdir()
+        def unused(words: str) -> None:
+            with suppress(OSError):  # where the worker has removed it, which may have been killed before
+                out.rmdir()
+
+        if self.begin(f"adding {lower(title)}", "add", effect, out, force, then=grown, unless=unused) is None:
+            unused("")
 
     def diagnose(self) -> None:
         """Diagnose the rung that is looked at, in the background, and write that into its folder."""
@@ -265,8 +282,12 @@ class Bench:
         try:
             path = kept_beside(self.first, name, text, self._written)
         except InputError as error:
-            self.changed(str(error))
+            self.checked = str(error)
+            self.changed(self.checked)
             return
+
+        def failed(words: str) -> None:
+            self.checked = f"{path.name}: {words}"
 
         def scored(rows: list[dict[str, Any]]) -> None:
             self._scored.clear()  # The file may be an older one with another text.
@@ -275,9 +296,11 @@ class Bench:
             others = [row for row in self.candidates if row["effect"] not in names]
             self.candidates = sorted([*rows, *others], key=lambda row: -(row["evidence"] or 0.0))
             said = ", ".join(f"{row['told']['title']} (chi2 falls by {row['delta_chi2']:.0f})" for row in rows)
-            self.changed(f"{path.name}: checked; {said or 'it does nothing in this survey'}")
+            self.checked = f"{path.name}: checked; {said or 'it does nothing in this survey'}"
+            self.changed(self.checked)
 
-        self.begin(f"checking {name}", "own", path, then=scored)
+        self.checked = ""
+        self.begin(f"checking {name}", "own", path, then=scored, unless=failed)
 
     def close(self) -> None:
         """End all work."""

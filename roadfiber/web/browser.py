@@ -29,10 +29,18 @@ class Browser:
         """Whether a server, rather than a notebook, shows the page."""
         return self.document is not None and self.document.session_context is not None
 
+    def in_order(self, called: Callable[[], Any]) -> None:
+        """Do something whose changes reach the browser in the order in which they are made.
+
+        Panel sends some changes at once and some later: what is drawn on a new figure may come before the figure.
+        """
+        with pn.io.hold(self.document, policy="collect"):
+            called()
+
     def later(self, called: Callable[[], Any]) -> None:
         """Have something done on the page, from any thread; in a notebook when it catches up."""
         if self.served:
-            self.document.add_next_tick_callback(called)
+            self.document.add_next_tick_callback(lambda: self.in_order(called))
         else:
             self._due.append(called)
 

@@ -39,8 +39,8 @@ class Controls:
 
     def __init__(self, folder: Callable[[], Path]):
         self.writing = False
-        names = ("heading", "said", "where", "about", "expected", "work", "steps")
-        self.heading, self.said, self.where, self.about, self.expected, self.work, self.steps = (html() for _ in names)
+        self.heading, self.said, self.where, self.about, self.expected, self.work = (html() for _ in range(6))
+        self.steps, self.checked = html(), html()
         self.where.object = words.LOOKING
         self.picture: Any = pn.pane.HTML("", min_height=40, **WIDE)
         self.passes: Any = pn.widgets.Select(label="Pass", **WIDE)

@@ -19,6 +19,7 @@ class Job:
     fits : of each fit so far: in words, and chi2 per sample by step
     done, of : how far it is, where that is known
     ended : whether it has ended
+    came : how, in a word
     """
 
     title: str
@@ -29,6 +30,7 @@ class Job:
     done: int = 0
     of: int = 0
     ended: bool = False
+    came: str = "Done"
 
     def take(self, step: tuple[Any, ...]) -> None:
         """Take in what the worker told.

@@ -21,7 +21,8 @@ def laid_out(page: Page, ground: Beneath | None = None) -> Any:
     def drawn(one: Any) -> Any:
         return pn.pane.Bokeh(one.plot, **WIDE)
 
-    own = pn.Card(controls.file, controls.code, button["check"], title="An effect of your own", collapsed=True, **WIDE)
+    mine = controls.file, controls.code, button["check"], controls.checked
+    own = pn.Card(*mine, title="An effect of your own", collapsed=True, **WIDE)
     left = pn.Column(
         controls.passes, controls.regions, controls.where, controls.effects, controls.about, controls.size,
         controls.follow, controls.expected, pn.Row(button["add"], button["undo"], button["redo"]), controls.force,

@@ -55,7 +55,7 @@ def work_words(job: Job | None, elapsed: float) -> str:
     if job is None:
         return "<small>No work in the background.</small>"
     if job.ended:
-        return f"<small>Done: {escape(job.title)}</small>"
+        return f"<small>{job.came}: {escape(job.title)}</small>"
     last = job.fits[-1] if job.fits else None
     step = f" · fit {len(job.fits)}, step {last[1][-1][0]}: {last[1][-1][1]:.3f}" if last and last[1] else ""
     far = f" · {job.done} of {job.of}" if job.of else ""

@@ -54,7 +54,7 @@ class Page:
         self.show_run(first=True)
         self.tick()
         self.browser.once_loaded(bench.wake)
-        pn.state.add_periodic_callback(self.tick, period=BEAT)
+        pn.state.add_periodic_callback(lambda: self.browser.in_order(self.tick), period=BEAT)
 
     def listen(self) -> None:
         """Hear what is chosen, pressed and pointed at, and what happens on the bench."""
@@ -105,6 +105,7 @@ class Page:
             self.show_candidates()
         controls.effects.label = f"What may be missing: {bench.source or 'nothing'}"
         controls.said.object = words.news_of(bench)
+        controls.checked.object = words.small(bench.checked)
         controls.work.object = words.work_words(job, elapsed)
         if bench.busy and job is not None:
             self.live.figure.show(job.fits)

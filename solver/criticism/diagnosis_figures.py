@@ -6,7 +6,6 @@ from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -16,7 +15,7 @@ from solver.fit.posterior import assemble
 from solver.fit.result import FitResult
 from solver.run.report.misfit import misfit_of, pass_label, rows_of, whole_range
 from solver.run.report.misfit_figure import scale_figure, wave_pictures
-from solver.run.report.route_figure import abscissa, along_x, depth_profile, draw_line, draw_profile, sideways_profile
+from solver.run.report.route_figure import abscissa, along_x, depth_profile, draw_profile, padded, sideways_profile
 from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract.drawing import beside, canvas, coarse, color_map, color_scale, place
@@ -123,33 +122,28 @@ def wave_section(pair: BeforeAfter, title: str) -> str:
 
 @styled
 def corridor_figure(pair: BeforeAfter, names: tuple[str, str] = ("before", "after")) -> Figure:
-    """Sideways place and depth with the 95 % corridor, before at left and after at right, same scales."""
+    """Sideways place and depth with the 95 % corridor, before at left and after at right, in one frame and scale."""
     left, across, height = 56, 462, 190
     figure = canvas(1060, 2 * height + 110)
-    straight = along_x(pair.before.result.route) and along_x(pair.after.result.route)
-    for row, (profile_of, name) in enumerate(((sideways_profile, "Sideways"), (depth_profile, "Depth"))):
-        bands = []
-        panels: list[Axes] = []
-        for column, run in enumerate((pair.before, pair.after)):
+    runs = pair.before, pair.after
+    straight = all(along_x(run.result.route) for run in runs)
+    base = None if straight else pair.before.result.route
+    places = [abscissa(run, straight) for run in runs]
+    for row, name in enumerate(("Sideways", "Depth")):
+        profiles = [depth_profile(run) if row else sideways_profile(run, base) for run in runs]
+        whole = np.concatenate([one.band for one in profiles])
+        pad = 0.08 * float(np.ptp(whole)) + 0.05
+        for column, (run, profile) in enumerate(zip(runs, profiles, strict=True)):
             top = 24 + row * (height + 44)
             axes = place(figure, f"{name} {column}", left + column * (across + 70), top, across, height)
-            profile = profile_of(run)
-            draw_profile(axes, run, profile)
+            draw_profile(axes, run, profile, straight)
             axes.set_title(f"{name}, {names[column]}")
-            bands.append(profile.band)
-            panels.append(axes)
-        old = profile_of(pair.before)
-        if row or straight:
-            x = abscissa(pair.before)
-            draw_line(panels[1], x, old.value, np.ones(len(x), dtype=bool))
-            panels[1].lines[-1].set(color=MUTED, linewidth=1.2, linestyle=(0, (1, 2)))
-        whole = np.concatenate(bands)
-        pad = 0.08 * float(np.ptp(whole)) + 0.05
-        for axes in panels:
+            axes.set_xlim(padded(np.concatenate(places), 1.0))
             axes.set_ylim(float(whole.max()) + pad, float(whole.min()) - pad)
-            axes.set_ylabel("y, m" if not row else "z, m")
+            axes.set_ylabel("z, m" if row else "y, m" if straight else "m right of the route at left")
             if row:
                 axes.set_xlabel("x, m along the road" if straight else "distance along the fiber, m")
+        axes.plot(places[0], profiles[0].value, color=MUTED, lw=1.2, ls=(0, (1, 2)), zorder=4)
     return figure
 
 
@@ -158,7 +152,7 @@ def route_section(pair: BeforeAfter, moved: float | None) -> str:
     way = "" if moved is None else f" With it the route moves by up to {moved:.2f} m."
     return (
         f"<section><h2>The route, before and after</h2><p>The band is each fit's own 95 % corridor, squares are "
-        f"anchors; both sides have the same scales. The dotted line at right is the route before.{way}</p>"
+        f"anchors; both sides have the same frame and scales. The dotted line at right is the route before.{way}</p>"
         f'<div class="wide-table">{svg(corridor_figure(pair))}</div></section>'
     )
 

@@ -128,12 +128,12 @@ def held(run: Run) -> str:
     if not run.result.converged:
         return "The corridor is that of where the fit stopped: it need not hold the true route."
     if run.added is None:
-        return "If the model holds, the true route lies inside the corridor at 95 of 100 places."
+        return "If the model holds, the corridor holds the fiber at any one place in 95 of 100 surveys like this one."
     if run.facts["corridor"]["why"]:
         return "The corridor is as wide as vehicles disagree about the route. What moves it alike for all is not in it."
     return (
-        "The true route should lie inside the corridor at 95 of 100 places, also where the model lacks an effect of "
-        "the catalogue; inside the darker band within it if the model lacks nothing."
+        "At any one place the corridor should hold the fiber in 95 of 100 surveys like this one, also where the model "
+        "lacks an effect of the catalogue; the darker band within it should if the model lacks nothing."
     )
 
 

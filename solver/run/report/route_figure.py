@@ -31,9 +31,10 @@ def along_x(route: NDArray[np.float64]) -> bool:
     return bool((step[:, 0] > 0.5 * length).all() or (step[:, 0] < -0.5 * length).all())
 
 
-def abscissa(run: Run) -> NDArray[np.float64]:
-    """Horizontal coordinate [channel] of the two lower panels, m."""
-    return run.result.route[:, 0] if along_x(run.result.route) else run.result.distance
+def abscissa(run: Run, straight: bool | None = None) -> NDArray[np.float64]:
+    """Horizontal coordinate [channel] of the two lower panels, m: x where `straight`, by default where it keeps on."""
+    straight = along_x(run.result.route) if straight is None else straight
+    return run.result.route[:, 0] if straight else run.result.distance
 
 
 def padded(values: NDArray[np.float64], pad: float, least: float = 0.0) -> Limits:
@@ -167,18 +168,20 @@ class Profile:
         return np.concatenate([self.value - self.half, self.value + self.half, self.known])
 
 
-def sideways_profile(run: Run) -> Profile:
-    """Lateral position; relative to the route itself where that does not follow the road."""
+def sideways_profile(run: Run, base: NDArray[np.float64] | None = None) -> Profile:
+    """Lateral position; off a route `base` [channel, 3], by default off itself where it does not follow the road."""
     result = run.result
     half, own = (np.nan_to_num(half_width(result.route, one)) for one in (run.place.covariance, result.covariance))
     sigma = np.array([a.sigma_xy for a in run.anchors])
     places = np.array([(a.x, a.y) for a in run.anchors]).reshape(-1, 2)
-    if along_x(result.route):
+    if base is None and along_x(result.route):
         return Profile("Sideways", result.route[:, 1], half, own, result.constrained, places[:, 1], Z95 * sigma)
     at = [int(np.argmin(np.abs(result.channel - a.channel))) for a in run.anchors]
-    miss = ((places - result.route[at, :2]) * normals(result.route)[at]).sum(1)
-    zero = np.zeros_like(half)
-    return Profile("Off the route", zero, half, own, result.constrained, miss, Z95 * sigma)
+    base = result.route if base is None else base
+    across = normals(base)
+    off = ((result.route - base)[:, :2] * across).sum(1)
+    miss = ((places - base[at, :2]) * across[at]).sum(1)
+    return Profile("Off the route", off, half, own, result.constrained, miss, Z95 * sigma)
 
 
 def depth_profile(run: Run) -> Profile:
@@ -190,9 +193,9 @@ def depth_profile(run: Run) -> Profile:
     return Profile("Depth", result.route[:, 2], half, own, sure, known, Z95 * sigma)
 
 
-def draw_profile(axes: Axes, run: Run, profile: Profile) -> None:
+def draw_profile(axes: Axes, run: Run, profile: Profile, straight: bool | None = None) -> None:
     """A profile with its 95 % corridor, within it that which takes the model for granted, and the anchors."""
-    x = abscissa(run)
+    x = abscissa(run, straight)
     bands = [(profile.half, WIDE_ALPHA), *([] if run.added is None else [(profile.fit_half, FIT_ALPHA)])]
     for half, alpha in bands:
         axes.fill_between(x, profile.value - half, profile.value + half, color=ROUTE, alpha=alpha, lw=0, zorder=2)

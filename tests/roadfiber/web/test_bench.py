@@ -8,6 +8,7 @@ import pytest
 from roadfiber.web import tasks
 from roadfiber.web.bench import Bench
 from roadfiber.web.own_effect import NAME, TEMPLATE
+from roadfiber.web.words import work_words
 from vision.contract import InputError
 
 ROW = {"effect": "gauge_length", "told": {"title": "Gauge length"}, "evidence": 9.0, "delta_chi2": 30.0}
@@ -45,6 +46,8 @@ def test_one_fit_at_a_time_and_a_failure_leaves_all_as_it_was(bench):
     asked.failed("stopped")
     assert not bench.busy and bench.at == 0
     assert bench.messages[-1] == "adding gauge length: canceled; nothing was written, and all rungs are as they were"
+    assert work_words(bench.job, 1.0) == "<small>Canceled: adding gauge length</small>", "not: done"
+    assert not (bench.first.parent / "run-2").exists(), "a worker that is killed removes nothing"
 
 
 def test_rungs_are_gone_up_and_down_and_their_folders_stay(bench):
@@ -101,8 +104,11 @@ def test_an_effect_of_one_s_own_is_kept_beside_the_run_tried_and_scored(bench):
     assert [row["effect"] for row in rows] == ["downforce"] and bench.plugins == ()
     asked.then(rows)
     assert bench.plugins == (path,) and bench.candidates == rows
+    assert bench.checked == bench.messages[-1]
     bench.own(NAME, TEMPLATE.replace("downforce", "lift"))
     assert "lift" in path.read_text(), "what was written here may be written again"
+    bench.adder.asked[-1].failed("line 3: invalid syntax")
+    assert bench.checked == f"{NAME}: line 3: invalid syntax", "told beside the box, not at the top of the page alone"
 
 
 @pytest.mark.parametrize("name", ["../x.py", "x.txt", "a b.py", ".py", "x/y.py"])

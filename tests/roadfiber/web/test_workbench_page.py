@@ -46,6 +46,8 @@ def opened(chromium, address):
     page = chromium.new_page(viewport={"width": 1280, "height": 900})
     page.asked = []
     page.on("request", lambda request: page.asked.append(request.url))
+    page.errors = []
+    page.on("pageerror", lambda error: page.errors.append(str(error)))
     page.set_default_timeout(PATIENCE)
     page.goto(address)
     page.wait_for_function(READY)
@@ -108,6 +110,7 @@ def test_a_missing_effect_is_found_by_eye_tried_added_and_undone(chromium, serve
     process.send_signal(signal.SIGINT)
     page.locator("#roadfiber-lost", has_text="a fit that was under way is discarded").wait_for()
     assert process.wait(60) == 0 and files_of(hidden.parent) == there
+    assert page.errors == other.errors == []
     page.close()
     other.close()
 

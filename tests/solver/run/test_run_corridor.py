@@ -32,7 +32,7 @@ def test_a_run_as_fitted_says_that_it_takes_its_model_for_granted(run):
     assert run.facts["corridor"]["full"] is False and run.added is None
     assert "if the model lacks nothing; what it may lack was not looked at." in run.corridor
     np.testing.assert_array_equal(run.route["sigma_y"], run.route["sigma_y_fit"])
-    assert "If the model holds, the true route lies inside the corridor" in render(run)
+    assert "If the model holds, the corridor holds the fiber at any one place in 95 of 100 surveys" in render(run)
 
 
 def test_both_sigmas_come_back_from_a_saved_run(run, tmp_path):
@@ -77,7 +77,7 @@ def test_a_fit_that_has_not_converged_tells_no_corridor(survey, tmp_path):
     page = render(stopped)
     assert "The fit has not converged: its sigmas are those of where it stopped" in page
     assert "expected smoothness of a cable decides more" not in page
-    assert "The corridor is that of where the fit stopped" in page and "at 95 of 100 places" not in page
+    assert "The corridor is that of where the fit stopped" in page and "95 of 100 surveys" not in page
     stopped.save(tmp_path / "run")
     assert read_run(tmp_path / "run").corridor == ""
     assert "the data decide no place of the fiber" in summary(stopped, tmp_path / "run")
