@@ -1,15 +1,17 @@
 """What one DAS file holds: its numbers, and what the file says about them."""
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.survey.das.samples import OnDisk
+from solver.survey.das.samples import InHDF5, OnDisk
 from solver.survey.das.units import Unit
+from vision.contract.statements import Said, Statement
 
 #: Size up to which the checksum covers the whole file, bytes; of larger files, how many blocks it covers, and their
 #: size.
@@ -31,17 +33,21 @@ class Block:
     gauge_length : m, or None where the file does not say
     unit : of `data`, or None where the file does not say
     stated : the unit as the file words it
+    said : what the file states, by what it is about, each with the place where it stands
+    odd : what else of it must be known
     """
 
     path: Path
     format: str
-    data: NDArray[Any] | OnDisk
+    data: NDArray[Any] | OnDisk | InHDF5
     time: NDArray[np.int64]
     distance: NDArray[np.float64] | None
     first_channel: int
     gauge_length: float | None
     unit: Unit | None
     stated: str
+    said: Mapping[str, Said] = field(default_factory=dict)
+    odd: tuple[Statement, ...] = ()
 
 
 def checksum(path: Path) -> str:

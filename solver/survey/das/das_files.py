@@ -1,37 +1,66 @@
 """One DAS file as it is: numbers, times, distances and what the file says about itself."""
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solver.survey.das.array_files import read_numpy
 from solver.survey.das.block import Block
+from solver.survey.das.prodml import is_prodml, moment, read_prodml, text
 from solver.survey.das.samples import OnDisk, described, series
 from solver.survey.das.tdms import read_tdms_properties
-from solver.survey.das.units import Unit, dascore, parse_unit
+from solver.survey.das.units import Unit, dascore, in_meters, parse_unit
 from solver.survey.das.unreadable import why_unknown, why_unreadable
 from vision.contract import InputError
+from vision.contract.statements import Said, Statement, Value
 from vision.contract.text import plain
 
-ROUNDED = 1_000_000  # ns; largest difference between two clocks of one file
 
+def from_silixa(block: Block, properties: Mapping[str, Any]) -> Block:
+    """Fill in the properties of a Silixa file that DASCore leaves out; its integers are raw counts.
 
-def silixa_counts(block: Block, properties: dict[str, Any]) -> Block:
-    """Fill in the properties of a Silixa file that DASCore leaves out; its integers are raw counts."""
+    Distances begin at `Start Distance (m)`, as in PRODML files of the same instrument; DASCore takes a position of its
+    digitizer for it.
+    """
     gauge_length = block.gauge_length or properties.get("GaugeLength")
     calibration = float(properties.get("Unit Calibration (nm)", 116.0))
     counts = np.issubdtype(block.data.dtype, np.integer) and block.unit is None
     unit = Unit("idas_counts", calibration) if counts else block.unit
-    return replace(block, gauge_length=gauge_length and float(gauge_length), unit=unit)
+    distance, start = block.distance, properties.get("Start Distance (m)")
+    if distance is not None and start is not None:
+        distance = distance - distance[0] + float(start)
+    written = moment(str(properties.get("ISO8601 Timestamp", "")))
+    said: dict[str, Said] = {
+        "start": [] if written is None else [("ISO8601 Timestamp", written[0])],
+        "zone": [] if written is None else [("ISO8601 Timestamp", written[1])],
+        "rate": numbers(properties, "SamplingFrequency[Hz]"),
+        "first distance": numbers(properties, "Start Distance (m)"),
+        "gauge length": numbers(properties, "GaugeLength"),
+        "scale": [(name, f"{value:g}") for name, value in numbers(properties, "Unit Calibration (nm)")],
+        "maker": [(name, text(properties[name])) for name in ("iDASVersion",) if name in properties],
+    }
+    found = replace(block, gauge_length=gauge_length and float(gauge_length), unit=unit, distance=distance)
+    return replace(found, said=with_more(block.said, said))
+
+
+def numbers(properties: Mapping[str, Any], *names: str) -> list[tuple[str, Value]]:
+    """Those of the properties `names` that are there and are numbers, with their names."""
+    held = [(name, text(properties[name])) for name in names if name in properties]
+    return [(name, float(value)) for name, value in held if re.fullmatch(r"[-+]?[\d.]+([eE][-+]?\d+)?", value)]
+
+
+def with_more(said: Mapping[str, Said], more: Mapping[str, Said]) -> dict[str, Said]:
+    """Statements with more of them, by what they are about."""
+    return {what: [*said.get(what, ()), *more.get(what, ())] for what in {**said, **more}}
 
 
 def from_tdms(block: Block) -> Block:
     """Complete a block read from Silixa TDMS."""
-    return silixa_counts(block, read_tdms_properties(block.path))
+    return from_silixa(block, read_tdms_properties(block.path))
 
 
 def from_silixa_h5(block: Block) -> Block:
@@ -39,28 +68,41 @@ def from_silixa_h5(block: Block) -> Block:
     import h5py
 
     with h5py.File(block.path) as file:
-        return silixa_counts(block, dict(file["Acoustic"].attrs))
+        return from_silixa(block, dict(file["Acoustic"].attrs))
 
 
-def from_prodml(block: Block) -> Block:
-    """Number the channels of a PRODML file as it does, from its StartLocusIndex, and take the time of every sample.
-
-    DASCore uses the times of the first and last sample only; jumps or reversals between them show only here.
-    """
+def from_optodas(block: Block) -> Block:
+    """Number the channels of an OptoDAS file as it does: of every n-th channel, k is the file's channel n k."""
     import h5py
 
     with h5py.File(block.path) as file:
-        acquisition = file["Acquisition"]
-        block = replace(block, first_channel=int(acquisition.attrs["StartLocusIndex"]))
-        for name in acquisition:
-            times = acquisition.get(f"{name}/RawDataTime")
-            # Microseconds since 1970, as the standard says; not all makers follow it.
-            if times is not None and len(times) == len(block.time) and np.issubdtype(times.dtype, np.integer):
-                time = times[:].astype(np.int64) * 1000
-                ends = np.array([time.min(), time.max()])
-                if (np.abs(ends - block.time[[0, -1]]) <= ROUNDED).any():
-                    return replace(block, time=time)
-    return block
+        header = {name: node[()] for name, node in file["header"].items() if isinstance(node, h5py.Dataset)}
+    own = np.ravel(header["channels"]).astype(np.int64)
+    steps = np.unique(np.diff(own)) if len(own) > 1 else np.ones(1, np.int64)
+    every = int(steps[0])
+    if len(steps) > 1 or every < 1:
+        raise InputError(f"{block.path}: its channels, {own[0]} to {own[-1]}, are not evenly apart; export one stretch")
+    lost = np.size(header.get("missingSamples", ()))
+    odd = [] if not lost else [told("missing samples", f"{lost}", f"the recorder lists {lost} of them")]
+    if every > 1:
+        number = f"every {every}th channel is there: number k in anchors and results is its channel {every} k"
+        odd.append(told("channel numbers", f"1 of {every}", number))
+    said: dict[str, Said] = {
+        "start": [(name, np.datetime64(round(float(value) * 1e9), "ns")) for name, value in numbers(header, "time")],
+        "rate": [(name, 1 / float(value)) for name, value in numbers(header, "dt") if float(value) > 0],
+        "first channel": [("channels", round(own[0] / every))],
+        "channels": [("dimensionSizes", int(header["dimensionSizes"][-1]))] if "dimensionSizes" in header else [],
+        "channel spacing": [(name, float(value) * every) for name, value in numbers(header, "dx")],
+        "gauge length": numbers(header, "gaugeLength"),
+        "maker": [(name, text(header[name])) for name in ("instrument",) if name in header],
+    }
+    found = replace(block, first_channel=round(own[0] / every), odd=(*block.odd, *odd))
+    return replace(found, said=with_more(block.said, said))
+
+
+def told(what: str, taken: str, caution: str) -> Statement:
+    """Something that must be known of a file."""
+    return Statement(what, (), taken, caution)
 
 
 def from_febus(block: Block) -> Block:
@@ -81,21 +123,19 @@ def from_ap_sensing(block: Block) -> Block:
     import h5py
 
     with h5py.File(block.path) as file:
-        return replace(block, stated=plain(file["ProcessingServer/DataType"][0].decode()))
+        server = {name: node[()] for name, node in file["ProcessingServer"].items()}
+    said = {"rate": numbers(server, "DataRate"), "gauge length": numbers(server, "GaugeLength")}
+    said |= {"channel spacing": numbers(server, "SpatialSampling"), "filters": numbers(server, "CutOffFrequency")}
+    return replace(block, stated=text(server["DataType"]), said=with_more(block.said, said))
 
 
 COMPLETIONS: dict[str, Callable[[Block], Block]] = {
     "TDMS": from_tdms,
     "Silixa_H5": from_silixa_h5,
-    "PRODML": from_prodml,
+    "OptoDAS": from_optodas,
     "febus": from_febus,
     "APSensing": from_ap_sensing,
 }
-
-
-def meters(values: NDArray[np.float64], units: Any) -> NDArray[np.float64]:
-    """Convert `values` in `units` (m where not stated) to meters."""
-    return values if units is None else values * float(dascore().get_quantity(units).to("m").magnitude)
 
 
 def patch_block(patch: Any, path: Path, name: str, whole: OnDisk | None = None) -> Block:
@@ -103,7 +143,7 @@ def patch_block(patch: Any, path: Path, name: str, whole: OnDisk | None = None) 
     patch = patch.transpose("time", "distance")
     attrs, distance = patch.attrs, patch.get_coord("distance")
     stated_gauge = np.array([getattr(attrs, "gauge_length", None) or np.nan], float)
-    gauge_length = float(meters(stated_gauge, getattr(attrs, "gauge_length_units", None) or None)[0])
+    gauge_length = float(in_meters(stated_gauge, getattr(attrs, "gauge_length_units", None) or None)[0])
     stated = attrs.data_units
     return Block(
         path=path,
@@ -112,23 +152,37 @@ def patch_block(patch: Any, path: Path, name: str, whole: OnDisk | None = None) 
         time=patch.get_array("time").astype("datetime64[ns]").astype(np.int64)
         if whole is None
         else np.asarray(whole.time, np.int64),
-        distance=meters(np.asarray(distance.data, float), distance.units),
+        distance=in_meters(np.asarray(distance.data, float), distance.units),
         first_channel=0,
         gauge_length=gauge_length if gauge_length > 0 else None,
         unit=None if stated is None else parse_unit(stated),
         stated="" if stated is None else f"{stated.units:D}",
+        said={"maker": [("format", name)]},
     )
 
 
-def is_lone_sample(path: Path) -> bool:
-    """Whether a file is PRODML with one sample in time, which DASCore cannot read."""
+def missing_sources(path: Path) -> list[Statement]:
+    """Source files of the virtual datasets of an HDF5 file that are not where they should be."""
     import h5py
 
-    if not h5py.is_hdf5(path):
-        return False
-    with h5py.File(path) as file:
-        time = file.get("Acquisition/Raw[0]/RawDataTime")
-        return isinstance(time, h5py.Dataset) and time.size == 1
+    needed = dict[Path, None]()
+
+    def look(_: str, node: Any) -> None:
+        if isinstance(node, h5py.Dataset) and node.is_virtual:
+            needed.update({path.parent / one.file_name: None for one in node.virtual_sources() if one.file_name != "."})
+
+    try:
+        with h5py.File(path) as file:
+            file.visititems(look)
+    except (OSError, RuntimeError):
+        return []
+    # `%b` in a name stands for the number of a block.
+    gone = [one for one in needed if not one.is_file() and not any(one.parent.glob(one.name.replace("%b", "*")))]
+    if not gone:
+        return []
+    named = gone[0].name + (f" and {len(gone) - 1} more" if len(gone) > 1 else "")
+    line = f"the file shows numbers of other files, of which this is missing in {gone[0].parent}: {named}; put it there"
+    return [told("source files", f"{len(needed) - len(gone)} of {len(needed)}", line)]
 
 
 def read_with_dascore(path: Path) -> Iterator[Block]:
@@ -144,6 +198,9 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
         if b"dascore.core" in stream.read(100):
             raise InputError(f"{path}: a pickle can run code when it is read; store it as PRODML or DASDAE instead")
     try:
+        if is_prodml(path):
+            yield from read_prodml(path)
+            return
         name, version = dc.get_format(path)
         known = described(path, name, version)
         patches = [(one, None) for one in series(path, name, version)] if known is None else [known]
@@ -155,8 +212,6 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
     except UnknownFiberFormatError as error:
         raise InputError(f"{path}: {why_unknown(path)}") from error
     except Exception as error:  # on damaged bytes a parser can raise anything
-        if is_lone_sample(path):
-            raise InputError(f"{path}: holds a single sample, whose rate nothing tells; leave this file out") from error
         raise InputError(f"{path}: {why_unreadable(error)}") from error
 
 
@@ -176,7 +231,8 @@ def read_blocks(path: Path) -> list[Block]:
     if not path.is_file():
         raise InputError(f"{path}: no such file; give the path of a DAS file")
     reader = read_numpy if path.suffix.lower() in (".npy", ".npz") else read_with_dascore
-    blocks = [block for block in reader(path) if block.data.size]
+    gone = missing_sources(path)
+    blocks = [replace(block, odd=(*gone, *block.odd)) for block in reader(path) if block.data.size]
     if not blocks:
         raise InputError(f"{path}: no samples; give a file with a recording of time and distance")
     if other := [block.data.dtype for block in blocks if block.data.dtype.kind not in "iuf"]:

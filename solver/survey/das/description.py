@@ -12,10 +12,11 @@ from solver.survey.das.block import Block
 from solver.survey.das.das_files import read_blocks
 from solver.survey.das.faults import LeftOut, left_out_line, of_one_setting, without_overlaps
 from solver.survey.das.grid import Grid, Part, on_grid, part_of, sampling_interval
-from solver.survey.das.setting import agreed, check_excluded, chosen, file_spacing, logger
+from solver.survey.das.setting import agreed, check_excluded, chosen, file_spacing, logger, statements_of
 from solver.survey.das.units import Unit, resolve
 from solver.survey.limits import CHANNEL_SPACINGS, GAUGE_LENGTHS
 from vision.contract import InputError, progress
+from vision.contract.statements import Statements, caution_lines
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class Description:
     notes : what was decided, a line each
     files : how many there are
     left_out : files, and parts of files, that are not used
+    statements : what each file states, and what is taken of it
     """
 
     blocks: tuple[Block, ...]
@@ -51,6 +53,7 @@ class Description:
     notes: tuple[str, ...]
     files: int
     left_out: tuple[LeftOut, ...] = ()
+    statements: tuple[Statements, ...] = ()
 
     @property
     def where(self) -> Path:
@@ -74,8 +77,8 @@ class Description:
 
     @property
     def lines(self) -> list[str]:
-        """What to tell the user about files that are left out."""
-        return left_out_line(self.files, self.left_out)
+        """What to tell the user about files that are left out, and about statements that differ."""
+        return [*left_out_line(self.files, self.left_out), *caution_lines(self.statements)]
 
     def columns(self, channels: tuple[int, int]) -> slice:
         """Columns of the files that a range of channels is made from."""
@@ -144,8 +147,8 @@ def description_of(
     first = parts[0].block
     whole = bool(np.issubdtype(first.data.dtype, np.integer))
     stored = resolve(first.unit, first.stated, quantity, scale, first.path, whole=whole)
-    spacing = agreed("channel spacing", CHANNEL_SPACINGS, file_spacing(first), channel_spacing, first.path, notes)
-    gauge = agreed("gauge length", GAUGE_LENGTHS, first.gauge_length, gauge_length, first.path, notes)
+    spacing = agreed("channel spacing", CHANNEL_SPACINGS, file_spacing(first), channel_spacing, first.path)
+    gauge = agreed("gauge length", GAUGE_LENGTHS, first.gauge_length, gauge_length, first.path)
     pair, count = 0, first.data.shape[1]
     if stored.quantity == "velocity":
         pair = max(1, round(gauge / spacing / 2))
@@ -154,6 +157,7 @@ def description_of(
         gauge = 2 * pair * spacing
         notes.append(f"strain rate is the difference of velocity over {gauge:g} m, an even number of channels")
         logger.info("%s: %s", first.path, notes[-1])
+    given = {"gauge_length": gauge_length, "channel_spacing": channel_spacing, "quantity": quantity, "scale": scale}
     held = first.first_channel + pair, first.first_channel + count - 1 - pair
     interval = sampling_interval(parts)
     placed, twice = without_overlaps(on_grid(parts, interval), interval)
@@ -174,4 +178,7 @@ def description_of(
         notes=tuple(notes),
         files=files,
         left_out=(*left_out, *others, *twice),
+        statements=tuple(
+            statements_of(part.block, part.interval, part.runs, stored, (spacing, gauge), given) for part in parts
+        ),
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from solver.survey.das.grid import Part, Placed
-from solver.survey.das.setting import file_spacing
+from solver.survey.das.setting import RATE_OFF, file_spacing
 from vision.contract import InputError
 
 #: Share of the recorded samples that the files of one setting must hold for the others to be left out.
@@ -18,8 +18,6 @@ OVERLAP = 0.05
 COMPARED, SAMPLES = 32, 2000
 #: How many left-out files a message names.
 NAMED = 3
-#: Largest relative difference between the sampling rates of one record.
-RATE_OFF = 1e-3
 
 
 @dataclass(frozen=True)

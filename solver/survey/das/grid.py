@@ -1,6 +1,6 @@
 """The regular time grid of the samples of many DAS files, known before any sample is read."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.survey.das.block import Block
+from solver.survey.das.values import measured_runs
 from vision.contract import InputError
 
 Array = NDArray[np.float64]
@@ -89,10 +90,15 @@ class Placed:
         wanted = np.arange(begin, end) - self.row + self.ahead
         low, high = max(0, int(wanted[0]) - FELT), min(self.count, int(wanted[-1]) + FELT + 2)
         stored = self.block.data[self.first + low : self.first + high, columns].astype(np.float64)
-        moved = np.empty((len(wanted), stored.shape[1]))
-        for some in range(0, stored.shape[1], 64):
-            part = slice(some, some + 64)
-            moved[:, part] = CubicSpline(np.arange(low, high), stored[:, part], axis=0)(wanted)
+        moved = np.full((len(wanted), stored.shape[1]), np.nan)
+        for run in measured_runs(stored):
+            inside = (wanted >= low + run.start) & (wanted <= low + run.stop - 1)
+            if run.stop - run.start < 2 or not inside.any():
+                continue
+            for some in range(0, stored.shape[1], 64):
+                part = slice(some, some + 64)
+                spline = CubicSpline(np.arange(run.start, run.stop) + low, stored[run, part], axis=0)
+                moved[inside, part] = spline(wanted[inside])
         return moved
 
 
@@ -113,7 +119,7 @@ def file_interval(block: Block) -> float:
     """Return the sampling interval of a file, ns."""
     steps = np.diff(block.time)
     if not len(steps):
-        raise InputError(f"{block.path}: a single sample has no rate; leave this file out")
+        raise InputError(f"{block.path}: holds a single sample, whose rate nothing tells; leave this file out")
     if steps.min() <= 0:
         sample = int((steps <= 0).argmax()) + 1
         what = "repeat" if steps[sample - 1] == 0 else "run backwards"
@@ -140,6 +146,21 @@ def ends_of(part: Part) -> tuple[int, float]:
     """Time of a part's first sample, ns, and the number of samples from there to the first one after the part."""
     start, (_, count, last) = part.runs[0][2], part.runs[-1]
     return start, (last - start) / part.interval + count
+
+
+def merged(rows: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Stretches of rows (first, last), in order, those that touch as one.
+
+    >>> merged([(7, 9), (0, 2), (3, 5), (8, 11)])
+    [(0, 5), (7, 11)]
+    """
+    found: list[tuple[int, int]] = []
+    for first, last in sorted(rows):
+        if found and first <= found[-1][1] + 1:
+            found[-1] = (found[-1][0], max(found[-1][1], last))
+        else:
+            found.append((first, last))
+    return found
 
 
 @dataclass(frozen=True)
@@ -171,6 +192,10 @@ class Grid:
     def holes(self) -> list[tuple[int, int]]:
         """First and last row of each gap."""
         return [(one.stop, other.row - 1) for one, other in pairwise(self.placed) if other.row > one.stop]
+
+    def without(self, lost: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+        """First and last row of each gap, with those of other stretches in which nothing was measured."""
+        return merged([*self.holes, *lost])
 
     def measured(self, begin: int, end: int) -> int:
         """Count of the rows `begin` to `end` that have samples."""

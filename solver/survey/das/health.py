@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.survey.das.reduced import Lost
 from solver.survey.das.watch import End, Watch
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class PartHealth:
     looked_at : a few rows of stored numbers [row, column], from which rounding is estimated
     ends : how often the largest and the smallest number occur, and the numbers next to them
     faults : what could not be read, a line each
+    lost : first and last row of the files of each stretch in which nothing was measured
     """
 
     noise: Array
@@ -53,16 +55,18 @@ class PartHealth:
     looked_at: NDArray[Any]
     ends: tuple[End, End]
     faults: tuple[str, ...]
+    lost: tuple[tuple[int, int], ...] = ()
 
     @classmethod
-    def of(cls, watch: Watch, strain_rate: NDArray[Any], faults: Sequence[str], columns: int) -> "PartHealth":
-        """From what `Watch` collected while the part was read."""
+    def of(cls, watch: Watch, strain_rate: NDArray[Any], lost: Lost, columns: int) -> "PartHealth":
+        """From what was collected while the part was read."""
+        gone = tuple(lost.faults), tuple(lost.rows)
         if watch.bad is None or watch.smallest is None or watch.largest is None:
             none = np.full(columns, np.nan)
             empty, zero = np.empty((0, columns)), np.zeros(columns, np.int64)
-            return cls(noise_of(strain_rate), none, none, zero, empty, watch.ends, tuple(faults))
+            return cls(noise_of(strain_rate), none, none, zero, empty, watch.ends, *gone)
         looked = np.concatenate(watch.kept)
-        return cls(noise_of(strain_rate), watch.smallest, watch.largest, watch.bad, looked, watch.ends, tuple(faults))
+        return cls(noise_of(strain_rate), watch.smallest, watch.largest, watch.bad, looked, watch.ends, *gone)
 
     def write(self, group: "h5py.Group") -> None:
         """Write it into a group of an HDF5 file."""
@@ -72,6 +76,7 @@ class PartHealth:
             count = np.zeros(len(self.bad), np.int64) if end.count is None else end.count
             node = group.create_dataset(name, data=count)
             node.attrs.update(number=end.extreme, next=end.next, next_count=end.next_count)
+        group["lost"] = np.array(self.lost, np.int64).reshape(-1, 2)
         group.attrs["faults"] = list(self.faults) or np.empty(0, "S1")
 
     @classmethod
@@ -84,7 +89,8 @@ class PartHealth:
             ends.append(End(sign, *numbers))
         arrays = {name: group[name][:] for name in ("noise", "smallest", "largest", "bad", "looked_at")}
         faults = tuple(str(one) for one in group.attrs["faults"])
-        return cls(**arrays, ends=(ends[0], ends[1]), faults=faults)
+        lost = tuple((int(first), int(last)) for first, last in group["lost"][:])
+        return cls(**arrays, ends=(ends[0], ends[1]), faults=faults, lost=lost)
 
 
 def joined(parts: Sequence[PartHealth]) -> tuple[Watch, Array]:

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.survey.das.description import Description
-from solver.survey.das.grid import Grid
+from solver.survey.das.grid import Grid, merged
 from solver.survey.das.health import PartHealth, joined
 from solver.survey.das.lowpass import FIT_RATE, Lowpass, factor_of, taps_of
 from solver.survey.das.prodml import write_prodml
 from solver.survey.das.reading import Reading
-from solver.survey.das.reduced import Values, filter_of, gain_of, reduce
+from solver.survey.das.record import unmeasured_line
+from solver.survey.das.reduced import Lost, Values, filter_of, gain_of, reduce
 from solver.survey.das.rounding import rounding_of
 from solver.survey.das.setting import distance_of
 from solver.survey.das.store import (
@@ -31,6 +32,7 @@ from solver.survey.das.store import (
     raw_files,
     read_store_file,
 )
+from solver.survey.das.values import check_size
 from solver.survey.das.watch import Watch
 from vision.contract import InputError, progress, writing
 
@@ -106,7 +108,7 @@ def said_of(known: Description, low: Lowpass, files: Sequence[Path], asked: dict
         first_distance=float(first),
         held=known.held,
         parts=tuple(parts),
-        gaps=tuple((a * grid.interval * 1e-9, b * grid.interval * 1e-9) for a, b in grid.holes),
+        gaps=seconds_of(grid.holes, grid.interval),
         provenance=provenance,
     )
 
@@ -132,11 +134,17 @@ def ingest(
     """
     low = filter_of(known.grid, factor_of(known.grid.sampling_rate, rate), Reading.all_of(known).stored())
     said = said_of(known, low, files, asked, folder)
+    fresh = not folder.exists()
     prepare(folder, said)
     missing = [part for part in said.parts if not (folder / part_name(part)).is_file()]
     with progress("ingesting DAS", len(missing)) as advance:
         for part in missing:
-            write_part(known, low, part, said, folder)
+            try:
+                write_part(known, low, part, said, folder)
+            except InputError:
+                if fresh and part == said.parts[0]:
+                    shutil.rmtree(folder)
+                raise
             advance(1)
     return finish(known, said, folder)
 
@@ -144,7 +152,14 @@ def ingest(
 def bare(said: StoreFile) -> StoreFile:
     """What identifies a store: its files and settings, without file times and results."""
     files = tuple(one.model_copy(update={"changed": 0}) for one in said.files)
-    return said.model_copy(update={"files": files, "cautions": (), "law": (), "whole": False, "complete": False})
+    return said.model_copy(
+        update={"files": files, "gaps": (), "cautions": (), "law": (), "whole": False, "complete": False}
+    )
+
+
+def seconds_of(rows: Sequence[tuple[int, int]], interval: float) -> tuple[tuple[float, float], ...]:
+    """First and last row of each gap as s from the first row, at an `interval` in ns."""
+    return tuple((first * interval * 1e-9, last * interval * 1e-9) for first, last in rows)
 
 
 def prepare(folder: Path, said: StoreFile) -> None:
@@ -172,7 +187,7 @@ def prepare(folder: Path, said: StoreFile) -> None:
 def write_part(known: Description, low: Lowpass, rows: tuple[int, int], said: StoreFile, folder: Path) -> None:
     """Read, reduce and write one part."""
     whole, grid = Reading.all_of(known), known.grid
-    stored, faults = whole.stored(), list[str]()
+    stored, lost = whole.stored(), Lost()
     rate = np.full((rows[1] - rows[0], len(known.channel)), np.nan, np.float32)
     gain = gain_of(stored, grid.sampling_rate, known.gauge_length)
     looked_at = max(AT_LEAST, LOOKED_AT // len(said.parts))
@@ -181,9 +196,12 @@ def write_part(known: Description, low: Lowpass, rows: tuple[int, int], said: St
     def take(row: int, values: Values) -> None:
         rate[row - rows[0] : row - rows[0] + len(values)] = gain * whole.narrowed(values)
 
-    reduce(grid, whole.columns, low, rows, watch.look, take, faults)
+    reduce(grid, whole.columns, low, rows, watch.look, take, lost)
     rate[:, whole.excluded] = np.nan
-    health = PartHealth.of(watch, rate, faults, whole.columns.stop - whole.columns.start)
+    swing = np.fmax.reduce(rate, axis=0) - np.fmin.reduce(rate, axis=0)
+    if (swing > 0).any():
+        check_size(swing[swing > 0].astype(np.float64), known.where)
+    health = PartHealth.of(watch, rate, lost, whole.columns.stop - whole.columns.start)
     distance = distance_of(known.blocks[0], known.channel, known.channel_spacing, known.spaced)
 
     def more(file: "h5py.File") -> None:
@@ -223,9 +241,11 @@ def finish(known: Description, said: StoreFile, folder: Path) -> Store:
         with h5py.File(folder / part_name(part)) as file:
             parts.append(PartHealth.read(file["Health"]))
     watch, noise = joined(parts)
+    lost = merged(one for part in parts for one in part.lost)
     whole, stored = Reading.all_of(known), Reading.all_of(known).stored()
     if watch.bad is None:
-        raise InputError(next((line for one in parts for line in one.faults), f"{known.where}: no samples"))
+        faults = [*(line for one in parts for line in one.faults), *known.lines]
+        raise InputError([*faults, f"{known.where}: no channel holds a signal in any sample"][0])
     rounding = rounding_of(whole.narrowed(watch.looked_at), stored, known.grid.sampling_rate, known.gauge_length)
     if rounding is not None and said.factor > 1:
         taps = taps_of(said.factor)
@@ -241,7 +261,8 @@ def finish(known: Description, said: StoreFile, folder: Path) -> Store:
     write_tables(known, folder, noise, step, dead, watch)
     said = said.model_copy(
         update={
-            "cautions": (*known.lines, *cautions),
+            "cautions": (*known.lines, *unmeasured_line(lost, known.grid.interval * 1e-9), *cautions),
+            "gaps": seconds_of(known.grid.without(lost), known.grid.interval),
             "law": () if rounding is None else tuple(rounding.law.tolist()),
             "whole": rounding is not None and rounding.whole,
             "complete": True,

@@ -11,7 +11,7 @@ from solver.survey.das.description import Description, Stated, describe, descrip
 from solver.survey.das.grid import part_of
 from solver.survey.das.lowpass import factor_of
 from solver.survey.das.reading import Reading
-from solver.survey.das.record import DASRecord, Extent, gap_line
+from solver.survey.das.record import DASRecord, Extent, gap_lines, unmeasured_line
 from solver.survey.das.reduced import touched
 from solver.survey.das.setting import distance_of, provenance_of
 from vision.contract import InputError
@@ -118,11 +118,11 @@ def record_from(
     files = list({one.block.path: one.block for one in used}.values())
     interval, begin = grid.interval * found.factor, found.windows.begin * found.factor
     end = min((found.windows.end - 1) * found.factor + 1, grid.rows)
-    holes = [(max(a, begin), min(b, end - 1)) for a, b in grid.holes if a < end and b >= begin]
+    holes = [(max(a, begin), min(b, end - 1)) for a, b in grid.without(found.lost) if a < end and b >= begin]
     gaps = tuple(((a - begin) * grid.interval * 1e-9, (b - begin) * grid.interval * 1e-9) for a, b in holes)
     start = grid.time_of(begin)
     said = list(known.lines)
-    said += [gap_line(start, *gap, grid.interval * 1e-9) for gap in gaps]
+    said += [*unmeasured_line(found.lost, grid.interval * 1e-9), *gap_lines(start, gaps, grid.interval * 1e-9)]
     provenance = provenance_of(files, known.stored, list(known.notes))
     if known.left_out:
         provenance["left_out"] = [f"{one.path.name}: {one.why}" for one in known.left_out]

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.survey.das.description import Description
-from solver.survey.das.grid import FELT
+from solver.survey.das.grid import FELT, merged
 from solver.survey.das.lowpass import taps_of
 from solver.survey.das.record import ranges
-from solver.survey.das.reduced import DERIVED, Values, filter_of, gain_of, overlapping, reduce, slabs
+from solver.survey.das.reduced import DERIVED, Lost, Values, filter_of, gain_of, overlapping, reduce, slabs
 from solver.survey.das.rounding import Rounding, rounding_of
 from solver.survey.das.setting import logger
 from solver.survey.das.size import require_room_for_record
@@ -54,13 +54,17 @@ def check_finite(bad: NDArray[np.int64], channel: NDArray[np.int64], where: Path
 
 @dataclass(frozen=True)
 class Found:
-    """The result: strain rate [row, channel] at windows of every `factor`-th row of the grid."""
+    """The result: strain rate [row, channel] at windows of every `factor`-th row of the grid.
+
+    `lost` are the first and last row of the grid of each stretch in which nothing was measured.
+    """
 
     values: NDArray[Any]
     windows: Windows
     factor: int
     rounding: Rounding | None
     cautions: tuple[str, ...]
+    lost: list[tuple[int, int]]
 
 
 @dataclass(frozen=True)
@@ -115,16 +119,16 @@ class Reading:
         grid, stored = self.known.grid, self.stored()
         windows = Windows.of(self.spans, grid.sampling_rate)
         grid.check_dense(windows.spans)
-        rate, watch, faults = *self.empty(windows.rows), list[str]()
+        rate, watch, lost = *self.empty(windows.rows), Lost()
         felt = FELT if stored.quantity in DERIVED else 0
         with progress("reading DAS", windows.rows) as advance:
             for low, high in self.spans:
-                for row, values, own in overlapping(slabs(grid, self.columns, low, high, faults), felt, watch.look):
+                for row, values, own in overlapping(slabs(grid, self.columns, low, high, lost), felt, watch.look):
                     first, count = windows.place(row + own.start), own.stop - own.start
                     self.convert(values, own, rate[first : first + count])
                     advance(count)
-        rounding, cautions = self.checked(rate, watch, faults)
-        return Found(rate, windows, 1, rounding, cautions)
+        rounding, cautions = self.checked(rate, watch, lost)
+        return Found(rate, windows, 1, rounding, cautions, merged(lost.rows))
 
     def reduced(self, factor: int) -> Found:
         """Filtered, every `factor`-th sample, in single precision."""
@@ -133,7 +137,7 @@ class Reading:
         spans = [(-(-begin // factor), (end - 1) // factor + 1) for begin, end in self.spans]
         windows = Windows.of(spans, grid.sampling_rate / factor)
         grid.check_dense([(begin * factor, end * factor) for begin, end in windows.spans])
-        rate, watch, faults = *self.empty(windows.rows, factor), list[str]()
+        rate, watch, lost = *self.empty(windows.rows, factor), Lost()
         gain = gain_of(stored, grid.sampling_rate, known.gauge_length)
         with progress("reading DAS", windows.rows) as advance:
 
@@ -143,19 +147,18 @@ class Reading:
                 advance(len(values))
 
             for span in spans:
-                reduce(grid, self.columns, low, span, watch.look, take, faults)
-        rounding, cautions = self.checked(rate, watch, faults)
+                reduce(grid, self.columns, low, span, watch.look, take, lost)
+        rounding, cautions = self.checked(rate, watch, lost)
         taps = taps_of(factor)
         rounding = rounding and rounding.filtered(taps / taps.sum(), factor)
-        return Found(rate, windows, factor, rounding, cautions)
+        return Found(rate, windows, factor, rounding, cautions, merged(lost.rows))
 
-    def checked(
-        self, rate: NDArray[np.float32], watch: Watch, faults: Sequence[str]
-    ) -> tuple[Rounding | None, tuple[str, ...]]:
+    def checked(self, rate: NDArray[np.float32], watch: Watch, lost: Lost) -> tuple[Rounding | None, tuple[str, ...]]:
         """Refuse numbers that no fiber makes, and set dead channels of `rate` to NaN; its rounding, and cautions."""
         known, stored, n = self.known, self.stored(), self.known.pair
         if watch.bad is None or not len(watch.kept):
-            raise InputError(faults[0] if faults else f"{known.where}: no samples; check the clocks")
+            nothing = "no channel holds a signal in any sample" if lost.rows else "no samples; check the clocks"
+            raise InputError([*lost.faults, *known.lines, f"{known.where}: {nothing}"][0])
         bad = watch.bad[n : len(watch.bad) - n] + (watch.bad[2 * n :] + watch.bad[: len(watch.bad) - 2 * n]) * (n > 0)
         check_finite(np.where(self.excluded, 0, bad), self.channel, known.where)
         if not np.isfinite(rate).any():
@@ -164,4 +167,4 @@ class Reading:
         rounding = rounding_of(self.narrowed(watch.looked_at), stored, known.grid.sampling_rate, known.gauge_length)
         still = self.paired(watch.still) | self.excluded
         without_dead(rate, still, self.channel[still & ~self.excluded].tolist(), known.where)
-        return rounding, (*([cut_off] if cut_off else []), *faults)
+        return rounding, (*([cut_off] if cut_off else []), *lost.faults)

@@ -1,5 +1,6 @@
 """A DAS record: strain rate on a regular grid of time and channel."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,6 +12,9 @@ from solver.survey.das.rounding import Rounding
 from solver.survey.das.time_windows import stretches
 
 Array = NDArray[np.float64]
+
+#: How many gaps are told one by one.
+NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -107,3 +111,28 @@ def gap_line(start: np.datetime64, first: float, last: float, interval: float) -
     length = f"{minutes:.0f} min {seconds:.0f} s" if minutes else f"{seconds:.1f} s"
     end = end.partition("T")[2] if end[:10] == begin[:10] else end
     return f"the record has a gap of {length}, from {begin}Z to {end}Z; what lies on either side is used"
+
+
+def gap_lines(start: np.datetime64, gaps: Sequence[tuple[float, float]], interval: float) -> list[str]:
+    """`gap_line` of the longest gaps, and how many others there are."""
+    longest = sorted(sorted(gaps, key=lambda gap: gap[0] - gap[1])[:NAMED])
+    lines = [gap_line(start, *gap, interval) for gap in longest]
+    if len(gaps) > NAMED:
+        seconds = sum(last - first + interval for first, last in gaps)
+        lines.append(f"these are the longest of {len(gaps)} gaps, {seconds:.1f} s in all")
+    return lines
+
+
+def unmeasured_line(lost: Sequence[tuple[int, int]], interval: float) -> list[str]:
+    """Say how much of a record was written without being measured; nothing if none was.
+
+    >>> unmeasured_line([(100, 114), (210, 224)], 0.2)[0][:72]
+    'in 30 samples (6.0 s) all channels hold one number, or one and the same '
+    """
+    rows = sum(last - first + 1 for first, last in lost)
+    if not rows:
+        return []
+    return [
+        f"in {rows} samples ({rows * interval:.1f} s) all channels hold one number, or one and the same row again: "
+        "nothing was measured then, so these are gaps"
+    ]

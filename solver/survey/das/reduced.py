@@ -1,6 +1,7 @@
 """Samples of a record in slabs of rows: unchanged, or filtered and decimated in a single pass."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from solver.survey.das.grid import FELT, Grid, Placed
 from solver.survey.das.lowpass import Lowpass, taps_of
 from solver.survey.das.units import Unit, to_strain_rate
+from solver.survey.das.values import measured_runs
 from vision.contract import InputError
 
 #: Size of a slab in single precision, bytes: larger ones are not faster.
@@ -18,21 +20,43 @@ DERIVED = ("strain", "phase")
 
 Values = NDArray[Any]
 Take = Callable[[int, Values], None]
+Rows = tuple[int, int]
 
 
-def slabs(grid: Grid, columns: slice, begin: int, end: int, faults: list[str]) -> Iterator[tuple[int, Values]]:
+@dataclass
+class Lost:
+    """What is not there although files should hold it.
+
+    Parameters
+    ----------
+    faults : what could not be read, a line each
+    rows : first and last row of the grid of each stretch in which nothing was measured
+    """
+
+    faults: list[str] = field(default_factory=list)
+    rows: list[Rows] = field(default_factory=list)
+
+
+def slabs(grid: Grid, columns: slice, begin: int, end: int, lost: Lost) -> Iterator[tuple[int, Values]]:
     """Slabs of stored numbers [row, column] of the grid's rows `begin` to `end`, each with its first row; no gaps.
 
-    What cannot be read is left out and listed in `faults`, a line each.
+    What cannot be read, and rows in which nothing was measured, are left out and noted in `lost`.
     """
     rows = max(1, SLAB // (4 * max(1, columns.stop - columns.start)))
     for one in grid.placed:
         for first in range(max(one.row, begin), min(one.stop, end), rows):
             try:
-                yield first, one.values(first, min(first + rows, one.stop, end), columns)
+                values = one.values(first, min(first + rows, one.stop, end), columns)
             except InputError as error:
-                faults.append(str(error))
+                lost.faults.append(str(error))
                 break
+            done = 0
+            for run in [*measured_runs(values), slice(len(values), None)]:
+                if run.start > done:
+                    lost.rows.append((first + done, first + run.start - 1))
+                if run.stop is not None:
+                    yield first + run.start, values[run]
+                    done = run.stop
 
 
 def overlapping(parts: Iterable[tuple[int, Values]], felt: int, look: Take) -> Iterator[tuple[int, Values, slice]]:
@@ -89,9 +113,7 @@ def gain_of(unit: Unit, sampling_rate: float, gauge_length: float) -> float:
     return float(to_strain_rate(np.ones((1, 1)), rated, sampling_rate, gauge_length)[0, 0])
 
 
-def reduce(
-    grid: Grid, columns: slice, low: Lowpass, span: tuple[int, int], look: Take, take: Take, faults: list[str]
-) -> None:
+def reduce(grid: Grid, columns: slice, low: Lowpass, span: tuple[int, int], look: Take, take: Take, lost: Lost) -> None:
     """Filter and decimate.
 
     Parameters
@@ -101,11 +123,11 @@ def reduce(
     span : first output row, and one after the last
     look : called with each slab of stored numbers and its first row of the grid
     take : called with output [row, column] and its first row, but never with rows whose filter touches a gap
-    faults : list to which what could not be read is added, a line each
+    lost : to which what is not there is added
     """
     half, q = low.half, low.factor
     held, start = np.empty((0, columns.stop - columns.start), low.dtype), 0
-    for row, values in slabs(grid, columns, span[0] * q - half, (span[1] - 1) * q + half + 1, faults):
+    for row, values in slabs(grid, columns, span[0] * q - half, (span[1] - 1) * q + half + 1, lost):
         look(row, values)
         values = values.astype(low.dtype, copy=False)
         if row == start + len(held) and len(held):

@@ -72,6 +72,50 @@ class OnDisk:
             raise InputError(f"{self.path}: {why_unreadable(error)}") from error
 
 
+@dataclass(frozen=True)
+class InHDF5:
+    """Numbers [time, channel] of a dataset of an HDF5 file, read in parts.
+
+    Parameters
+    ----------
+    path, name : of the file, and of the dataset in it
+    shape : rows and columns, of which the dataset may hold more
+    turned : whether it is [channel, time]
+    dtype : of the numbers
+
+    `numbers[first:stop, first:stop]` reads, without steps; `numpy.asarray` reads all.
+    """
+
+    path: Path
+    name: str
+    shape: tuple[int, int]
+    turned: bool
+    dtype: np.dtype[Any]
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    @property
+    def size(self) -> int:
+        """Count of numbers."""
+        return self.shape[0] * self.shape[1]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """All of them."""
+        return self[:, :].astype(dtype or self.dtype, copy=False)
+
+    def __getitem__(self, at: tuple[slice, slice]) -> NDArray[Any]:
+        import h5py
+
+        rows, columns = (slice(*part.indices(count)) for part, count in zip(at, self.shape, strict=True))
+        try:
+            with h5py.File(self.path) as file:
+                node = file[self.name]
+                return np.asarray(node[columns, rows].T if self.turned else node[rows, columns])
+        except (OSError, KeyError) as error:
+            raise InputError(f"{self.path}: {why_unreadable(error)}") from error
+
+
 def is_series(attributes: Any, dims: Any) -> bool:
     """Whether a patch with these attributes and dimensions holds samples over time and distance.
 

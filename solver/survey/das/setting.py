@@ -1,7 +1,7 @@
 """Reconcile what the files and the user say about a record: lengths, unit, channels."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 from solver.survey.das.block import Block, checksum_of
 from solver.survey.das.units import Unit
 from vision.contract import InputError
+from vision.contract.statements import Statements, Value, statement
 
 Array = NDArray[np.float64]
 
+Run = tuple[int, int, int]
+
 TOLERANCE = 0.01  # largest relative difference between what the file and the user say
+
+ROUNDED = 2e-3  # s; largest difference between two clocks of one file: a vehicle at 30 m/s moves 6 cm in it
+RATE_OFF = 1e-3  # largest relative difference between two sampling rates of one record
 
 logger = logging.getLogger("roadfiber")
 
@@ -30,10 +36,8 @@ def file_spacing(block: Block) -> float | None:
     return spacing
 
 
-def agreed(
-    name: str, limits: tuple[float, float], stated: float | None, given: float | None, where: Path, notes: list[str]
-) -> float:
-    """Return the user's value, else the file's; add a note if they differ.
+def agreed(name: str, limits: tuple[float, float], stated: float | None, given: float | None, where: Path) -> float:
+    """Return the user's value, else the file's; `statements_of` says where they differ.
 
     Raises
     ------
@@ -50,12 +54,59 @@ def agreed(
             f"{where}: {name} {length:g} m as {source}, but none is below {limits[0]:g} or above {limits[1]:g} m; "
             f"give {key}, m, in [das] of site.toml"
         )
-    if given is None:
-        return length
-    if stated is not None and abs(given / stated - 1) > TOLERANCE:
-        notes.append(f"{name} {given:g} m as given; the file states {stated:g} m")
-        logger.warning("%s: %s", where, notes[-1])
-    return given
+    return length
+
+
+def statements_of(
+    block: Block,
+    interval: float,
+    runs: Sequence[Run],
+    stored: Unit,
+    lengths: tuple[float, float],
+    given: Mapping[str, float | str | None],
+) -> Statements:
+    """Hold what one file states, and what is `given` in site.toml, against what is taken of it.
+
+    Parameters
+    ----------
+    block : the file
+    interval : of sampling, ns
+    runs : first row, rows, and time of the first, ns, of each stretch without a jump
+    stored : what they are
+    lengths : channel spacing and gauge length, m
+    given : gauge_length, channel_spacing, quantity and scale of site.toml, None where it has none
+    """
+    (spacing, gauge), first, (_, count, last) = lengths, runs[0][2], runs[-1]
+    ends = np.array([first, last + round((count - 1) * interval)]).astype("datetime64[ns]")
+    taken: dict[str, tuple[Value | None, str, float, bool]] = {
+        "maker": (block.format, "", 0.0, False),
+        "start": (ends[0], "", ROUNDED, True),
+        "end": (ends[1], "", ROUNDED + 1.5e-9 * interval, True),
+        "zone": ("UTC", "", 0.0, False),
+        "times of samples": ("", "", 0.0, False),
+        "rate": (1e9 / interval, "Hz", RATE_OFF, False),
+        "samples": (len(block.data), "", 0.0, False),
+        "channels": (block.data.shape[1], "", 0.0, False),
+        "first channel": (block.first_channel, "", 0.0, False),
+        "first distance": (None if block.distance is None else float(block.distance[0]), "m", spacing, True),
+        "channel spacing": (spacing, "m", TOLERANCE, False),
+        "gauge length": (gauge, "m", TOLERANCE, False),
+        "unit": (stored.quantity, "", 0.0, False),
+        "scale": (f"{stored.factor:g}", "", 0.0, False),
+        "filters": (None, "", 0.0, False),
+    }
+    said = {what: list(block.said.get(what, ())) for what in taken}
+    said["unit"] += [("file", block.stated)] if block.stated else []
+    for key, value in given.items():
+        what = {"quantity": "unit"}.get(key, key.replace("_", " "))
+        said[what] += [] if value is None else [("site.toml", f"{value:g}" if what == "scale" else value)]
+    held = [
+        statement(what, said[what], value, unit=unit, within=within, absolute=absolute)
+        for what, (value, unit, within, absolute) in taken.items()
+        if said[what] or value
+    ]
+    gaps = [statement("gaps", (), f"{len(runs) - 1} between its samples")] if len(runs) > 1 else []
+    return Statements(block.path.name, (*held, *gaps, *block.odd))
 
 
 def chosen(where: Path, held: tuple[int, int], channels: tuple[int, int] | None) -> tuple[int, int]:

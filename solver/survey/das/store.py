@@ -25,7 +25,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from solver.survey.das.block import fingerprint
 from solver.survey.das.prodml import STORED
-from solver.survey.das.record import DASRecord, Extent, gap_line
+from solver.survey.das.record import DASRecord, Extent, gap_lines
 from solver.survey.das.rounding import Rounding
 from solver.survey.das.time_windows import Windows
 from vision.contract import InputError, progress, read_text
@@ -257,7 +257,7 @@ class Store:
             gaps=gaps,
             provenance=said.provenance | {"files": self.files, "store": self.folder.name},
             rounding=Rounding(step, np.array(said.law), said.whole) if len(said.law) and step.any() else None,
-            cautions=(*said.cautions, *(gap_line(start, *gap, said.interval * 1e-9) for gap in gaps)),
+            cautions=(*said.cautions, *gap_lines(start, gaps, said.interval * 1e-9)),
             extent=Extent(self.start, self.end, said.held) if partly else None,
         )
 

@@ -141,6 +141,11 @@ def parse_unit(text: Any) -> Unit | None:
     return None if powers else Unit("strain", factor)
 
 
+def in_meters(values: Any, units: Any) -> Any:
+    """Lengths in `units` (m where these are absent or empty) in m."""
+    return values if not units or str(units) == "m" else values * float(dascore().get_quantity(units).to("m").magnitude)
+
+
 def resolve(
     unit: Unit | None, stated: str, quantity: str | None, scale: float | None, where: Path, *, whole: bool = False
 ) -> Unit:

@@ -1,6 +1,7 @@
-"""Numbers that no fiber produces: too large, too small, or clipped at the end of a range."""
+"""Numbers that no fiber produces: too large, too small, clipped at the end of a range, or written without measuring."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ Array = NDArray[np.float64]
 CLIPPED, THINNER = 20, 3
 #: Channels that must hold them: a single one may be stuck.
 CLIPPED_CHANNELS = 2
+#: Channels by which rows are looked through first, and rows by which channels that never change are left aside.
+FIRST, SAMPLED = 16, 256
 
 
 def check_size(swing: Array, where: Path) -> None:
@@ -46,3 +49,46 @@ def clipped_line(count: int, channels: int, which: str, end: float, beside: int)
         f"{count} samples of {channels} channels stand at the same {which} number, {end:g}: the record is "
         "clipped, and vehicles seem farther away than they are; record with a larger range"
     )
+
+
+def same(one: NDArray[Any], other: NDArray[Any]) -> NDArray[np.bool_]:
+    """Where two arrays hold the same number, NaN included."""
+    return np.asarray((one == other) | ((one != one) & (other != other)))
+
+
+def measured_runs(values: NDArray[Any]) -> list[slice]:
+    """Runs of rows of stored numbers [time, channel] in which something was measured.
+
+    Nothing was measured where all channels hold one number (zeros of a dropout, of a tail that was allocated and never
+    written, of a source file that is missing; NaN; a fill value), and where a row is repeated on all channels more than
+    once. Noise makes neither. Of numbers rounded so coarsely that a quiet minute is all zeros, few channels change at
+    the ends of such a run; where measuring ends, more than half do.
+
+    >>> values = np.random.default_rng(0).normal(size=(9, 4))
+    >>> values[3:5], values[7:] = 0, np.nan
+    >>> measured_runs(values)
+    [slice(0, 3, None), slice(5, 7, None)]
+    """
+    rows = len(values)
+    some = values[:: max(1, rows // SAMPLED)]
+    live = np.flatnonzero(~same(some, some[:1]).all(0))
+    live = live if len(live) else np.arange(values.shape[1])
+    if len(live) < 2 or rows < 2:
+        return [slice(0, rows)] if rows else []
+    few = values[:, live[np.unique(np.linspace(0, len(live) - 1, FIRST).astype(int))]]
+    flat = np.asarray(same(few, few[:, :1]).all(1))
+    flat[flat] = same(values[flat][:, live], values[flat][:, live[:1]]).all(1)
+    held = np.concatenate([[False], same(few[1:], few[:-1]).all(1)])
+    (again,) = np.nonzero(held)
+    held[again] = same(values[again][:, live], values[again - 1][:, live]).all(1)
+    # A slow record that is written at a higher rate repeats most of its rows; one repeat does less harm than a gap.
+    often = 2 * np.count_nonzero(np.diff(held.astype(np.int8)) > 0) > np.count_nonzero(~held & ~flat)
+    lost = flat | (held & (np.roll(held, 1) | np.roll(held, -1)) & ~often)
+
+    def abrupt(row: int) -> bool:
+        return not 0 < row < rows or float(same(values[row, live], values[row - 1, live]).mean()) < 0.5
+
+    cuts = np.flatnonzero(np.diff(lost.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    gone = [(a, b) for a, b in cuts.tolist() if abrupt(a if flat[a] else a - 1) and abrupt(b)]
+    edges = [0, *(edge for pair in gone for edge in pair), rows]
+    return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]

@@ -38,7 +38,7 @@ def test_files_apart_do_not():
 def test_times_must_increase():
     with pytest.raises(InputError, match="its times run backwards at sample"):
         sampling_interval([part(0, 10, jump=-2_000_000_000)])
-    with pytest.raises(InputError, match="a single sample has no rate"):
+    with pytest.raises(InputError, match="holds a single sample, whose rate nothing tells"):
         sampling_interval([part(0, 1)])
 
 

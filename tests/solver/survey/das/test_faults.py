@@ -9,7 +9,7 @@ import pytest
 from solver.survey.das.description import describe
 from solver.survey.das.prodml import write_prodml
 from solver.survey.das.reader import read_das, record_from
-from solver.survey.das.samples import OnDisk
+from solver.survey.das.samples import InHDF5
 from vision.contract import InputError
 
 START = np.datetime64("2025-08-11T06:00:00", "ns")
@@ -133,7 +133,7 @@ def test_damage_that_only_reading_shows_is_left_out_and_told(files):
         stream.seek(chunk.byte_offset)
         stream.write(b"\xff" * chunk.size)
     known = describe(files)
-    assert isinstance(known.blocks[3].data, OnDisk) and known.left_out == ()
+    assert isinstance(known.blocks[3].data, InHDF5) and known.left_out == ()
     for record, missing in ((read_das(files), slice(1200, 1600)), (record_from(known, rate=20.0), slice(250, 310))):
         assert not np.isfinite(record.strain_rate[missing]).any()
         assert record.measured.mean() > 0.8

@@ -63,3 +63,94 @@ def test_a_file_of_one_sample_is_said_to_be_that(tmp_path):
     write_prodml(tmp_path / "das.h5", np.ones((1, 4)), **SETTING)
     with pytest.raises(InputError, match=r"das\.h5: holds a single sample, .* leave this file out"):
         read_das([tmp_path / "das.h5"])
+
+
+@pytest.fixture
+def five_hertz(tmp_path):
+    """A file of 5 Hz and its Raw[0], open for changes."""
+    strain_rate = 1e-8 * np.random.default_rng(0).normal(size=(40, 7))
+    start = np.datetime64("2025-08-11T06:00:00")
+    write_prodml(tmp_path / "a.h5", strain_rate, **(SETTING | {"start": start, "sampling_rate": 5.0}))
+    with h5py.File(tmp_path / "a.h5", "r+") as file:
+        yield tmp_path / "a.h5", file["Acquisition/Raw[0]"]
+
+
+def closed(path, raw):
+    raw.file.close()
+    return read_das([path])
+
+
+def replaced(raw, name, array):
+    attributes = dict(raw[name].attrs)
+    del raw[name]
+    raw.create_dataset(name, data=array).attrs.update(attributes)
+
+
+def test_the_offsets_of_texts_are_applied(five_hertz):
+    path, raw = five_hertz
+    for node in (raw["RawData"], raw["RawDataTime"]):
+        for end in ("PartStartTime", "PartEndTime"):
+            node.attrs[end] = np.bytes_(node.attrs[end].decode().replace("T06:", "T09:").replace("+00", "+03"))
+    record = closed(path, raw)
+    assert (str(record.start), record.cautions) == ("2025-08-11T06:00:00.000000000", ())
+
+
+def test_texts_that_differ_from_the_times_of_samples_are_told(five_hertz):
+    path, raw = five_hertz
+    raw["RawDataTime"].attrs["PartStartTime"] = raw["RawData"].attrs["PartStartTime"] = np.bytes_("2025-08-11T09:00:00")
+    record = closed(path, raw)
+    assert str(record.start) == "2025-08-11T06:00:00.000000000"
+    assert record.cautions == (
+        "a.h5: start: PartStartTime says 2025-08-11T09:00:00.000Z; 2025-08-11T06:00:00.000Z is taken",
+    )
+
+
+@pytest.mark.parametrize("times", ["nanoseconds", "seconds since the start", "none"])
+def test_three_rates_are_held_against_each_other(five_hertz, times):
+    path, raw = five_hertz
+    stamps = raw["RawDataTime"][:]
+    changed = {"nanoseconds": stamps * 1000, "seconds since the start": (stamps - stamps[0]) / 1e6, "none": 0 * stamps}
+    replaced(raw, "RawDataTime", changed[times])
+    for node in (raw["RawData"], raw["RawDataTime"]):
+        node.attrs["PartEndTime"] = np.bytes_("2025-08-11T06:00:10+00:00")
+    record = closed(path, raw)
+    assert (str(record.start), record.sampling_rate) == ("2025-08-11T06:00:00.000000000", pytest.approx(5.0))
+    assert any("rate: PartStartTime to PartEndTime says 3.9 Hz; 5 Hz is taken" in line for line in record.cautions)
+
+
+def test_a_rate_that_stands_alone_is_not_taken(five_hertz):
+    path, raw = five_hertz
+    stamps = raw["RawDataTime"][:]
+    replaced(raw, "RawDataTime", stamps[0] + 2 * (stamps - stamps[0]))
+    record = closed(path, raw)
+    assert record.sampling_rate == pytest.approx(5.0)
+    assert "a.h5: rate: RawDataTime says 2.5 Hz; 5 Hz is taken" in record.cautions
+
+
+def test_the_raw_array_s_own_numbers_are_taken(five_hertz):
+    path, raw = five_hertz
+    whole = raw["RawData"][:]
+    replaced(raw, "RawData", whole[:, 3:])
+    raw.attrs.update(StartLocusIndex=-37, NumberOfLoci=4)
+    record = closed(path, raw)
+    assert record.channel.tolist() == [-37, -36, -35, -34]
+    assert np.allclose(record.strain_rate, 1e-9 * whole[:, 3:])
+    assert "a.h5: first channel: Acquisition StartLocusIndex says -40; -37 is taken" in record.cautions
+
+
+def test_words_for_a_unit_do_not_bar_what_site_toml_states(five_hertz):
+    path, raw = five_hertz
+    raw.attrs["RawDataUnit"] = np.bytes_("optical counts")
+    raw.file.close()
+    record = read_das([path], quantity="strain_rate", scale=1e-9)
+    assert np.isfinite(record.strain_rate).all()
+
+
+def test_a_tail_without_times_was_never_written(five_hertz):
+    path, raw = five_hertz
+    stamps = raw["RawDataTime"][:]
+    stamps[30:] = 0
+    replaced(raw, "RawDataTime", stamps)
+    record = closed(path, raw)
+    assert record.strain_rate.shape == (30, 7)
+    assert any("samples: RawData says 40; 30 is taken" in line for line in record.cautions)

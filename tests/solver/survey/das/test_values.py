@@ -1,0 +1,112 @@
+"""Numbers that were written without measuring are gaps, in every way in which a record is read."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from solver.survey.das.description import describe
+from solver.survey.das.ingest import ingest
+from solver.survey.das.prodml import write_prodml
+from solver.survey.das.reader import read_das, record_from
+from solver.survey.das.values import measured_runs
+from vision.contract import InputError
+
+START = np.datetime64("2025-08-11T06:00:00", "ns")
+NOISE = np.random.default_rng(0).normal(size=(60, 12))
+
+
+def runs(values):
+    return [(run.start, run.stop) for run in measured_runs(values)]
+
+
+@pytest.mark.parametrize("fill", [0.0, np.nan, -9999.0])
+def test_rows_of_one_number_are_not_measured(fill):
+    values = NOISE.copy()
+    values[:, 4] = 7.0  # a dead channel
+    values[10:25] = values[40] = values[55:] = fill
+    assert runs(values) == [(0, 10), (25, 40), (41, 55)]
+
+
+def test_a_frozen_row_is_measured_once():
+    values = NOISE.copy()
+    values[21:30] = values[20]
+    assert runs(values) == [(0, 21), (30, 60)]
+
+
+def test_what_is_measured_stays():
+    coarse = np.rint(0.3 * NOISE[:, :3])  # many rows are all zeros, and repeat
+    assert (coarse == 0).all(1).sum() > 20
+    slow = np.repeat(NOISE[:20], 3, axis=0)  # a slow record that is written at a higher rate
+    for values in (NOISE, coarse, slow, NOISE[:1], np.zeros((30, 1))):
+        assert runs(values) == [(0, len(values))]
+
+
+@pytest.fixture
+def dropouts(tmp_path):
+    """A file of 40 Hz with two dropouts, and its strain rate."""
+    rate = 1e-8 * np.random.default_rng(1).normal(size=(1200, 9))
+    rate[300:420] = rate[1000:] = 0.0
+    path = tmp_path / "a.h5"
+    write_prodml(path, rate, start=START, sampling_rate=40.0, gauge_length=10.0, channel_spacing=1.0)
+    return path, rate
+
+
+def test_dropouts_are_gaps_and_told(dropouts, tmp_path):
+    path, rate = dropouts
+    gone = (rate == 0).all(1)
+    record, known = read_das([path]), describe([path])
+    assert np.array_equal(record.measured, ~gone)
+    assert np.allclose(record.gaps, [(7.5, 10.475), (25.0, 29.975)])
+    assert record.cautions[0].startswith("in 320 samples (8.0 s) all channels hold one number")
+    store = ingest(known, [path], {}, tmp_path / "store", 20.0)
+    for found in (record_from(known, rate=20.0), store.record()):
+        assert np.allclose(found.gaps, record.gaps, atol=0.6)  # of the last, what the filter reaches
+        assert any("all channels hold one number" in line for line in found.cautions)
+        assert not found.measured[140:215].any() and found.measured[10:140].all()
+
+
+def test_dropouts_off_the_common_grid_do_not_spread(dropouts):
+    _, rate = dropouts
+    (one,) = describe([dropouts[0]]).grid.placed
+    moved = replace(one, row=1, rows=len(rate) - 1, ahead=0.5).values(1, 1200, slice(0, 9))
+    assert np.isnan(moved[300:419]).all() and np.isfinite(moved[:298]).all() and np.isfinite(moved[421:998]).all()
+
+
+def virtual(folder, sources):
+    """A PRODML file whose numbers are those of other files."""
+    path = folder / "whole.h5"
+    write_prodml(path, 1e-8 * NOISE, start=START, sampling_rate=5.0, gauge_length=10.0, channel_spacing=1.0)
+    with h5py.File(path, "r+") as file:
+        raw = file["Acquisition/Raw[0]"]
+        data, attributes = raw["RawData"][:], dict(raw["RawData"].attrs)
+        layout = h5py.VirtualLayout(data.shape, data.dtype)
+        for part, rows in enumerate(np.split(np.arange(60), sources)):
+            with h5py.File(folder / f"part{part}.raw", "w") as one:
+                one["RawData"] = data[rows]
+            layout[rows[0] : rows[-1] + 1] = h5py.VirtualSource(f"part{part}.raw", "RawData", (len(rows), 12))
+        del raw["RawData"]
+        raw.create_virtual_dataset("RawData", layout).attrs.update(attributes)
+    return path
+
+
+def test_a_missing_source_of_a_virtual_dataset_is_named(tmp_path):
+    path = virtual(tmp_path, 3)
+    assert read_das([path]).cautions == ()
+    (tmp_path / "part1.raw").unlink()
+    record = read_das([path])
+    assert not record.measured[20:40].any() and record.measured.sum() == 40
+    line = f"this is missing in {tmp_path}: part1.raw; put it there"
+    assert line in record.cautions[0]
+    for part in (0, 2):
+        (tmp_path / f"part{part}.raw").unlink()
+    with pytest.raises(InputError, match=r"missing in .*: part0\.raw and 2 more"):
+        read_das([path])
+
+
+def test_numbers_that_no_fiber_makes_are_not_stored(dropouts, tmp_path):
+    known = describe([dropouts[0]], quantity="strain_rate", scale=1.0)
+    with pytest.raises(InputError, match=r"the ground never strains faster than 0\.1 1/s; check the file's unit"):
+        ingest(known, [dropouts[0]], {}, tmp_path / "store", 20.0)
+    assert not (tmp_path / "store").exists()
