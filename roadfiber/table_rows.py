@@ -121,6 +121,8 @@ class RouteRow(Row):
         a drive
     latitude, longitude : WGS 84, degrees
     constrained : whether data and anchors decide the place, and not the prior alone
+    trust : grade of the run's checks: good, fair, weak or poor
+    reason : why the place is not to be relied on; empty where it may be
     """
 
     channel: int
@@ -137,6 +139,8 @@ class RouteRow(Row):
     latitude: Latitude
     longitude: Longitude
     constrained: bool
+    trust: str
+    reason: str | None = None
 
 
 class ChannelRow(Row):

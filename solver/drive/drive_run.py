@@ -78,7 +78,7 @@ class DriveRun(LocatedFiber):
     @cached_property
     def placed(self) -> Placed:
         """The route and its covariance."""
-        return Placed(**{name: self.arrays[name] for name in PLACED})
+        return Placed(**{name: self.arrays[name] for name in PLACED}, **self._judged)
 
     @property
     def route(self) -> "pd.DataFrame":
@@ -114,7 +114,12 @@ class DriveRun(LocatedFiber):
     def straight(self) -> Placed:
         """The route without channels in loops: those of one manhole are one point, and have no direction."""
         kept = ~np.asarray(self.arrays["loop"], bool)
-        return Placed(**{name: self.arrays[name][kept] for name in PLACED})
+        return Placed(**{name: self.arrays[name][kept] for name in PLACED}, **self._judged)
+
+    @property
+    def _judged(self) -> dict[str, str]:
+        """What the checks say, as `Placed` takes it."""
+        return {"grade": self.facts["trust"]["grade"], "trust": self.facts["trust"]["sentence"]}
 
     def features(self) -> dict[str, Any]:
         """The content of route.geojson."""
@@ -129,9 +134,8 @@ class DriveRun(LocatedFiber):
         from solver.run.gis.export import export
         from solver.run.gis.layers import Subject
 
-        place = self.straight, self.frame, self.anchors, self.name
-        told = str(self.facts["trust"]["grade"]), self.trust, str(self.facts["start"])[:10]
-        export(Subject(*place, *told), paths, crs, ground_height)
+        subject = Subject(self.straight, self.frame, self.anchors, self.name, str(self.facts["start"])[:10])
+        export(subject, paths, crs, ground_height)
 
     def to_patch(self, patch: Any) -> Any:
         """A DASCore patch of the record with the route as coordinates along its distance; as `Run.to_patch`."""

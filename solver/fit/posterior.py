@@ -220,10 +220,11 @@ def legs(passes: Sequence[Pass]) -> list[str]:
     ]
 
 
-def parameters(posterior: Posterior) -> dict[str, Parameter]:
-    """Every fitted number but the route's, by name."""
+def parameters(posterior: Posterior, known: bool = True) -> dict[str, Parameter]:
+    """Every fitted number but the route's, by name; without sigmas where these are not `known`."""
     chain = posterior.chain
     names, sigma, values = names_of(chain), posterior.sigmas(), posterior.visit.state.vector()
+    sigma = sigma if known else torch.full_like(sigma, torch.nan)
     first = chain.layout["route"].stop
     return {
         name: Parameter(float(values[first + i]), float(sigma[first + i]), unit, bool(chain.free[first + i]))
@@ -274,11 +275,11 @@ def assemble(
         channel=channel,
         distance=distance,
         route=route,
-        covariance=total,
-        # Where a fit has not ended its sigmas say nothing, so that no place of it counts as decided by data.
+        # Where a fit has not ended its sigmas say nothing, so that it has none, and no place counts as decided by data.
+        covariance=total if converged else np.full_like(total, np.nan),
         constrained=(lateral_share(route, total, shape) > 0.5) & converged,
         data_share=share,
-        parameters=parameters(posterior),
+        parameters=parameters(posterior, known=converged),
         vector=state.vector().numpy(),
         samples=problem.traffic.samples,
         fitted_channel=problem.channel,

@@ -19,6 +19,10 @@ class Parameter:
     free: bool
 
 
+#: Grades of a run, see `solver.run.trust.Trust`, that may be relied on.
+TRUSTED = ("good", "fair")
+
+
 @dataclass(frozen=True)
 class Placed:
     """A fiber's route alone.
@@ -28,6 +32,7 @@ class Placed:
     channel, distance, route, constrained : as of `FitResult`
     covariance : [channel, 3, 3], m^2, of the 95 % corridor
     fit_covariance : of the fit alone, which takes its model for granted; None where no other is known
+    grade, trust : what the run's checks say, see `solver.run.trust.Trust`: in a word, and in a sentence
     """
 
     channel: NDArray[np.int64]
@@ -36,6 +41,13 @@ class Placed:
     covariance: NDArray[np.float64]
     constrained: NDArray[np.bool_]
     fit_covariance: NDArray[np.float64] | None = None
+    grade: str = "good"
+    trust: str = ""
+
+    @property
+    def reliable(self) -> NDArray[np.bool_]:
+        """Channels [channel] that may be relied on: data and anchors decide them, and no check of the run failed."""
+        return self.constrained & (self.grade in TRUSTED)
 
     @property
     def sigma(self) -> NDArray[np.float64]:

@@ -24,8 +24,9 @@ def hopeless(first: FitResult) -> float:
 
 def apart(one: FitResult, other: FitResult) -> bool:
     """Whether two routes differ by more than their own uncertainty."""
-    shift = np.abs(one.route[:, 1] - other.route[:, 1])
-    return bool(np.median(shift) > max(ASIDE, 3 * float(np.nanmedian(other.sigma[:, 1]))))
+    shift, sigma = np.abs(one.route[:, 1] - other.route[:, 1]), other.sigma[:, 1]
+    known = sigma[np.isfinite(sigma)]
+    return bool(np.median(shift) > max(ASIDE, 3 * float(np.median(known)) if len(known) else 0.0))
 
 
 def started_apart(one: Problem, other: Problem) -> bool:

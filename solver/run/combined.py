@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -178,7 +178,14 @@ class Combined:
     @property
     def route(self) -> "pd.DataFrame":
         """The route [channel]: columns as of `Run.route`."""
-        return route_table(self.place, self.frame)
+        return route_table(self.judged, self.frame)
+
+    @property
+    def judged(self) -> Placed:
+        """The route with the worst grade of its runs."""
+        grades = [str(run.facts["trust"]["grade"]) for run in self.runs]
+        grade = "weak" if not self.converged else max(grades, key=("good", "fair", "weak", "poor").index)
+        return replace(self.place, grade=grade, trust=self.headline)
 
     def plot(self, width: int = WIDTH) -> "Figure":
         """Draw sideways place and depth of the combined route with its 95 % corridor, and of each run by itself."""
@@ -198,11 +205,8 @@ class Combined:
         from solver.run.gis.layers import Subject
 
         anchors = {(a.name, a.channel): a for run in self.runs for a in run.anchors}
-        grades = [str(run.facts["trust"]["grade"]) for run in self.runs]
-        grade = "weak" if not self.converged else max(grades, key=("good", "fair", "weak", "poor").index)
-        subject = self.place, self.frame, list(anchors.values()), self.name
         days = ", ".join(sorted({str(run.start)[:10] for run in self.runs}))
-        export(Subject(*subject, grade, self.headline, days), paths, crs, ground_height)
+        export(Subject(self.judged, self.frame, list(anchors.values()), self.name, days), paths, crs, ground_height)
 
     def save(self, folder: Path | str) -> None:
         """Write a folder that `rf.open` reads: the route and the runs, whole or not at all; an earlier one is replaced.
@@ -236,7 +240,7 @@ class Combined:
 
     def _features(self) -> dict[str, Any]:
         anchors = {(a.name, a.channel): a for run in self.runs for a in run.anchors}
-        return route_features(self.place, self.frame, list(anchors.values()), self.name)
+        return route_features(self.judged, self.frame, list(anchors.values()), self.name)
 
     def __repr__(self) -> str:
         return f"<Combined {self.headline}>"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.fit.result import FitResult, Placed
+from solver.fit.result import Placed
 from solver.survey.anchors import Anchor
 from vision.contract import LocalFrame
 
@@ -98,7 +98,7 @@ def feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
-def corridor_features(result: FitResult | Placed, frame: LocalFrame) -> list[dict[str, Any]]:
+def corridor_features(result: Placed, frame: LocalFrame) -> list[dict[str, Any]]:
     """One polygon per stretch that data and anchors decide, or do not; none where the method gives no covariance."""
     half = half_width(result.route, result.covariance)
     features = []
@@ -124,14 +124,17 @@ def corridor_features(result: FitResult | Placed, frame: LocalFrame) -> list[dic
     return features
 
 
-def route_features(
-    result: FitResult | Placed, frame: LocalFrame, anchors: Sequence[Anchor], name: str
-) -> dict[str, Any]:
+def line_style(reliable: bool) -> dict[str, Any]:
+    """How a viewer is asked to draw a line of the route (simplestyle 1.1, and dashes that some viewers know)."""
+    return {"stroke": "#0072b2", "stroke-width": 3} if reliable else {"stroke": "#808080", "stroke-dasharray": "4 4"}
+
+
+def route_features(result: Placed, frame: LocalFrame, anchors: Sequence[Anchor], name: str) -> dict[str, Any]:
     """The route (LineString Z), its 95 % corridor and the anchors as a FeatureCollection, WGS 84.
 
     Parameters
     ----------
-    result : of the fit
+    result : the route with its covariance and what its checks say
     frame : local frame of its x, y
     anchors : known points
     name : of the survey
@@ -145,6 +148,9 @@ def route_features(
         channels=[int(result.channel[0]), int(result.channel[-1])],
         unconstrained_channels=[[int(result.channel[a]), int(result.channel[b])] for a, b in loose],
         altitude=ALTITUDE,
+        trust=result.grade,
+        reason=result.trust,
+        **line_style(bool(result.reliable.any())),
     )
     points = [
         feature("Point", positions(frame, np.array([[a.x, a.y, a.z]]))[0], what="anchor", **vars(a)) for a in anchors

@@ -22,8 +22,9 @@ def route_table(place: Placed, frame: LocalFrame) -> "pd.DataFrame":
     -------
     table [channel]: `channel`; `distance` along the fiber, `x, y, z` and `sigma_x, sigma_y, sigma_z`, m (NaN where the
     method gives no sigma); `sigma_x_fit` and so on, of the fit alone, which takes its model for granted, where they are
-    known; `latitude, longitude`, degrees; `constrained`, false where neither data nor anchors decide. Altitudes are in
-    no column: z is the depth below the road.
+    known; `latitude, longitude`, degrees; `constrained`, false where neither data nor anchors decide; `trust`, the
+    grade of the run's checks, and `reason`, why a channel is not to be relied on. Altitudes are in no column: z is the
+    depth below the road.
     """
     import pandas as pd
 
@@ -35,6 +36,7 @@ def route_table(place: Placed, frame: LocalFrame) -> "pd.DataFrame":
         | dict(zip(METERS, meters.T, strict=True))
         | of_fit
         | {"latitude": latitude, "longitude": longitude, "constrained": place.constrained}
+        | {"trust": place.grade, "reason": np.where(place.reliable, "", place.trust.partition(" Next: ")[0])}
     )
 
 

@@ -116,9 +116,8 @@ class Run(Seen):
         from solver.run.gis.export import export
         from solver.run.gis.layers import Subject
 
-        subject = self.place, self.frame, self.anchors, self.name
-        told = str(self.facts["trust"]["grade"]), self.trust, str(self.start)[:10]
-        export(Subject(*subject, *told), paths, crs, ground_height)
+        subject = Subject(self.place, self.frame, self.anchors, self.name, str(self.start)[:10])
+        export(subject, paths, crs, ground_height)
 
     def to_patch(self, patch: Any) -> Any:
         """A DASCore patch of the record with the route as coordinates along its distance.

@@ -24,17 +24,18 @@ DISAGREEMENT, DISAGREE = "disagreement", "How far vehicles disagree about the ro
 TOLD = 0.05
 
 
-def placed(result: FitResult, added: Array | None) -> Placed:
+def placed(result: FitResult, added: Array | None, grade: str = "good", trust: str = "") -> Placed:
     """The route of a fit with the covariance of its corridor.
 
     Parameters
     ----------
     result : of the fit
     added : [channel, 3, 3], m^2, for what its model may lack; None where nothing is added
+    grade, trust : of the run's checks
     """
     own = result.covariance
     whole = own if added is None else own + added
-    return Placed(result.channel, result.distance, result.route, whole, result.constrained, own)
+    return Placed(result.channel, result.distance, result.route, whole, result.constrained, own, grade, trust)
 
 
 def median_half(place: FitResult | Placed) -> float:

@@ -53,7 +53,8 @@ class Seen(LocatedFiber):
     @property
     def place(self) -> Placed:
         """The route with the covariance of its 95 % corridor, which every file and picture shows."""
-        return placed(self.result, self.added)
+        trust = self.facts["trust"]
+        return placed(self.result, self.added, trust["grade"], trust["sentence"])
 
     @property
     def too_long(self) -> str:

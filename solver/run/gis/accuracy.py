@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.fit.result import FitResult, Placed
+from solver.fit.result import TRUSTED, Placed
 from solver.run.geojson import Z95, half_width
 
 Array = NDArray[np.float64]
@@ -29,8 +29,6 @@ PAS128 = (("QL-B1", 0.15, 0.15, 0.15), ("QL-B2", 0.25, 0.40, 0.40), ("QL-B3", 0.
 ASSUMED, NONE = "QL-B4", "none"
 #: Best class of one detection technique.
 BEST_ALONE = "QL-B2"
-#: Grades of a run, see `solver.run.trust.Trust`, whose route is classified.
-TRUSTED = ("good", "fair")
 
 CLAIM = (
     "Classes follow from the half-widths of the 95 % corridor, and hold if that does. PAS 128: QL-B2 at best, "
@@ -60,13 +58,12 @@ class Accuracy:
     asce38: NDArray[np.str_]
 
 
-def accuracy_of(place: FitResult | Placed, grade: str = "good") -> Accuracy:
+def accuracy_of(place: Placed) -> Accuracy:
     """Accuracy classes of a route.
 
     Parameters
     ----------
-    place : with covariance
-    grade : of the run's checks; where one failed no class is told
+    place : with covariance, and the grade of the run's checks: where one failed no class is told
 
     >>> channel, route = np.arange(3), np.array([[0.0, 4, 1], [1, 4, 1], [2, 4, 1]])
     >>> covariance = np.array([np.diag([s**2, s**2, s**2]) for s in (0.05, 0.1, 0.3)])
@@ -76,13 +73,13 @@ def accuracy_of(place: FitResult | Placed, grade: str = "good") -> Accuracy:
     """
     across, depth = half_width(place.route, place.covariance), Z95 * place.sigma[:, 2]
     z = np.maximum(place.route[:, 2], 0.0)
-    known = place.constrained & np.isfinite(across) & (grade in TRUSTED)
+    known = place.constrained & np.isfinite(across) & (place.grade in TRUSTED)
     within = np.full(len(z), NONE, dtype="<U8")
     for name, least, share, in_depth in reversed(PAS128):
         met = (across <= np.maximum(least, share * z)) & ((depth <= in_depth * z) | np.isinf(in_depth))
         within[known & met] = name
     alone = np.where(within == PAS128[0][0], BEST_ALONE, within)
-    alone = np.where(place.constrained, alone, ASSUMED) if grade in TRUSTED else np.full(len(z), NONE)
+    alone = np.where(place.constrained, alone, ASSUMED) if place.grade in TRUSTED else np.full(len(z), NONE)
     return Accuracy(across, depth, alone, within, np.where(known, "QLB evidence", NONE))
 
 

@@ -5,15 +5,19 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
+from solver.run.geojson import line_style
 from solver.run.gis.accuracy import CLAIM
-from solver.run.gis.layers import LAYERS, Subject, channel_table
+from solver.run.gis.layers import LAYERS, UNRELIABLE, Subject, channel_table
 from solver.run.gis.target import DEGREES, Target
 from vision.contract import InputError, require_writable, writing
 from vision.contract.geometry import with_geopandas
 
+#: Color (alpha, blue, green, red) and width, px, of lines in KML, by layer.
+LINES = {"route": ("ffb27200", "3"), UNRELIABLE: ("ff808080", "1.5")}
 #: Layers that a KML viewer can bear.
-DRAWN = ("route", "corridor", "anchors")
+DRAWN = ("route", UNRELIABLE, "corridor", "anchors")
 #: Units of a drawing, by the header $INSUNITS.
 DRAWING_UNITS = {"m": 6, "ft": 2, "ftUS": 21}
 
@@ -75,7 +79,8 @@ def write_geojson(subject: Subject, target: Target, path: Path) -> None:
     features = []
     for name, table in tables(subject, target, path).items():
         for one in json.loads(table.to_json(drop_id=True))["features"]:
-            one["properties"] = {"layer": name} | one["properties"]
+            style = line_style(name == "route") if name in ("route", UNRELIABLE) else {}
+            one["properties"] = {"layer": name} | one["properties"] | style
             features.append(one)
     whole = {"type": "FeatureCollection", "altitude": target.third, "claim": CLAIM, "features": features}
     path.write_text(json.dumps(whole, allow_nan=False), encoding="utf-8")
@@ -88,6 +93,22 @@ def write_kml(subject: Subject, target: Target, path: Path) -> None:
     for name in DRAWN:
         if name in every:
             every[name].to_file(path, layer=name, driver="LIBKML", engine="pyogrio")
+    style_lines(path)
+
+
+def style_lines(path: Path) -> None:
+    """Color the lines of a KML file: what may be relied on blue, what may not gray and thin; viewers draw all alike."""
+    space = "http://www.opengis.net/kml/2.2"
+    ElementTree.register_namespace("", space)
+    tree = ElementTree.parse(path)
+    for name, (color, width) in LINES.items():
+        for mark in tree.iterfind(f".//{{{space}}}Document[@id='{name}']/{{{space}}}Placemark"):
+            style = ElementTree.Element(f"{{{space}}}Style")
+            line = ElementTree.SubElement(style, f"{{{space}}}LineStyle")
+            ElementTree.SubElement(line, f"{{{space}}}color").text = color
+            ElementTree.SubElement(line, f"{{{space}}}width").text = width
+            mark.insert(1, style)
+    tree.write(path, encoding="utf-8", xml_declaration=True)
 
 
 def require_wgs84(target: Target, path: Path) -> None:
@@ -117,16 +138,19 @@ def write_dxf(subject: Subject, target: Target, path: Path) -> None:
         import ezdxf
     except ImportError as error:
         raise InputError(f"{path}: .dxf files need ezdxf: pip install roadfiber[gis]") from error
-    drawing = ezdxf.new("R2018", units=DRAWING_UNITS[target.unit])
+    drawing = ezdxf.new("R2018", setup=["linetypes"], units=DRAWING_UNITS[target.unit])
     drawing.header.custom_vars.append("CRS", target.crs.to_string())
     drawing.header.custom_vars.append("THIRD", target.third)
     space = drawing.modelspace()
-    for name, color in (("route", 1), ("corridor", 30), ("anchors", 5)):
-        drawing.layers.add(f"FIBER_{name.upper()}", color=color)
-    for shape, row in LAYERS["route"](subject, target):
-        layer = {"layer": "FIBER_ROUTE"}
-        line = space.add_polyline3d(list(shape.coords), dxfattribs=layer)
-        line.set_xdata("ROADFIBER", [(1000, f"PAS 128 {row['pas128']}; ASCE 38-22 {row['asce38']}")])
+    drawing.header.custom_vars.append("TRUST", f"{subject.place.grade}: {subject.place.trust}")
+    for name, color in (("route", 1), (UNRELIABLE, 8), ("corridor", 30), ("anchors", 5)):
+        line = "DASHED" if name == UNRELIABLE else "CONTINUOUS"
+        drawing.layers.add(f"FIBER_{name.upper()}", color=color, linetype=line)
+    for name in ("route", UNRELIABLE):
+        for shape, row in LAYERS[name](subject, target):
+            line = space.add_polyline3d(list(shape.coords), dxfattribs={"layer": f"FIBER_{name.upper()}"})
+            said = f"trust {row['trust']}; PAS 128 {row['pas128']}; ASCE 38-22 {row['asce38']}"
+            line.set_xdata("ROADFIBER", [(1000, said)])
     drawing.appids.add("ROADFIBER")
     height = 0.5 / target.horizontal.axis_info[0].unit_conversion_factor
     for shape, _ in LAYERS["corridor"](subject, target):

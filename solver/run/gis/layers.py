@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from solver.fit.result import FitResult, Placed
+from solver.fit.result import Placed
 from solver.run.geojson import corridor_ring, half_width
 from solver.run.gis.accuracy import Accuracy, accuracy_of
 from solver.run.gis.target import Target
@@ -18,39 +18,39 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+#: Layer of what may not be relied on.
+UNRELIABLE = "route_do_not_rely"
+
+
 @dataclass(frozen=True)
 class Subject:
     """What is written: a route and what it is called.
 
     Parameters
     ----------
-    place : the route with its covariance
+    place : the route with its covariance and what its checks say
     frame : of its x, y
     anchors : known points
     name : of the survey
-    grade : of its checks
-    trust : sentence that says whether it may be relied on
     recorded : date or dates of the record, UTC
     """
 
-    place: FitResult | Placed
+    place: Placed
     frame: LocalFrame
     anchors: Sequence[Anchor]
     name: str
-    grade: str = "good"
-    trust: str = ""
     recorded: str = ""
 
     @property
     def accuracy(self) -> Accuracy:
         """Its accuracy classes."""
-        return accuracy_of(self.place, self.grade)
+        return accuracy_of(self.place)
 
 
 def stretches(subject: Subject) -> list[tuple[int, int]]:
-    """First and last index of each stretch of one accuracy class, so that a line has one class."""
+    """First and last index of each stretch of one accuracy class, and reliable or not, so that a line has one."""
     found = subject.accuracy
-    kind = np.char.add(found.pas128, found.within)
+    kind = np.char.add(np.char.add(found.pas128, found.within), subject.place.reliable.astype("U5"))
     edges = [0, *(np.flatnonzero(kind[1:] != kind[:-1]) + 1).tolist(), len(kind)]
     return [(first, end - 1) for first, end in pairwise(edges)]
 
@@ -69,7 +69,9 @@ def described(subject: Subject, first: int, last: int) -> dict[str, Any]:
         "half_width_95_max_m": largest(found.across[part]),
         "depth_95_max_m": largest(found.depth[part]),
         "depth_mean_m": round(float(place.route[part, 2].mean()), 3),
-        "trust": subject.grade,
+        "reliable": bool(place.reliable[first]),
+        "trust": place.grade,
+        "reason": place.trust,
     }
 
 
@@ -80,7 +82,17 @@ def largest(values: Any) -> float | None:
 
 
 def route_layer(subject: Subject, target: Target) -> list[tuple[Any, dict[str, Any]]]:
-    """A line with heights for each stretch of one class, neighbors sharing a point."""
+    """A line with heights for each stretch of one class that may be relied on, neighbors sharing a point."""
+    return [one for one in route_lines(subject, target) if one[1]["reliable"]]
+
+
+def unreliable_layer(subject: Subject, target: Target) -> list[tuple[Any, dict[str, Any]]]:
+    """The same of stretches that may not be: a layer of their own is drawn in another color by every viewer."""
+    return [one for one in route_lines(subject, target) if not one[1]["reliable"]]
+
+
+def route_lines(subject: Subject, target: Target) -> list[tuple[Any, dict[str, Any]]]:
+    """A line for each stretch of one class."""
     from shapely import LineString
 
     points = target.points(subject.frame, subject.place.route)
@@ -124,6 +136,7 @@ def channel_table(subject: Subject, target: Target) -> "pd.DataFrame":
     columns |= {f"sigma_{axis}_m": sigma[:, number] for number, axis in enumerate("xyz")}
     columns |= {"half_width_95_m": found.across.round(4), "depth_95_m": found.depth.round(4)}
     columns |= {"constrained": place.constrained, "pas128": found.pas128, "pas128_numbers_met": found.within}
+    columns |= {"trust": place.grade, "reason": np.where(place.reliable, "", place.trust)}
     return pd.DataFrame(columns | {"asce38": found.asce38})
 
 
@@ -149,4 +162,10 @@ def anchor_layer(subject: Subject, target: Target) -> list[tuple[Any, dict[str, 
     return found
 
 
-LAYERS = {"route": route_layer, "corridor": corridor_layer, "channels": channel_layer, "anchors": anchor_layer}
+LAYERS = {
+    "route": route_layer,
+    UNRELIABLE: unreliable_layer,
+    "corridor": corridor_layer,
+    "channels": channel_layer,
+    "anchors": anchor_layer,
+}

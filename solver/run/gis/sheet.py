@@ -14,7 +14,7 @@ from solver.run.geojson import Z95, corridor_ring, half_width
 from solver.run.gis.accuracy import CLAIM, share_lines
 from solver.run.gis.layers import Subject
 from solver.run.gis.target import Target
-from solver.run.report.route_figure import draw_north
+from solver.run.report.route_figure import draw_line, draw_north
 from vision.contract.figures import INK, MUTED, PAPER, styled
 from vision.contract.palette import ROUTE
 
@@ -46,7 +46,7 @@ def sheet(subject: Subject, target: Target) -> Figure:
     figure = Figure(figsize=A4)
     place = subject.place
     figure.text(0.08, 0.955, f"{subject.name}: fiber route", size=16, weight="bold")
-    trust = wrapped(subject.trust)
+    trust = wrapped(place.trust)
     figure.text(0.08, 0.945, trust, size=8, va="top", color=MUTED)
     below = 0.945 - LEADING * (trust.count("\n") + 2)
     figure.text(0.08, below, wrapped(DIGGING, 105), size=8, va="top", weight="bold")
@@ -82,10 +82,10 @@ def draw_map(axes: Axes, subject: Subject) -> None:
         ring = corridor_ring(place.route[:, :2], half)
         axes.fill(ring[:, 0], ring[:, 1], color=ROUTE, alpha=0.25, lw=0, label="95 % corridor")
     axes.axhline(0, color=MUTED, lw=0.6, ls=(0, (6, 4)), label="survey line, y = 0")
-    x, y, sure = place.route[:, 0], place.route[:, 1], place.constrained
+    x, y, sure = place.route[:, 0], place.route[:, 1], place.reliable
     axes.plot(np.where(sure, x, np.nan), y, color=ROUTE, lw=1.8, label="fiber")
     if not sure.all():
-        axes.plot(np.where(sure, np.nan, x), y, color=ROUTE, lw=1.2, ls="--", label="fiber, not decided by data")
+        axes.plot(np.where(sure, np.nan, x), y, color=ROUTE, lw=1.2, ls="--", label="fiber, not to be relied on")
     for at, one in enumerate(subject.anchors):
         axes.plot(one.x, one.y, "s", ms=5, mfc=PAPER, mec=INK, label="" if at else "anchor, known place")
         axes.annotate(one.name, (one.x, one.y), (0, 7), textcoords="offset points", ha="center", size=7)
@@ -103,12 +103,11 @@ def draw_map(axes: Axes, subject: Subject) -> None:
 
 
 def draw_profile(axes: Axes, subject: Subject, axis: int, half: np.ndarray, label: str) -> None:
-    """A coordinate along the fiber with its 95 % band, dashed where data and anchors do not decide."""
+    """A coordinate along the fiber with its 95 % band, dashed where it may not be relied on."""
     place = subject.place
     at, value = place.distance, place.route[:, axis]
     axes.fill_between(at, value - half, value + half, color=ROUTE, alpha=0.25, lw=0)
-    axes.plot(at, np.where(place.constrained, value, np.nan), color=ROUTE, lw=1.6)
-    axes.plot(at, np.where(place.constrained, np.nan, value), color=ROUTE, lw=1.2, ls="--")
+    draw_line(axes, at, value, place.reliable)
     axes.invert_yaxis()
     axes.set_title(label)
     axes.grid(axis="y", color=MUTED, lw=0.4, alpha=0.35)

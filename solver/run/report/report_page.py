@@ -59,8 +59,9 @@ def legend(run: Run) -> str:
     if run.added is not None:
         items.append('<i class="band inner"></i>if the model lacks nothing')
     result = run.result
-    if not result.constrained.all() or (result.data_share[:, 2] < 0.5).any():
-        items.append('<i style="border-color: var(--route); border-top-style: dashed"></i>assumed, not measured')
+    if not run.place.reliable.all() or (result.data_share[:, 2] < 0.5).any():
+        dashed = "assumed, not measured" if words.trusted(run) else "not to be relied on"
+        items.append(f'<i style="border-color: var(--route); border-top-style: dashed"></i>{dashed}')
     for name, way, count in zip(("forward", "backward"), wind, counts, strict=True):
         if count:
             items.append(f'<i style="border-color: var(--{name})"></i>{words.counted(count, "vehicle")} to the {way}')

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.fit.result import TRUSTED
 from solver.run.geojson import Z95, half_width, runs
 from solver.run.run import Run
 from solver.run.seen import Seen
@@ -69,7 +70,7 @@ def span(low: float, high: float) -> str:
 
 def trusted(run: Seen) -> bool:
     """Whether no check of the fit failed."""
-    return run.facts["trust"]["grade"] in ("good", "fair")
+    return run.facts["trust"]["grade"] in TRUSTED
 
 
 def headline(run: Run) -> str:
@@ -101,14 +102,17 @@ def key_figures(run: Run) -> list[tuple[str, str, str]]:
     half = half_width(result.route, run.place.covariance)
     depth = Z95 * run.place.sigma[:, 2]
     length = float(result.distance[-1] - result.distance[0])
-    share = float(result.constrained.mean())
+    where, share = result.constrained, float(result.constrained.mean())
     whole = "" if share == 1 else f"of {length:.0f} m, "
-    decided = "" if result.constrained.all() or not result.constrained.any() else " that the data decide"
-    where = result.constrained if result.constrained.any() else np.ones_like(result.constrained)
+    note = "at the least certain place" + ("" if where.all() else " that the data decide")
+    if not where.any():
+        note = "no place is located"
+    elif not trusted(run):
+        note = "not to be relied on: a check failed"
     return [
         ("Located", f"{length * share:.0f} m", f"{whole}channels {result.channel[0]} to {result.channel[-1]}"),
-        ("Sideways, 95 %", widest(half[where]), f"at the least certain place{decided}"),
-        ("Depth, 95 %", widest(depth[where]), f"at the least certain place{decided}"),
+        ("Sideways, 95 %", widest(half[where]), note),
+        ("Depth, 95 %", widest(depth[where]), note),
         ("Misfit, chi²/dof", f"{result.chi2_per_dof:.3f}", noise_words(run)),
     ]
 
@@ -126,7 +130,7 @@ def stretches(run: Run, flags: NDArray[np.bool_]) -> str:
 def held(run: Run) -> str:
     """What the corridor holds."""
     if not run.result.converged:
-        return "The corridor is that of where the fit stopped: it need not hold the true route."
+        return "The fit has not converged: where it stopped has no corridor."
     if run.added is None:
         return "If the model holds, the corridor holds the fiber at any one place in 95 of 100 surveys like this one."
     if run.facts["corridor"]["why"]:
@@ -161,9 +165,7 @@ def prior_lines(run: Run) -> list[str]:
     result, lines = run.result, []
     loose = ~result.constrained
     if not result.converged:
-        lines.append(
-            "The fit has not converged: its sigmas are those of where it stopped, and need not hold the true route."
-        )
+        lines.append("The fit has not converged: no uncertainty is known of where it stopped.")
     elif loose.any():
         lines.append(
             f"Sideways, the expected smoothness of a cable decides more than vehicles and anchors do, "
@@ -200,7 +202,7 @@ def cautions(run: Run) -> list[str]:
     """What the user must know besides the checks before relying on the route; empty where there is nothing."""
     result, lines = run.result, prior_lines(run)
     lines += unnatural(run)
-    if not np.isfinite(result.covariance).all():
+    if result.converged and not np.isfinite(result.covariance).all():
         lines.append(f"The method {result.method!r} states no uncertainty here.")
     missing = set(range(result.fitted_channel[0], result.fitted_channel[-1] + 1)) - set(result.fitted_channel.tolist())
     if missing:

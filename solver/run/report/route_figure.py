@@ -75,7 +75,7 @@ def draw_track(axes: Axes, one: Pass, window: Limits) -> None:
 
 
 def draw_line(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], sure: NDArray[np.bool_]) -> None:
-    """The fiber: solid where data and anchors decide, dashed where assumptions do."""
+    """The fiber: solid where it may be relied on, dashed where assumptions decide or a check failed."""
     for first, last in runs(sure):
         part = slice(first, last + 2)
         axes.plot(x[part], y[part], color=ROUTE, lw=2.0, ls="-" if sure[first] else (0, (2.5, 1.5)), zorder=4)
@@ -130,7 +130,7 @@ def draw_plan(axes: Axes, run: Run, window: Limits) -> None:
     if np.isfinite(half).all():
         ring = corridor_ring(result.route[:, :2], half)
         axes.fill(ring[:, 0], ring[:, 1], color=ROUTE, alpha=WIDE_ALPHA, lw=0, zorder=2)
-    draw_line(axes, result.route[:, 0], result.route[:, 1], result.constrained)
+    draw_line(axes, result.route[:, 0], result.route[:, 1], run.place.reliable)
     draw_anchors(axes, np.array([a.x for a in run.anchors]), np.array([a.y for a in run.anchors]))
     traffic = np.median(np.concatenate([one.position[:, 1] for one in run.passes]))
     for anchor in run.anchors:
@@ -175,20 +175,20 @@ def sideways_profile(run: Run, base: NDArray[np.float64] | None = None) -> Profi
     sigma = np.array([a.sigma_xy for a in run.anchors])
     places = np.array([(a.x, a.y) for a in run.anchors]).reshape(-1, 2)
     if base is None and along_x(result.route):
-        return Profile("Sideways", result.route[:, 1], half, own, result.constrained, places[:, 1], Z95 * sigma)
+        return Profile("Sideways", result.route[:, 1], half, own, run.place.reliable, places[:, 1], Z95 * sigma)
     at = [int(np.argmin(np.abs(result.channel - a.channel))) for a in run.anchors]
     base = result.route if base is None else base
     across = normals(base)
     off = ((result.route - base)[:, :2] * across).sum(1)
     miss = ((places - base[at, :2]) * across[at]).sum(1)
-    return Profile("Off the route", off, half, own, result.constrained, miss, Z95 * sigma)
+    return Profile("Off the route", off, half, own, run.place.reliable, miss, Z95 * sigma)
 
 
 def depth_profile(run: Run) -> Profile:
     """Depth below the road."""
     result = run.result
     half, own = (np.nan_to_num(Z95 * one.sigma[:, 2]) for one in (run.place, result))
-    sure = ~(result.data_share[:, 2] < 0.5)
+    sure = ~(result.data_share[:, 2] < 0.5) & run.place.reliable
     known, sigma = (np.array([getattr(a, name) for a in run.anchors]) for name in ("z", "sigma_z"))
     return Profile("Depth", result.route[:, 2], half, own, sure, known, Z95 * sigma)
 

@@ -7,6 +7,7 @@ import pytest
 from matplotlib.path import Path as Outline
 
 from solver.run.geojson import Z95, corridor_ring, half_width, normals, outer, route_features, runs
+from solver.run.run_corridor import placed
 
 
 def crossings(ring: np.ndarray) -> int:
@@ -99,11 +100,12 @@ def test_half_width_is_across_the_route(heading):
 
 
 def made_features(survey, **changes):
-    return route_features(replace(survey.result, **changes), survey.site.frame, survey.anchors, "Elm")["features"]
+    place = placed(replace(survey.result, **changes), None)
+    return route_features(place, survey.site.frame, survey.anchors, "Elm")["features"]
 
 
 def test_collection_has_route_corridor_and_anchors(survey):
-    collection = route_features(survey.result, survey.site.frame, survey.anchors, "Elm")
+    collection = route_features(placed(survey.result, None), survey.site.frame, survey.anchors, "Elm")
     assert collection["type"] == "FeatureCollection"
     kinds = [item["geometry"]["type"] for item in collection["features"]]
     assert kinds == ["LineString", "Polygon", "Polygon", "Polygon", "Point"]

@@ -24,7 +24,7 @@ import roadfiber.command
 from solver.fit.result import Placed
 from solver.run.gis.accuracy import accuracy_of
 from solver.run.gis.export import WRITERS, export
-from solver.run.gis.layers import Subject, stretches
+from solver.run.gis.layers import UNRELIABLE, Subject, stretches
 from solver.run.gis.sheet import sheet
 from solver.run.gis.target import Target
 from solver.run.run import run_of
@@ -36,6 +36,9 @@ FRAME = LocalFrame((32.113, 34.804), 78.0)
 UTM = "EPSG:32636"
 
 
+DO_NOT_RELY = f"FIBER_{UNRELIABLE.upper()}"
+
+
 @pytest.fixture(scope="module")
 def subject() -> Subject:
     """Sixty channels: sure in the middle, wide at one end, not measured at the other."""
@@ -44,9 +47,9 @@ def subject() -> Subject:
     route = np.column_stack([x, 4 + np.sin(x / 15), 0.9 + 0.001 * x])
     sigma = np.interp(x, [0, 10, 45, 59], [0.2, 0.04, 0.06, 0.6])
     covariance = np.einsum("c,ab->cab", sigma**2, np.diag([1.0, 1.0, 0.5]))
-    place = Placed(channel, channel * 1.0, route, covariance, channel < 150)
+    place = Placed(channel, channel * 1.0, route, covariance, channel < 150, None, "good", "No check failed.")
     anchors = [Anchor("pit <1>", 110.25, *route[10], 0.05, 0.04), Anchor("tap", 130.0, *route[30], 0.1, 0.1)]
-    return Subject(place, FRAME, anchors, "Elm & 2nd", "good", "No check failed.")
+    return Subject(place, FRAME, anchors, "Elm & 2nd")
 
 
 def places(subject: Subject, crs: str) -> np.ndarray:
@@ -60,19 +63,20 @@ def test_a_geopackage_comes_back_as_it_went(subject: Subject, tmp_path: Path, cr
     path = tmp_path / "route.gpkg"
     export(subject, path, crs)
     layers = {name: geopandas.read_file(path, layer=name) for name, _ in pyogrio.list_layers(path)}
-    assert set(layers) == {"route", "corridor", "channels", "anchors"}
+    assert set(layers) == {"route", UNRELIABLE, "corridor", "channels", "anchors"}
     assert all(table.crs.equals(geopandas.GeoSeries([], crs=crs).crs) for table in layers.values())
     points = np.array([[one.x, one.y, one.z] for one in layers["channels"].geometry])
     assert points[:, :2] == pytest.approx(places(subject, crs), abs=1e-6)
     assert points[:, 2] == pytest.approx(-subject.place.route[:, 2])
     table = layers["channels"].set_index("channel")
     assert table["sigma_y_m"].to_numpy() == pytest.approx(subject.place.sigma[:, 1], abs=1e-4)
-    line = np.concatenate([np.array(one.coords) for one in layers["route"].geometry])
+    lines = [*layers["route"].geometry, *layers[UNRELIABLE].geometry]
+    line = np.concatenate([np.array(one.coords) for one in lines])
     assert {tuple(row) for row in line.round(9)} == {tuple(row) for row in points.round(9)}
-    for shape, outline in zip(layers["route"].geometry, layers["corridor"].geometry, strict=True):
+    for shape, outline in zip(lines, layers["corridor"].geometry, strict=True):
         assert outline.buffer(1e-9).contains(Point(shape.interpolate(0.5, normalized=True).coords[0][:2]))
     if crs == UTM:
-        width = layers["corridor"].area.sum() / layers["route"].length.sum()
+        width = layers["corridor"].area.sum() / sum(one.length for one in lines)
         assert width == pytest.approx(2 * 1.96 * subject.place.sigma[:, 1].mean(), rel=0.05)
 
 
@@ -131,12 +135,31 @@ def test_a_drawing_has_lines_outlines_and_names(subject: Subject, tmp_path: Path
     drawing = ezdxf.readfile(tmp_path / "a.dxf")
     assert not drawing.audit().has_errors and drawing.units == 6
     space = drawing.modelspace()
-    lines = space.query('POLYLINE[layer=="FIBER_ROUTE"]')
+    lines = [*space.query('POLYLINE[layer=="FIBER_ROUTE"]'), *space.query(f'POLYLINE[layer=="{DO_NOT_RELY}"]')]
+    assert drawing.layers.get(DO_NOT_RELY).dxf.linetype == "DASHED"
     points = np.concatenate([[tuple(v.dxf.location) for v in line.vertices] for line in lines])
     assert points[:, :2].min(0) == pytest.approx(places(subject, UTM).min(0), abs=1e-6)
     assert len(lines) == len(stretches(subject)) == len(space.query('LWPOLYLINE[layer=="FIBER_CORRIDOR"]'))
     assert "QL-B2" in lines[1].get_xdata("ROADFIBER")[0].value
     assert [text.dxf.text for text in space.query("TEXT")] == ["pit <1>", "tap"]
+
+
+def test_a_route_that_may_not_be_relied_on_looks_different_in_every_format(subject: Subject, tmp_path: Path) -> None:
+    weak = replace(subject, place=replace(subject.place, grade="weak", trust="Do not rely on this route: misfit 3."))
+    export(weak, [tmp_path / name for name in ("a.gpkg", "a.csv")], UTM)
+    export(weak, [tmp_path / name for name in ("a.geojson", "a.kml")])
+    assert "route" not in {name for name, _ in pyogrio.list_layers(tmp_path / "a.gpkg")}
+    lines = geopandas.read_file(tmp_path / "a.gpkg", layer=UNRELIABLE)
+    table = pd.read_csv(tmp_path / "a.csv")
+    for told in (lines, table):
+        assert set(told["trust"]) == {"weak"} and told["reason"].str.startswith("Do not rely on this route").all()
+    features = json.loads((tmp_path / "a.geojson").read_text())["features"]
+    drawn = [one["properties"] for one in features if one["geometry"]["type"] == "LineString"]
+    assert all(one["stroke"] == "#808080" and one["trust"] == "weak" and "misfit 3" in one["reason"] for one in drawn)
+    assert "ff808080" in (tmp_path / "a.kml").read_text() and "ffb27200" not in (tmp_path / "a.kml").read_text()
+    sure = sheet(subject, Target.of(UTM)).axes[0].lines
+    unsure = sheet(weak, Target.of(UTM)).axes[0].lines
+    assert len(sure) > len(unsure), "solid where it may be relied on, dashed elsewhere"
 
 
 def test_geojson_is_what_the_standard_says(subject: Subject, tmp_path: Path) -> None:
@@ -155,7 +178,7 @@ def test_classes_follow_from_widths_and_never_claim_exposure(subject: Subject) -
     assert (found.across[found.within == "QL-B1"] <= 0.15).all()
     assert (found.pas128[~subject.place.constrained] == "QL-B4").all()
     assert (found.asce38[~subject.place.constrained] == "none").all()
-    assert set(accuracy_of(subject.place, "weak").pas128) == {"none"}
+    assert set(accuracy_of(replace(subject.place, grade="weak")).pas128) == {"none"}
     deep = subject.place.covariance.copy()
     deep[:, 2, 2] = 1.0  # a depth that is not known leaves the class that has none
     wide = Placed(subject.place.channel, subject.place.distance, subject.place.route, deep, subject.place.constrained)

@@ -56,6 +56,8 @@ def test_route_table_has_the_documented_columns_and_values(survey, tmp_path, qui
         "latitude",
         "longitude",
         "constrained",
+        "trust",
+        "reason",
     ]
     assert list(table) == expected
     assert table["channel"].tolist() == survey.result.channel.tolist()
