@@ -7,8 +7,8 @@ import numpy as np
 
 from calib.board import CELLS, BoardFit
 from calib.maps import check_suffix
-from calib.rounding import with_sigma
 from vision.contract import writing
+from vision.contract.rounding import with_sigma
 from vision.lens import NAMES
 
 MAGNIFY = 100.0

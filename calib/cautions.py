@@ -67,7 +67,7 @@ def _brittle(left_out: tuple[float | None, ...], expected: tuple[float | None, .
         count = len(left_out) - len(known)
         return [f"without {count} of the points, one at a time, the others cannot place it; add points near and far"]
     held_out, stated, fitted = (
-        float(np.sqrt(np.mean(np.array(values, float) ** 2))) for values in (left_out, expected, errors)
+        float(np.sqrt(np.nanmean(np.array(values, float) ** 2))) for values in (left_out, expected, errors)
     )
     if held_out <= max(BRITTLE * fitted, LARGE):
         return []

@@ -11,10 +11,10 @@ from calib.control_points import MAP_SIGMA, PLACE_SIGMA
 from calib.ground import GroundFit
 from calib.next_mark import next_mark
 from calib.report import scores_text
-from calib.rounding import with_sigma
 from calib.session import Mark, Marks
 from vision.contract import LocalFrame
 from vision.contract.columns import to_frame
+from vision.contract.rounding import with_sigma
 
 EDITED = ("name", "px", "py", "x", "y", "sigma", "sigma_xy")
 FOUND = ("residual_px", "residual_m", "leave_one_out_m", "color")

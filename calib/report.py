@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from calib.control_points import ControlPoints
 from calib.ground import GroundFit
-from calib.rounding import with_sigma
+from vision.contract.rounding import with_sigma
 
 Array = NDArray[np.float64]
 

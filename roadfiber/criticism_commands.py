@@ -173,6 +173,7 @@ def add(
     import roadfiber as rf
     from roadfiber.locating import open_street
     from solver.criticism.diagnosis_files import check_out
+    from solver.run.rung import route_moved
 
     opened = open_street(run, plugins=plugin or (), changed=changed)
     check_out(out, opened)
@@ -188,7 +189,7 @@ def add(
         after.trust.replace("RUN", str(out)),
         *said,
         f"chi2 per degree of freedom {before.chi2_per_dof:.3f} -> {last.chi2_per_dof:.3f}",
-        f"the route moved by up to {last.route_change:.2f} m",
+        route_moved(last.route_change),
         *([after.corridor.replace("RUN", str(out))] if after.corridor else []),
         f"page: {out / 'ladder.html'}",
     ]

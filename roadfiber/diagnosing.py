@@ -17,6 +17,7 @@ from solver.criticism.plain_verdict import details, headline, size_words
 from solver.criticism.probability_figure import probability_figure, probability_line, titles_of
 from solver.criticism.quick_corridor import with_diagnosis
 from solver.criticism.route_change import from_run
+from solver.criticism.verdict_words import fall_words
 from solver.effect import Effect
 from solver.run.fitted import fitted
 from solver.run.run import Run, require_whole
@@ -136,7 +137,7 @@ class Diagnosis:
 def explained(c: Candidate) -> str:
     """How much misfit a candidate takes away, and its size."""
     full = "" if c.refitted else " (predicted)"
-    return f"chi2 falls by {c.delta_chi2:8.0f}{full}; {size_words(c)}"
+    return f"chi2 {fall_words(c.delta_chi2, '8.0f')}{full}; {size_words(c)}"
 
 
 def ranking_words(how: str, listed: Sequence[Candidate]) -> str:

@@ -22,7 +22,7 @@ from solver.run.ladder_file import ladder_facts, write_ladder
 from solver.run.report.joined import join
 from solver.run.report.ladder_page import ladder_figure, ladder_page
 from solver.run.run import Run, require_whole
-from solver.run.rung import Rung
+from solver.run.rung import Rung, route_moved
 from solver.run.titles import lower
 from solver.trajectory.trajectory_effects import CLOCK
 from vision.contract import InputError, progress, writing
@@ -138,7 +138,7 @@ class Ladder:
             held = "-" if rung.held_out_chi2_per_dof is None else f"{rung.held_out_chi2_per_dof:.3f}"
             names = ", ".join(rung.effects) or "as published"
             misfit = f"chi2/dof {rung.chi2_per_dof:.3f}  held out {held}"
-            lines += [*rung.words, f"{misfit}  moved {rung.route_change:.2f} m  {names}"]
+            lines += [*rung.words, f"{misfit}  moved {rung.moved}  {names}"]
         return lines
 
     def __repr__(self) -> str:
@@ -246,7 +246,7 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
         after = with_growth(run, step, [*run.effects, found.effect], time.perf_counter() - begun)
         rung = after.rungs[-1]
         title = lower(found.finding.candidates[0].title)
-        done = f"Added to the model: {title}. The route moved by up to {rung.route_change:.2f} m."
+        done = f"Added to the model: {title}; {route_moved(rung.route_change)}."
         chapters.append(Chapter(found.finding, done, run, added=True))
         for line in rung.words:
             say(line)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from roadfiber.diagnosing import Diagnosis, diagnose
-from solver.catalogue.plain_words import BESIDE, rounded, with_unit
+from solver.catalogue.plain_words import with_unit
 from solver.criticism.candidate import Candidate
 from solver.criticism.diagnosis_files import write_texts
 from solver.criticism.explanations import Weighed, title_of_explanation
@@ -29,6 +29,7 @@ from solver.run.strict_json import strict
 from solver.run.titles import lower, probability_words
 from vision.contract import progress
 from vision.contract.notebook import framed
+from vision.contract.rounding import with_sigma
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,7 +131,7 @@ class StretchDiagnosis:
         if not found:
             return f"{title}, along {self._where}."
         size, sigma, scatter = pooled([c.told for c in found if c.told is not None])
-        number = with_unit(f"{rounded(size, sigma, BESIDE)} ± {sigma:.2g}", found[0].told.unit if found[0].told else "")
+        number = with_unit(with_sigma(size, sigma), found[0].told.unit if found[0].told else "")
         apart = f"; its sizes differ by {scatter:.1f} of their sigmas" if scatter > 2 else ""
         return f"{title}, along {self._where}: {number}{apart}."
 

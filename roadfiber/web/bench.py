@@ -13,7 +13,9 @@ from roadfiber.web.job import Job
 from roadfiber.web.own_effect import kept_beside
 from roadfiber.web.run_folders import kept_candidates, reserved
 from roadfiber.web.worker import Worker
+from solver.criticism.verdict_words import fall_words
 from solver.run.read_seen import read_seen
+from solver.run.rung import route_moved
 from solver.run.seen import Seen
 from solver.run.titles import lower
 from vision.contract import InputError
@@ -231,7 +233,7 @@ class Bench:
             with self._lock:
                 self.runs, self.at = [*self.runs[: below + 1], better], below + 1
             was, now = better.rungs[-2].chi2_per_dof, rung.chi2_per_dof
-            moved = f"misfit {was:.3f} -> {now:.3f}, the route moved by up to {rung.route_change:.2f} m"
+            moved = f"misfit {was:.3f} -> {now:.3f}, {route_moved(rung.route_change)}"
             self.changed(f"added: {lower(title)}; {moved}; {folder}")
             self.look()
 
@@ -295,7 +297,7 @@ class Bench:
             names = {row["effect"] for row in rows}
             others = [row for row in self.candidates if row["effect"] not in names]
             self.candidates = sorted([*rows, *others], key=lambda row: -(row["evidence"] or 0.0))
-            said = ", ".join(f"{row['told']['title']} (chi2 falls by {row['delta_chi2']:.0f})" for row in rows)
+            said = ", ".join(f"{row['told']['title']} (chi2 {fall_words(row['delta_chi2'])})" for row in rows)
             self.checked = f"{path.name}: checked; {said or 'it does nothing in this survey'}"
             self.changed(self.checked)
 

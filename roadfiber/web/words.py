@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 from roadfiber.web.bench import Bench
 from roadfiber.web.job import Job
+from solver.criticism.verdict_words import fall_words
 from solver.run.report.parts import with_commands
 from solver.run.rung import rung_names
 from vision.contract import InputError
+from vision.contract.rounding import meters
 
 if TYPE_CHECKING:
     from roadfiber.web.film import Film
@@ -90,7 +92,7 @@ def candidate_line(row: Mapping[str, Any]) -> str:
     """An effect in the list of candidates."""
     how = "fitted" if row.get("refitted") else "scored"
     likely = f"{100 * row['probability']:.0f} % · " if row.get("probability") else ""
-    return f"{title(row)} · {likely}chi² falls by {row.get('delta_chi2') or 0.0:,.0f} ({how})"
+    return f"{title(row)} · {likely}chi² {fall_words(row.get('delta_chi2') or 0.0)} ({how})"
 
 
 def title(row: Mapping[str, Any]) -> str:
@@ -109,7 +111,7 @@ def candidate_words(row: Mapping[str, Any] | None, bench: Bench) -> str:
     kind = "A discrepancy model: it names no cause. " if row.get("generic") else ""
     lines.append(f"<small>{kind}At the {escape(str(row.get('stage')))} stage.</small>")
     if row.get("route_change"):
-        lines.append(f"<small>Ignored, it moves the route by up to {float(row['route_change']):.2f} m.</small>")
+        lines.append(f"<small>Ignored, it moves the route by up to {meters(row['route_change'])}.</small>")
     if row.get("confounded_with"):
         other = ", ".join(escape(titles.get(one, str(one))) for one in row["confounded_with"])
         lines.append(f"<small>This survey cannot tell it from: {other}.</small>")
@@ -142,7 +144,7 @@ def ladder_words(bench: Bench) -> str:
         return misfit_words(misfit, bench)
     rows = "".join(
         f"<p>{at}. {escape(name)}: misfit {rung.chi2_per_dof:.3f}, held out {held_words(rung)}"
-        f"<small>, moved {rung.route_change:.2f} m</small></p>"
+        f"<small>, moved {rung.moved}</small></p>"
         for at, (rung, name) in enumerate(zip(rungs, rung_names(rungs, bench.title), strict=True), 1)
     )
     doubts = "".join(f"<p><small>{with_commands(one)}</small></p>" for one in rungs[-1].words)

@@ -12,6 +12,7 @@ from solver.criticism.candidate import Candidate
 from solver.effect import Effect, Setting
 from solver.fit.problem import Problem
 from solver.run.titles import lower
+from vision.contract.rounding import meters, with_sigma
 
 if TYPE_CHECKING:
     from solver.criticism.finding import Diagnosis
@@ -91,21 +92,11 @@ def details(diagnosis: "Diagnosis") -> list[str]:
     return lines
 
 
-def meters(length: float) -> str:
-    """A length for people.
-
-    >>> meters(0.4123), meters(0.003)
-    ('0.41 m', 'less than 0.01 m')
-    """
-    return f"{length:.2f} m" if length >= 0.01 else "less than 0.01 m"
-
-
 def size_words(c: Candidate) -> str:
     """Size and standard deviation, in a unit that people know."""
     if c.told is None or not np.isfinite(c.told.sigma):
         return "-"
-    number = rounded(c.told.size, c.told.sigma, 4)
-    return with_unit(f"{number} ± {c.told.sigma:.2g}", c.told.unit)
+    return with_unit(with_sigma(c.told.size, c.told.sigma), c.told.unit)
 
 
 def least_words(c: Candidate) -> str:

@@ -18,7 +18,6 @@ from solver.criticism.explanations import Posterior, title_of_explanation
 from solver.criticism.finding import Diagnosis
 from solver.criticism.growth import Grown, regrown
 from solver.criticism.law_tolerance import law_errors
-from solver.criticism.plain_verdict import meters
 from solver.criticism.policy import POLICY
 from solver.criticism.quick_scores import quick_scores, with_signals
 from solver.criticism.race import UNSOLVED, started
@@ -45,6 +44,7 @@ from solver.run.strict_json import strict
 from solver.run.titles import lower
 from solver.run.trust import DIAGNOSIS, Gate, with_gate
 from solver.survey.memory import give_back
+from vision.contract.rounding import meters
 
 Array = NDArray[np.float64]
 Advance = Callable[[int], None]

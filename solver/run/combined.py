@@ -142,7 +142,8 @@ class Combined:
         said = f"{len(self.runs)} runs with {passes} passes make one route"
         if not self.converged:
             return f"{said}, but the fit did not converge: do not rely on it"
-        sure = f"1 sigma {self.place.sigma[self.place.constrained, 1].max(initial=0.0):.2f} m across at most"
+        across = self.place.sigma[self.place.constrained, 1]
+        sure = f"1 sigma {across.max():.2f} m across at most" if len(across) else "whose place no data decide"
         if apart:
             return f"{said}, {sure}; {', '.join(apart)} differ from it by more than their sigmas: check calibrations"
         return f"{said}, {sure}; all agree with it"

@@ -1,9 +1,12 @@
 """One model on the error ladder."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+
+from vision.contract.rounding import meters
 
 #: Rows of channel number, x, y, z (m).
 Route = tuple[tuple[float, float, float, float], ...]
@@ -51,6 +54,22 @@ class Rung:
     route: Route
     words: tuple[str, ...] = ()
     glimpse: Glimpse | None = None
+
+    @property
+    def moved(self) -> str:
+        """How far the route moved from the rung before; unknown where no place is decided in both."""
+        return "unknown" if math.isnan(self.route_change) else f"{self.route_change:.2f} m"
+
+
+def route_moved(length: float) -> str:
+    """How far a route moved from model to model, m, within a sentence.
+
+    >>> route_moved(0.123), route_moved(float("nan"))
+    ('the route moved by up to 0.12 m', 'how far the route moved is not known: no place is decided in both models')
+    """
+    if math.isnan(length):
+        return "how far the route moved is not known: no place is decided in both models"
+    return f"the route moved by up to {meters(length)}"
 
 
 def rung_names(rungs: Sequence[Rung], title: Callable[[str], str]) -> list[str]:

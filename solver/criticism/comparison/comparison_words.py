@@ -1,7 +1,5 @@
 """What a comparison says, in plain words."""
 
-import math
-
 import numpy as np
 
 from solver.criticism.comparison.comparison import Comparison
@@ -9,6 +7,7 @@ from solver.criticism.comparison.regions import Region
 from solver.criticism.comparison.split import SOURCES
 from solver.run.report.report_words import trusted
 from solver.run.seen import Seen
+from vision.contract.rounding import with_sigma
 
 #: Misfit above the noise, as a share of it, that is worth words.
 SLIGHT = 0.01
@@ -118,9 +117,8 @@ def size_words(region: Region) -> str:
     if region.kind == "gain":
         amount, sigma, unit = 100 * amount, 100 * sigma, "%"
     elif unit == "1":
-        return f"{amount:.2f} ± {sigma:.2f} × noise"
-    digits = max(0, min(4, 1 - math.floor(math.log10(max(sigma, 1e-9)))))
-    return f"{amount:+.{digits}f} ± {sigma:.{digits}f} {unit.replace('noise sigma', 'σ')}"
+        return f"{with_sigma(amount, sigma)} × noise"
+    return f"{'+' if amount >= 0 else ''}{with_sigma(amount, sigma)} {unit.replace('noise sigma', 'σ')}"
 
 
 def region_words(region: Region, run: Seen) -> str:

@@ -12,6 +12,7 @@ from solver.catalogue.catalogue import title_of
 from solver.fit.result import Parameter
 from solver.run.report import report_words as words
 from solver.run.run import Run
+from vision.contract.rounding import with_sigma
 
 
 def terms(pairs: list[tuple[str, str]]) -> str:
@@ -28,10 +29,10 @@ def cell(parameter: Parameter | None) -> str:
         return f"<td>{value:.4g} <small>fixed</small></td>"
     if not math.isfinite(sigma):
         return f"<td>{value:.4g}</td>"
-    if not 1e-3 <= sigma < 1e3:
+    if sigma < 1e-3:
         return f"<td>{value:.3g} <small>± {sigma:.1g}</small></td>"
-    digits = max(0, 1 - math.floor(math.log10(sigma)))
-    return f"<td>{value:.{digits}f} <small>± {sigma:.{digits}f}</small></td>"
+    number, _, spread = with_sigma(value, sigma).partition(" ± ")
+    return f"<td>{number} <small>± {spread}</small></td>"
 
 
 def heading(name: str, unit: str) -> str:

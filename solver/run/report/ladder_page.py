@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from solver.catalogue.catalogue import title_of
 from solver.run.report.parts import next_section, page, with_commands
-from solver.run.rung import Rung, rung_names
+from solver.run.rung import Rung, route_moved, rung_names
 from vision.contract.drawing import canvas, color_map, color_scale, place
 from vision.contract.figures import INK, MUTED, PAPER, data_uri, png_bytes, styled, svg
 from vision.contract.palette import ROUTE
@@ -40,7 +40,7 @@ def ladder_figure(rungs: Sequence[Rung]) -> Figure:
     upper.set_xticks(x, [""] * len(rungs))
     lower.bar(x, np.nan_to_num([r.route_change for r in rungs]), color=ROUTE, width=0.3)
     for at, rung in enumerate(rungs):
-        lower.text(at, max(rung.route_change, 0.0), f"{rung.route_change:.2f} m", ha="center", va="bottom", color=INK)
+        lower.text(at, np.nan_to_num(rung.route_change), rung.moved, ha="center", va="bottom", color=INK)
     lower.set_ylabel("route moved, m")
     lower.set_ylim(0, 1.3 * max([0.01, *(r.route_change for r in rungs if np.isfinite(r.route_change))]))
     lower.set_xticks(x, news(rungs))
@@ -155,15 +155,16 @@ def ladder_table(rungs: Sequence[Rung]) -> str:
     head = "".join(f"<th>{name}</th>" for name in names)
     rows = "".join(
         f"<tr><td>{escape(label)}</td><td>{r.chi2_per_dof:.3f}</td><td>{known(r.held_out_chi2_per_dof)}</td>"
-        f"<td>{known(r.noise_floor)}</td><td>{r.route_change:.2f}</td><td>{r.route_change_from_first:.2f}</td></tr>"
+        f"<td>{known(r.noise_floor)}</td><td>{known(r.route_change, 2)}</td>"
+        f"<td>{known(r.route_change_from_first, 2)}</td></tr>"
         for r, label in zip(rungs, news(rungs), strict=True)
     )
     return f'<div class="wide-table"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
 
 
-def known(value: float | None) -> str:
-    """A misfit, where there is one."""
-    return "-" if value is None else f"{value:.3f}"
+def known(value: float | None, digits: int = 3) -> str:
+    """A number, where there is one."""
+    return "-" if value is None or not np.isfinite(value) else f"{value:.{digits}f}"
 
 
 def ladder_body(rungs: Sequence[Rung]) -> str:
@@ -191,7 +192,7 @@ def headline(rungs: Sequence[Rung]) -> str:
         return f"One rung: misfit {first.chi2_per_dof:.3f}"
     fell = f"Misfit {first.chi2_per_dof:.3f} to {last.chi2_per_dof:.3f}"
     floor = "" if last.noise_floor is None else f", where noise alone leaves {last.noise_floor:.3f}"
-    return f"{fell}{floor}; the route moved {last.route_change_from_first:.2f} m"
+    return f"{fell}{floor}; {route_moved(last.route_change_from_first)}"
 
 
 def ladder_page(rungs: Sequence[Rung], name: str) -> str:

@@ -82,6 +82,15 @@ def test_what_is_said_of_a_rung_is_kept_and_comes_before_its_numbers(run, tmp_pa
     assert page.index("names no cause") < page.index("<svg")
 
 
+def test_how_far_a_route_moved_of_which_both_decide_no_place_is_unknown(run) -> None:
+    before = run()
+    nowhere = replace(before, result=replace(before.result, constrained=np.zeros_like(before.result.constrained)))
+    rungs = climbed(before, nowhere)
+    page = ladder_page(rungs, "elm")
+    assert "how far the route moved is not known: no place is decided in both" in page and ">nan" not in page
+    assert rungs[1].moved == "unknown"
+
+
 def test_a_story_ends_with_what_could_not_be_told_apart(run) -> None:
     gauge = replace(idle_candidate(built_in()["gauge_length"]), confounded_with=("pulse_width", "shear_lag"))
     alone = idle_candidate(built_in()["camber"])

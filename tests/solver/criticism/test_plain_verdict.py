@@ -48,7 +48,9 @@ def test_a_missing_effect_is_reported_with_its_size_what_it_does_and_what_would_
         "This survey would have shown it from 0.10 m on.",
         "The survey cannot tell it from pulse width or soft jacket: each of these may be there in its place.",
     ]
-    assert size_words(first) == "11.50 ± 0.02 m" and least_words(first) == "0.10 m"
+    wild = replace(first, told=replace(first.told, size=23750.0, sigma=6800.0))
+    assert size_words(wild) == "23800 ± 6800 m"
+    assert size_words(first) == "11.500 ± 0.020 m" and least_words(first) == "0.10 m"
 
 
 @pytest.mark.parametrize(

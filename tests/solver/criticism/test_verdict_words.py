@@ -33,8 +33,8 @@ def found(name: str = "gauge_length", **changes) -> Candidate:
 
 
 def test_a_size_has_its_sigma_and_unit_and_a_pure_number_none():
-    assert size_words(found()) == "size 1.23 +- 0.0678 m"
-    assert size_words(found(unit="1")) == "size 1.23 +- 0.0678"
+    assert size_words(found()) == "size 1.234 ± 0.068 m"
+    assert size_words(found(unit="1")) == "size 1.234 ± 0.068"
 
 
 @pytest.mark.parametrize(("left", "more"), [(POLICY.found - 0.1, False), (POLICY.found + 0.1, True)])
@@ -86,7 +86,7 @@ def test_something_unknown_is_said_by_what_it_does_and_what_is_nearest():
 
 
 def test_an_impossible_size_is_reported_with_it():
-    assert "only at an impossible size (size 1.23 +- 0.0678 m)" in impossible_words(found(), "ground")
+    assert "only at an impossible size (size 1.234 ± 0.068 m)" in impossible_words(found(), "ground")
     assert impossible_words(found(), "ground").endswith("at the ground stage")
 
 
@@ -114,4 +114,4 @@ def test_what_is_open_is_said_with_its_probabilities():
 def test_what_a_known_effect_leaves_and_what_does_not_matter():
     words = beside_unknown_words("camber", found(), "It blurs.")
     assert words.startswith("camber explains the most of all known effects") and "as if it blurs" in words
-    assert negligible_words(found(), "So it is.").endswith("is negligible: size 1.23 +- 0.0678 m. So it is.")
+    assert negligible_words(found(), "So it is.").endswith("is negligible: size 1.234 ± 0.068 m. So it is.")

@@ -1,6 +1,6 @@
 """Numbers as people read them."""
 
-from math import floor, log10
+from math import floor, isfinite, log10
 
 
 def with_sigma(value: float, sigma: float) -> str:
@@ -8,9 +8,26 @@ def with_sigma(value: float, sigma: float) -> str:
 
     >>> with_sigma(6368.4, 1596.0), with_sigma(-0.2712, 0.0134), with_sigma(3.8e-5, 1.1), with_sigma(1.5, 0.0)
     ('6400 ± 1600', '-0.271 ± 0.013', '0.0 ± 1.1', '1.5 ± 0')
+    >>> with_sigma(1.5, float("nan")), with_sigma(float("nan"), 0.1)
+    ('1.5 ± unknown', 'unknown')
     """
+    if not isfinite(value):
+        return "unknown"
+    if not isfinite(sigma):
+        return f"{value:.3g} ± unknown"
     if not sigma > 0:
         return f"{value:.6g} ± 0"
     place = 1 - floor(log10(float(f"{sigma:.1e}")))
     rounded = (round(number, place) + 0.0 for number in (value, sigma))  # no -0
     return " ± ".join(f"{number:.{max(place, 0)}f}" for number in rounded)
+
+
+def meters(length: float) -> str:
+    """A length for people.
+
+    >>> meters(0.4123), meters(0.003), meters(float("nan"))
+    ('0.41 m', 'less than 0.01 m', 'unknown')
+    """
+    if not isfinite(length):
+        return "unknown"
+    return f"{length:.2f} m" if length >= 0.01 else "less than 0.01 m"
