@@ -112,10 +112,9 @@ def read_control_points(
     table = with_axes(with_meters(table, frame, crs, path), axes, places == PLACES[0], frame)
     defaults = {"sigma": PIXEL_SIGMA, "sigma_xy": usual, "z": 0.0}
     absent = {name: value for name, value in defaults.items() if name not in table}
-    if "sigma_xy" in absent:
-        log.warning(
-            "%s: does not say how accurate its places are; %g m is assumed: give a column sigma_xy", path, usual
-        )
+    told = {"sigma": f"sigma = {PIXEL_SIGMA:g} px of the marks", "sigma_xy": f"sigma_xy = {usual:g} m of the places"}
+    if assumed := [words for name, words in told.items() if name in absent]:
+        log.warning("%s: does not say how accurate it is; assumed: %s", path, ", ".join(assumed))
     table = table.assign(**absent)
     table = finite(table, ("px", "py", "sigma", "sigma_xy", "z"), path)
     check_positive(table, ("sigma",), path, unit="px")

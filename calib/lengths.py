@@ -1,5 +1,6 @@
 """Known lengths on the road against a calibration's predictions: a check without coordinates."""
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from vision.camera import Calibration
 from vision.contract import InputError
 from vision.contract.columns import check_positive, finite
 from vision.contract.csv_table import read_csv
+
+log = logging.getLogger("roadfiber.calibrate")
 
 Array = NDArray[np.float64]
 COLUMNS = ("name", "px1", "py1", "px2", "py2", "length")
@@ -64,6 +67,7 @@ def read_lengths(path: Path) -> Lengths:
         raise InputError(f"{path}: no column {', '.join(missing)}; known lengths have {', '.join(COLUMNS)}")
     if "sigma" not in table:
         table = table.assign(sigma=LENGTH_SIGMA)
+        log.warning("%s: has no column sigma; lengths are taken to be measured to %g m", path, LENGTH_SIGMA)
     table = finite(table, (*COLUMNS[1:], "sigma"), path)
     check_positive(table, ("length", "sigma"), path)
     ends = table[list(COLUMNS[1:5])].to_numpy(float).reshape(-1, 2, 2)

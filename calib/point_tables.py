@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.contract import InputError, LocalFrame
-from vision.contract.columns import finite, first_row, to_frame, with_positions
+from vision.contract.columns import check_meters, finite, first_row, to_frame, with_positions
 from vision.contract.csv_table import read_csv
 from vision.contract.text import read_json
 
@@ -84,7 +84,8 @@ def with_meters(table: "pd.DataFrame", frame: LocalFrame | None, crs: str | None
 
     Parameters
     ----------
-    table : with (x, y), or (latitude, longitude), WGS 84, or (easting, northing) and, for UTM, `zone` as 32N
+    table : with (x, y), or (latitude, longitude), WGS 84, or (easting, northing), in the unit of the reference system,
+        and, for UTM, `zone` as 32N
     frame : local frame; needed for all but x, y
     crs : coordinate reference system of easting and northing where there is no zone, as EPSG:25832
     path : for messages
@@ -97,7 +98,9 @@ def with_meters(table: "pd.DataFrame", frame: LocalFrame | None, crs: str | None
     """
     names = place_columns(table, path)
     if names == ("x", "y"):
-        return finite(table, names, path)
+        table = finite(table, names, path)
+        check_meters(table, frame, path)
+        return table
     if frame is None:
         raise InputError(
             f"{path}: {names[0]} and {names[1]} need a local frame; give --frame site.toml or --origin and --x-azimuth"

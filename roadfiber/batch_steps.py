@@ -155,7 +155,7 @@ def track_step(job: Job, site: Site) -> tuple[str, dict[str, Any]]:
     """Follow the vehicles of the video."""
     from roadfiber.locating import followed
 
-    tracked = followed(site.camera)
+    tracked = followed(site)
     assert tracked.dropped is not None, "a camera of site.toml is calibrated"
     for table, path in zip((tracked.table, tracked.dropped), tables(job), strict=True):
         with writing(path) as temporary:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from solver.drive.drive_run import DriveRun
     from solver.run.combined import Combined
     from solver.run.scene import Scene
-    from solver.survey.site_sections import CameraSection
+    from solver.survey.site import Site
     from vision.tracked import Tracked
 
 
@@ -157,7 +157,7 @@ def locate(
     if whole.tracks is not None:
         run = with_corridor(locate_fiber(whole, **asked), corridor)
         return replace(run, scene=scene_of(whole))
-    tracked = followed(whole.camera)
+    tracked = followed(whole)
     return located(whole, tracked.table, tracked.dropped, tracked.placed, corridor=corridor, **asked)
 
 
@@ -188,16 +188,20 @@ def scene_of(survey: Survey) -> "Scene | None":
         return None  # The route does not need it.
 
 
-def followed(camera: "CameraSection | None") -> "Tracked":
-    """Track the video of a survey that has no trajectories."""
+def followed(whole: "Survey | Site") -> "Tracked":
+    """Track the video of a survey that has no trajectories; InputError where its calibration is for another frame."""
     from vision.cache import cache_folder
+    from vision.camera import Calibration
     from vision.pipeline import track
 
+    camera = whole.camera
     assert camera is not None, "a survey without trajectories has a camera"
+    view = Calibration.read(camera.calibration)
+    view.require_frame(whole.frame, camera.calibration)
     return track(
         camera.video,
         detector=camera.detector,
-        calibration=camera.calibration,
+        calibration=view,
         start=camera.start,
         clock_offset=camera.clock_offset,
         cache=cache_folder(),

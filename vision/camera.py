@@ -19,11 +19,13 @@ from pydantic import (
 
 from vision.contract.errors import InputError
 from vision.contract.files import writing
+from vision.contract.frame import LocalFrame
 from vision.contract.text import read_text
 from vision.lens import NAMES, Lens
 from vision.pinhole import Pinhole, pinhole_from_columns
 
 Array = NDArray[np.float64]
+ROUNDED = 0.1  # m or degrees; digits to which `calibrate` proposes a frame
 
 
 def _matrix(value: ArrayLike) -> Array:
@@ -249,6 +251,18 @@ class Calibration(BaseModel):
             raise InputError(
                 f"{video}: is {width} x {height} px but the calibration was made for "
                 f"{self.image_size[0]} x {self.image_size[1]} px; calibrate on a frame of this video"
+            )
+
+    def require_frame(self, frame: LocalFrame, path: str | Path) -> None:
+        """Raise InputError where the file was made for another local frame, beyond a rounding of 0.1 m or degrees."""
+        if self.origin is None or self.x_azimuth is None:
+            return
+        turn = (self.x_azimuth - frame.x_azimuth + 180) % 360 - 180
+        if np.hypot(*frame.to_local(*self.origin)) > ROUNDED or abs(turn) > ROUNDED:
+            raise InputError(
+                f"{path}: was made for the frame origin = {list(self.origin)}, x_azimuth = {self.x_azimuth:g}, but the "
+                f"survey's is {list(frame.origin)}, {frame.x_azimuth:g}; calibrate again with --frame site.toml, or "
+                "correct [frame]"
             )
 
     @classmethod

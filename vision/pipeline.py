@@ -115,6 +115,8 @@ def track(
         f"{clip.path.name}: frames timed by {f'--frame-rate {frame_rate:g}' if frame_rate else 'the file'}, "
         f"{1 / max(clip.frame_interval, 1e-9):.4g} a second; start {told}",
     ]
+    if view is not None and view.covariance is None:
+        taken.append("the calibration states no uncertainty of its own: the sigmas are those of the pictures alone")
     if view is None or zero is None:
         timed = boxes if zero is None else boxes.assign(time=utc(boxes["time"], zero, clock_offset))
         return Tracked(timed, None, speed, clip, every, tuple(taken))

@@ -15,7 +15,7 @@ from solver.survey.anchors import read_anchors
 from solver.survey.das.description import Description, describe
 from solver.survey.site import Site, read_site
 from solver.survey.site_sections import CameraSection
-from vision.contract import InputError, read_trajectories
+from vision.contract import InputError, LocalFrame, read_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +89,7 @@ def check(folder: Path, draft: Draft, tell: Callable[[str], None] = lambda line:
     steps: list[tuple[str, Callable[[], Any]]] = [("Record", lambda: check_record(found, site))]
     if site.camera is not None:
         camera = site.camera
-        steps.append(("Video", lambda: check_camera(found, camera)))
+        steps.append(("Video", lambda: check_camera(found, camera, site.frame)))
     if site.trajectories is not None:
         steps.append(("Vehicles", lambda: check_tracks(found, site)))
     if site.anchors is not None:
@@ -131,15 +131,16 @@ def check_record(found: Checked, site: Site) -> None:
     found.add("Record", "look" if known.lines else "good", "; ".join([words, *known.notes, *known.lines]))
 
 
-def check_camera(found: Checked, camera: CameraSection) -> None:
-    """Video and calibration: that they belong together, and when it was."""
+def check_camera(found: Checked, camera: CameraSection, frame: LocalFrame) -> None:
+    """Video, calibration and frame: that they belong together, and when it was."""
     from vision.camera import Calibration
     from vision.video import open_video
 
     video, view = open_video(camera.video), Calibration.read(camera.calibration)
     view.require_size(video.width, video.height, camera.video)
+    view.require_frame(frame, camera.calibration)
     start = np.datetime64(camera.start.astimezone(UTC).replace(tzinfo=None), "ns")
-    first, last = (start + np.timedelta64(round(1e9 * (at + camera.clock_offset)), "ns") for at in video.time[[0, -1]])
+    first, last = (start + np.timedelta64(round(1e9 * (at - camera.clock_offset)), "ns") for at in video.time[[0, -1]])
     found.spans["video"] = first, last
     words = f"{len(video)} pictures of {video.width} x {video.height}; {span_words(first, last)}"
     if video.created is not None and abs((video.created - first) / np.timedelta64(1, "s")) > LATE:

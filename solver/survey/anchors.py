@@ -147,7 +147,7 @@ def anchors_of(table: "pd.DataFrame", frame: LocalFrame, path: Path = Path("anch
     if geographic:
         x, y = to_frame(table["latitude"].to_numpy(), table["longitude"].to_numpy(), frame, path)
         table = table.assign(x=x, y=y)
-    elif len(table) > 1:  # a single anchor may lie there by chance
-        check_meters(table, frame, path)
+    else:  # a single anchor may lie at the frame's degrees by chance
+        check_meters(table, frame if len(table) > 1 else None, path)
     ordered = table.sort_values("channel")
     return [Anchor(str(row[0]), *map(float, row[1:])) for row in ordered[list(COLUMNS)].itertuples(index=False)]

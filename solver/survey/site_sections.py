@@ -153,7 +153,7 @@ class CameraSection(Section):
     video : file, relative to site.toml
     calibration : file that `calibrate ground` wrote
     start : of the video, with a zone
-    clock_offset : added to the video's times, s
+    clock_offset : how far the camera's clock is ahead, s; it is taken off the video's times
     detector : `nanodet`, `street` or an .onnx file
     """
 

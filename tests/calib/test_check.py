@@ -127,8 +127,9 @@ def test_a_frame_of_another_size(street):
     assert "200 x 100 px but the calibration was made for 1280 x 720" in str(result.exception)
 
 
-def test_lengths_without_a_sigma_have_two_centimeters(street):
+def test_lengths_without_a_sigma_have_two_centimeters(street, caplog):
     assert read_lengths(street / "lengths.csv").sigma.tolist() == [0.02] * 3
+    assert "lengths are taken to be measured to 0.02 m" in caplog.text
 
 
 @pytest.mark.parametrize("shade", [0, 128, 255])

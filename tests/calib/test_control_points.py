@@ -31,10 +31,11 @@ def test_what_a_file_does_not_say_is_assumed_aloud(tmp_path, caplog):
     for places, frame, usual in (("x,y", None, 0.05), ("latitude,longitude", FRAME, 0.3)):
         caplog.clear()
         points = read_control_points(write(tmp_path, f"name,px,py,{places},height\na,1,2,32.1131,34.8041,9\n"), frame)
-        assert points.sigma_xy.tolist() == [usual] and f"{usual} m is assumed" in caplog.text
+        assert points.sigma_xy.tolist() == [usual]
+        assert f"assumed: sigma = 1 px of the marks, sigma_xy = {usual} m of the places" in caplog.text
         assert "not used: column height" in caplog.text
     caplog.clear()
-    read_control_points(write(tmp_path, "name,px,py,x,y,sigma_xy\na,1,2,3,4,0\n"))
+    read_control_points(write(tmp_path, "name,px,py,x,y,sigma,sigma_xy\na,1,2,3,4,1,0\n"))
     assert caplog.text == ""
 
 
@@ -84,6 +85,7 @@ def test_latitudes_go_through_the_frame(tmp_path):
         ("name,px,py,x,y,sigma_xy\na,1,2,3,4,-1\n", "row 1: sigma_xy is -1"),
         ("name,px,py,x,y\na,1,2,3,north\n", "row 1: y is 'north'"),
         ("name,px,py,x,y,sigma\na,1,2,3,4,0\n", "above 0 px"),
+        ("name,px,py,x,y\na,1,2,670032,3541851\n", "row 1: x and y are 670032 and 3541851, which are no meters"),
         ("name,px,py,x,y,z\na,1,2,3,4,0\nb,5,6,7,8,0.15\n", "row 2: z is 0.15, below the road; z points down"),
         ("name,px,py,x,y\na,1,2,3,4\na,5,6,7,8\n", "row 2: its name is there twice"),
         ("name,px,py,x,y\na,1,2,3,4\nb,1,2,7,8\n", "row 2: its pixel is there twice"),

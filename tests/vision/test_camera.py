@@ -6,6 +6,7 @@ from pydantic import ValidationError
 
 from vision.camera import Calibration
 from vision.contract.errors import InputError
+from vision.contract.frame import LocalFrame
 from vision.lens import Lens
 
 
@@ -98,6 +99,15 @@ def test_round_trip(view, tmp_path):
     again = Calibration.read(tmp_path / "cal.json")
     np.testing.assert_allclose(again.homography, calibration.homography, rtol=1e-12)
     assert (again.origin, again.x_azimuth, again.image_size) == ((32.0, 34.8), 41.5, (960, 540))
+
+
+def test_another_frame_than_the_surveys_is_refused(view):
+    calibration = view[0].model_copy(update={"origin": (32.0, 34.8), "x_azimuth": 359.95})
+    calibration.require_frame(LocalFrame((32.0000003, 34.8), 0.0), "c.json")  # rounded
+    view[0].require_frame(LocalFrame((32.1, 34.8), 0.0), "c.json")  # does not say
+    for other in (LocalFrame((32.0001, 34.8), 0.0), LocalFrame((32.0, 34.8), 78.0)):
+        with pytest.raises(InputError, match=r"c\.json: was made for the frame origin = \[32\.0, 34\.8\]"):
+            calibration.require_frame(other, "c.json")
 
 
 GOOD = {"image_size": [640, 480], "homography": [[0, -0.1, 48], [0.1, 0, -32], [0, 0, 1]]}

@@ -156,6 +156,7 @@ def test_command_says_what_was_not_placed_and_why(survey, command, tmp_path):
     assert code == 0 and facts["fixes_not_placed"] == causes(dropped) and len(dropped) > 0
     assert all(line in out for line in facts["taken"]) and "class names COCO's, which is assumed" in facts["taken"][0]
     assert "frames timed by the file" in out and "Z, as given" in out and "those usual of its class" in out
+    assert "the calibration states no uncertainty of its own" in out
     assert facts["fixes_placed"] + len(dropped) == FRAMES - 1, "one frame shows nothing"
     assert f"{facts['fixes_placed']} of {FRAMES - 1} detected fixes placed on the road; " in out
     assert all(f"{count} {cause}" in out for cause, count in facts["fixes_not_placed"].items())

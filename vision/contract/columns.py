@@ -90,10 +90,21 @@ def check_names(table: "pd.DataFrame", names: Sequence[str], path: Path) -> None
 
 
 def check_meters(table: "pd.DataFrame", frame: LocalFrame | None, path: Path) -> None:
-    """Raise InputError where all x and y are degrees beside the frame's origin: in meters nothing would move."""
+    """Raise InputError where x and y are no meters of a local frame.
+
+    They are eastings and northings where they are far off, and degrees where all are beside the frame's origin: in
+    meters nothing would move.
+    """
+    x, y = table["x"], table["y"]
+    far = x.abs().combine(y.abs(), max)
+    if (far > REACH_OF_FRAME).any():
+        row = int(far.to_numpy().argmax())
+        raise InputError(
+            f"{path}: row {row + 1}: x and y are {x.iloc[row]:.10g} and {y.iloc[row]:.10g}, which are no meters of a "
+            "local frame; give those, or latitude and longitude in place of eastings and northings"
+        )
     if frame is None:
         return
-    x, y = table["x"], table["y"]
     for names, origin in (("latitude and longitude", frame.origin), ("longitude and latitude", frame.origin[::-1])):
         if max((x - origin[0]).abs().max(), (y - origin[1]).abs().max()) < DEGREES_OFF:
             raise InputError(f"{path}: x and y hold {names}; name the columns so")

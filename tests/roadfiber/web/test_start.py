@@ -1,17 +1,22 @@
 """A new survey: what is found in a folder, what is checked, and what is written."""
 
+import json
 import re
 import shutil
 import tomllib
 from dataclasses import replace
+from datetime import UTC, datetime
+from types import SimpleNamespace
 
+import cv2
+import numpy as np
 import pandas as pd
 import pytest
 
-from roadfiber.web.site_checks import check
+from roadfiber.web.site_checks import Checked, check, check_camera
 from roadfiber.web.site_draft import found_in
 from roadfiber.web.start_page import StartPage
-from vision.contract import InputError
+from vision.contract import InputError, LocalFrame
 
 MARKUP = "<i id='injected'>9</i>"
 
@@ -35,6 +40,21 @@ def test_a_good_survey_passes_and_its_site_is_written_as_it_was(folder):
     assert told == ["Record", "Vehicles", "Anchors", "Clocks"] and len(found.tracks) == 4
     assert tomllib.loads(draft.text()) == tomllib.loads((folder / "site.toml").read_text())
     assert not list(folder.glob(".site-*"))
+
+
+def test_a_camera_is_on_utc_less_its_offset_and_in_the_surveys_frame(tmp_path):
+    """As `track` has it; its calibration may have been made for another frame."""
+    for second in (0, 1):
+        cv2.imwrite(str(tmp_path / f"20250811_06000{second}.png"), np.zeros((480, 640, 3), np.uint8))
+    view = {"image_size": [640, 480], "homography": [[0, -0.1, 48], [0.1, 0, -32], [0, 0, 1]]}
+    (tmp_path / "c.json").write_text(json.dumps(view | {"origin": [32.0, 34.8], "x_azimuth": 90.0}))
+    start = datetime(2025, 8, 11, 6, tzinfo=UTC)
+    camera = SimpleNamespace(video=tmp_path, calibration=tmp_path / "c.json", start=start, clock_offset=0.5)
+    found = Checked()
+    check_camera(found, camera, LocalFrame((32.0, 34.8), 90.0))
+    assert [str(one)[11:23] for one in found.spans["video"]] == ["05:59:59.500", "06:00:00.500"]
+    with pytest.raises(InputError, match="was made for the frame origin"):
+        check_camera(found, camera, LocalFrame((32.0, 34.8), 78.0))
 
 
 def test_a_folder_without_a_site_is_looked_through(folder):

@@ -56,6 +56,7 @@ def test_latitude_and_longitude_are_projected(tmp_path, names):
             [HEADER, "w,84,32.1131,34.8041,1,.1,.1", "e,99,32.1132,34.8042,1,.1,.1"],
             "x and y hold latitude and longitude",
         ),
+        ([HEADER, "w,84,670032,3541851,1,.1,.1"], "row 1: x and y are 670032 and 3541851, which are no meters"),
         (
             [HEADER.replace("x,y", "latitude,longitude"), "w,84,34.804,32.113,1,.1,.1"],
             "there or in the frame's origin",

@@ -158,6 +158,10 @@ def test_repeated_rows_count_once(tmp_path):
             f"{HEADER}\n{ROW.replace('2.5,-1.5', '34.8041,32.1135')}",
             "x and y hold longitude and latitude; name the",
         ),
+        (
+            f"{HEADER}\n{ROW.replace('2.5,-1.5', '670032,3541851.3')}",
+            "row 1: x and y are 670032 and 3541851.3, which are no meters of a local frame",
+        ),
     ],
 )
 def test_bad_csv_is_one_clear_line(tmp_path, text, says):
