@@ -1,4 +1,7 @@
-"""`{commands}`: every command as `--help` has it; `{other-names}`: public names that no page of its folder shows."""
+"""What the code says of itself: commands, public names that no page of a folder shows, terms of its pages.
+
+`{commands}` is every command as `--help` has it, `{other-names}` and `{terms}` are the others.
+"""
 
 import re
 from collections.abc import Iterator
@@ -72,8 +75,23 @@ class OtherNamesDirective(SphinxDirective):
         return self.parse_text_to_nodes("\n".join([*lines, "```"])) if len(lines) > 1 else []
 
 
+class TermsDirective(SphinxDirective):
+    """The terms that pages use, as they tell them."""
+
+    def run(self) -> list[nodes.Node]:
+        """Make the nodes."""
+        from solver.run.report.glossary import TERMS
+
+        listed = nodes.definition_list()
+        for name, words in TERMS.items():
+            meaning = nodes.definition("", nodes.paragraph(text=words))
+            listed += nodes.definition_list_item("", nodes.term(text=name, ids=[nodes.make_id(name)]), meaning)
+        return [listed]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register with Sphinx."""
     app.add_directive("commands", CommandsDirective)
     app.add_directive("other-names", OtherNamesDirective)
+    app.add_directive("terms", TermsDirective)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

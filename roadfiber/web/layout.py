@@ -6,7 +6,9 @@ import panel as pn
 
 from roadfiber.web.controls import WIDE
 from roadfiber.web.tiles import Beneath
+from roadfiber.web.words import STYLE
 from roadfiber.web.workbench_page import Page
+from solver.run.report import glossary
 
 #: px, width of the column of controls, and of the video.
 LEFT, VIDEO = 390, 340
@@ -23,11 +25,12 @@ def laid_out(page: Page, ground: Beneath | None = None) -> Any:
 
     mine = controls.file, controls.code, button["check"], controls.checked
     own = pn.Card(*mine, title="An effect of your own", collapsed=True, **WIDE)
+    terms = pn.Card(pn.pane.HTML(glossary.terms(), stylesheets=[STYLE], **WIDE), title="Terms", collapsed=True, **WIDE)
     left = pn.Column(
         controls.passes, controls.regions, controls.where, controls.effects, controls.about, controls.size,
         controls.follow, controls.expected, pn.Row(button["add"], button["undo"], button["redo"]), controls.force,
         pn.Row(button["diagnose"], button["cancel"]), controls.work, page.live.place, controls.steps,
-        page.ladder.place, pn.Row(*controls.exports), own, width=LEFT,
+        page.ladder.place, pn.Row(*controls.exports), terms, own, width=LEFT,
     )  # fmt: skip
     right = pn.Column(
         drawn(page.map),

@@ -18,6 +18,7 @@ from solver.criticism.comparison.figures import figures_of
 from solver.criticism.comparison.map_figure import CELLS
 from solver.criticism.comparison.pass_windows import path_of, shown, touches
 from solver.criticism.comparison.regions import Region
+from solver.run.report.glossary import glossary
 from solver.run.report.misfit import misfit_of, pass_label, rows_of
 from solver.run.report.misfit_figure import Pictures, pictures_of, scale_figure, worst
 from solver.run.report.parts import json_text, next_section, resource, with_commands
@@ -205,5 +206,6 @@ def render(comparison: Comparison, run: Run, wide: dict[str, Figure] | None = No
         regions=region_table(comparison, run),
         split_text=escape(split_text(comparison)),
         version=escape(run.facts["versions"]["roadfiber"]),
+        terms=glossary(),
         created=escape(run.facts["created"]),
     )

@@ -7,6 +7,7 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
+from solver.run.report.glossary import glossary
 from solver.run.strict_json import strict
 
 PAGE = """<!doctype html>
@@ -24,6 +25,7 @@ PAGE = """<!doctype html>
 <main>
 <!-- pages --><!-- /pages -->
 {body}
+{terms}
 </main>
 </body>
 </html>
@@ -37,7 +39,7 @@ def resource(name: str) -> str:
 
 def page(title: str, body: str) -> str:
     """A whole page."""
-    return PAGE.format(title=escape(title), style=resource("style.css"), body=body)
+    return PAGE.format(title=escape(title), style=resource("style.css"), body=body, terms=glossary())
 
 
 #: What is done with a route that may be relied on.

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from solver.run.geojson import Z95, half_width
 from solver.run.report import report_words as words
 from solver.run.report.fit_tables import check_section, choice_section, fit_facts, inputs, parameter_tables, terms
+from solver.run.report.glossary import glossary
 from solver.run.report.misfit import misfit_of
 from solver.run.report.misfit_figure import failure_figure
 from solver.run.report.parts import EXPORT, json_text, next_section, resource, with_commands
@@ -155,6 +156,7 @@ def render(run: Run) -> str:
         parameters=parameter_tables(run.result.parameters),
         inputs=terms(inputs(run)),
         version=escape(run.facts["versions"]["roadfiber"]),
+        terms=glossary(),
         created=escape(run.facts["created"]),
         route=route_json(run),
     )

@@ -66,7 +66,7 @@ def evil(hidden: Path) -> Run:
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_one_small_file_on_which_names_are_text(name, evil):
     text = PAGES[name](evil)
-    assert tells(text) and is_whole(text)
+    assert tells(text) and is_whole(text) and '<details class="terms">' in text
 
 
 def test_every_page_of_a_run_folder_names_what_comes_next_and_links_to_all_others(hidden, tmp_path):
