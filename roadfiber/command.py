@@ -126,10 +126,7 @@ def demo(
     if as_json:
         print(json.dumps({"error": {"unit": "m", **asdict(error)}, "run": str(run), "report": str(report)}, indent=1))
         return
-    print(
-        f"\nerror against the known route, {error.channels} channels in view: {error.mean:.2f} m on average, "
-        f"{error.largest:.2f} m at most ({error.largest_lateral:.2f} on the map, {error.largest_depth:.2f} in depth)"
-    )
+    print(f"\nerror against the known route: {error.words}")
     print(f"report: {report}")
 
 

@@ -109,8 +109,17 @@ def answer(out: Path) -> str:
     """What was hidden, and how far from the truth each rung was, in a sentence."""
     effects = facts_in(out / TRUTH)["switches"]
     names = ", ".join(f"{lower(title_of(name))} ({name} = {effects[name]:g})" for name in effects if name in EFFECTS)
-    far = ", ".join(f"{one.mean:.2f} m on average {where}" for where, one in errors(out).items())
-    return f"hidden was: {names}; the route was off by {far}"
+    far = "; ".join(f"{where}, {one.words}" for where, one in errors(out).items())
+    return f"hidden was: {names}. The route was off by: {far}. {outcome(out)}"
+
+
+def outcome(out: Path) -> str:
+    """Whether the true error fell with what was added; empty where nothing was."""
+    first, *more = errors(out).values()
+    if not more:
+        return ""
+    fell = "fell" if more[-1].mean < first.mean else "did not fall"
+    return f"The true error {fell}: {first.mean:.2f} m on average before, {more[-1].mean:.2f} m after."
 
 
 def told(out: Path, undone: str) -> dict[str, Any]:
@@ -144,14 +153,16 @@ def envelope(out: Path) -> str:
     )
     rows = "".join(
         f"<tr><td>{escape(name)}</td><td>{one.mean:.2f}</td><td>{one.largest:.2f}</td>"
-        f"<td>{one.largest_lateral:.2f}</td><td>{one.largest_depth:.2f}</td></tr>"
+        f"<td>{one.largest_lateral:.2f}</td><td>{one.largest_depth:.2f}</td>"
+        f"<td>{one.inside} of {one.channels}</td></tr>"
         for name, one in errors(out).items()
     )
-    head = "".join(f"<th>{name}</th>" for name in ("route", "mean", "largest", "on the map", "in depth"))
+    columns = ("route", "mean", "largest", "on the map", "in depth", "in the 95 % corridor")
+    head = "".join(f"<th>{name}</th>" for name in columns)
     return (
         "<section><h2>The envelope</h2><p>Only the simulator knew this. Guess first.</p><details><summary>Open it"
-        f"</summary>{lines}<p>How far the route was from the true one, over all channels in view, m:</p>"
-        f"<table><tr>{head}</tr>{rows}</table></details></section>"
+        f"</summary>{lines}<p>How far the route was from the true one, over all channels that it locates, m:</p>"
+        f"<table><tr>{head}</tr>{rows}</table><p>{outcome(out)}</p></details></section>"
     )
 
 
@@ -175,10 +186,12 @@ def story_page(out: Path, undone: str) -> str:
     if undone:
         parts.append(section(5, "It was left at that", escape(undone)))
     else:
-        rungs = read_ladder(out / SECOND)
-        figure = svg(ladder_figure(rungs))
-        text = f"{escape(ladder_headline(rungs))}."
-        parts.append(section(5, "It was put in, and the error fell", text, f"{SECOND}/ladder.html", figure))
+        rungs, second = read_ladder(out / SECOND), facts_in(out / SECOND / "fit.json")
+        figure, fell = svg(ladder_figure(rungs)), rungs[-1].chi2_per_dof < rungs[-2].chi2_per_dof
+        trust = with_commands(second["trust"]["sentence"].replace("RUN", SECOND))
+        text = f"{escape(ladder_headline(rungs))}. {trust}"
+        done = "It was put in, and the misfit fell" if fell else "It was put in, and the misfit did not fall"
+        parts.append(section(5, done, text, f"{SECOND}/ladder.html", figure))
         parts.append(thumbnails(rungs))
     head = (
         "<header><p>roadfiber demo</p><h1>A street with something hidden in it</h1><p>The same commands that work on a "

@@ -20,6 +20,9 @@ from vision.video import open_video
 
 NAME = ("gauge_length",)
 
+#: Columns of route.csv that a comparison with the truth reads.
+COLUMNS = "channel,x,y,z,sigma_x,sigma_y,sigma_z,constrained"
+
 
 @pytest.fixture
 def brief(monkeypatch):
@@ -43,9 +46,9 @@ def test_the_demo_writes_a_survey_and_runs_the_commands_on_it(brief, tmp_path, m
             roadfiber.command.app([str(word) for word in words], standalone_mode=False)
         if words[0] == "locate":
             known = json.loads((out / "truth.json").read_text())
-            rows = [f"{k},{x},{y + 0.1},{z}" for k, (x, y, z) in enumerate(known["route_xyz"])]
+            rows = [f"{k},{x},{y + 0.1},{z},1,1,1,true" for k, (x, y, z) in enumerate(known["route_xyz"])]
             (out / "run").mkdir()
-            (out / "run" / "route.csv").write_text("\n".join(["channel,x,y,z", *rows]))
+            (out / "run" / "route.csv").write_text("\n".join([COLUMNS, *rows]))
 
     monkeypatch.setattr(roadfiber.command, "run_command", run_command)
     out = tmp_path / "demo"
@@ -56,7 +59,8 @@ def test_the_demo_writes_a_survey_and_runs_the_commands_on_it(brief, tmp_path, m
     assert len(read_control_points(out / "control_points.csv")) > 20
     assert len(open_video(out / "street.mp4")) == 12
     assert read_das(sorted((out / "das").glob("*.h5"))).strain_rate.shape[1] == brief.channels
-    assert "0.10 m on average, 0.10 m at most" in result.output and "report.html" in result.output
+    assert "0.10 m on average over" in result.output and "report.html" in result.output
+    assert f"{brief.channels} of {brief.channels} lie in the 95 % corridor" in result.output
     # The same again for a machine.
     monkeypatch.setattr(roadfiber.command, "run_command", lambda *words: print("a command speaks"))
     monkeypatch.setattr(roadfiber.command, "write_demo", lambda out, scenario: None)
@@ -111,8 +115,8 @@ def test_a_hidden_effect_is_told_as_a_story_that_ends_with_the_envelope(tmp_path
             folder.mkdir()
             known = json.loads((out / "truth.json").read_text())
             off = 0.5 if words[0] == "locate" else 0.05
-            rows = [f"{k},{x},{y + off},{z}" for k, (x, y, z) in enumerate(known["route_xyz"])]
-            (folder / "route.csv").write_text("\n".join(["channel,x,y,z", *rows]))
+            rows = [f"{k},{x},{y + off},{z},.1,.1,.1,true" for k, (x, y, z) in enumerate(known["route_xyz"])]
+            (folder / "route.csv").write_text("\n".join([COLUMNS, *rows]))
             trust = {"grade": "poor", "sentence": "Do not rely: `roadfiber diagnose RUN`."}
             (folder / "fit.json").write_text(json.dumps({"name": "s", "headline": "It runs <here>.", "trust": trust}))
         if words[0] == "compare":
@@ -145,3 +149,7 @@ def test_a_hidden_effect_is_told_as_a_story_that_ends_with_the_envelope(tmp_path
         told_out = told(out, "")
         assert told_out["hidden"] == {"gauge_length": 0.2} and told_out["named"] == "gauge_length"
         assert [round(one["mean"], 2) for one in told_out["errors"].values()] == [0.5, 0.05]
+        assert [one["inside"] for one in told_out["errors"].values()] == [0, 60]
+        assert "The true error fell: 0.50 m on average before, 0.05 m after." in envelope
+        put_in = before.partition("5. It was put in")[2]
+        assert "and the misfit fell" in put_in and "Do not rely" in put_in

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+#: Standard deviations to either side that hold 95 % of a normal distribution.
+Z95 = 1.96
+
 
 @dataclass(frozen=True)
 class RouteError:
@@ -15,7 +18,9 @@ class RouteError:
     ----------
     largest, mean : in space
     largest_lateral, largest_depth : of the horizontal distance and of the difference in depth
-    channels : how many were compared
+    channels : how many were compared: all that the run locates
+    inside : how many of them lie within the 95 % corridor, across and in depth
+    in_view : the largest in space over the channels in view alone; NaN where none of them is located
     """
 
     largest: float
@@ -23,26 +28,53 @@ class RouteError:
     largest_lateral: float
     largest_depth: float
     channels: int
+    inside: int
+    in_view: float
+
+    @property
+    def words(self) -> str:
+        """The error in a sentence.
+
+        >>> RouteError(0.5, 0.1, 0.4, 0.2, 93, 88, 0.12).words
+        '0.10 m on average over 93 located channels, 0.50 m at most (0.40 on the map, 0.20 in depth; 0.12 in view); 88 \
+of 93 lie in the 95 % corridor'
+        """
+        if not self.channels:
+            return "no channel is located"
+        view = "" if np.isnan(self.in_view) else f"; {self.in_view:.2f} in view"
+        return (
+            f"{self.mean:.2f} m on average over {self.channels} located channels, {self.largest:.2f} m at most "
+            f"({self.largest_lateral:.2f} on the map, {self.largest_depth:.2f} in depth{view}); {self.inside} of "
+            f"{self.channels} lie in the 95 % corridor"
+        )
 
 
 def route_error(route_csv: str | Path, truth_json: str | Path) -> RouteError:
-    """Compare `route.csv` of a run with the `truth.json` of a simulated survey over the channels in view.
+    """Compare `route.csv` of a run with the `truth.json` of a simulated survey over all channels that it locates.
 
-    Channels that the route lacks are neither compared nor counted in `channels`.
+    A channel that is not constrained claims no place, and is not compared.
     """
     import pandas as pd
 
     known = json.loads(Path(truth_json).read_text(encoding="utf-8"))
-    first, last = known["active_channels"]
-    located = pd.read_csv(route_csv, usecols=["channel", "x", "y", "z"])
-    located = located[located["channel"].between(first, last)]
-    true = np.array(known["route_xyz"])[located["channel"].to_numpy(int)]
-    error = located[["x", "y", "z"]].to_numpy(float) - true
+    located = pd.read_csv(route_csv)
+    located = located[located["constrained"].astype(bool) & (located["channel"] < len(known["route_xyz"]))]
+    true = np.array(known["route_xyz"])[located["channel"].to_numpy(int)].reshape(-1, 3)
+    route = located[["x", "y", "z"]].to_numpy(float)
+    error, sigma = route - true, located[["sigma_x", "sigma_y", "sigma_z"]].to_numpy(float)
     distance = np.linalg.norm(error, axis=1)
+    seen = located["channel"].between(*known["active_channels"]).to_numpy()
+    way = np.gradient(route[:, :2], axis=0) if len(route) > 1 else np.ones((len(route), 2))
+    across = np.column_stack([-way[:, 1], way[:, 0]]) / np.linalg.norm(way, axis=1, keepdims=True)
+    # Across the route by the sigmas of x and y, which the table has without their correlation.
+    half = Z95 * np.sqrt(((across * sigma[:, :2]) ** 2).sum(1))
+    inside = (np.abs((across * error[:, :2]).sum(1)) <= half) & (np.abs(error[:, 2]) <= Z95 * sigma[:, 2])
     return RouteError(
-        float(distance.max()),
-        float(distance.mean()),
-        float(np.linalg.norm(error[:, :2], axis=1).max()),
-        float(np.abs(error[:, 2]).max()),
+        float(distance.max(initial=0.0)),
+        float(distance.mean()) if len(distance) else 0.0,
+        float(np.linalg.norm(error[:, :2], axis=1).max(initial=0.0)),
+        float(np.abs(error[:, 2]).max(initial=0.0)),
         len(error),
+        int(inside.sum()),
+        float(distance[seen].max()) if seen.any() else float("nan"),
     )

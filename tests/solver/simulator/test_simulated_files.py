@@ -62,17 +62,21 @@ def test_the_truth_is_beside(written):
     assert len(known["vehicles"]) == 4
 
 
-def test_a_route_is_compared_over_the_channels_in_view(tmp_path, written):
+def test_a_route_is_compared_over_all_that_it_locates(tmp_path, written):
     survey, site = written
+    first, last = survey.active[0] - 5, survey.active[1] - 1
     shifted = survey.route + np.array([0.0, 0.3, -0.4])
-    shifted[: survey.active[0]] += 50  # out of view: of no account
+    shifted[first] += np.array([0.0, 3.0, 0.0])  # out of view, and located all the same
     table = pd.DataFrame(shifted, columns=["x", "y", "z"]).assign(channel=np.arange(len(shifted)))
-    table[survey.active[0] - 5 : survey.active[1] - 1].to_csv(tmp_path / "route.csv")
+    table = table.assign(sigma_x=1.0, sigma_y=0.2, sigma_z=0.3, constrained=True)
+    table.loc[first + 1, ["y", "constrained"]] = 99.0, False  # claims no place
+    table[first:last].to_csv(tmp_path / "route.csv")
     error = route_error(tmp_path / "route.csv", site.anchors.file.parent / "truth.json")
-    assert error.largest == pytest.approx(0.5, abs=1e-3) and error.mean == pytest.approx(0.5, abs=1e-3)
-    assert error.largest_lateral == pytest.approx(0.3, abs=1e-3)
+    assert error.largest == pytest.approx(np.hypot(3.3, 0.4), abs=1e-3)
+    assert error.in_view == pytest.approx(0.5, abs=1e-3)
+    assert error.largest_lateral == pytest.approx(3.3, abs=1e-3)
     assert error.largest_depth == pytest.approx(0.4, abs=1e-3)
-    assert error.channels == survey.active[1] - survey.active[0] - 1
+    assert (error.channels, error.inside) == (last - first - 1, last - first - 2)
 
 
 def test_a_gap_reads_back_as_one(tmp_path):
