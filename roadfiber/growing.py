@@ -234,14 +234,14 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
         found = diagnose(run, tell=lambda words: say(words.splitlines()[0]))
         say(f"{found.verdict}: {found.headline} ({found.words})")
         if found.verdict != "missing-effect" or found.effect is None or len(chapters) == most:
-            chapters.append(Chapter(found.finding, "Nothing more was added.", run))
+            chapters.append(Chapter(found.finding, "Nothing more was added.", found.run))
             break
         begun = time.perf_counter()
         fit, state = fitted(run)
         step: Grown = grow(fit, state, found.effect, run.known, held_out_before(run, fit, state))
         if not step.better:
             tried = f"It was tried in the model ({found.effect}): passes held out fit no better, so it was left out."
-            chapters.append(Chapter(found.finding, tried, run))
+            chapters.append(Chapter(found.finding, tried, found.run))
             break
         after = with_growth(run, step, [*run.effects, found.effect], time.perf_counter() - begun)
         rung = after.rungs[-1]
@@ -253,7 +253,8 @@ def explain(run: Run, *, most: int = 4, tell: Callable[[str], None] | None = Non
         misfit = f"{after.rungs[-2].chi2_per_dof:.3f} -> {rung.chi2_per_dof:.3f}"
         say(f"added {found.effect}: chi2 per degree of freedom {misfit}")
         run = after
-    return Story(with_corridor(run, FULL) if run.rungs else run, tuple(chapters))
+    weighed = found.finding.corridor is not None or not run.rungs
+    return Story(found.run if weighed else with_corridor(found.run, FULL), tuple(chapters))
 
 
 def clock_offset(run: Run) -> tuple[float, float]:

@@ -3,15 +3,12 @@
 import ast
 import re
 from collections import Counter
-from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 SOLVER = ROOT / "solver"
-#: Longest chain of modules that import one another when a package is loaded.
-LONGEST = 18
 
 
 def drawn() -> list[list[str]]:
@@ -30,11 +27,11 @@ def name_of(path: Path) -> str:
 MODULES = {name_of(path): path for path in SOLVER.rglob("*.py")}
 
 
-def imported(name: str, *, on_loading: bool) -> set[str]:
-    """Modules of solver that a module imports; only those at its top level where `on_loading`."""
+def imported(name: str) -> set[str]:
+    """Modules of solver that a module imports, within functions too."""
     tree = ast.parse(MODULES[name].read_text(encoding="utf-8"))
     found = set[str]()
-    for node in tree.body if on_loading else ast.walk(tree):
+    for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "solver":
             for alias in node.names:
                 full = f"{node.module}.{alias.name}"
@@ -60,7 +57,7 @@ def test_imports_run_down(room: str) -> None:
     floor = {name: number for number, names in enumerate(drawn()) for name in names}
     for name in MODULES:
         if room_of(name) == room:
-            for other in imported(name, on_loading=False):
+            for other in imported(name):
                 there = room_of(other)
                 assert there in ("", room) or floor[there] > floor[room], f"{name} imports {other}, which is not below"
 
@@ -72,13 +69,3 @@ def test_solver_shows_a_newcomer_few_things() -> None:
 def test_no_two_modules_of_one_name() -> None:
     names = Counter(path.name for path in SOLVER.rglob("*.py") if path.name != "__init__.py")
     assert [name for name, count in names.items() if count > 1] == []
-
-
-@cache
-def depth(name: str) -> int:
-    """Modules in the longest chain of imports that begins here."""
-    return 1 + max((depth(other) for other in imported(name, on_loading=True)), default=0)
-
-
-def test_chains_of_imports_are_short() -> None:
-    assert max(map(depth, MODULES)) <= LONGEST

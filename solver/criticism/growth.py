@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 
 from solver.catalogue.catalogue import find
 from solver.criticism.race import elsewhere, race
@@ -11,6 +12,7 @@ from solver.criticism.refit import Refit
 from solver.criticism.repairs import SEARCHES, TAKEN_OUT, mended
 from solver.criticism.scorer import Scorer
 from solver.effect import Effect
+from solver.fit.chain import Chain
 from solver.fit.held_out import HeldOut, held_out
 from solver.fit.held_out_gain import HeldOutGain, held_out_gain
 from solver.fit.least_squares import Solution, solve
@@ -25,6 +27,7 @@ from solver.run.code import with_plugins
 from solver.run.facts import fitted_facts
 from solver.run.ladder import climbed
 from solver.run.report.report_words import told
+from solver.run.route_fits import fit_finely
 from solver.run.run import Run
 from solver.run.strict_json import strict
 from vision.contract import InputError
@@ -174,13 +177,16 @@ def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) 
 
 
 def regrown(run: Run, grown: Grown, effects: Sequence[str], seconds: float) -> Run:
-    """The run as it is with more in its model, `effects` those of its model by name."""
-    result = grown.result(seconds)
-    result = replace(result, ambiguous_side=reopened(run.result.ambiguous_side, result, grown.fit.problem))
-    at = np.isin(result.channel, grown.fit.problem.channel)
-    problem = replace(grown.fit.problem, start=result.route[at])
+    """The run as it is with more in its model, `effects` those of its model by name; on finer knots as `locate` has."""
+    result, problem, unseen = grown.result(seconds), grown.fit.problem, grown.after
+    result = replace(result, ambiguous_side=reopened(run.result.ambiguous_side, result, problem))
+    finer, fine = fit_finely(result, problem, "spline")
+    if fine is not problem:
+        result, problem, chain = finer, fine, Chain.of(fine)
+        unseen = held_out(fine, at=(chain, chain.state_of(torch.from_numpy(result.vector))))
+    problem = replace(problem, start=result.route[np.isin(result.channel, problem.channel)])
     facts = run.facts | {"effects": list(effects)}
-    facts |= fitted_facts(result, problem, grown.after, run.facts["disputed_anchors"])
+    facts |= fitted_facts(result, problem, unseen, run.facts["disputed_anchors"])
     known = {one.track_id for one in run.passes}
     passes = run.passes + [one for one in problem.passes if one.track_id not in known]
     time = problem.time_of(result.samples)

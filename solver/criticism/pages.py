@@ -21,7 +21,7 @@ from solver.criticism.policy import POLICY
 from solver.criticism.probability_figure import probability_figure
 from solver.criticism.verdict_words import left_open
 from solver.run.report.ladder_page import ladder_body
-from solver.run.report.parts import EXPORT, next_section, page
+from solver.run.report.parts import EXPORT, next_section, page, with_commands
 from solver.run.run import Run
 from solver.run.rung import Rung
 from vision.contract.figures import svg
@@ -206,7 +206,9 @@ def story_page(chapters: Sequence[Chapter], rungs: Sequence[Rung], name: str) ->
     added = [one.diagnosis.candidates[0].effect for one in chapters if one.added]
     listed = [c for one in chapters for c in one.diagnosis.candidates]
     found = f"What the model lacked: {titles(added, listed, 'and')}" if added else "Nothing was added to the model"
-    lead = "".join(f"<p>{line}</p>" for line in (escape(headline(chapters[-1].diagnosis)), still) if line)
+    last = chapters[-1]
+    trust = "" if last.run is None else with_commands(last.run.trust)
+    lead = "".join(f"<p>{line}</p>" for line in (escape(headline(last.diagnosis)), trust, still) if line)
     body = f"<header><p>{escape(name)} · diagnosed, added, and diagnosed again</p><h1>{escape(found)}</h1>"
     body += f'<div class="lead">{lead}</div></header>{next_section(next_words(chapters[-1].diagnosis))}'
     body += ladder_body(rungs)

@@ -142,14 +142,16 @@ def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitRes
     fine = replace(shortened(problem, slice(None), result), knot_spacing=problem.knot_spacing / 2)
     most = result.chi2 * (1 / result.chi2_per_dof + (1 - BY_ROUTE) * (1 - 1 / result.chi2_per_dof))
     chain = Chain.of(fine)
-    there = chain.visit(laid_again(chain, result, problem))
+    begun = laid_again(chain, result, problem)
+    there = chain.visit(begun)
     if there.misfit - PATIENCE * there.open.decrement**2 > most:
         return result, problem
     with progress("fitting the route on finer knots", METHODS[method][1]) as advance:
-        again = fit_spline(fine, advance, hopeless=most)
+        end = solve(chain, begun, advance=advance, hopeless=most)
+    again = ended(chain, end, result.seconds)
     if not again.converged or again.chi2 > most:
         return result, problem
-    return replace(again, ambiguous_side=result.ambiguous_side, seconds=result.seconds + again.seconds), fine
+    return replace(again, ambiguous_side=result.ambiguous_side), fine
 
 
 def fit_agreeing(result: FitResult, problem: Problem, method: str, disputed: list[str]) -> tuple[FitResult, Problem]:
