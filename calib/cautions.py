@@ -43,7 +43,7 @@ def cautions(
     elif calibration.leave_one_out_m is None:
         messages.append("without any one of the points the others no longer determine the view; add more")
     else:
-        messages += _brittle(calibration.leave_one_out_m, calibration.leave_one_out_sigma_m or (), errors_m[used])
+        messages += brittle(calibration.leave_one_out_m, calibration.leave_one_out_sigma_m or (), errors_m[used])
     prior, lens = fit.model.prior, calibration.lens
     if prior is not None and lens is not None and (doubt := prior.doubt(lens)):
         messages.append(f"{doubt}: a cropped picture, or misread points")
@@ -61,7 +61,8 @@ def cautions(
     return messages
 
 
-def _brittle(left_out: tuple[float | None, ...], expected: tuple[float | None, ...], errors: Array) -> list[str]:
+def brittle(left_out: tuple[float | None, ...], expected: tuple[float | None, ...], errors: Array) -> list[str]:
+    """What errors of points left out one at a time say: nothing where the fit holds them, too; m."""
     known = np.array([value for value in left_out if value is not None])
     if len(known) < len(left_out):
         count = len(left_out) - len(known)

@@ -10,7 +10,7 @@ from solver.criticism.verdict_words import fall_words
 from solver.run.report.parts import with_commands
 from solver.run.rung import rung_names
 from vision.contract import InputError
-from vision.contract.rounding import meters
+from vision.contract.rounding import at_most
 
 if TYPE_CHECKING:
     from roadfiber.web.film import Film
@@ -111,7 +111,7 @@ def candidate_words(row: Mapping[str, Any] | None, bench: Bench) -> str:
     kind = "A discrepancy model: it names no cause. " if row.get("generic") else ""
     lines.append(f"<small>{kind}At the {escape(str(row.get('stage')))} stage.</small>")
     if row.get("route_change"):
-        lines.append(f"<small>Ignored, it moves the route by up to {meters(row['route_change'])}.</small>")
+        lines.append(f"<small>Ignored, it moves the route by {at_most(row['route_change'])}.</small>")
     if row.get("confounded_with"):
         other = ", ".join(escape(titles.get(one, str(one))) for one in row["confounded_with"])
         lines.append(f"<small>This survey cannot tell it from: {other}.</small>")

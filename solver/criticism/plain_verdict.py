@@ -12,7 +12,7 @@ from solver.criticism.candidate import Candidate
 from solver.effect import Effect, Setting
 from solver.fit.problem import Problem
 from solver.run.titles import lower
-from vision.contract.rounding import meters, with_sigma
+from vision.contract.rounding import at_most, with_sigma
 
 if TYPE_CHECKING:
     from solver.criticism.finding import Diagnosis
@@ -81,7 +81,7 @@ def details(diagnosis: "Diagnosis") -> list[str]:
     if diagnosis.verdict == "unknown-effect":
         lines.append(f"What is left looks as if this were so: {first.told.sentence if first.told else ''}")
     if diagnosis.verdict != "inconclusive" and first.route_change is not None:
-        lines.append(f"Ignored, it moves the route by up to {meters(first.route_change)}.")
+        lines.append(f"Ignored, it moves the route by {at_most(first.route_change)}.")
     # Where a fit found more than the score test could promise, the promise says nothing.
     shown = first.told is not None and first.told.detectable <= abs(first.told.size)
     if diagnosis.verdict == "missing-effect" and shown and (least := least_words(first)):

@@ -44,7 +44,7 @@ from solver.run.strict_json import strict
 from solver.run.titles import lower
 from solver.run.trust import DIAGNOSIS, Gate, with_gate
 from solver.survey.memory import give_back
-from vision.contract.rounding import meters
+from vision.contract.rounding import at_most
 
 Array = NDArray[np.float64]
 Advance = Callable[[int], None]
@@ -170,7 +170,7 @@ def diagnosis_gate(found: Diagnosis, half_width: float) -> Gate:
         return Gate(name, "failed", words, ("`roadfiber compare RUN` shows where it is left",))
     words, move = f"the model lacks {lower(first.title)}", first.route_change
     if move is not None:
-        words += f", which moves the route by up to {meters(move)}"
+        words += f", which moves the route by {at_most(move)}"
     small = move is not None and move < half_width
     return Gate(name, "passed" if small else "failed", words, (f"`roadfiber add RUN {first.effect} --out RUN-2`",))
 

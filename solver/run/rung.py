@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from vision.contract.rounding import meters
+from vision.contract.rounding import at_most
 
 #: Rows of channel number, x, y, z (m).
 Route = tuple[tuple[float, float, float, float], ...]
@@ -69,7 +69,7 @@ def route_moved(length: float) -> str:
     """
     if math.isnan(length):
         return "how far the route moved is not known: no place is decided in both models"
-    return f"the route moved by up to {meters(length)}"
+    return f"the route moved by {at_most(length)}"
 
 
 def rung_names(rungs: Sequence[Rung], title: Callable[[str], str]) -> list[str]:

@@ -7,6 +7,7 @@ import pytest
 from street_marks import CAMERA, GROUND, SIZE, marks
 
 from benchmarks.calibration import trial_rates
+from calib.cautions import brittle
 from calib.control_points import MAP_SIGMA, control_points
 from calib.estimate import estimate
 from calib.ground import fit_ground, smaller_beyond_chance
@@ -53,6 +54,12 @@ def test_a_straight_lens_is_not_trusted_because_its_errors_are_smaller_by_chance
     fits = [fit_ground(marks(noise=1.0, seed=seed), SIZE) for seed in range(4)]
     assert any(fit.scores["homography"] < fit.scores["camera"] for fit in fits)
     assert all(fit.calibration.model == "camera" for fit in fits)
+
+
+def test_a_point_beyond_the_horizon_has_no_error_that_others_are_held_against():
+    errors = np.array([0.1, 0.1, np.nan, 0.1])
+    (line,) = brittle((3.0, 2.0, 2.0, 3.0), (0.2, 0.2, 0.2, 0.2), errors)
+    assert "against a fit within 0.10 m" in line
 
 
 @pytest.mark.parametrize("model", ["homography", "camera", "auto"])

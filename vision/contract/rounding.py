@@ -22,12 +22,12 @@ def with_sigma(value: float, sigma: float) -> str:
     return " ± ".join(f"{number:.{max(place, 0)}f}" for number in rounded)
 
 
-def meters(length: float) -> str:
-    """A length for people.
+def at_most(length: float) -> str:
+    """Largest length that something may have, m.
 
-    >>> meters(0.4123), meters(0.003), meters(float("nan"))
-    ('0.41 m', 'less than 0.01 m', 'unknown')
+    >>> at_most(0.4123), at_most(0.003), at_most(float("nan"))
+    ('up to 0.41 m', 'less than 0.01 m', 'an unknown length')
     """
     if not isfinite(length):
-        return "unknown"
-    return f"{length:.2f} m" if length >= 0.01 else "less than 0.01 m"
+        return "an unknown length"
+    return f"up to {length:.2f} m" if length >= 0.01 else "less than 0.01 m"

@@ -76,6 +76,8 @@ def test_runs_that_agree_are_said_to(days) -> None:
     assert combined.headline.startswith("2 runs with 4 passes make one route") and "all agree" in combined.headline
     assert combined.table["passes"].tolist() == [2, 2] and (combined.table["across_z"].abs() < 3).all()
     assert 1 <= combined.widened < 2
+    nowhere = replace(combined.place, constrained=np.zeros_like(combined.place.constrained))
+    assert "whose place no data decide" in replace(combined, place=nowhere).headline
 
 
 def test_what_the_models_of_all_runs_may_lack_does_not_average_out(days) -> None:
