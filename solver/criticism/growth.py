@@ -70,7 +70,7 @@ class Grown:
     def held_out_words(self) -> str:
         """Held-out misfit per degree of freedom before and after."""
         misfits = self.before, None if self.after is None else self.after.chi2_per_dof
-        before, after = ("-" if one is None else f"{one:.3f}" for one in misfits)
+        before, after = ("unknown" if one is None else f"{one:.3f}" for one in misfits)
         return f"{before} to {after}"
 
     def result(self, seconds: float) -> FitResult:
