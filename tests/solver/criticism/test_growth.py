@@ -49,8 +49,8 @@ def test_passes_held_out_decide_beyond_chance(before, after, better):
 
 def test_the_misfit_of_passes_held_out_in_words():
     assert grown(1.2345, 1.1).held_out_words == "1.234 to 1.100"
-    assert grown(None, 1.1).held_out_words == "- to 1.100"
-    assert grown(1.1, None).held_out_words == "1.100 to -"
+    assert grown(None, 1.1).held_out_words == "unknown to 1.100"
+    assert grown(1.1, None).held_out_words == "1.100 to unknown"
 
 
 @pytest.mark.parametrize("name", sorted(SEARCHES))
@@ -117,7 +117,7 @@ def test_samples_taken_out_leave_nothing_to_compare(monkeypatch, name):
     """The misfit held out goes up here, and is of other samples."""
     judged = Judged(monkeypatch, fault(name), mended=1.3)
     step = grow(judged.fit("start"), "start state", name, {}, 1.0)  # type: ignore[arg-type]
-    assert step.better and step.held_out_words == "- to 1.300"
+    assert step.better and step.held_out_words == "unknown to 1.300"
 
 
 def test_a_fault_that_is_not_there_is_not_mended(monkeypatch):
