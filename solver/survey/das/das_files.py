@@ -12,6 +12,7 @@ from solver.survey.das.array_files import read_numpy
 from solver.survey.das.block import Block
 from solver.survey.das.prodml import is_prodml, moment, read_prodml, text
 from solver.survey.das.samples import OnDisk, described, series
+from solver.survey.das.size import require_room_for_file
 from solver.survey.das.tdms import read_tdms_properties
 from solver.survey.das.units import Unit, dascore, in_meters, parse_unit
 from solver.survey.das.unreadable import why_unknown, why_unreadable
@@ -203,6 +204,8 @@ def read_with_dascore(path: Path) -> Iterator[Block]:
             return
         name, version = dc.get_format(path)
         known = described(path, name, version)
+        if known is None:
+            require_room_for_file(path)
         patches = [(one, None) for one in series(path, name, version)] if known is None else [known]
         for patch, whole in patches:
             block = patch_block(patch, path, f"{name} {version}", whole)

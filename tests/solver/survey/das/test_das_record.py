@@ -449,3 +449,18 @@ def test_practice_survey_reads(shared_data, caplog):
     assert record.strain_rate.shape == (955, 241)
     assert np.isfinite(record.strain_rate).all()
     assert not caplog.records
+
+
+def test_what_unfolds_beyond_memory_is_not_read(tmp_path, monkeypatch):
+    """Chunks that were never written take no room in a file; uneven times make it be read as a whole."""
+    path = changed(das_file(tmp_path / "a.h5", noise()), "RawDataTime", lambda t: np.r_[t[:-1], t[-1] + 600_000])
+    monkeypatch.setattr("solver.survey.memory.available", lambda: 7e3)
+    with pytest.raises(InputError, match=r"a\.h5: reading it as a whole needs about .* of memory"):
+        read_das([path])
+    with h5py.File(path, "r+") as file:
+        attributes = dict(file["Acquisition/Raw[0]/RawData"].attrs)
+        del file["Acquisition/Raw[0]/RawData"]
+        empty = file["Acquisition/Raw[0]"].create_dataset("RawData", shape=(40, 12), dtype="f4", chunks=(20, 12))
+        empty.attrs.update(attributes)
+    with pytest.raises(InputError, match="numbers were never written; leave this file out"):
+        read_das([path])
