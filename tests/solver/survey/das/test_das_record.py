@@ -454,7 +454,7 @@ def test_practice_survey_reads(shared_data, caplog):
 def test_what_unfolds_beyond_memory_is_not_read(tmp_path, monkeypatch):
     """Chunks that were never written take no room in a file; uneven times make it be read as a whole."""
     path = changed(das_file(tmp_path / "a.h5", noise()), "RawDataTime", lambda t: np.r_[t[:-1], t[-1] + 600_000])
-    monkeypatch.setattr("solver.survey.memory.available", lambda: 7e3)
+    monkeypatch.setattr("solver.survey.memory.available", lambda: 4e3)
     with pytest.raises(InputError, match=r"a\.h5: reading it as a whole needs about .* of memory"):
         read_das([path])
     with h5py.File(path, "r+") as file:
