@@ -180,6 +180,7 @@ def main() -> None:
     reuse_freed_memory()
     collect_seldom()
     try:
+        require_surroundings()
         try:
             app()
         finally:
@@ -198,6 +199,18 @@ def main() -> None:
             raise
         tell(told)
         sys.exit(2)
+
+
+def require_surroundings() -> None:
+    """Refuse to begin where results have nowhere to go, or names of files no folder to start from."""
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115, PTH123 as long as the process
+    if sys.stdout is None:
+        raise InputError("standard output is closed; send it somewhere, as with >/dev/null")
+    try:
+        Path.cwd()
+    except OSError as error:
+        raise InputError("the folder that you are in was removed; change to another") from error
 
 
 def flush() -> None:

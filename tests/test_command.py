@@ -76,6 +76,20 @@ def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch, capsys):
         roadfiber.command.main()
 
 
+def test_no_output_and_no_folder_are_one_line(monkeypatch, capsys, tmp_path):
+    with monkeypatch.context() as closed:
+        closed.setattr(sys, "stdout", None)
+        assert ended(closed, capsys, "effects") == (
+            2,
+            "roadfiber: standard output is closed; send it somewhere, as with >/dev/null\n",
+        )
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    told = ended(monkeypatch, capsys, "effects")
+    assert told == (2, "roadfiber: the folder that you are in was removed; change to another\n")
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="/dev/full is Linux's")  # noqa: PTH110
 def test_a_result_that_cannot_be_printed_is_reported(monkeypatch, capsys):
     with open("/dev/full", "w") as full:  # noqa: PTH123

@@ -52,6 +52,8 @@ def check_target(folder: Path) -> None:
     folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: a file; give the name of a new folder")
+    if Path.cwd().is_relative_to(folder.resolve()):
+        raise InputError(f"{folder}: is where you are, and would be replaced; give the name of a new folder")
     if folder.is_dir() and any(folder.iterdir()):
         try:
             read_model(folder / "fit.json", AnyRun, "")

@@ -1,13 +1,24 @@
 """Outputs appear whole or not at all."""
 
+import ctypes
+import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
+from glob import escape
 from pathlib import Path
 
 from vision.contract.errors import InputError, is_full, machine_words
 
+if sys.platform != "win32":
+    import fcntl
+
+#: What ends the names of the folders in which outputs are made, before eight letters of their own.
+MAKING = ".roadfiber-"
+#: Name in one of them of the earlier folder, where two cannot be exchanged at once.
+REPLACED = "replaced"
 #: Free bytes required at the target before the work begins.
 ROOM = 1 << 20
 
@@ -34,9 +45,11 @@ def writing(target: str | Path) -> Iterator[Path]:
     with scratch_for(target) as scratch:
         temporary = scratch / target.name
         yield temporary
-        if target.is_dir() and temporary.is_dir():
-            target.replace(scratch / "replaced")
-        temporary.replace(target)
+        if not (target.is_dir() and temporary.is_dir()):
+            temporary.replace(target)
+        elif not exchange(temporary, target):
+            target.replace(scratch / REPLACED)
+            temporary.replace(target)
 
 
 @contextmanager
@@ -60,7 +73,7 @@ def writing_into(folder: str | Path) -> Iterator[Path]:
 @contextmanager
 def scratch_for(target: Path, named: Path | None = None) -> Iterator[Path]:
     """Yield an empty folder beside `target` and remove it; tell in a line where that (`named` so) cannot be written."""
-    scratch, made = beside(target, named)
+    scratch, made, lock = beside(target, named)
     try:
         yield scratch
         made.clear()
@@ -75,11 +88,60 @@ def scratch_for(target: Path, named: Path | None = None) -> Iterator[Path]:
         raise InputError(unwritable(named or target, error)) from error
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+        os.close(lock)
         remove(made)
 
 
-def beside(target: Path, named: Path | None = None) -> tuple[Path, list[Path]]:
-    """Make an empty folder beside `target`; return it and the parent folders made for it, the deepest first.
+def exchange(one: Path, other: Path) -> bool:
+    """Exchange two folders in a single step, so that a kill leaves one of them in place; False where Linux is not.
+
+    >>> exchange(Path("absent"), Path("absent too"))
+    False
+    """
+    try:
+        rename = ctypes.CDLL(None).renameat2
+    except (AttributeError, OSError, TypeError):
+        return False
+    here, swap = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of fcntl.h and stdio.h
+    return bool(rename(here, os.fsencode(one), here, os.fsencode(other), swap) == 0)
+
+
+def locked(folder: Path, wait: bool = True) -> int:
+    """Descriptor of a folder that is locked until that is closed, where the system can.
+
+    Raises
+    ------
+    OSError
+        If the folder is gone, or without `wait` where it cannot be locked at once.
+    """
+    if sys.platform == "win32":
+        if not wait:
+            raise OSError("no locks")
+        return os.open(os.devnull, os.O_RDONLY)
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError) if wait else nullcontext():
+            fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        folder.stat()
+    except OSError:
+        os.close(lock)
+        raise
+    return lock
+
+
+def clean(target: Path) -> None:
+    """Remove what was left by those who were killed while they made `target`; those who make it now hold locks."""
+    for left in target.parent.glob(f".{escape(target.name)}{MAKING}????????"):
+        with suppress(OSError):
+            lock = locked(left, wait=False)
+            if not target.exists() and (left / REPLACED).exists():
+                (left / REPLACED).replace(target)
+            shutil.rmtree(left, ignore_errors=True)
+            os.close(lock)
+
+
+def beside(target: Path, named: Path | None = None) -> tuple[Path, list[Path], int]:
+    """Make an empty folder beside `target`; return it, the parent folders made for it, deepest first, and its lock.
 
     A folder of its own on the same file system keeps the suffix (writers choose the format by it) and the replacing
     atomic.
@@ -95,7 +157,9 @@ def beside(target: Path, named: Path | None = None) -> tuple[Path, list[Path]]:
             if not folder.exists():
                 folder.mkdir(exist_ok=True)
                 made.insert(0, folder)
-        return Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent)), made
+        clean(target)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}{MAKING}", dir=target.parent))
+        return scratch, made, locked(scratch)
     except OSError as error:
         remove(made)
         raise InputError(unwritable(named or target, error)) from error
@@ -127,11 +191,12 @@ def require_writable(*targets: str | Path) -> None:
     >>> require_writable(Path(tempfile.mkdtemp()) / "new" / "a.txt")
     """
     for target in map(Path, targets):
-        scratch, made = beside(target)
+        scratch, made, lock = beside(target)
         try:
             (scratch / "room").write_bytes(bytes(ROOM))
         except OSError as error:
             raise InputError(unwritable(target, error)) from error
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
+            os.close(lock)
             remove(made)

@@ -199,3 +199,12 @@ def test_what_is_not_a_run_is_refused_in_one_line(survey, tmp_path, quick, spoil
 def test_a_folder_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(InputError, match="no run folder"):
         read_run(tmp_path / "nowhere")
+
+
+def test_where_you_are_is_not_replaced(tmp_path, monkeypatch):
+    (tmp_path / "run" / "below").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "run")
+    for name in (".", tmp_path / "run", "below/.."):
+        with pytest.raises(InputError, match="is where you are, and would be replaced"):
+            check_target(Path(name))
+    check_target(Path("below"))

@@ -5,7 +5,7 @@ import os
 import re
 import resource
 import signal
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
@@ -138,3 +138,40 @@ def test_what_the_machine_refuses_is_one_line(error, words):
 
 def test_a_fault_of_the_program_is_none_of_the_machine():
     assert machine_words(RuntimeError("shapes do not match")) is None
+
+
+@pytest.mark.parametrize("swap", [True, False])
+def test_a_kill_at_any_step_leaves_a_folder_in_place_or_to_be_found(tmp_path, monkeypatch, swap):
+    """What a killed process leaves is put back, or cleaned away, by the next; what another is making stays."""
+    if not swap:
+        monkeypatch.setattr(module, "exchange", lambda one, other: False)
+    target = tmp_path / "run"
+    real, steps = Path.replace, []
+
+    class Killed(BaseException):
+        pass
+
+    def replace(path, other):
+        steps.append(path)
+        if len(steps) == 2:
+            raise Killed
+        return real(path, other)
+
+    def write(text):
+        with writing(target) as path:
+            path.mkdir()
+            (path / "a").write_text(text)
+
+    write("earlier")
+    steps.clear()
+    monkeypatch.setattr(Path, "replace", replace)
+    monkeypatch.setattr(module.shutil, "rmtree", lambda *given, **named: None)
+    with suppress(Killed):
+        write("new")
+    monkeypatch.undo()
+    assert target.exists() == swap and len(list(tmp_path.glob(".run*"))) == 1
+    with writing(tmp_path / "run") as mine:
+        require_writable(target)
+        assert (target / "a").read_text() == ("new" if swap else "earlier")
+        mine.mkdir()
+    assert left(tmp_path) == ["run"]
