@@ -189,7 +189,7 @@ def test_quantity_declares_what_the_file_does_not_say(tmp_path):
     ("side", "says"),
     [
         (None, "an array alone has no times; write a.toml beside it"),
-        ("{", "a.json: cannot be read"),
+        ("{", "a.json: not JSON"),
         (json.dumps(SIDE | {"gauge": 10}), "a.json: gauge: extra inputs are not permitted; known keys: start"),
         (json.dumps(SIDE | {"sampling_rate": 0}), "a.json: sampling_rate: input should be greater than 0"),
         (json.dumps(SIDE | {"start": "2025-08-11T06:00:00"}), "a.json: start: input should have timezone info"),
