@@ -20,7 +20,7 @@ log = logging.getLogger("roadfiber.calibrate")
 Array = NDArray[np.float64]
 PIXEL_SIGMA = 1.0  # px; accuracy of a click, if the file does not say
 # m; accuracy of a place, if the file does not say: measured on the road in meters, and read from a map, an aerial
-# picture or a receiver. Errors of up to .1 and .4 m then leave 95 % of positions inside their 95 % ellipse, and places
+# picture or a receiver. Errors of up to .05 and .3 m then leave 95 % of positions inside their 95 % ellipse, and places
 # known better cost little (`benchmarks/calibration.py places`).
 PLACE_SIGMA, MAP_SIGMA = 0.05, 0.3
 # Where x and y of a file may point, seen from above; the first are those of the local frame.

@@ -69,15 +69,15 @@ def estimate(model: GroundModel, points: ControlPoints, start: Array, robust: bo
     theta = np.asarray(start, float)
     loss = {"method": "trf", "loss": "cauchy", "f_scale": 2.0} if robust else {"method": "trf"}
     for _ in range(2 if points.sigma_xy.any() else 1):
-        whitening = _whitening(model.view(theta), points)
+        white = whitening(model.view(theta), points)
 
-        def residual(theta: Array, whitening: Array = whitening) -> Array:
+        def residual(theta: Array, white: Array = white) -> Array:
             off = (model.view(theta).project(points.ground) - points.pixels)[:, :, None]
-            return np.concatenate([np.nan_to_num(whitening @ off, nan=LOST).ravel(), model.penalty(theta)])
+            return np.concatenate([np.nan_to_num(white @ off, nan=LOST).ravel(), model.penalty(theta)])
 
-        def derivative(theta: Array, whitening: Array = whitening) -> Array:
+        def derivative(theta: Array, white: Array = white) -> Array:
             seen = np.isfinite(model.view(theta).errors(points))[:, None, None]
-            slopes = np.where(seen, whitening @ model.slope(theta, points.ground), 0.0)
+            slopes = np.where(seen, white @ model.slope(theta, points.ground), 0.0)
             return np.concatenate([slopes.reshape(-1, len(theta)), model.penalty_slope(theta)])
 
         found = least_squares(residual, theta, derivative, x_scale="jac", xtol=1e-8, ftol=1e-10, gtol=1e-9, **loss)
@@ -88,7 +88,7 @@ def estimate(model: GroundModel, points: ControlPoints, start: Array, robust: bo
     return Estimate(model, theta, covariance, chi2, freedom, decided(slope, bend))
 
 
-def _whitening(view: View, points: ControlPoints) -> Array:
+def whitening(view: View, points: ControlPoints) -> Array:
     """Matrices [point, 2, 2] that turn pixel errors into independent standard deviations."""
     covariance = points.sigma[:, None, None] ** 2 * np.eye(2)
     if points.sigma_xy.any():

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calib.calibrated import calibration_of, leave_one_out
 from calib.cautions import cautions
 from calib.control_points import ControlPoints
-from calib.estimate import Estimate, scatters_more, slope_of
+from calib.estimate import Estimate, scatters_more, slope_of, whitening
 from calib.homography import inverse
 from calib.layout import require_below_horizon, require_layout, require_on_road, require_spread
 from calib.lens_prior import LensPrior, weak_prior
@@ -138,7 +138,7 @@ def fit_ground(
     scores = _scores(fitted)
     best = fitted[_choice(fitted)]
     residuals_m = np.linalg.norm(best.calibration.to_ground(points.pixels) - points.ground, axis=1)
-    worst, dilution = _uncertainty(best)
+    worst, dilution = _uncertainty(best, points.select(best.used))
     messages = cautions(points, best.used, best.errors_px, residuals_m, best.calibration, best.fit, dilution)
     return GroundFit(
         calibration=best.calibration,
@@ -240,16 +240,16 @@ def smaller_beyond_chance(errors: Array, others: Array) -> bool:
     return bool(gain.mean() > most)
 
 
-def _uncertainty(best: Candidate) -> tuple[float, float]:
-    """Largest standard deviation over the corners of the surveyed area: m on the ground, and px over sigma."""
-    ground = np.array([(point.x, point.y) for point in best.calibration.control_points])
+def _uncertainty(best: Candidate, points: ControlPoints) -> tuple[float, float]:
+    """Largest standard deviation over the corners of the surveyed area: m on the ground, and px over a mark's own."""
+    ground = points.ground
     low, high = ground.min(axis=0), ground.max(axis=0)
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])])
     pixels = best.fit.view.project(corners)
     corners, pixels = corners[np.isfinite(pixels).all(axis=1)], pixels[np.isfinite(pixels).all(axis=1)]
     by_theta = slope_of(lambda theta: best.fit.model.view(theta).project(corners), best.fit.theta, best.fit.covariance)
     in_pixels = by_theta @ (best.fit.covariance) @ by_theta.transpose(0, 2, 1)
-    typical = float(np.median([point.sigma for point in best.calibration.control_points]))
+    typical = float(np.median(np.linalg.norm(np.linalg.inv(whitening(best.fit.view, points)), 2, axis=(1, 2))))
     on_ground = best.calibration.position_covariance(pixels)
     return _largest(on_ground), _largest(in_pixels) / typical
 

@@ -69,6 +69,10 @@ def read_gpx(path: Path) -> "pd.DataFrame":
         raise InputError(f"{path}: not a readable GPX file ({error}); export the track again") from error
     tracks = children(root, "trk")
     rows = [row for number, track in enumerate(tracks, start=1) for row in track_rows(track, number)]
-    logger.info("%s: GPX states no accuracy; sigma = %g m assumed for each fix", path, GPX_SIGMA)
     names = ["time", "track_id", "class", "latitude", "longitude"]
-    return pd.DataFrame(rows, columns=names, dtype=str).assign(sigma=GPX_SIGMA)
+    table = pd.DataFrame(rows, columns=names, dtype=str).assign(sigma=GPX_SIGMA)
+    logger.info(
+        "%s: GPX states no accuracy; sigma = %g m assumed for each fix; class, by <type> (vehicle where it has none, a "
+        "point load): %s", path, GPX_SIGMA, ", ".join(sorted(table["class"].unique())),
+    )  # fmt: skip
+    return table
