@@ -1,7 +1,7 @@
 """What a fit reports: covariance, the share that data and not priors decided, parameters."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 UNITS = {"amplitude": "m^2", "along": "m", "across": "m", "wheelbase": "m", "front_share": "1"}
 
 
+#: Channels of a stretch [channel] bool, numbers that all vehicles share, derivatives [channel, 3, number] by those.
+Moves = tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.float64]]
 #: Knot intervals whose covariance is computed at once.
 INTERVALS = 8
 
@@ -148,34 +150,58 @@ class Posterior:
         square = sum(float((miss**2).sum()) for miss in missed)
         return max(1.0, self.chi2_per_dof, square / max(sum(map(len, missed)), 1))
 
+    def moves(self, distance: NDArray[np.float64]) -> Iterator[Moves]:
+        """How the route at `distance` [channel], m, moves with what all vehicles share, stretch by stretch."""
+        basis, state = self.chain.basis, self.visit.state
+        place, by_number, other = self.chain.prior.led(state, distance)
+        border = self.visit.normal.size + self.chain.rank(other)
+        at = place.clamp(basis.start, basis.stop).numpy()
+        tangent = basis.along(state.coefficients.numpy(), at, 1)
+        interval = np.clip((at - basis.start) // basis.step, 0, basis.intervals - 1).astype(int)
+        for first in range(0, basis.intervals, INTERVALS):
+            here = (interval >= first) & (interval < first + INTERVALS)
+            if not here.any():
+                continue
+            part = basis.part(first, min(first + INTERVALS, basis.intervals))
+            spline = of_route(first, part.size)
+            where = np.concatenate([np.arange(spline.start, spline.stop), border])
+            moves = tangent[here][:, :, None] * by_number.numpy()[here][:, None, :]
+            yield (
+                here,
+                where,
+                np.concatenate([np.kron(part.at(at[here]), np.eye(3)).reshape(len(moves), 3, -1), moves], 2),
+            )
+
     def route(self, distance: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Route [channel, 3] of the fiber that counts as `distance` [channel], m, and covariances [channel, 3, 3].
 
         The whole covariance, the prior's part of it, and that of shape alone.
         """
-        basis, state = self.chain.basis, self.visit.state
-        place, by_number, other = self.chain.prior.led(state, distance)
-        border = self.visit.normal.size + self.chain.rank(other)
+        basis, coefficients = self.chain.basis, self.visit.state.coefficients.numpy()
+        place = self.chain.prior.led(self.visit.state, distance)[0]
         at = place.clamp(basis.start, basis.stop).numpy()
-        coefficients = state.coefficients.numpy()
-        tangent = basis.along(coefficients, at, 1)
-        route = basis.along(coefficients, at) + tangent * (place.numpy() - at)[:, None]
+        route = basis.along(coefficients, at) + basis.along(coefficients, at, 1) * (place.numpy() - at)[:, None]
         out = tuple(np.full((len(distance), 3, 3), np.nan) for _ in range(3))
-        interval = np.clip((at - basis.start) // basis.step, 0, basis.intervals - 1).astype(int)
-        for first in range(0, basis.intervals, INTERVALS):
-            here = (interval >= first) & (interval < first + INTERVALS)
-            part = basis.part(first, min(first + INTERVALS, basis.intervals))
-            spline = of_route(first, part.size)
-            where = np.concatenate([np.arange(spline.start, spline.stop), border])
-            if not here.any():
-                continue
-            moves = tangent[here][:, :, None] * by_number.numpy()[here][:, None, :]
-            by = np.concatenate([np.kron(part.at(at[here]), np.eye(3)).reshape(len(moves), 3, -1), moves], 2)
+        for here, where, by in self.moves(distance):
             columns = self.columns(where)
             decided = columns.T @ (self.priors @ columns) + columns.T @ (self.through_vehicles @ columns)
             for total, block in zip(out, (columns[where], decided, columns.T @ (self.shape @ columns)), strict=True):
                 total[here] = self.scale * (by @ block @ by.transpose(0, 2, 1))
         return route, *out
+
+    def shared(self, distance: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share [3] of the variance of x, y and z that places have in common: that of their mean error.
+
+        Parameters
+        ----------
+        distance : [channel], m
+        covariance : [channel, 3, 3], m^2, of each place
+        """
+        mean = np.zeros((len(self.reduced.right), 3))
+        for _, where, by in self.moves(distance):
+            mean[where] += by.sum(0).T / len(distance)
+        common = self.scale * np.einsum("na,na->a", mean, self.reduced.factor.solved(mean))
+        return np.asarray(common / np.einsum("caa->a", covariance) * len(distance))
 
     def sigmas(self) -> Tensor:
         """Standard deviation [parameter] of all but the route; 0 where it is fixed."""
@@ -269,6 +295,8 @@ def assemble(
     distance = problem.distance_of(channel)
     route, total, prior, shape = posterior.route(distance)
     share = 1 - np.diagonal(prior, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
+    constrained = (lateral_share(route, total, shape) > 0.5) & converged
+    shared = posterior.shared(distance[constrained], total[constrained]) if constrained.any() else None
     model, weight = maps(chain, posterior.visit)
     return FitResult(
         method=method,
@@ -277,7 +305,7 @@ def assemble(
         route=route,
         # Where a fit has not ended its sigmas say nothing, so that it has none, and no place counts as decided by data.
         covariance=total if converged else np.full_like(total, np.nan),
-        constrained=(lateral_share(route, total, shape) > 0.5) & converged,
+        constrained=constrained,
         data_share=share,
         parameters=parameters(posterior, known=converged),
         vector=state.vector().numpy(),
@@ -295,4 +323,5 @@ def assemble(
         iterations=iterations,
         seconds=seconds,
         converged=converged,
+        shared=None if shared is None else (float(shared[1]), float(shared[2])),
     )

@@ -87,6 +87,7 @@ class FitResult:
     cost : -2 ln of the posterior density where the fit ended, see `solver.fit.chain.Chain.cost`
     ambiguous_side : True where the mirror route on the other side of the traffic fits as well
     iterations, seconds, converged : how it went
+    shared : shares of the variances of y and z that are common to all constrained places; None where not known
     """
 
     method: str
@@ -112,6 +113,7 @@ class FitResult:
     iterations: int
     seconds: float
     converged: bool
+    shared: tuple[float, float] | None = None
 
     @property
     def sigma(self) -> NDArray[np.float64]:

@@ -216,6 +216,7 @@ class FitFile(Stored):
     noise_floor : chi2 per degree of freedom that noise alone would leave; null where too few samples tell
     held_out_chi2_per_dof : of passes that the fit has not seen; null where there are none
     active_channels : first and last that were fitted
+    shared : shares of the variances of y and z that are common to all places that data decide; null where not known
     ambiguous_side : whether the mirror route on the other side of the traffic is not ruled out
     disputed_anchors : that contradict the others, a sentence each
     trust : every check of the fit, and the sentence that follows from them
@@ -251,6 +252,7 @@ class FitFile(Stored):
     noise_floor: Size | None
     held_out_chi2_per_dof: Size | None
     active_channels: tuple[Count, Count]
+    shared: tuple[Size, Size] | None = None
     ambiguous_side: bool
     disputed_anchors: tuple[Text, ...]
     trust: TrustFile

@@ -132,12 +132,27 @@ def held(run: Run) -> str:
     if not run.result.converged:
         return "The fit has not converged: where it stopped has no corridor."
     if run.added is None:
-        return "If the model holds, the corridor holds the fiber at any one place in 95 of 100 surveys like this one."
+        return (
+            "If the model holds, the corridor holds the fiber at any one place in 95 of 100 surveys like this one."
+            + shared_words(run)
+        )
     if run.facts["corridor"]["why"]:
         return "The corridor is as wide as vehicles disagree about the route. What moves it alike for all is not in it."
     return (
         "At any one place the corridor should hold the fiber in 95 of 100 surveys like this one, also where the model "
         "lacks an effect of the catalogue; the darker band within it should if the model lacks nothing."
+        + shared_words(run)
+    )
+
+
+def shared_words(run: Run) -> str:
+    """That places err together, after a space; nothing where that is not known."""
+    if run.result.shared is None:
+        return ""
+    across, down = (f"{100 * share:.0f} %" for share in run.result.shared)
+    return (
+        f" Places err together: of what the fit may be off, all share {across} of the variance of y and {down} of that "
+        "of the depth. So where a survey is off, it is off over long stretches."
     )
 
 

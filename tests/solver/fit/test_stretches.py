@@ -122,6 +122,11 @@ def test_a_chain_has_the_covariance_of_the_dense_problem(case, cut_short: None) 
     block = covariance[:route, :route].reshape(chain.basis.size, 3, chain.basis.size, 3)
     total = posterior.scale * np.einsum("ci,iajb,cj->cab", at, block, at)
     np.testing.assert_allclose(posterior.route(case.problem.distance)[1], total, rtol=1e-4, atol=1e-9)
+    mean = at.mean(0)
+    common = posterior.scale * np.einsum("i,iaja,j->a", mean, block, mean)
+    shares = common / np.einsum("caa->a", total) * len(total)
+    np.testing.assert_allclose(posterior.shared(case.problem.distance, total), shares, rtol=1e-4)
+    assert (shares > 0).all() and (shares < 1).all()
 
 
 def test_the_links_equations_in_the_vector_s_order_are_those_of_the_dense_problem(case, cut_short: None) -> None:

@@ -35,6 +35,12 @@ def test_a_run_as_fitted_says_that_it_takes_its_model_for_granted(run):
     assert "If the model holds, the corridor holds the fiber at any one place in 95 of 100 surveys" in render(run)
 
 
+def test_how_much_of_the_error_all_places_share_is_told_and_kept(survey, tmp_path):
+    run = run_of(replace(survey.result, shared=(0.6, 0.93)), **survey.arguments)
+    run.save(tmp_path / "run")
+    assert "all share 60 % of the variance of y and 93 % of that of the depth" in render(read_run(tmp_path / "run"))
+
+
 def test_both_sigmas_come_back_from_a_saved_run(run, tmp_path):
     wide = wider(run, 0.25)
     wide.save(tmp_path / "run")
