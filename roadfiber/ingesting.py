@@ -15,6 +15,7 @@ from solver.survey.das.store import FILE, Store
 from solver.survey.site import read_site
 from solver.survey.site_sections import DASSection
 from vision.contract import InputError
+from vision.contract.statements import Statements
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,6 +39,7 @@ class Ingested:
     bytes : that the store takes, and `raw_bytes` that its files do
     gaps : how many
     cautions : what is left out and why, and what else must be known, a line each
+    statements : what each file states, and what was taken of it
     seconds : that this call took
     """
 
@@ -52,6 +54,7 @@ class Ingested:
     raw_bytes: int
     gaps: int
     cautions: tuple[str, ...]
+    statements: tuple[Statements, ...]
     seconds: float
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,6 +112,7 @@ def ingest(site: Path | str, out: Path | str | None = None, *, rate: float = FIT
         raw_bytes=sum(max(0, one.bytes) for one in store.said.files),
         gaps=len(store.said.gaps),
         cautions=store.said.cautions,
+        statements=store.statements,
         seconds=clock.perf_counter() - begun,
     )
 
@@ -180,6 +184,11 @@ def view(
         held = f"{source.channels[0]} to {source.channels[1]}"
         raise InputError(f"{site}: no channels {channels[0]} to {channels[1]}; the record has {held}")
     return waterfall(source.record(channels=channels, times=[(first, last)]))
+
+
+def stated(site: Path | str) -> tuple[Statements, ...]:
+    """What each file of a record states, and what is taken of it; `site` as of `view`."""
+    return source_of(Path(site)).statements
 
 
 def source_of(site: Path) -> Store | Raw:

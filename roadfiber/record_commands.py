@@ -28,6 +28,7 @@ def ingest(
     import json
 
     import roadfiber as rf
+    from vision.contract.statements import table_lines
 
     done = rf.ingest(site, out, rate=rate)
     if as_json:
@@ -37,6 +38,7 @@ def ingest(
         f"{done.store}: {done.start} to {done.end}, channels {done.channels[0]} to {done.channels[1]} at "
         f"{done.sampling_rate:g} Hz; {done.bytes / 1e6:.3g} MB, from {done.raw_bytes / 1e6:.3g} MB of files"
     )
+    print("\n".join(table_lines(done.statements)))
     gaps = "no gap" if done.gaps == 0 else "1 gap" if done.gaps == 1 else f"{done.gaps} gaps"
     print(f"{gaps}; noise {done.noise:.2g} 1/s; {done.dead} channels without a signal")
     for line in done.cautions:
@@ -61,7 +63,9 @@ def view(
     Example: `roadfiber view surveys/main-street --from 2025-08-11T06:00:00Z --to 240 --channels 100-250`
     """
     import roadfiber as rf
+    from roadfiber.ingesting import stated
     from vision.contract import InputError, require_writable, writing
+    from vision.contract.statements import table_lines
 
     if out.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(f"--out {out}: give a name that ends in .png, .svg or .pdf")
@@ -69,7 +73,7 @@ def view(
     figure = rf.view(site, start, end, None if channels is None else channels_of(channels))
     with writing(out) as path:
         figure.savefig(path)
-    print(f"wrote {out}")
+    print("\n".join([*table_lines(stated(site)), f"wrote {out}"]))
 
 
 def channels_of(text: str) -> tuple[int, int]:

@@ -46,6 +46,21 @@ class Video(ABC):
         """Median time between frames, s."""
         return float(np.median(np.diff(self.time))) if len(self) > 1 else 0.0
 
+    def header_line(self, start: np.datetime64) -> str:
+        """How the time in the header differs from the `start` that is taken; empty where it does not.
+
+        Headers keep whole seconds. Cameras differ in whether they write when the recording began or when it ended.
+        """
+        if self.created is None:
+            return ""
+        told = np.datetime_as_string(self.created, unit="s")
+        late = float((self.created - start) / np.timedelta64(1, "s"))
+        if abs(late) <= 1.0:
+            return ""
+        if abs(late - float(self.time[-1])) <= 1.0:
+            return f"its header says {told}Z, when it ends by the start that is taken: some cameras write that"
+        return f"its header says {told}Z, {late:+.0f} s from the start that is taken"
+
     @property
     @abstractmethod
     def checksum(self) -> str:

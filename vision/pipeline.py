@@ -238,6 +238,13 @@ def start_time(start: datetime | str | None, video: Video) -> np.datetime64:
             raise InputError(
                 f"{video.path}: does not say when it was recorded; give --start, as 2025-08-11T06:00:00.25Z"
             )
-        log.warning("%s: taken to start at %sZ, as its header says; give --start if not", video.path, video.created)
+        log.warning(
+            "%s: taken to start at %sZ, as its header says; some cameras write the end there, %.0f s after the start: "
+            "give --start if not",
+            *(video.path, video.created, video.time[-1]),
+        )
         return video.created
-    return np.datetime64(round(moment(start, "--start").timestamp() * 1e6), "us").astype("datetime64[ns]")
+    zero = np.datetime64(round(moment(start, "--start").timestamp() * 1e6), "us").astype("datetime64[ns]")
+    if line := video.header_line(zero):
+        log.warning("%s: %s", video.path, line)
+    return zero

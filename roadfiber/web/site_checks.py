@@ -15,7 +15,9 @@ from solver.survey.anchors import read_anchors
 from solver.survey.das.description import Description, describe
 from solver.survey.site import Site, read_site
 from solver.survey.site_sections import CameraSection
-from vision.contract import InputError, LocalFrame, read_trajectories
+from vision.contract import InputError, LocalFrame
+from vision.contract.statements import Statements, caution_lines
+from vision.contract.table import read_tracks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,6 +54,7 @@ class Checked:
     tracks : name -> x, y of each vehicle, m
     anchors : name, x, y, m
     azimuth : of +x, degrees
+    statements : what each file of the record and of the tracks states, and what is taken of it
     """
 
     checks: list[Check] = field(default_factory=list)
@@ -59,6 +62,7 @@ class Checked:
     tracks: dict[str, tuple[list[float], list[float]]] = field(default_factory=dict)
     anchors: list[tuple[str, float, float]] = field(default_factory=list)
     azimuth: float = 0.0
+    statements: list[Statements] = field(default_factory=list)
 
     @property
     def able(self) -> bool:
@@ -122,6 +126,7 @@ def check_record(found: Checked, site: Site) -> None:
     """Headers of the DAS files: times, channels, gauge, unit."""
     known: Description = describe(site.das.files, **site.das.said)
     first, last = known.channels
+    found.statements += known.statements
     found.spans["DAS record"] = known.start, known.end
     words = (
         f"{known.files} file{'s' * (known.files != 1)} of {known.stored.quantity.replace('_', ' ')}, "
@@ -143,20 +148,17 @@ def check_camera(found: Checked, camera: CameraSection, frame: LocalFrame) -> No
     first, last = (start + np.timedelta64(round(1e9 * (at - camera.clock_offset)), "ns") for at in video.time[[0, -1]])
     found.spans["video"] = first, last
     words = f"{len(video)} pictures of {video.width} x {video.height}; {span_words(first, last)}"
-    if video.created is not None and abs((video.created - first) / np.timedelta64(1, "s")) > LATE:
-        found.add(
-            "Video",
-            "look",
-            f"{words}; the file itself says that it begins at {np.datetime_as_string(video.created, 's')} UTC",
-        )
-        return
-    found.add("Video", "good", words)
+    line = video.header_line(start)
+    found.add("Video", "look" if line else "good", f"{words}; {line}" if line else words)
 
 
 def check_tracks(found: Checked, site: Site) -> None:
     """Trajectories: how many, of which classes, where."""
     assert site.trajectories is not None
-    table = read_trajectories(site.trajectories.files, site.frame)
+    table, stated = read_tracks(site.trajectories.files, site.frame)
+    found.statements += stated
+    for line in caution_lines(stated):
+        found.add("Fixes", "look", line)
     times = table["time"].dt.tz_convert(None).to_numpy()
     found.spans["vehicles"] = times.min(), times.max()
     found.tracks = {

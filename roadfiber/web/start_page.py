@@ -15,6 +15,7 @@ from roadfiber.web.site_draft import FIELDS, Draft, found_in
 from roadfiber.web.worker import Worker
 from vision.contract import InputError, require_writable, writing
 from vision.contract.palette import FORWARD, ROUTE
+from vision.contract.statements import table_html
 
 SITE = "site.toml"
 #: Fields: what they are called, and an example.
@@ -165,6 +166,7 @@ class StartPage:
             f"<b>{escape(one.what)}</b>: {escape(one.words)}</p>"
             for one in found.checks
         )
+        self.list.object += table_html(found.statements)
         self.draw(found)
         if found.able:
             self.text.object = f"<h2>{SITE}</h2><pre>{escape(draft.text())}</pre>"

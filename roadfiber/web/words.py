@@ -11,6 +11,7 @@ from solver.run.report.parts import with_commands
 from solver.run.rung import rung_names
 from vision.contract import InputError
 from vision.contract.rounding import at_most
+from vision.contract.statements import Statements, table_html
 
 if TYPE_CHECKING:
     from roadfiber.web.film import Film
@@ -40,6 +41,7 @@ def head(bench: Bench) -> str:
     return (
         f"<small>{escape(run.name)} · {escape(str(bench.folder))} · {rung} · {escape(model)}</small>"
         f"<h1>{escape(run.headline)}</h1><p class='grade {grade}'>{trust}</p>"
+        f"{table_html([Statements.of(one) for one in run.facts.get('statements', ())])}"
     )
 
 

@@ -96,6 +96,7 @@ def facts_of(
         "settings": settings_of(survey.ground, record),
         "plugins": [],
         "record": {name: value for name, value in record.provenance.items() if name not in ("files", "sha256")},
+        "statements": [one.to_dict() for one in (*record.statements, *survey.statements)],
         "inputs": [asdict(source) for source in survey.sources],
         "timings": timings,
         "versions": versions(),

@@ -189,6 +189,22 @@ class TrustFile(Stored):
     gates: tuple[GateFile, ...]
 
 
+class StatementFile(Stored):
+    """A line of one of `statements`; fields as those of `vision.contract.statements.Statement`."""
+
+    what: Text
+    stated: tuple[tuple[Text, Text], ...]
+    taken: Text
+    caution: Text
+
+
+class StatementsFile(Stored):
+    """One of `statements`; fields as those of `vision.contract.statements.Statements`."""
+
+    file: Text
+    rows: tuple[StatementFile, ...]
+
+
 class AnyRun(Stored):
     """The key of fit.json that marks a run of any version of roadfiber."""
 
@@ -232,6 +248,7 @@ class FitFile(Stored):
     choice : of many passes, those that were fitted and why; absent where all were
     plugins : users' effects in the model, as text for people to read
     record : where the record comes from: format, original unit, scale ...
+    statements : what each file of the record and of the tracks states, and what was taken of it
     inputs : every file that was read, with its checksum
     timings : of each step, s
     versions : of Python, roadfiber and what it computes with
@@ -268,6 +285,7 @@ class FitFile(Stored):
     choice: ChoiceFile | None = None
     plugins: tuple[PluginFile, ...]
     record: dict[Text, Text | float | int | bool | tuple[Text, ...] | None]
+    statements: tuple[StatementsFile, ...] = ()
     inputs: tuple[InputFile, ...]
     timings: dict[Text, Size]
     versions: dict[Text, Text]

@@ -19,7 +19,9 @@ from solver.survey.das.record import DASRecord
 from solver.survey.selection import wanted
 from solver.survey.site import Site, read_site
 from solver.survey.site_sections import CameraSection, GroundSection
-from vision.contract import InputError, LocalFrame, read_trajectories, trajectories_of
+from vision.contract import InputError, LocalFrame, trajectories_of
+from vision.contract.statements import Statements, caution_lines
+from vision.contract.table import checked_tracks, read_tracks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,6 +72,7 @@ class Survey:
     sources : files and arrays that it was made from
     seconds : how long reading took
     cautions : what the user should know about the tracks, a line each
+    statements : what each track file states, and what is taken of it
 
     Raises
     ------
@@ -99,6 +102,7 @@ class Survey:
     sources: tuple[Source, ...]
     seconds: float
     cautions: tuple[str, ...]
+    statements: tuple[Statements, ...] = ()
 
     def __init__(
         self,
@@ -122,6 +126,7 @@ class Survey:
     ) -> None:
         begun = clock.perf_counter()
         where = frame if isinstance(frame, LocalFrame) else LocalFrame((frame[0], frame[1]), frame[2])
+        checked, stated = checked_tracks(tracks, where)
         tables = {"trajectories": tracks} | ({} if anchors is None else {"anchors": anchors})
         record = record_of(
             [block_of(das, time, distance, first_channel)],
@@ -137,13 +142,14 @@ class Survey:
             name=name,
             frame=where,
             record=record,
-            tracks=trajectories_of(tracks, where),
+            tracks=checked,
             anchors=[] if anchors is None else anchors_of(anchors, where),
             ground=ground_of(poisson_ratio, depth),
             camera=None,
             sources=(*das_sources(record), *(table_source(role, table) for role, table in tables.items())),
             seconds=clock.perf_counter() - begun,
-            cautions=(),
+            cautions=tuple(caution_lines([stated])),
+            statements=(stated,),
         )
 
     def _hold(self, **values: Any) -> None:
@@ -170,7 +176,9 @@ class Survey:
     def of_site(cls, site: Site) -> "Survey":
         """Read the files that a checked site.toml names; see `read`."""
         begun = clock.perf_counter()
-        tracks = None if site.trajectories is None else read_trajectories(site.trajectories.files, site.frame)
+        tracks, stated = None, tuple[Statements, ...]()
+        if site.trajectories is not None:
+            tracks, stated = read_tracks(site.trajectories.files, site.frame)
         anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
         source = opened(site.das.files, site.das.said, site.das.store)
         return cls.of(
@@ -182,7 +190,8 @@ class Survey:
             camera=site.camera,
             sources=file_sources(site),
             seconds=clock.perf_counter() - begun,
-            cautions=(),
+            cautions=tuple(caution_lines(stated)),
+            statements=stated,
             _source=source,
         )._read()
 

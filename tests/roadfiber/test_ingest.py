@@ -41,6 +41,8 @@ def test_a_store_is_made_used_and_renewed(survey, caplog):
     assert record.provenance["files"] == raw.provenance["files"]
     words = run("ingest", survey).output
     assert "channels 0 to 240 at 5 Hz" in words and "no gap; noise" in words
+    assert "5 Hz (Raw OutputDataRate 5 Hz, PartStartTime to PartEndTime 5 Hz, RawDataTime 5 Hz)" in words
+    assert record.statements == raw.statements
     site = survey / "site.toml"
     text = site.read_text()
     site.write_text(text.replace("[das]", "[das]\nexclude = [3]"))
@@ -67,6 +69,7 @@ def test_a_waterfall_needs_no_trajectories(survey, tmp_path):
         tmp_path / "a.png",
     )
     assert told.exit_code == 0, told.output
+    assert "gauge length      10 m (Acquisition GaugeLength 10 m" in told.output
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     figure = rf.view(tmp_path, 20, 50.0, (30, 90))
     waterfall, noise = [axes for axes in figure.axes if axes.get_label() in ("record", "noise")]

@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -204,11 +205,15 @@ def test_cut_short_video(survey, command, tmp_path_factory):
     assert "cut short or damaged" in err or "no frame decodes" in err
 
 
-def test_start_comes_from_the_header(survey, tmp_path):
+def test_start_comes_from_the_header(survey, tmp_path, caplog):
     path = write_video(tmp_path / "v.mp4", numbered_images(3))
     set_creation_time(path, np.datetime64("2026-03-04T05:06:07"))
     assert start_time(None, open_video(path)) == np.datetime64("2026-03-04T05:06:07")
     assert start_time("2025-08-11T08:00:00+02:00", open_video(path)) == np.datetime64("2025-08-11T06:00:00")
+    assert "its header says 2026-03-04T05:06:07Z, +17708767 s from the start" in caplog.text
+    video = replace(open_video(path), time=np.arange(20.0))
+    assert video.header_line(video.created) == ""
+    assert "when it ends by the start that is taken" in video.header_line(video.created - np.timedelta64(19, "s"))
 
 
 BAD = {

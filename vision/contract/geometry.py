@@ -49,7 +49,8 @@ def read_features(path: Path) -> list[Feature]:
 
     Parameters
     ----------
-    path : GeoJSON (RFC 7946, so WGS 84), KML, or GeoPackage in any coordinates that it names (needs roadfiber[gis])
+    path : GeoJSON in WGS 84 or what its member `crs` names, KML, or GeoPackage in any coordinates that it names (needs
+        roadfiber[gis])
 
     Raises
     ------
@@ -79,31 +80,56 @@ def read_features(path: Path) -> list[Feature]:
     return found
 
 
-def parts_of(value: Any, properties: dict[str, Any], path: Path) -> Iterator[Feature]:
-    """Points and lines of a GeoJSON object of any type."""
+def to_degrees(value: dict[str, Any], path: Path) -> Any:
+    """What brings positions of a GeoJSON object to WGS 84, by its member `crs`; None where it has none, or is there.
+
+    RFC 7946 knows no `crs`; programs write that of GeoJSON 2008 where coordinates are others.
+    """
+    said = value.get("crs")
+    if said is None:
+        return None
+    from pyproj import CRS, Transformer
+    from pyproj.exceptions import ProjError
+
+    properties = said.get("properties") if isinstance(said, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    try:
+        if not isinstance(name, str):
+            raise ValueError("it names none")
+        return Transformer.from_crs(CRS.from_user_input(name), CRS.from_epsg(4326), always_xy=True)
+    except (ProjError, ValueError) as error:
+        raise InputError(f"{path}: its crs, {name!r}, is not known; export it again in WGS 84") from error
+
+
+def parts_of(value: Any, properties: dict[str, Any], path: Path, move: Any = None) -> Iterator[Feature]:
+    """Points and lines of a GeoJSON object of any type; `move` is what its positions go through, as of `to_degrees`."""
     if not isinstance(value, dict):
         return
+    move = to_degrees(value, path) or move
     kind, inside = value.get("type"), value.get("coordinates")
     if kind == "Feature":
         own = value.get("properties")
-        yield from parts_of(value.get("geometry"), own if isinstance(own, dict) else {}, path)
+        yield from parts_of(value.get("geometry"), own if isinstance(own, dict) else {}, path, move)
     for many in ("features", "geometries"):
         for one in value.get(many) or ():
-            yield from parts_of(one, properties, path)
+            yield from parts_of(one, properties, path, move)
     if kind in ("Point", "LineString"):
-        yield Feature(kind, numbers([inside] if kind == "Point" else inside, path), properties)
+        yield Feature(kind, numbers([inside] if kind == "Point" else inside, path, move), properties)
     elif kind in ("MultiPoint", "MultiLineString"):
         for one in inside or ():
-            yield Feature(kind.removeprefix("Multi"), numbers([one] if kind == "MultiPoint" else one, path), properties)
+            positions = numbers([one] if kind == "MultiPoint" else one, path, move)
+            yield Feature(kind.removeprefix("Multi"), positions, properties)
 
 
-def numbers(positions: Any, path: Path) -> Array:
-    """Positions as an array [vertex, 3]."""
+def numbers(positions: Any, path: Path, move: Any = None) -> Array:
+    """Positions as an array [vertex, 3], in degrees after `move`."""
     try:
         rows = [[float(number) for number in one[:3]] for one in positions]
         found = np.array([[*row, np.nan][:3] for row in rows]).reshape(-1, 3)
     except (TypeError, ValueError) as error:
         raise InputError(f"{path}: a position is not longitude, latitude[, height]; export it again") from error
+    if move is not None:
+        found[:, :2] = np.column_stack(move.transform(found[:, 0], found[:, 1]))
     if not np.isfinite(found[:, :2]).all() or (np.abs(found[:, 1]) > 90).any() or (np.abs(found[:, 0]) > 360).any():
         raise InputError(f"{path}: a position is not longitude and latitude in degrees; export it again in WGS 84")
     return found

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 #: A number, a time in UTC, or words.
 Value = float | int | str | np.datetime64
+#: What differs from file to file of one recording.
+TIMES = ("start", "end")
 #: Statements about one thing, each with the place in the file where it stands.
 Said = Sequence[tuple[str, Value]]
 
@@ -168,13 +170,26 @@ def caution_lines(files: Sequence[Statements]) -> list[str]:
     return [f"{names[0]}{others[line]}: {line}" for line, names in found.items()]
 
 
-def table_lines(files: Sequence[Statements]) -> list[str]:
-    """The table of the first file, and of others what they state differently, but for their times."""
-    lines = files[0].lines() if files else []
+def told_once(files: Sequence[Statements]) -> tuple[list[Statements], str]:
+    """The table of the first file, of others what they state differently but for their times, and how many do not."""
     usual = {one.what: one for one in files[0].rows} if files else {}
-    alike = 0
-    for file in files[1:]:
-        other = [one for one in file.rows if one.what not in ("start", "end") and one != usual.get(one.what)]
-        alike += not other
-        lines += Statements(file.file, tuple(other)).lines() if other else []
-    return [*lines, *([f"{alike} more file{'s' * (alike > 1)} state the same but for their times"] if alike else [])]
+    others = [
+        Statements(file.file, tuple(one for one in file.rows if one.what not in TIMES and one != usual.get(one.what)))
+        for file in files[1:]
+    ]
+    alike = sum(not one.rows for one in others)
+    line = f"{alike} more of the files state the same but for their times" if alike else ""
+    return [*files[:1], *(one for one in others if one.rows)], line
+
+
+def table_lines(files: Sequence[Statements]) -> list[str]:
+    """What a terminal shows of several files."""
+    shown, alike = told_once(files)
+    return [*(line for one in shown for line in one.lines()), *([alike] if alike else [])]
+
+
+def table_html(files: Sequence[Statements]) -> str:
+    """What a page shows of several files, folded up; nothing where there are none."""
+    shown, alike = told_once(files)
+    tables = "".join(one.html() for one in shown) + (f"<p>{alike}.</p>" if alike else "")
+    return f"<details><summary>What each file states, and what is taken</summary>{tables}</details>" if files else ""

@@ -20,6 +20,7 @@ from vision.contract.errors import InputError
 from vision.contract.files import writing
 from vision.contract.frame import LocalFrame
 from vision.contract.gpx import read_gpx
+from vision.contract.statements import Statement, Statements, statement
 from vision.contract.text import TIME_MEND, YEARS
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ TEXT_COLUMNS = ("time", "track_id", "class")
 
 # A time of day, then Z or an offset; without these the time zone is unknown.
 ZONED = r"\d{1,2}:\d{2}.*(?:[Zz]|UTC|[+-]\d{2}(?::?\d{2})?)\s*$"
+# What of a time as text says its zone.
+OFFSET = r"([Zz]|UTC|[+-]\d{2}(?::?\d{2})?)\s*$"
 # Unix times of the years 2001 to 2096, s; in ms, us and ns they are 10^3, 10^6 and 10^9 times that.
 UNIX = (1e9, 4e9)
 UNIX_UNITS: dict[Literal["s", "ms", "us", "ns"], float] = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -189,9 +192,46 @@ def without_repeats(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
     return table
 
 
-def read_one(path: Path, frame: LocalFrame | None) -> "pd.DataFrame":
-    """Read and check one file."""
-    return trajectories_of(read_as_is(path), frame, path)
+def unmeasured(table: "pd.DataFrame") -> "pd.Series":
+    """Which fixes [fix] of an ordered table repeat the last place exactly while the vehicle moved on.
+
+    A receiver or a tracker that loses its vehicle may write the last place again. It does if the vehicle comes to that
+    place by more than the sigma of a fix, and is gone from it as fast as it came, or never goes on.
+
+    >>> import pandas as pd
+    >>> times = pd.date_range("2025-08-11T06:00:00Z", periods=7, freq="1s")
+    >>> rows = {"time": times, "track_id": "a", "x": [0.0, 1, 2, 2, 2, 5, 6], "y": 0.0, "sigma_x": 0.1, "sigma_y": 0.1}
+    >>> unmeasured(pd.DataFrame(rows)).tolist()
+    [False, False, False, True, True, False, False]
+    """
+    named = table["track_id"]
+    again = (table[["x", "y"]] == table[["x", "y"]].shift()).all(axis=1) & (named == named.shift())
+    # Of each place the first fix: how the vehicle came there, and how it went on.
+    first, run = table[~again], (~again).cumsum()
+    own = first["track_id"] == first["track_id"].shift()
+    step = ((first[["x", "y"]].diff() ** 2).sum(axis=1) ** 0.5).where(own)
+    came = step / first["time"].diff().dt.total_seconds()
+    sudden = step > first[["sigma_x", "sigma_y"]].max(axis=1)
+    moved_on = sudden & ~(came.shift(-1) < 0.5 * came)
+    return again & moved_on.set_axis(range(1, len(first) + 1)).reindex(run).to_numpy()
+
+
+def read_tracks(
+    paths: Sequence[Path], frame: LocalFrame | None = None
+) -> "tuple[pd.DataFrame, tuple[Statements, ...]]":
+    """Read trajectory files, as `read_trajectories` does, and what each states and what is taken of it."""
+    import pandas as pd
+
+    if not paths:
+        raise InputError("no trajectory files; give at least one .csv, .parquet or .gpx")
+    paths = [Path(path) for path in paths]
+    read = [checked_tracks(read_as_is(path), frame, path) for path in paths]
+    tables = [table for table, _ in read]
+    shared = Counter(name for table in tables for name in table["track_id"].unique())
+    for index, (path, table) in enumerate(zip(paths, tables, strict=True)):
+        taken = table["track_id"].map(shared) > 1
+        tables[index] = table.assign(track_id=table["track_id"].mask(taken, f"{path.stem}:" + table["track_id"]))
+    return ordered(pd.concat(tables, ignore_index=True)), tuple(stated for _, stated in read)
 
 
 def trajectories_of(table: "pd.DataFrame", frame: LocalFrame | None, path: Path = Path("tracks")) -> "pd.DataFrame":
@@ -208,13 +248,65 @@ def trajectories_of(table: "pd.DataFrame", frame: LocalFrame | None, path: Path 
     InputError
         As in `read_trajectories`.
     """
+    return checked_tracks(table, frame, path)[0]
+
+
+def checked_tracks(
+    table: "pd.DataFrame", frame: LocalFrame | None, path: Path = Path("tracks")
+) -> "tuple[pd.DataFrame, Statements]":
+    """Check a table as `trajectories_of` does, and say what it states and what is taken of it."""
+    import pandas as pd
+
     table = with_positions(table)
     check_columns(table, path)
+    written, fixes, odd = table["time"].astype(str), len(table), list[Statement]()
+    geographic = "latitude" in table and "x" not in table
+    if geographic:
+        nowhere = (table[["latitude", "longitude"]].apply(pd.to_numeric, errors="coerce") == 0).all(axis=1)
+        if nowhere.any() and not nowhere.all():
+            odd.append(Statement("no position", (), left_out(nowhere), "receivers without a fix write 0, 0"))
+            table = table[~nowhere]
     table = to_meters(table.assign(time=to_utc(table["time"], path)), frame, path)
     names = {name: table[name].astype(str).str.strip() for name in ("track_id", "class")}
     table = table.assign(track_id=names["track_id"], **{"class": names["class"].map(plain_name)})
     check_names(table, ("track_id", "class"), path)
-    return ordered(without_repeats(with_wheelbase(table, path), path))
+    table = ordered(without_repeats(with_wheelbase(table, path), path))
+    held = unmeasured(table)
+    if held.any():
+        odd.append(
+            Statement("held fixes", (), left_out(held), "they repeat the last place exactly while the vehicle moved on")
+        )
+        table = table[~held].reset_index(drop=True)
+    return table, Statements(path.name, (*stated_rows(table, written, fixes, geographic), *odd))
+
+
+def left_out(rows: "pd.Series") -> str:
+    """How many fixes are left out, in words."""
+    return f"{rows.sum()} fixes left out"
+
+
+def stated_rows(table: "pd.DataFrame", written: "pd.Series", fixes: int, geographic: bool) -> list[Statement]:
+    """What a checked table holds: of times as they were `written`, and so many `fixes`."""
+    step = table.groupby("track_id", sort=False)["time"].diff().dt.total_seconds()
+    usual = float(step.median())
+    gaps = int((step > 1.5 * usual).sum())
+    sigma = float(table[["sigma_x", "sigma_y"]].max(axis=1).median())
+    offsets = sorted(set(written.str.extract(OFFSET, expand=False).fillna("none")))
+    classes = ", ".join(
+        f"{count} {name}" for name, count in table.groupby("track_id")["class"].first().value_counts().items()
+    )
+    ends = [time.tz_convert(None).to_datetime64() for time in (table["time"].min(), table["time"].max())]
+    columns = "latitude, longitude" if geographic else "x, y"
+    return [
+        statement("start", (), ends[0]),
+        statement("end", (), ends[1]),
+        statement("zone", [("time", ", ".join(offsets))], "UTC"),
+        statement("rate", (), 1 / usual if usual > 0 else None, unit="fixes/s"),
+        statement("vehicles", (), f"{table['track_id'].nunique()} ({classes})"),
+        statement("fixes", [("rows", fixes)], f"{len(table)}"),
+        statement("places", [("columns", columns)], f"m, usual sigma {sigma:.3g} m"),
+        statement("gaps", (), f"{gaps} longer than 1.5 usual steps"),
+    ]
 
 
 def ordered(table: "pd.DataFrame") -> "pd.DataFrame":
@@ -254,17 +346,7 @@ def read_trajectories(paths: Sequence[Path], frame: LocalFrame | None = None) ->
     >>> read_trajectories([path])[["track_id", "class", "x"]].values.tolist()
     [['1', 'car', 2.5]]
     """
-    import pandas as pd
-
-    if not paths:
-        raise InputError("no trajectory files; give at least one .csv, .parquet or .gpx")
-    paths = [Path(path) for path in paths]
-    tables = [read_one(path, frame) for path in paths]
-    shared = Counter(name for table in tables for name in table["track_id"].unique())
-    for index, (path, table) in enumerate(zip(paths, tables, strict=True)):
-        taken = table["track_id"].map(shared) > 1
-        tables[index] = table.assign(track_id=table["track_id"].mask(taken, f"{path.stem}:" + table["track_id"]))
-    return ordered(pd.concat(tables, ignore_index=True))
+    return read_tracks(paths, frame)[0]
 
 
 def write_trajectories(table: "pd.DataFrame", path: Path) -> None:

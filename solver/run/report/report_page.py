@@ -20,6 +20,7 @@ from solver.run.report.street_view import street_section
 from solver.run.run import Run
 from solver.run.run_corridor import probable
 from vision.contract.figures import svg
+from vision.contract.statements import Statements, table_html
 
 WIDE, NARROW = 1060, 350  # px
 
@@ -155,6 +156,7 @@ def render(run: Run) -> str:
         choice=choice_section(run),
         parameters=parameter_tables(run.result.parameters),
         inputs=terms(inputs(run)),
+        statements=table_html([Statements.of(one) for one in run.facts.get("statements", ())]),
         version=escape(run.facts["versions"]["roadfiber"]),
         terms=glossary(),
         created=escape(run.facts["created"]),

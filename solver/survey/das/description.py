@@ -1,7 +1,7 @@
 """A record as the headers of its files describe it, before any of its numbers is read."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypedDict, Unpack
 
@@ -16,7 +16,7 @@ from solver.survey.das.setting import agreed, check_excluded, chosen, file_spaci
 from solver.survey.das.units import Unit, resolve
 from solver.survey.limits import CHANNEL_SPACINGS, GAUGE_LENGTHS
 from vision.contract import InputError, progress
-from vision.contract.statements import Statements, caution_lines
+from vision.contract.statements import Statements, caution_lines, statement
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,17 @@ class Description:
     def lines(self) -> list[str]:
         """What to tell the user about files that are left out, and about statements that differ."""
         return [*left_out_line(self.files, self.left_out), *caution_lines(self.statements)]
+
+    def stated(self, files: Container[Path], lost: Sequence[tuple[int, int]]) -> tuple[Statements, ...]:
+        """Statements of some files, with how many of their samples were written without being measured."""
+        gone = dict[str, int]()
+        for one in self.grid.placed:
+            inside = sum(max(0, min(one.stop, last + 1) - max(one.row, first)) for first, last in lost)
+            gone[one.block.path.name] = gone.get(one.block.path.name, 0) + inside
+        told = {name: (statement("not measured", (), f"{count} samples"),) for name, count in gone.items() if count}
+        named = [block.path for block in self.blocks]
+        both = zip(named, self.statements, strict=True)
+        return tuple(replace(one, rows=(*one.rows, *told.get(one.file, ()))) for path, one in both if path in files)
 
     def columns(self, channels: tuple[int, int]) -> slice:
         """Columns of the files that a range of channels is made from."""

@@ -152,9 +152,8 @@ def ingest(
 def bare(said: StoreFile) -> StoreFile:
     """What identifies a store: its files and settings, without file times and results."""
     files = tuple(one.model_copy(update={"changed": 0}) for one in said.files)
-    return said.model_copy(
-        update={"files": files, "gaps": (), "cautions": (), "law": (), "whole": False, "complete": False}
-    )
+    found = dict.fromkeys(("gaps", "cautions", "statements", "law"), ()) | {"whole": False, "complete": False}
+    return said.model_copy(update={"files": files} | found)
 
 
 def seconds_of(rows: Sequence[tuple[int, int]], interval: float) -> tuple[tuple[float, float], ...]:
@@ -262,6 +261,7 @@ def finish(known: Description, said: StoreFile, folder: Path) -> Store:
     said = said.model_copy(
         update={
             "cautions": (*known.lines, *unmeasured_line(lost, known.grid.interval * 1e-9), *cautions),
+            "statements": tuple(one.to_dict() for one in known.stated([one.path for one in known.blocks], lost)),
             "gaps": seconds_of(known.grid.without(lost), known.grid.interval),
             "law": () if rounding is None else tuple(rounding.law.tolist()),
             "whole": rounding is not None and rounding.whole,

@@ -15,6 +15,7 @@ from solver.survey.das.reader import record_from
 from solver.survey.das.record import DASRecord
 from solver.survey.das.store import FILE, Store
 from vision.contract import InputError
+from vision.contract.statements import Statements
 
 logger = logging.getLogger("roadfiber")
 
@@ -41,6 +42,11 @@ class Raw:
     def channels(self) -> tuple[int, int]:
         """First and last channel."""
         return self.known.channels
+
+    @property
+    def statements(self) -> tuple[Statements, ...]:
+        """What each file states, and what is taken of it."""
+        return self.known.statements
 
     @property
     def channel_spacing(self) -> float:

@@ -143,4 +143,5 @@ def record_from(
         rounding=found.rounding,
         cautions=(*said, *found.cautions),
         extent=Extent(known.start, known.end, known.held) if partly else None,
+        statements=known.stated({one.block.path for one in used}, found.lost),
     )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from solver.survey.das.rounding import Rounding
 from solver.survey.das.time_windows import stretches
+from vision.contract.statements import Statements
 
 Array = NDArray[np.float64]
 
@@ -46,6 +47,7 @@ class DASRecord:
     rounding : of the stored numbers; None if they were not rounded
     cautions : what the user should know about the record, a line each
     extent : of the files, if only a part of them was read; None: all was read
+    statements : what each file that was read states, and what is taken of it
     """
 
     strain_rate: Array
@@ -61,6 +63,7 @@ class DASRecord:
     rounding: Rounding | None = None
     cautions: tuple[str, ...] = ()
     extent: "Extent | None" = None
+    statements: tuple[Statements, ...] = ()
 
     @property
     def recorded(self) -> "Extent":

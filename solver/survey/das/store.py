@@ -29,6 +29,7 @@ from solver.survey.das.record import DASRecord, Extent, gap_lines
 from solver.survey.das.rounding import Rounding
 from solver.survey.das.time_windows import Windows
 from vision.contract import InputError, progress, read_text
+from vision.contract.statements import Statements
 
 Format = Literal["roadfiber store 1"]
 (FORMAT,) = get_args(Format)
@@ -72,6 +73,7 @@ class StoreFile(Kept):
     gaps : first and last time of missing samples, s after `start`
     provenance : format, original unit, scale, notes
     cautions : what must be known about the record, a line each
+    statements : what each file states, and what is taken of it
     law : autocovariance of the error of rounding, by lag; empty where values were not rounded
     whole : whether values were rounded to whole steps
     complete : whether all parts are there
@@ -93,6 +95,7 @@ class StoreFile(Kept):
     gaps: tuple[tuple[Finite, Finite], ...]
     provenance: dict[str, Any]
     cautions: tuple[str, ...] = ()
+    statements: tuple[dict[str, Any], ...] = ()
     law: tuple[Finite, ...] = ()
     whole: bool = False
     complete: bool = False
@@ -159,6 +162,11 @@ class Store:
     def files(self) -> list[str]:
         """Paths of the files that the store was made from."""
         return [os.path.normpath(self.folder.resolve() / one) for one in self.said.provenance["files"]]
+
+    @property
+    def statements(self) -> tuple[Statements, ...]:
+        """What each file states, and what was taken of it."""
+        return tuple(Statements.of(one) for one in self.said.statements)
 
     @property
     def interval(self) -> float:
@@ -259,6 +267,7 @@ class Store:
             rounding=Rounding(step, np.array(said.law), said.whole) if len(said.law) and step.any() else None,
             cautions=(*said.cautions, *gap_lines(start, gaps, said.interval * 1e-9)),
             extent=Extent(self.start, self.end, said.held) if partly else None,
+            statements=self.statements,
         )
 
 

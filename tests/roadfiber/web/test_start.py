@@ -37,6 +37,7 @@ def test_a_good_survey_passes_and_its_site_is_written_as_it_was(folder):
     told = []
     found = check(folder, draft, told.append)
     assert found.able and set(verdicts(found).values()) == {"good"}, found.checks
+    assert {"start", "rate", "zone"} <= {row.what for file in found.statements for row in file.rows}
     assert told == ["Record", "Vehicles", "Anchors", "Clocks"] and len(found.tracks) == 4
     assert tomllib.loads(draft.text()) == tomllib.loads((folder / "site.toml").read_text())
     assert not list(folder.glob(".site-*"))

@@ -26,6 +26,7 @@ from solver.run.report.route_figure import along_x, route_figure, same_scale
 from solver.run.run import Run
 from vision.contract.drawing import coarse, color_map, color_scale
 from vision.contract.figures import svg
+from vision.contract.statements import Statements, statement
 
 VOID = {"meta", "img", "input", "br", "path", "use", "link"}
 
@@ -175,6 +176,17 @@ def test_page_says_what_fit_json_says(survey):
     assert "not converged in 7 steps" in run.facts["trust"]["sentence"]
     for gate in run.facts["trust"]["gates"]:
         assert gate["words"] in text
+
+
+def test_page_says_what_files_state_and_what_was_taken(survey):
+    run = made_run(survey)
+    rate = statement("rate", [("OutputDataRate", 5.0), ("PartEndTime", 4.0)], 5.0, unit="Hz", within=1e-3)
+    stated = [Statements(name, (rate,)).to_dict() for name in ("a<b>.h5", "c.h5")]
+    text = read(render(replace(run, facts=run.facts | {"statements": stated}))).text
+    assert {"a<b>.h5", "5 Hz", "OutputDataRate 5 Hz, PartEndTime 4 Hz", "PartEndTime says 4 Hz; 5 Hz is taken"} <= {
+        *text
+    }
+    assert "1 more of the files state the same but for their times." in text
 
 
 def test_a_good_fit_has_only_the_cautions_that_are_true(survey):

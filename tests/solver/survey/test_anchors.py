@@ -1,3 +1,5 @@
+import json
+
 import pytest
 
 from solver.survey.anchors import Anchor, read_anchors
@@ -74,3 +76,23 @@ def test_bad_anchors_are_one_clear_line(tmp_path, lines, says):
 def test_missing_file_is_one_clear_line(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_anchors(tmp_path / "none.csv", FRAME)
+
+
+@pytest.mark.parametrize("name", ["urn:ogc:def:crs:EPSG::2039", "EPSG:32636"])
+def test_coordinates_that_geojson_names_are_honored(tmp_path, name):
+    from pyproj import Transformer
+
+    east, north = Transformer.from_crs(4326, name, always_xy=True).transform(34.8045, 32.1131)
+    point = {"type": "Point", "coordinates": [east, north]}
+    properties = {"name": "west", "channel": 84, "z": 0.9, "sigma_xy": 0.05, "sigma_z": 0.05}
+    whole = {"type": "FeatureCollection", "crs": {"type": "name", "properties": {"name": name}}}
+    whole["features"] = [{"type": "Feature", "geometry": point, "properties": properties}]
+    path = tmp_path / "anchors.geojson"
+    path.write_text(json.dumps(whole))
+    frame = LocalFrame((32.113, 34.804), 78.0)
+    x, y = frame.to_local(32.1131, 34.8045)
+    (anchor,) = read_anchors(path, frame)
+    assert (anchor.x, anchor.y) == pytest.approx((float(x), float(y)), abs=1e-3)
+    path.write_text(json.dumps(whole | {"crs": {"type": "name", "properties": {"name": "site grid"}}}))
+    with pytest.raises(InputError, match="its crs, 'site grid', is not known; export it again in WGS 84"):
+        read_anchors(path, frame)

@@ -6,6 +6,7 @@ import pytest
 
 from vision.contract import COLUMNS, InputError, LocalFrame, read_trajectories, write_trajectories
 from vision.contract.columns import with_positions
+from vision.contract.table import checked_tracks, read_tracks
 
 FRAME = LocalFrame((32.113, 34.804), 78.0)
 HEADER = ",".join(COLUMNS)
@@ -299,3 +300,37 @@ def test_wheelbases_come_and_go_by_track(tmp_path):
     table = read_trajectories([path])
     assert table["wheelbase"].tolist()[0] == 2.48 and table["wheelbase"].isna().tolist() == [False, True]
     assert table["sigma_wheelbase"].dtype == float
+
+
+def test_fixes_without_a_position_are_left_out_and_told(tmp_path):
+    rows = [
+        f"2025-08-11T09:00:0{second}+03:00,1,car,{place},2"
+        for second, place in enumerate(["32.113,34.804"] * 2 + ["0,0"])
+    ]
+    rows[1] = rows[1].replace("34.804", "34.8041")
+    table, (stated,) = read_tracks([written(tmp_path, "\n".join([GPS_HEADER, *rows]))], FRAME)
+    assert len(table) == 2
+    assert stated.cautions == ["no position: receivers without a fix write 0, 0"]
+    told = {one.what: one for one in stated.rows}
+    assert (told["zone"].stated, told["zone"].taken) == ((("time", "+03:00"),), "UTC")
+    assert (told["start"].taken, told["fixes"].stated, told["fixes"].taken) == (
+        "2025-08-11T06:00:00.000Z",
+        (("rows", "3"),),
+        "2",
+    )
+
+
+@pytest.mark.parametrize(
+    ("x", "kept"),
+    [
+        ([0, 8, 16, 16, 16, 40, 48], [0, 8, 16, 40, 48]),  # frozen for two fixes
+        ([0, 8, 16, 24, 24, 24, 24], [0, 8, 16, 24]),  # frozen to the end
+        ([0, 0, 10, 10, 20, 20, 30], [0, 0, 10, 20, 30]),  # written twice as often as it was measured
+        ([0, 8, 12, 12, 12, 13, 15], [0, 8, 12, 12, 12, 13, 15]),  # waits, and goes on
+        ([5, 5, 5, 5, 5, 5, 5], [5, 5, 5, 5, 5, 5, 5]),  # parked
+    ],
+)
+def test_places_that_are_held_while_a_vehicle_moves_on_are_left_out(x, kept):
+    table, stated = checked_tracks(a_table(7).assign(x=np.array(x, float)), None)
+    assert table["x"].tolist() == kept
+    assert bool(stated.cautions) == (x != kept)
