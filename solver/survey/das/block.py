@@ -56,12 +56,49 @@ def checksum(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def linked_files(path: Path) -> list[Path]:
+    """Other files whose numbers an HDF5 file shows as its own, whether they are there or not; none for other files."""
+    import h5py
+
+    found = dict[Path, None]()
+
+    def look(_: str, node: Any) -> None:
+        if isinstance(node, h5py.Dataset):
+            names = [one.file_name for one in node.virtual_sources()] if node.is_virtual else []
+            # HDF5 itself looks for these where the process is.
+            outer = [(path.parent / name, Path(name)) for name, _, _ in node.external or ()]
+            found.update({beside if beside.is_file() else there: None for beside, there in outer})
+        else:
+            links = (node.get(name, getlink=True) for name in node)
+            names = [link.filename for link in links if isinstance(link, h5py.ExternalLink)]
+        found.update({path.parent / name: None for name in names if name != "."})
+
+    try:
+        with h5py.File(path) as file:
+            look("", file)
+            file.visititems(look)
+    except (OSError, RuntimeError):
+        return []
+    # `%b` in a name stands for the number of a block.
+    several = {one: sorted(one.parent.glob(one.name.replace("%b", "*"))) for one in found if "%b" in one.name}
+    return [each for one in found for each in several.get(one) or [one]]
+
+
 def fingerprint(path: Path) -> str:
-    """Return the SHA-256 of a file of a record.
+    """Return the SHA-256 of a file of a record, and of those that it shows numbers of.
 
     Of a file over 64 MiB it covers the size and 64 evenly spread blocks of 64 KiB, first and last included, and begins
     with "sampled:", so that a survey of days need not be read in full.
     """
+    parts = [own_fingerprint(one) for one in (path, *linked_files(path)) if one.is_file()]
+    if len(parts) == 1:
+        return parts[0]
+    sampled = "sampled:" * any(part.startswith("sampled:") for part in parts)
+    return sampled + hashlib.sha256(" ".join(parts).encode()).hexdigest()
+
+
+def own_fingerprint(path: Path) -> str:
+    """`fingerprint` of a file without those that it links."""
     size = path.stat().st_size
     if size <= WHOLE:
         return checksum(path)

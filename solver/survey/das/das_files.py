@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from solver.survey.das.array_files import read_numpy
-from solver.survey.das.block import Block
+from solver.survey.das.block import Block, linked_files
 from solver.survey.das.prodml import is_prodml, moment, read_prodml, text
 from solver.survey.das.samples import OnDisk, described, series
 from solver.survey.das.size import require_room_for_file
@@ -163,22 +163,9 @@ def patch_block(patch: Any, path: Path, name: str, whole: OnDisk | None = None) 
 
 
 def missing_sources(path: Path) -> list[Statement]:
-    """Source files of the virtual datasets of an HDF5 file that are not where they should be."""
-    import h5py
-
-    needed = dict[Path, None]()
-
-    def look(_: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.is_virtual:
-            needed.update({path.parent / one.file_name: None for one in node.virtual_sources() if one.file_name != "."})
-
-    try:
-        with h5py.File(path) as file:
-            file.visititems(look)
-    except (OSError, RuntimeError):
-        return []
-    # `%b` in a name stands for the number of a block.
-    gone = [one for one in needed if not one.is_file() and not any(one.parent.glob(one.name.replace("%b", "*")))]
+    """Files whose numbers an HDF5 file shows that are not where they should be."""
+    needed = linked_files(path)
+    gone = [one for one in needed if not one.is_file()]
     if not gone:
         return []
     named = gone[0].name + (f" and {len(gone) - 1} more" if len(gone) > 1 else "")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.survey.das.block import linked_files
 from solver.survey.das.description import Description
 from solver.survey.das.grid import Grid, merged
 from solver.survey.das.health import PartHealth, joined
@@ -97,6 +98,7 @@ def said_of(known: Description, low: Lowpass, files: Sequence[Path], asked: dict
     return StoreFile(
         format=FORMAT,
         files=raw,
+        linked=raw_files([one for path in files for one in linked_files(path)], folder),
         asked=asked,
         start=str(known.start),
         interval=grid.interval,

@@ -60,6 +60,7 @@ class StoreFile(Kept):
     ----------
     format : of the store
     files : that it was made from
+    linked : other files that those show numbers of
     asked : the settings of `[das]` in site.toml
     start : of row 0, UTC
     interval : between samples of the files, ns
@@ -81,6 +82,7 @@ class StoreFile(Kept):
 
     format: Format
     files: tuple[RawFile, ...]
+    linked: tuple[RawFile, ...] = ()
     asked: dict[str, Any]
     start: str
     interval: Finite
@@ -149,10 +151,10 @@ class Store:
         names = [os.path.relpath(path.resolve(), self.folder.resolve()) for path in files]
         if sorted(names) != sorted(one.path for one in self.said.files):
             return "there are other DAS files"
-        known = {one.path: one for one in self.said.files}
-        for name, path in zip(names, files, strict=True):
-            status, one = path.stat(), known[name]
-            if status.st_size != one.bytes:
+        for one in (*self.said.files, *self.said.linked):
+            path = self.folder / one.path
+            status = path.stat() if path.is_file() else None
+            if status is None or status.st_size != one.bytes:
                 return f"{path.name} changed"
             if status.st_mtime_ns != one.changed and fingerprint(path) != one.sha256:
                 return f"{path.name} changed"

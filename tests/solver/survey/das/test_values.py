@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
+from solver.survey.das.block import fingerprint, linked_files
 from solver.survey.das.description import describe
 from solver.survey.das.ingest import ingest
 from solver.survey.das.prodml import write_prodml
@@ -110,3 +111,18 @@ def test_numbers_that_no_fiber_makes_are_not_stored(dropouts, tmp_path):
     with pytest.raises(InputError, match=r"the ground never strains faster than 0\.1 1/s; check the file's unit"):
         ingest(known, [dropouts[0]], {}, tmp_path / "store", 20.0)
     assert not (tmp_path / "store").exists()
+
+
+def test_what_a_file_shows_of_others_is_in_its_checksum(tmp_path):
+    path = virtual(tmp_path, 3)
+    store = ingest(describe([path]), [path], {}, tmp_path / "store")
+    before = fingerprint(path)
+    assert store.stale([path], {}) is None
+    source = linked_files(path)[-1]
+    content = bytearray(source.read_bytes())
+    content[-1] ^= 1
+    source.write_bytes(content)
+    assert fingerprint(path) != before
+    assert store.stale([path], {}) == f"{source.name} changed"
+    source.unlink()
+    assert store.stale([path], {}) == f"{source.name} changed"
