@@ -77,7 +77,8 @@ def combine(
         return
     print(combined.headline)
     for one in combined.agreement:
-        print(f"  {one.run}: {one.passes} passes, {one.across:+.2f} m across and {one.depth:+.2f} m in depth from it")
+        passed = "one pass" if one.passes == 1 else f"{one.passes} passes"
+        print(f"  {one.run}: {passed}, {one.across:+.2f} m across and {one.depth:+.2f} m in depth from it")
     print(f"page: {out / 'combined.html'}")
 
 
