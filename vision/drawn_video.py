@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.camera import Calibration
 from vision.contract.errors import InputError
 from vision.contract.files import writing
 from vision.contract.progress import progress
 from vision.frames import Video
 from vision.interpolate import BOX
 from vision.overlay import COLORS, Drawn, Image, draw
+from vision.tracker import contact
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,8 +37,10 @@ def require_drawable(out: Path, video: Path) -> None:
         raise InputError(f"{out}: would be overwritten, and is the video to track; give another --draw")
 
 
-def draw_video(video: Video, table: "pd.DataFrame", out: Path, every: int = 1) -> None:
-    """Write the video with boxes, tails of `TAIL` s, ids, classes and, where the table has it, speeds; whole or not.
+def draw_video(
+    video: Video, table: "pd.DataFrame", out: Path, every: int = 1, calibration: Calibration | None = None
+) -> None:
+    """Write the video with boxes, tails of `TAIL` s, ids, classes and, in meters, speeds and fixes; whole or not.
 
     Frames come at a constant rate, that of the video's usual frame: where frames are farther apart, the last one stays,
     for `MOST_REPEATED` pictures at most.
@@ -44,9 +48,10 @@ def draw_video(video: Video, table: "pd.DataFrame", out: Path, every: int = 1) -
     Parameters
     ----------
     video : that was tracked
-    table : [fix] with track_id, class, frame, interpolated, the box (px) and perhaps speed (m/s)
+    table : [fix] with track_id, class, frame, interpolated, the box (px) and perhaps x, y, sigma_x, sigma_y, speed
     out : .mp4 file
     every : n-th frame that was looked at; others are left out
+    calibration : by which the fixes in meters are drawn; without it, tails follow the boxes' lower edges
 
     Raises
     ------
@@ -55,7 +60,7 @@ def draw_video(video: Video, table: "pd.DataFrame", out: Path, every: int = 1) -
     """
     places = np.arange(0, len(video), every)
     step = float(np.median(np.diff(video.time[places]))) if len(places) > 1 else 1.0
-    vehicles = vehicles_by_frame(table, dict(zip(video.index.tolist(), video.time.tolist(), strict=True)))
+    vehicles = vehicles_by_frame(table, dict(zip(video.index.tolist(), video.time.tolist(), strict=True)), calibration)
     with writing(out) as temporary, progress("drawing tracks", len(places)) as advance:
         writer = _writer(temporary, 1 / step, (video.width // 2 * 2, video.height // 2 * 2), out)
         written = 0
@@ -70,12 +75,14 @@ def draw_video(video: Video, table: "pd.DataFrame", out: Path, every: int = 1) -
         _require_pictures(temporary, out)
 
 
-def vehicles_by_frame(table: "pd.DataFrame", times: dict[int, float]) -> dict[int, list[Drawn]]:
+def vehicles_by_frame(
+    table: "pd.DataFrame", times: dict[int, float], calibration: Calibration | None = None
+) -> dict[int, list[Drawn]]:
     """What to draw in every frame.
 
     Parameters
     ----------
-    table : [fix] as `draw_video` takes it
+    table, calibration : as `draw_video` takes them
     times : s, of every frame of the video
     """
     shown: dict[int, list[Drawn]] = {}
@@ -85,24 +92,36 @@ def vehicles_by_frame(table: "pd.DataFrame", times: dict[int, float]) -> dict[in
         rows, color = by_track[name], COLORS[place % len(COLORS)]
         frames, boxes = rows["frame"].to_numpy(int), rows[list(BOX)].to_numpy(float)
         time = np.array([times[frame] for frame in frames.tolist()])
-        contact = np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]], axis=1)
+        place = rows[["x", "y"]].to_numpy(float) if calibration else np.full((len(rows), 2), np.nan)
+        stood = calibration.to_image(place) if calibration else contact(boxes)
+        stood = np.where(np.isfinite(stood), stood, contact(boxes))
+        crosses = _crosses(calibration, place, rows[["sigma_x", "sigma_y"]].to_numpy(float)) if calibration else None
         detected = ~rows["interpolated"].to_numpy(bool)
         speed = rows["speed"].to_numpy(float) if "speed" in rows else np.full(len(rows), np.nan)
         begins = np.searchsorted(time, time - TAIL)
         for now, frame in enumerate(frames.tolist()):
             part = slice(int(begins[now]), now + 1)
-            words = words_of(str(name), str(rows["class"].iloc[0]), float(speed[now]))
-            shown.setdefault(frame, []).append(Drawn(boxes[now], words, color, detected[part], contact[part]))
+            words = words_of(str(name), str(rows["class"].iloc[0]), float(speed[now]), place[now])
+            fix = None if crosses is None else np.where(np.isfinite(crosses[now]), crosses[now], stood[now])
+            shown.setdefault(frame, []).append(Drawn(boxes[now], words, color, detected[part], stood[part], fix))
     return shown
 
 
-def words_of(name: str, label: str, speed: float) -> str:
-    """Label of a vehicle, with its speed, m/s, if known.
+def _crosses(calibration: Calibration, place: NDArray[np.float64], sigma: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pixels [fix, axis, end, 2] two standard deviations [fix, 2] of places [fix, 2], m, to either side."""
+    arms = 2 * sigma[:, :, None] * np.eye(2)
+    ends = place[:, None, None] + np.stack([-arms, arms], axis=2)
+    return calibration.to_image(ends.reshape(-1, 2)).reshape(ends.shape)
 
-    >>> words_of("12", "car", 8.94), words_of("3", "bus", float("nan"))
-    ('12 car 8.9 m/s', '3 bus')
+
+def words_of(name: str, label: str, speed: float, place: NDArray[np.float64]) -> str:
+    """Label of a vehicle, with its speed, m/s, and its place (2,), m, if known.
+
+    >>> words_of("12", "car", 8.94, np.array([41.26, 1.8])), words_of("3", "bus", np.nan, np.full(2, np.nan))
+    ('12 car 8.9 m/s at 41.3, 1.8 m', '3 bus')
     """
-    return f"{name} {label}" + (f" {speed:.1f} m/s" if np.isfinite(speed) else "")
+    at = f" at {place[0]:.1f}, {place[1]:.1f} m" if np.isfinite(place).all() else ""
+    return f"{name} {label}" + (f" {speed:.1f} m/s" if np.isfinite(speed) else "") + at
 
 
 def _images(video: Video, places: NDArray[np.intp]) -> Iterator[Image]:

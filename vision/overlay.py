@@ -1,4 +1,4 @@
-"""Tracks drawn over one picture: boxes, tails, ids, classes and speeds."""
+"""Tracks drawn over one picture: boxes, tails, ids, classes, speeds and fixes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,10 +30,11 @@ class Drawn:
     Parameters
     ----------
     box : left, top, right, bottom, px
-    words : id, class and speed
+    words : id, class and, in meters, speed and place
     color : of its track
     detected : [n] of its tail's places, and last of this picture, whether it was detected there
     tail : [n, 2], px, where it stood until now, the oldest first
+    fix : [axis, end, 2], px, two standard deviations of its place either way along x and along y; None in pixels
     """
 
     box: Array
@@ -41,6 +42,7 @@ class Drawn:
     color: Color
     detected: NDArray[np.bool_]
     tail: Array
+    fix: Array | None = None
 
 
 def draw(image: Image, vehicles: Sequence[Drawn]) -> Image:
@@ -57,6 +59,7 @@ def draw(image: Image, vehicles: Sequence[Drawn]) -> Image:
         draw_tail(canvas, one, thickness)
     for one in nearest_last:
         draw_box(canvas, one, thickness)
+        draw_fix(canvas, one, thickness)
     taken: list[tuple[int, int, int, int]] = []
     for one in reversed(nearest_last):
         taken.append(draw_words(canvas, one, letters, taken))
@@ -91,6 +94,18 @@ def draw_box(canvas: Image, one: Drawn, thickness: int) -> None:
         return
     dashes = [dash for side in pairwise(corners) for dash in _dashes(*side, DASH * thickness)]
     _edged(canvas, [(dash, lighter(one.color)) for dash in dashes], thickness)
+
+
+def draw_fix(canvas: Image, one: Drawn, thickness: int) -> None:
+    """Ring the ground that a vehicle's place is, with a cross of its two standard deviations."""
+    import cv2
+
+    if one.fix is None:
+        return
+    middle, radius = one.tail[-1].round().astype(int).tolist(), 3 * thickness
+    cv2.circle(canvas, middle, radius, BLACK, thickness + 2, cv2.LINE_AA)
+    cv2.circle(canvas, middle, radius, WHITE, thickness, cv2.LINE_AA)
+    _edged(canvas, [(arm, WHITE) for arm in one.fix], thickness)
 
 
 def draw_words(

@@ -121,7 +121,7 @@ def track(
         timed = boxes if zero is None else boxes.assign(time=utc(boxes["time"], zero, clock_offset))
         return Tracked(timed, None, speed, clip, every, tuple(taken))
     table, dropped = on_road(boxes, view, zero, clock_offset, clip.path, far)
-    return Tracked(table, dropped, speed, clip, every, (*taken, SIZES))
+    return Tracked(table, dropped, speed, clip, every, (*taken, SIZES), view)
 
 
 def box_tracks(

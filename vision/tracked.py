@@ -5,6 +5,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from vision.camera import Calibration
 from vision.contract.errors import InputError
 from vision.contract.files import require_writable, writing
 from vision.contract.table import write_trajectories
@@ -93,6 +94,7 @@ class Tracked:
     clip : the video
     every : one of so many frames was processed
     taken : what was taken for granted, a line each
+    calibration : by which the table is in meters; None in pixels
     """
 
     table: "pd.DataFrame"
@@ -101,6 +103,7 @@ class Tracked:
     clip: Video
     every: int = 1
     taken: tuple[str, ...] = ()
+    calibration: Calibration | None = None
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -173,11 +176,11 @@ class Tracked:
         write_dropped(self.dropped, out)
 
     def draw(self, out: Path | str) -> None:
-        """Write the video as .mp4 with boxes, tails, ids, classes and, in meters, speeds."""
+        """Write the video as .mp4 with boxes, tails, ids, classes and, in meters, speeds and fixes."""
         from vision.drawn_video import draw_video, require_drawable
 
         require_drawable(Path(out), Path(self.clip.path))
-        draw_video(self.clip, self.table, Path(out), self.every)
+        draw_video(self.clip, self.table, Path(out), self.every, self.calibration)
 
     def plot(self) -> "Figure":
         """Draw where the vehicles were: on the road from above, or in the picture."""

@@ -1,5 +1,7 @@
 """What is drawn over a picture: read back from its pixels."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -35,6 +37,13 @@ def test_what_was_not_detected_is_dashed_and_lighter():
     left = slice(int(BOX[1]) + 4, int(BOX[3]) - 4), slice(int(BOX[0]) - 1, int(BOX[0]) + 2)
     lit = [draw_[left].any(axis=(1, 2)).mean() for draw_ in (seen, guessed)]
     assert lit[0] == 1 and 0.3 < lit[1] < 0.9
+
+
+def test_the_fix_is_ringed_with_a_cross_of_its_sigmas():
+    arms = np.array([[[140.0, 140], [140, 140]], [[80, 140], [200, 140]]])  # x is sure, y is not
+    bare, marked = (draw(np.zeros((360, 640, 3), np.uint8), [replace(vehicle(), fix=fix)]) for fix in (None, arms))
+    white = np.argwhere((marked == 255).all(axis=2) & (bare != 255).any(axis=2))
+    assert np.ptp(white[:, 1]) >= 120 > 20 > np.ptp(white[:, 0]) > 6, "height of the ring, width of the cross"
 
 
 def test_words_do_not_cover_one_another(monkeypatch):

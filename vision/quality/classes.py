@@ -1,10 +1,13 @@
-"""Which classes are compared: a person of the truth whom no table of vehicles shows is not a missed vehicle."""
+"""What is compared: a person of the truth, or a parked vehicle, that no table of traffic shows is not missed."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from vision.contract.errors import InputError
 from vision.detectors.names import VEHICLES, plain_name
+from vision.follow import FEWEST_FIXES, moving
+from vision.interpolate import BOX
+from vision.jitter import parked
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,6 +53,26 @@ def of_classes(
             "say with --classes what to compare"
         )
     return table[wanted], table[~wanted], tracks_by_class(table[~wanted])
+
+
+def without_parked(
+    tracks: "pd.DataFrame", others: "pd.DataFrame", left_out: dict[str, int]
+) -> tuple["pd.DataFrame", "pd.DataFrame", dict[str, int]]:
+    """Move the vehicles that `track` leaves out as parked to the others; all stay where none drives.
+
+    Parameters and returns are those that `of_classes` returns.
+    """
+    import pandas as pd
+
+    if set(BOX) <= set(tracks):
+        long = tracks.groupby("track_id")["frame"].transform("size") >= FEWEST_FIXES
+        stands = long & moving(tracks).eq(False)
+    else:
+        stands = tracks["track_id"].isin(parked(tracks))
+    if stands.all() or not stands.any():
+        return tracks, others, left_out
+    counts = {f"parked {name}": count for name, count in tracks_by_class(tracks[stands]).items()}
+    return tracks[~stands], pd.concat([others, tracks[stands]]), left_out | counts
 
 
 def listed(counts: dict[str, int]) -> str:

@@ -144,7 +144,7 @@ def measure(
     edges : [bin + 1], of the bins along x
     gauge_length : of the DAS, m
     truth : [fix] with track_id, frame and boxes or x, y
-    others : [fix] of the truth, of classes that are not compared
+    others : [fix] of the truth that are not compared
     """
     tracks, rolling = setting.tracks, moving(setting)
     seen = tracks[~tracks["missed"]]

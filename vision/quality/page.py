@@ -28,7 +28,7 @@ class Truth:
 
     Parameters
     ----------
-    tracks, others : [fix] of the classes that are compared, and of the rest
+    tracks, others : [fix] of the classes that are compared, and of the rest, parked vehicles among it
     left_out : tracks of the rest by class
     """
 

@@ -19,7 +19,7 @@ from vision.contract.files import require_writable, writing
 from vision.frames import Video
 from vision.interpolate import BOX
 from vision.jitter import LIMIT
-from vision.quality.classes import compared_classes, of_classes, tracks_by_class
+from vision.quality.classes import compared_classes, of_classes, tracks_by_class, without_parked
 from vision.quality.figures import class_figure, jitter_figure, route_figure
 from vision.quality.heat import blank_scene, empty_scene, heat_map
 from vision.quality.measures import Measures, measure, shared_edges
@@ -123,7 +123,7 @@ def read_truth(path: Path | None, picture: Picture | None) -> "pd.DataFrame | No
 def same_classes(
     tables: Tables, truth: "pd.DataFrame | None", wanted: Sequence[str] | None
 ) -> tuple[Tables, Truth | None]:
-    """Keep of all tables, and of the truth, the classes that are compared."""
+    """Keep of all tables, and of the truth, the classes that are compared; and of the truth what drives."""
     sides = [setting.tracks for setting in tables.settings] + ([] if truth is None else [truth])
     names = compared_classes(sides, wanted)
 
@@ -134,7 +134,7 @@ def same_classes(
     tables = tables.each(keep)
     if truth is None:
         return tables, None
-    known = Truth(*of_classes(truth, names, "--truth"))
+    known = Truth(*without_parked(*of_classes(truth, names, "--truth")))
 
     def shared(setting: Setting) -> Setting:
         looked_at(known.tracks, setting.tracks, str(setting.path))

@@ -90,7 +90,7 @@ def score_tracks(
     ----------
     truth, found : [fix] with track_id, frame, and the box (px) or x, y (m); where `found` saw only every n-th frame,
         the truth counts in those only
-    others : [fix] of the truth, of classes not compared (persons, say): detections there are no false alarms
+    others : [fix] of the truth that are not compared (persons, parked vehicles): detections there are no false alarms
     unplaced : [fix] that were detected but could not be placed on the road: truth there is not missed
 
     Raises

@@ -13,6 +13,7 @@ import roadfiber.command
 from tests.offline_pages import EVIL, is_whole, tells
 from tests.vision.videos import write_video
 from vision.exchange import write_mot
+from vision.interpolate import BOX
 from vision.quality import read_settings
 from vision.quality.figures import route_figure
 from vision.quality.measures import measure, shared_edges
@@ -150,13 +151,22 @@ def test_classes_that_no_table_has_are_reported_and_do_not_count(files, command,
     persons = everything[everything["track_id"] == "2"].assign(track_id="p", **{"class": "person"})
     write(pd.concat([everything, persons]), tmp_path / "truth.csv")
     code, out, _ = command(files / "fine.csv", "--truth", tmp_path / "truth.csv")
-    assert code == 0 and "Compared with 7 car of the truth; left out of it: 1 person" in out
+    assert code == 0 and "Compared with 6 car of the truth; left out of it: 1 person, 1 parked car" in out
     facts = json.loads((tmp_path / "quality" / "quality.json").read_text())
-    assert facts["settings"][0]["scores"]["mota"] == 1.0 and facts["truth"]["tracks_not_compared"] == {"person": 1}
+    assert facts["settings"][0]["scores"]["mota"] == 1.0 and facts["truth"]["tracks_not_compared"] == {"person": 1, "parked car": 1}
     code, out, _ = command(files / "fine.csv", "--truth", tmp_path / "truth.csv", "--classes", "car,person", "--json")
     assert json.loads(out)["settings"][0]["scores"]["misses"] == 200
     code, _, err = command(files / "fine.csv", "--truth", tmp_path / "truth.csv", "--classes", "tram")
     assert code == 2 and "has no tram, but 7 car" in err and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("columns", [["x", "y"], BOX])
+def test_a_parked_vehicle_that_track_leaves_out_is_not_missed(columns, command, tmp_path):
+    everything = tracks(noise=0.0, vehicles=2)
+    write(everything.drop(columns=[name for name in ["x", "y", *BOX] if name not in columns]), tmp_path / "truth.csv")
+    write(everything[everything["track_id"] != "3"], tmp_path / "moving.csv")
+    _, out, _ = command(tmp_path / "moving.csv", "--truth", tmp_path / "truth.csv", "--json")
+    assert json.loads(out)["settings"][0]["scores"]["mota"] == 1.0
 
 
 def test_one_table_that_cannot_be_read_is_reported(files, command, tmp_path):
