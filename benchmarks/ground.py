@@ -4,7 +4,7 @@
 
 The scene's vehicles are meshes (several bodies a class, sizes drawn from the class's spread), so neither their outlines
 nor their sizes are those the fit assumes. Boxes are their pictures' bounds, cut at the image's border, with edges that
-jitter from frame to frame and, for every vehicle, lie off by the same few pixels, as detectors draw them. Prints per
+jitter from frame to frame and, for every vehicle, lie off by the same few percent, as detectors draw them. Prints per
 view and class: bias and standard deviation of the ground point along and across the way, m; the median sigma stated;
 the root mean square of error / sigma (1 is honest); and the root mean square error of the middle of the box's lower
 edge, which is what most tools take.
@@ -15,6 +15,7 @@ import argparse
 import numpy as np
 import pandas as pd
 
+from vision.body_fit import OUT
 from vision.camera import Calibration
 from vision.ground_track import ground_tracks
 from vision.interpolate import BOX
@@ -31,7 +32,7 @@ VIEWS = {
 }
 RATE, SECONDS = 25.0, 8.0
 JITTER, PIXEL = 0.015, 0.7  # sd of an edge from frame to frame, sizes of the box and px
-HABIT, OFF = 0.015, 0.7  # and of what all edges of a vehicle share
+HABIT, GROWN = 0.04, 0.04  # and of what an edge, and what all edges together, have in all frames of a vehicle, sizes
 
 
 def drive(camera: Camera, kind: str, rng: np.random.Generator, size: list[float] | None = None) -> pd.DataFrame:
@@ -58,7 +59,8 @@ def drive(camera: Camera, kind: str, rng: np.random.Generator, size: list[float]
     table = pd.DataFrame(rows, columns=["frame", *BOX, "x_true", "y_true"])
     boxes = table[BOX].to_numpy()
     side = np.sqrt(np.prod(boxes[:, 2:] - boxes[:, :2], axis=1))[:, None]
-    error = rng.normal(0, 1, boxes.shape) * (JITTER * side + PIXEL) + rng.normal(0, 1, 4) * (HABIT * side + OFF)
+    habit = rng.normal(0, HABIT, 4) + rng.normal(0, GROWN) * OUT
+    error = rng.normal(0, 1, boxes.shape) * (JITTER * side + PIXEL) + habit * side
     inside = (boxes > 0) & (boxes < np.tile(SIZE, 2))
     table[BOX] = boxes + error * inside
     return table.assign(

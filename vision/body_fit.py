@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.edges import sizes
 from vision.pinhole import Pinhole
 from vision.vehicles import VehicleShape
 
@@ -13,8 +14,12 @@ Array = NDArray[np.float64]
 ROUNDS = 4  # of a fit, which starts where the last one of the same vehicle ended
 LONGEST_STEP = 4.0  # m, per round
 HUBER = 2.0  # sd beyond which an edge is trusted less (an occluded side)
+# Sizes of the box: sd of how far the edges of a vehicle's boxes lie outside it, all alike. Three detectors: 0.03 on
+# two public clips with labels, 0.03 to 0.04 about a mean of 0.06 on rendered streets.
+GROWTH = 0.04
 EVIDENCE = 3.0  # a track counts as this many fixes for the size: a detector errs alike on all images of one vehicle
 SETTLED = 3e-3  # m
+OUT = np.array([-1.0, -1.0, 1.0, 1.0])  # of the box, and
 EDGES, AXES = np.arange(4), np.array([0, 1, 0, 1])  # left, top, right, bottom, and the image's axis each is along
 
 
@@ -96,16 +101,20 @@ def fit_body(
 
     Notes
     -----
-    Gauss-Newton on the maximum a posteriori, edges weighted by Huber's rule. The positions are eliminated from the
-    normal equations (Schur complement; Triggs et al. 2000, Bundle adjustment, section 6.1), so a round costs as much
-    as its projections. However many fixes there are, they count as three for the size, because edges err alike in all
-    boxes of a track.
+    All fixes share the vehicle's size and the share of its own size by which a box is drawn too wide. Gauss-Newton on
+    the maximum a posteriori, edges weighted by Huber's rule. The positions are eliminated from the normal equations
+    (Schur complement; Triggs et al. 2000, Bundle adjustment, section 6.1), so a round costs as much as its projections.
+    However many fixes there are, they count as three for what is shared, because edges err alike in all boxes of a
+    track.
     """
-    prior, alike = np.array(shape.size), max(1.0, len(boxes) / EVIDENCE)
-    precision = np.diag(np.array(shape.deviation) ** -2.0)
-    position, size, turn = position.copy(), np.copy(prior if guess is None else guess), turns(heading)
+    prior, alike = np.array([*shape.size, 0.0]), max(1.0, len(boxes) / EVIDENCE)
+    precision = np.diag(np.array([*shape.deviation, GROWTH]) ** -2.0)
+    position, turn = position.copy(), turns(heading)
+    size, outward = np.array([*(shape.size if guess is None else guess), 0.0]), sizes(boxes)[:, None] * OUT
     for _ in range(ROUNDS):
-        residual, by_position, by_size, seen = _linearize(camera, image_size, shape, boxes, position, turn, size)
+        tight = boxes - size[3] * outward
+        residual, by_position, by_size, seen = _linearize(camera, image_size, shape, tight, position, turn, size[:3])
+        by_size = np.concatenate([by_size, outward[..., None]], axis=2)
         weight = seen * sigma**-2.0 * np.minimum(1.0, HUBER / np.maximum(np.abs(residual / sigma), 1e-9))
         # A weak prior (10 m) keeps a fix with one visible edge solvable.
         pulled, stretched = weight[..., None] * by_position, weight[..., None] * by_size
@@ -129,7 +138,7 @@ def fit_body(
     covariance = inverse + spread @ size_covariance @ _transposed(spread)
     seen &= np.isfinite(sigma)
     misfit = np.sqrt((seen * (residual / sigma) ** 2).sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
-    return BodyFit(position, covariance, size, size_covariance, misfit)
+    return BodyFit(position, covariance, size[:3], size_covariance[:3, :3], misfit)
 
 
 def _transposed(matrices: Array) -> Array:

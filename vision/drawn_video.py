@@ -92,16 +92,16 @@ def vehicles_by_frame(
         rows, color = by_track[name], COLORS[place % len(COLORS)]
         frames, boxes = rows["frame"].to_numpy(int), rows[list(BOX)].to_numpy(float)
         time = np.array([times[frame] for frame in frames.tolist()])
-        place = rows[["x", "y"]].to_numpy(float) if calibration else np.full((len(rows), 2), np.nan)
-        stood = calibration.to_image(place) if calibration else contact(boxes)
+        at = rows[["x", "y"]].to_numpy(float) if calibration else np.full((len(rows), 2), np.nan)
+        stood = calibration.to_image(at) if calibration else contact(boxes)
         stood = np.where(np.isfinite(stood), stood, contact(boxes))
-        crosses = _crosses(calibration, place, rows[["sigma_x", "sigma_y"]].to_numpy(float)) if calibration else None
+        crosses = _crosses(calibration, at, rows[["sigma_x", "sigma_y"]].to_numpy(float)) if calibration else None
         detected = ~rows["interpolated"].to_numpy(bool)
         speed = rows["speed"].to_numpy(float) if "speed" in rows else np.full(len(rows), np.nan)
         begins = np.searchsorted(time, time - TAIL)
         for now, frame in enumerate(frames.tolist()):
             part = slice(int(begins[now]), now + 1)
-            words = words_of(str(name), str(rows["class"].iloc[0]), float(speed[now]), place[now])
+            words = words_of(str(name), str(rows["class"].iloc[0]), float(speed[now]), at[now])
             fix = None if crosses is None else np.where(np.isfinite(crosses[now]), crosses[now], stood[now])
             shown.setdefault(frame, []).append(Drawn(boxes[now], words, color, detected[part], stood[part], fix))
     return shown

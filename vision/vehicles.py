@@ -1,6 +1,7 @@
 """Dimensions and silhouettes of road vehicles by class."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,6 +61,19 @@ class VehicleShape:
         """Half of the footprint [n] along `direction` for headings [n], rad, both from +x toward +y; m."""
         turn = heading - direction
         return np.asarray(self.size[0] / 2 * np.abs(np.cos(turn)) + self.size[1] / 2 * np.abs(np.sin(turn)))
+
+
+def shape_of(name: str, seen: Sequence[str] = ()) -> VehicleShape:
+    """Shape of a vehicle of class `name`, its sizes as uncertain as the classes it was `seen` as leave them.
+
+    >>> shape_of("bus").deviation[0], round(shape_of("bus", ["bus", "bus", "truck", ""]).deviation[0], 2)
+    (1.0, 2.52)
+    """
+    shape = SHAPES.get(name, SHAPES["vehicle"])
+    others = [SHAPES[one].size for one in seen if one in SHAPES] or [shape.size]
+    apart = np.mean((np.array(others) - shape.size) ** 2, axis=0)
+    length, width, height = np.sqrt(np.array(shape.deviation) ** 2 + apart).tolist()
+    return replace(shape, deviation=(length, width, height))
 
 
 PASSENGER_CAR = (

@@ -100,9 +100,27 @@ def test_sigma_says_how_wrong(view):
     assert (np.sqrt(np.mean(scores, axis=0)) < 1.3).all() and (np.sqrt(np.mean(scores, axis=0)) > 0.2).all()
 
 
+@pytest.mark.parametrize("speed", [10.0, -10.0])
+def test_boxes_drawn_too_wide_do_not_pull_a_bus_toward_the_camera(speed):
+    """Detectors draw all edges of a small box outside by some percent; from behind, the bus would be put behind."""
+    table = drive("along", label="bus", speed=speed, start=25.0 if speed > 0 else 60.0, seconds=3.5, noise=0.5)
+    side = np.sqrt((table["box_right"] - table["box_left"]) * (table["box_bottom"] - table["box_top"]))
+    table[BOX] += 0.06 * np.outer(side, [-1, -1, 1, 1])
+    found = place(table, "along")
+    error = found["x"] - found["x_true"]
+    assert abs(error.mean()) < 0.5 and np.sqrt(((error / found["sigma_x"]) ** 2).mean()) < 1
+
+
+def test_a_vehicle_of_uncertain_class_is_less_certain():
+    table = drive("along", label="bus", start=25.0, seconds=3.5, noise=0.5)
+    seen = np.where(np.arange(len(table)) % 3 == 0, "truck", "bus")
+    sure, vague = place(table, "along"), place(table.assign(detected_class=seen), "along")
+    assert vague["sigma_length"].iloc[0] > 1.2 * sure["sigma_length"].iloc[0]
+
+
 def test_size_is_learned_from_all_fixes():
     found = place(drive("across", size=(4.9, 1.9, 1.7)), "across")
-    assert found["length"].iloc[0] == pytest.approx(4.9, abs=0.1)
+    assert found["length"].iloc[0] == pytest.approx(4.9, abs=0.2), "edges err by 10 cm"
 
 
 def test_cut_boxes_are_placed_by_the_edges_that_are_seen():
@@ -225,7 +243,7 @@ def test_jitter_is_measured():
     time = np.arange(0, 8, 0.04)
     boxes = np.array([200.0, 200, 300, 300]) + 20 * time[:, None] + rng.normal(0, 4, (200, 4))
     sigma = edge_sigma(time, boxes, SIZE)
-    assert np.median(sigma) == pytest.approx(np.sqrt(4**2 + 2**2 + 1), rel=0.1)
+    assert np.median(sigma) == pytest.approx(np.sqrt(4**2 + 4**2 + 1), rel=0.1)
     boxes[0, 0], boxes[1, 3] = 0, 720
     infinite = np.argwhere(np.isinf(edge_sigma(time, boxes, SIZE)))
     assert infinite.tolist() == [[0, 0], [1, 3]]
@@ -336,7 +354,7 @@ def test_the_error_of_the_calibration_is_in_the_sigma():
 @pytest.mark.parametrize("length", [3.8, 4.9])
 def test_the_wheelbase_goes_with_the_measured_length(length):
     found = place(drive("across", size=(length, 1.8, 1.5), noise=0.7), "across").iloc[0]
-    assert found["length"] == pytest.approx(length, abs=3 * found["sigma_length"]) and found["sigma_length"] < 0.15
+    assert found["length"] == pytest.approx(length, abs=3 * found["sigma_length"]) and found["sigma_length"] < 0.2
     assert found["wheelbase"] == pytest.approx(2.682 + 0.4 * (found["length"] - 4.4))
     assert found["sigma_wheelbase"] == pytest.approx(np.hypot(0.044, 0.4 * found["sigma_length"]))
     assert found["sigma_wheelbase"] < 0.12, "better than the class"

@@ -151,7 +151,7 @@ def test_command_says_what_was_not_placed_and_why(survey, command, tmp_path):
     usual = survey / "street.mp4", "--detector", survey / "spot.onnx", "--start", START, "--out", "t.csv"
     _, out, _ = command(*usual, "--json")
     assert "fixes_placed" not in json.loads(out) and not (tmp_path / "t.csv.dropped").exists()
-    sheared = HOMOGRAPHY @ np.array([[1, 0, 0], [0, 1, 0], [8e-4, 0, 1]])
+    sheared = HOMOGRAPHY @ np.array([[1, 0, 0], [0, 1, 0], [2e-3, 0, 1]])
     Calibration(image_size=SIZE, homography=sheared).write(tmp_path / "c.json")
     code, out, _ = command(*usual, "--calibration", tmp_path / "c.json")
     code, answer, _ = command(*usual, "--calibration", tmp_path / "c.json", "--json")

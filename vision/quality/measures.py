@@ -6,17 +6,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.boxes import area
 from vision.dropped import causes
+from vision.interpolate import BOX
 from vision.jitter import bin_edges, jitter_by_bin, jitter_floor, parked, stride
 from vision.quality.classes import tracks_by_class
 from vision.quality.route_effect import route_effect
-from vision.quality.scores import Scores, score_tracks
+from vision.quality.scores import MATCHED, Scores, score_tracks
 from vision.quality.setting import Setting
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
+WAYS = {"up the road": 1.0, "down the road": -1.0}  # along x
 
 
 @dataclass(frozen=True)
@@ -171,6 +174,26 @@ def measure(
         effect=route_effect(rolling, edges, gauge_length) if metric else None,
         scores=None if truth is None else score_tracks(truth, tracks, others=others, unplaced=setting.dropped),
     )
+
+
+def apart(first: Setting, second: Setting) -> dict[str, float]:
+    """How far ahead, on its way, `first` puts the vehicles that both settings see, m, by the way they drive along x.
+
+    Medians over the vehicles, of which one of the two is paired with the one whose boxes overlap its by half or more.
+    Empty where there are no boxes or no meters.
+    """
+    if any(one.unit != "m" or not one.has_boxes for one in (first, second)):
+        return {}
+    a, b = (moving(one)[["frame", "track_id", "x", *BOX]] for one in (first, second))
+    both = a.merge(b, on="frame", suffixes=("_a", "_b"))
+    corners = [both[[f"{name}_{one}" for name in BOX]].to_numpy() for one in "ab"]
+    low, high = np.maximum(*(each[:, :2] for each in corners)), np.minimum(*(each[:, 2:] for each in corners))
+    common = np.maximum(high - low, 0).prod(axis=1)
+    both = both[common >= MATCHED * (area(corners[0]) + area(corners[1]) - common)]
+    pairs = both.groupby(["track_id_a", "track_id_b"])
+    ahead = (both["x_a"] - both["x_b"]).groupby([both["track_id_a"], both["track_id_b"]]).median()
+    way = np.sign(pairs["x_a"].last() - pairs["x_a"].first())
+    return {name: float((ahead * way)[way == sign].median()) for name, sign in WAYS.items() if (way == sign).any()}
 
 
 def counted(counts: "pd.Series") -> dict[str, int]:

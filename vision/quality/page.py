@@ -15,7 +15,7 @@ from vision.contract.figures import data_uri, svg
 from vision.jitter import LIMIT, WINDOW
 from vision.quality.classes import listed, tracks_by_class
 from vision.quality.figures import NARROW, WIDE, class_figure, jitter_figure, route_figure
-from vision.quality.measures import Measures, mean_over
+from vision.quality.measures import Measures, apart, mean_over
 from vision.quality.verdict import Verdict, grade, typical_effect
 
 if TYPE_CHECKING:
@@ -74,6 +74,11 @@ class Content:
         for setting in (one.setting for one in self.found):
             if setting.others:
                 notes.append(f"{setting.name}: left out {listed(setting.others)}")
+        use = next(one.setting for one in self.found if one.setting.name == self.verdict.use)
+        for other in (one.setting for one in self.found if one.setting is not use):
+            if ahead := apart(use, other):
+                ways = " and ".join(f"{meters:+.2f} m where they drive {way}" for way, meters in ahead.items())
+                notes.append(f"{use.name} puts the vehicles ahead of where {other.name} does by {ways}")
         clipped = {one.setting.name: one.setting.clipped for one in self.found if one.setting.clipped}
         if clipped:
             numbers = ", ".join(f"{count} of {name}" for name, count in clipped.items())

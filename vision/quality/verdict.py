@@ -48,8 +48,8 @@ def grade(measures: Measures) -> str:
     """Grade a setting by the 35 cm rule, over the bins with ten fixes or more, and by its effect on the route.
 
     good: mean plus standard deviation of the jitter stays below 35 cm in all; fair: the mean does; weak: it does not in
-    some, or the predicted effect on the route is above 35 cm at 95 %; poor: the mean is above in most. Unknown in
-    pixels, and where no bin has fixes enough.
+    some, or the predicted effect on the route, sideways or along the road, is above 35 cm at 95 %; poor: the mean is
+    above in most. Unknown in pixels, and where no bin has fixes enough.
     """
     bins = measures.after[measures.after["fixes"] >= FEWEST]
     if measures.setting.unit != "m" or bins.empty:
@@ -57,18 +57,18 @@ def grade(measures: Measures) -> str:
     beyond = float((bins["mean"] > LIMIT).mean())
     if beyond > 0:
         return "poor" if beyond > MOST else "weak"
-    if typical_effect(measures) * Z95 > LIMIT:
+    if max(typical_effect(measures), typical_effect(measures, "x")) * Z95 > LIMIT:
         return "weak"
     return "good" if ((bins["mean"] + bins["sd"]) <= LIMIT).all() else "fair"
 
 
-def typical_effect(measures: Measures) -> float:
-    """Median over the bins of what the stated sigmas do to the route sideways, m; without them, of noise alone."""
+def typical_effect(measures: Measures, axis: str = "y") -> float:
+    """Median over the bins of what the stated sigmas do to the route along an axis, m; without them, of noise alone."""
     if measures.effect is None:
         return float("nan")
     passed = measures.effect[measures.effect["passes"] > 0]
-    stated = passed["stated_y"].dropna()
-    values = stated if len(stated) else passed["route_y"].dropna()
+    stated = passed[f"stated_{axis}"].dropna()
+    values = stated if len(stated) else passed[f"route_{axis}"].dropna()
     return float(values.median()) if len(values) else float("nan")
 
 
@@ -113,7 +113,7 @@ def words(measures: Measures, name: str) -> str:
     if name == "unknown":
         return "No stretch of road has fixes enough to judge; film longer."
     bins = measures.after[measures.after["fixes"] >= FEWEST]
-    effect = f"Positions leave the route uncertain by ± {Z95 * typical_effect(measures):.2f} m sideways (95 %)."
+    effect = effect_words(measures)
     if name == "good":
         return f"Good enough for the fiber: jitter stays below {centimeters} all along the view. {effect}"
     if name == "fair":
@@ -127,6 +127,19 @@ def words(measures: Measures, name: str) -> str:
             f"Usable in part: jitter exceeds {centimeters} at x = {where} m; leave this out, or film nearer. {effect}"
         )
     return f"Not good enough for the fiber: jitter exceeds {centimeters} at x = {where} m, most of the view. {effect}"
+
+
+def effect_words(measures: Measures) -> str:
+    """Say what positions do to the route: jitter, what the vehicles' sizes and visible faces leave open, and bias."""
+    sideways, along = (Z95 * typical_effect(measures, axis) for axis in "yx")
+    said = (
+        f"Positions leave the route uncertain by ± {sideways:.2f} m sideways and ± {along:.2f} m along the road (95 %)"
+    )
+    tracks = measures.setting.tracks
+    if "sigma_x" not in tracks:
+        return f"{said} by jitter alone: the tracks state no sigma, which errors common to all fixes of a vehicle need."
+    alike = f"± {Z95 * tracks['sigma_x'].median():.2f} m where all vehicles err alike, as those that show one face do"
+    return f"{said}; along the road by up to {alike}."
 
 
 def stretches(low: Sequence[float], high: Sequence[float]) -> list[tuple[float, float]]:

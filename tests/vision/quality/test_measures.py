@@ -7,7 +7,7 @@ import pytest
 from made_tables import tracks
 
 from vision.jitter import LIMIT
-from vision.quality.measures import fragments, measure, shared_edges
+from vision.quality.measures import apart, fragments, measure, shared_edges
 from vision.quality.route_effect import route_effect
 from vision.quality.setting import Setting
 from vision.quality.verdict import RULES, grade, judge, typical_effect
@@ -137,3 +137,21 @@ def test_the_rule_is_reported_and_equals_go_to_the_first():
     switched = replace(first, scores=replace(first.scores, mota=0.5))
     assert judge([switched, second]).use == "second", "of equal HOTA the higher MOTA"
     assert judge([replace(one, scores=None) for one in (second, first)]).rule == RULES["meters"]
+
+
+def test_the_sentence_says_what_all_fixes_of_a_vehicle_share():
+    table = tracks(noise=0.02, vehicles=20).assign(sigma_x=0.8)  # rears of buses: jitter says nothing of their length
+    setting = Setting("a", Path("a"), table, "m")
+    verdict = judge([measure(setting, shared_edges([setting]), 10.0)])
+    assert verdict.grade == "weak" and "up to ± 1.57 m where all vehicles err alike" in verdict.words
+    bare = replace(setting, tracks=table.drop(columns=["sigma_x", "sigma_y"]))
+    assert "by jitter alone" in judge([measure(bare, shared_edges([bare]), 10.0)]).words
+
+
+def test_two_detectors_are_compared_in_both_directions():
+    up = tracks(vehicles=3)
+    down = up.assign(track_id=up["track_id"] + "d", x=80 - up["x"], box_left=600 - up["box_left"])
+    both = pd.concat([up, down.assign(box_right=down["box_left"] + 40)], ignore_index=True)
+    nearer = both.assign(x=both["x"] - 0.5)  # to a camera at the beginning of the road
+    ahead = apart(Setting("a", Path("a"), both, "m"), Setting("b", Path("b"), nearer, "m"))
+    assert ahead == {"up the road": pytest.approx(0.5), "down the road": pytest.approx(-0.5)}

@@ -153,7 +153,8 @@ def test_classes_that_no_table_has_are_reported_and_do_not_count(files, command,
     code, out, _ = command(files / "fine.csv", "--truth", tmp_path / "truth.csv")
     assert code == 0 and "Compared with 6 car of the truth; left out of it: 1 person, 1 parked car" in out
     facts = json.loads((tmp_path / "quality" / "quality.json").read_text())
-    assert facts["settings"][0]["scores"]["mota"] == 1.0 and facts["truth"]["tracks_not_compared"] == {"person": 1, "parked car": 1}
+    assert facts["settings"][0]["scores"]["mota"] == 1.0
+    assert facts["truth"]["tracks_not_compared"] == {"person": 1, "parked car": 1}
     code, out, _ = command(files / "fine.csv", "--truth", tmp_path / "truth.csv", "--classes", "car,person", "--json")
     assert json.loads(out)["settings"][0]["scores"]["misses"] == 200
     code, _, err = command(files / "fine.csv", "--truth", tmp_path / "truth.csv", "--classes", "tram")
