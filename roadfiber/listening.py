@@ -144,9 +144,8 @@ def vehicles(survey: Survey | Path | str, run: Run | None = None) -> Vehicles:
     if whole.tracks is None:
         raise InputError(f"{whole.name}: has a camera only; track its video first and give the trajectories")
     passes = smooth_passes(whole.tracks, whole.record)
-    ground = whole.ground
-    believed = {"depth": ground.depth[0], "poisson_ratio": ground.poisson_ratio}
-    rough = initialize(shorter_gauges(whole.record), passes, **believed)
+    believed = whole.ground.means
+    rough = initialize(shorter_gauges(whole.record), passes, **believed, sure=False)
     record = whole.at_all_times().record
     passes = smooth_passes(whole.tracks, record)
     if run is None:

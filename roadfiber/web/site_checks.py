@@ -15,6 +15,7 @@ from solver.survey.anchors import read_anchors
 from solver.survey.das.description import Description, describe
 from solver.survey.site import Site, read_site
 from solver.survey.site_sections import CameraSection
+from solver.survey.survey import Survey
 from vision.contract import InputError, LocalFrame
 from vision.contract.statements import Statements, caution_lines
 from vision.contract.table import read_tracks
@@ -107,7 +108,7 @@ def check(folder: Path, draft: Draft, tell: Callable[[str], None] = lambda line:
     check_overlap(found)
     if site.trajectories is not None and found.able:
         tell("Clocks")
-        check_clocks(found, folder, draft)
+        check_together(found, folder, draft)
     return found
 
 
@@ -218,13 +219,18 @@ def check_overlap(found: Checked) -> None:
             found.add("Overlap in time", verdict, f"{both:.0f} s of the {name} were recorded ({100 * share:.0f} %)")
 
 
-def check_clocks(found: Checked, folder: Path, draft: Draft) -> None:
-    """That the fiber heard the vehicles when they were seen."""
+def check_together(found: Checked, folder: Path, draft: Draft) -> None:
+    """That record, tracks and anchors are of one road and one time, as `locate` finds before it fits."""
+    from solver.run.locate import begin
+
     with tempfile.NamedTemporaryFile("w", dir=folder, prefix=".site-", suffix=".toml", encoding="utf-8") as file:
         file.write(draft.text())
         file.flush()
         try:
-            heard = rf.vehicles(Path(file.name))
+            survey = Survey.read(Path(file.name))
+            for line in begin(survey, [], {}).found.disputed:
+                found.add("Anchors", "look", line)
+            heard = rf.vehicles(survey)
         except InputError as error:
             found.add("Coverage and clocks", "look", str(error).replace(file.name, "site.toml"))
             return

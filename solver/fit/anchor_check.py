@@ -12,6 +12,7 @@ from solver.fit.least_squares import solve
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
 from solver.survey.anchors import Anchor
+from solver.trajectory.agreement import WHERE_FROM
 
 #: Chance that good anchors are called contradictory.
 ALARM = 1e-4
@@ -69,23 +70,27 @@ class Contradiction:
     ----------
     suspects : the one that is wrong, or those of which one is
     distance : m, of the first from where all else puts the fiber
+    others : whether there are anchors that are not suspected
     """
 
     suspects: tuple[Anchor, ...]
     distance: float
+    others: bool = True
 
     @property
     def sentence(self) -> str:
         """What a user should read."""
         names = ", ".join(sorted(one.name for one in self.suspects))
+        else_ = "" if self.others else f", {WHERE_FROM}"
         if len(self.suspects) > 1:
             return (
-                f"anchors {names} contradict each other ({self.distance:.2f} m) and nothing tells which is wrong; "
-                "check their channels and coordinates"
+                f"anchors {names} contradict each other, or the tracks ({self.distance:.2f} m), and nothing tells "
+                f"which is wrong; check their channels and coordinates{else_}"
             )
+        rest = "the other anchors and the tracks put" if self.others else "the tracks put"
         return (
-            f"anchor {names} is {self.distance:.2f} m from where the other anchors and the tracks put the fiber; "
-            "check its channel and coordinates"
+            f"anchor {names} is {self.distance:.2f} m from where {rest} the fiber; check its channel and "
+            f"coordinates{else_}"
         )
 
 
@@ -112,4 +117,4 @@ def contradiction(
         advance(1)
     fits.sort(key=lambda one: one.cost)
     suspects = tuple(one.anchor for one in fits if one.cost - fits[0].cost < DECISIVE)
-    return Contradiction(suspects, fits[0].distance)
+    return Contradiction(suspects, fits[0].distance, len(suspects) < len(problem.anchors))

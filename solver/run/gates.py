@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtri
 
 from solver.fit.held_out import HeldOut
+from solver.fit.map_fit import SPLINE_VARIANCE
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.run.floor import Floor
 from solver.run.trust import DIAGNOSE, Gate, Trust, Verdict
 from solver.survey.anchors import Anchor
+from solver.trajectory.agreement import WHERE_FROM
 from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
@@ -29,6 +31,9 @@ BEYOND = float(-ndtri(ALARM))
 TAKEN_UP = 0.9
 
 CLOCK = "`roadfiber clock RUN` estimates the clocks' offset"
+#: Where nothing tells anchors, tracks and record apart, in one line.
+FRAME = f"check the anchors against {WHERE_FROM}"
+READ = "see what was read of the record (`roadfiber view SITE`)"
 
 
 def trust_of(
@@ -49,8 +54,10 @@ def trust_of(
             converged_gate(result),
             with_share(fitted, unseen),
             unseen,
-            anchor_gate(result, problem.anchors, disputed),
+            anchor_gate(result, problem.anchors, disputed, explained=not fitted.failed),
             *track_gates(result, problem),
+            *wander_gates(result, problem),
+            *ground_gates(result, problem),
             *side_gates(result),
             *discrepancy_gates(problem),
         ]
@@ -62,7 +69,7 @@ def converged_gate(result: FitResult) -> Gate:
     if result.converged:
         return Gate("converged", "passed", "converged")
     words = f"not converged in {result.iterations} steps"
-    return Gate("converged", "failed", words, ("check tracks, clocks and anchors",))
+    return Gate("converged", "failed", words, (READ, "check tracks, clocks and anchors"))
 
 
 def judged(value: float, expected: float, scatter: float) -> Verdict:
@@ -135,11 +142,19 @@ def left_of(result: FitResult, anchors: Sequence[Anchor]) -> tuple[Array, Array]
     return square, np.clip(np.diagonal(followed, axis1=1, axis2=2), 0.0, 1.0)
 
 
-def anchor_gate(result: FitResult, anchors: Sequence[Anchor], disputed: Sequence[str]) -> Gate:
-    """The route at each anchor against the anchor's sigmas, given that the anchor draws the route to itself."""
-    mend = ("check the channels and coordinates of the anchors",)
+def anchor_gate(result: FitResult, anchors: Sequence[Anchor], disputed: Sequence[str], explained: bool = True) -> Gate:
+    """The route at each anchor against the anchor's sigmas, given that the anchor draws the route to itself.
+
+    Parameters
+    ----------
+    disputed : sentences on anchors that contradict the others
+    explained : whether the model explains the record: else it, or what was read, may be wrong, and not an anchor
+    """
+    first = () if explained else (READ,)
+    mend, unclear = (*first, "check the channels and coordinates of the anchors"), (*first, FRAME)
     if disputed:
-        return Gate("anchors", "failed", "; ".join(line.split("; ")[0] for line in disputed), mend)
+        found = "; ".join(line.split("; ")[0] for line in disputed)
+        return Gate("anchors", "failed", found, mend if anchors else unclear)
     if not anchors:
         return Gate("anchors", "open", "anchors, since there are none")
     miss, sigma = misses(result, anchors)
@@ -151,7 +166,8 @@ def anchor_gate(result: FitResult, anchors: Sequence[Anchor], disputed: Sequence
     gate = Gate("anchors", "passed", words, mend, float(off.max()), 0.0, 1.0, float(share.mean()))
     if wrong:
         said = (f"anchor {anchors[i].name} {distance[i]:.2f} m off the route ({off[i]:.1f} sigmas)" for i in wrong)
-        return replace(gate, verdict="failed", words="; ".join(said))
+        alone = unclear if len(wrong) == len(anchors) else mend
+        return replace(gate, verdict="failed", words="; ".join(said), mend=alone)
     return little(gate, "the route follows them")
 
 
@@ -181,8 +197,7 @@ def shifts(result: FitResult, name: str) -> dict[str, list[Parameter]]:
 def track_gates(result: FitResult, problem: Problem) -> list[Gate]:
     """The shifts of whole tracks along travel and sideways against what tracks may be off."""
     scale, gates = birge(result, problem.anchors), []
-    ways = (("along", "along travel", (CLOCK, DIAGNOSE)), ("across", "sideways", (DIAGNOSE,)))
-    for name, way, mend in ways:
+    for name, way in (("along", "along travel"), ("across", "sideways")):
         by_track, size = shifts(result, name), getattr(problem.prior, name)
         known = [(value, one) for one in problem.passes for value in by_track.get(one.track_id, [])]
         if not known:
@@ -192,10 +207,45 @@ def track_gates(result: FitResult, problem: Problem) -> list[Gate]:
         rms, due = float(np.sqrt((shift**2).mean())), float(np.sqrt((sd**2).mean()))
         share = float(np.clip(sigma**2 / scale / sd**2, 0.0, 1.0).mean())
         failed = chdtrc(len(sd), float(((shift / sd) ** 2).sum())) < ALARM
+        speed = np.array([one.speed for _, one in known])
+        rivals = {CLOCK: np.abs(speed)} if name == "along" else {}
+        rivals |= {FRAME: np.sign(speed)} if problem.anchors else {}
+        mend = (*sorted(rivals, key=lambda one: unlike(shift, rivals[one])), DIAGNOSE)
         words = f"tracks shifted {rms:.2f} m {way} (rms) where {due:.2f} m is expected"
         gate = Gate(f"tracks {way}", "failed" if failed else "passed", words, mend, rms, 0.0, due, share)
         gates.append(gate if failed else little(gate, "the rest of the fit takes up their errors"))
     return gates
+
+
+def unlike(shift: Array, shape: Array) -> float:
+    """What is left of squared shifts [track] when the best multiple of a shape [track] is taken off.
+
+    >>> unlike(np.array([1.0, -1.0, 1.0]), np.array([2.0, -2.0, 2.0])), unlike(np.ones(2), np.array([1.0, -1.0]))
+    (0.0, 2.0)
+    """
+    return float(((shift - shape * (shape @ shift) / (shape @ shape)) ** 2).sum())
+
+
+def wander_gates(result: FitResult, problem: Problem) -> list[Gate]:
+    """That tracks wander by far more than they say, or one of them does; nothing where they do not."""
+    slow = tuple(f"{one.name}." for one in problem.effects if one.slow_error)
+    found = [value.value for name, value in result.parameters.items() if slow and name.startswith(slow) and value.free]
+    size = np.array(found) / problem.prior.jitter
+    if not len(size) or min(chdtrc(len(size), (size**2).sum()), chdtrc(1, (size**2).max()) * len(size)) >= ALARM:
+        return []
+    rms, due = (SPLINE_VARIANCE**0.5 * one * problem.prior.jitter for one in (float(np.sqrt((size**2).mean())), 1.0))
+    words = f"tracks wander by {rms:.2f} m (rms) where {due:.2f} m is expected, {np.abs(size).max():.0f} sigmas at most"
+    return [Gate("tracks' slow errors", "failed", words, (READ, DIAGNOSE), rms, 0.0, due)]
+
+
+def ground_gates(result: FitResult, problem: Problem) -> list[Gate]:
+    """That Poisson's ratio is far from what was known of it; nothing where it is not."""
+    (mean, sd), fitted = problem.prior.poisson_ratio, result.parameters.get("poisson_ratio")
+    if fitted is None or not fitted.free or chdtrc(1, ((fitted.value - mean) / sd) ** 2) >= ALARM:
+        return []
+    words = f"Poisson's ratio {fitted.value:.3f} where {mean:g} ± {sd:g} is expected"
+    mend = ("give poisson_ratio in [ground] of site.toml if the ground is known to be so", DIAGNOSE)
+    return [Gate("ground", "failed", words, mend, fitted.value, mean, sd)]
 
 
 def side_gates(result: FitResult) -> list[Gate]:

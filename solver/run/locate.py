@@ -1,7 +1,7 @@
 """From a survey to a located fiber: smooth, match, fit."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -22,12 +22,13 @@ from solver.run.passes_fit import Fitting, timed
 from solver.run.problems import as_points, matched, smoothed, untaken
 from solver.run.route_fits import fit_route
 from solver.run.run import Run, run_of
+from solver.start.first_routes import FirstRoutes
 from solver.start.free_tracks import is_heard
 from solver.start.regauge import shorter_gauges
 from solver.survey.das.record import DASRecord
 from solver.survey.das.rounding import dithered
 from solver.survey.survey import Survey
-from solver.trajectory.agreement import check_apart, check_gauge, in_record
+from solver.trajectory.agreement import check_apart, check_gauge
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError, progress
 
@@ -55,6 +56,55 @@ def tested(result: FitResult, problem: Problem, rest: Problem | None) -> HeldOut
     ended = (chain, chain.state_of(torch.from_numpy(result.vector)))
     with progress("fitting without some passes", FOLDS) as advance:
         return held_out(problem, advance, at=ended, rest=rest)
+
+
+@dataclass(frozen=True)
+class Begun:
+    """What a fit begins from.
+
+    Parameters
+    ----------
+    heard : the record, rounded samples dithered
+    passes : all vehicles, smoothed
+    found : channels, anchors and rough routes
+    """
+
+    heard: DASRecord
+    passes: list[Pass]
+    found: FirstRoutes
+
+
+def begin(
+    survey: Survey,
+    warnings: list[str],
+    timings: dict[str, float],
+    wheels: bool = True,
+    shown: Callable[[DASRecord], DASRecord] = shorter_gauges,
+) -> Begun:
+    """Find where a fit of a survey with tracks begins, which takes a second or two.
+
+    Parameters
+    ----------
+    warnings, timings : lines for the user, and s of each step, are added
+    wheels : whether they are in the model
+    shown : the record as the matched filter looks at it
+
+    Raises
+    ------
+    InputError
+        If record, tracks and anchors cannot be of one road and one time.
+    """
+    if survey.tracks is None:
+        raise InputError(f"{survey.name}: has a camera only; track its video first and give the trajectories")
+    record = survey.record
+    check_gauge(record)
+    check_apart(survey.anchors, record.channel_spacing)
+    heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
+    with timed(timings, "smooth"):
+        passes = smoothed(survey.tracks, record, wheels, warnings)
+    with timed(timings, "match"):
+        found = matched(shown(heard), passes, survey.anchors, survey.ground.means, warnings, raw=record)
+    return Begun(heard, passes, found)
 
 
 def locate(
@@ -91,33 +141,24 @@ def locate(
     known = catalogue().extended(one for one in effects if isinstance(one, Effect))
     asked = [one if isinstance(one, Effect) else find(one, known) for one in effects]
     wheels = any(one.base_part == "wheels" for one in asked)
-    if survey.tracks is None:
-        raise InputError(f"{survey.name}: has a camera only; track its video first and give the trajectories")
     timings = {"read": survey.seconds}
-    record, ground = survey.record, survey.ground
-    check_gauge(record)
+    record = survey.record
     warnings = [*record.cautions, *survey.cautions]
-    check_apart(survey.anchors, record.channel_spacing)
-    anchors = in_record(survey.anchors, record, warnings)
-    heard = replace(record, strain_rate=dithered(record.strain_rate, record.rounding))
 
     def shown(record: DASRecord) -> DASRecord:
         return shorter_gauges(filtered(record, filters))
 
-    priors = {"depth": ground.depth[0], "poisson_ratio": ground.poisson_ratio}
-    with timed(timings, "smooth"):
-        passes = smoothed(survey.tracks, record, wheels, warnings)
-    with timed(timings, "match"):
-        found = matched(shown(heard), passes, anchors, priors, warnings, raw=record)
+    start = begin(survey, warnings, timings, wheels, shown)
+    passes = start.passes
 
     def routed(problems: list[Problem], told: list[str], disputed: list[str]) -> tuple[FitResult, Problem]:
         if method != "network":
             require_room_to_fit(problems[0])
         return fit_route(problems, method, record, told, disputed)
 
-    fitting = Fitting(survey, heard, found, asked, routed, all_passes, timings)
+    fitting = Fitting(survey, start.heard, start.found, asked, routed, all_passes, timings)
     laid_out = list if wheels else as_points
-    fit = fit_hearing(fitting, passes, shown, priors, laid_out) if unlisted else fitting.of(passes)
+    fit = fit_hearing(fitting, passes, shown, survey.ground.means, laid_out) if unlisted else fitting.of(passes)
     every, whole, choice, result, problem = fit.passes, fit.whole, fit.choice, fit.result, fit.problem
     warnings += fit.warnings
     if few := few_line(problem.passes):

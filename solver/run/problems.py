@@ -1,10 +1,11 @@
 """What is fitted of a survey: its smooth passes, its rough routes, and a problem for each of these."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solver.effect import Effect
 from solver.fit.choice import Choice
@@ -13,7 +14,9 @@ from solver.fit.prior import Prior
 from solver.fit.problem import Problem
 from solver.fit.some_passes import only
 from solver.load.wheel_layout import not_known
+from solver.start.alignment import NotFollowingError
 from solver.start.first_routes import FirstRoutes, find_first_routes
+from solver.start.initialization import ClocksApartError, initialize
 from solver.survey.anchors import Anchor
 from solver.survey.das.record import DASRecord, ranges
 from solver.survey.das.rounding import told
@@ -27,8 +30,12 @@ from vision.contract import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+Array = NDArray[np.float64]
+
 #: m
 FOOT = 0.3048
+#: s by which clocks may differ, so far apart that what is between them is found too; no more of the record is read.
+LATE = (-90.0, -60.0, -30.0, 30.0, 60.0, 90.0)
 
 
 def smoothed(tracks: "pd.DataFrame", record: DASRecord, wheels: bool, warnings: list[str]) -> list[Pass]:
@@ -79,28 +86,50 @@ def matched(
     try:
         return find_first_routes(record, passes, anchors, **priors, warnings=warnings)
     except InputError as error:
-        why = other_unit(record, passes, priors) or suspicions(raw, passes)
-        raise InputError(f"{error}{why}") from error
+        if isinstance(error, NotFollowingError):
+            for changed, late, words in mistaken(record, passes):
+                if (more := ahead(record, changed, priors)) is not None:
+                    raise InputError(f"{error.said}; it would if {words.format(-late - more)}") from error
+        raise InputError(f"{error}{suspicions(raw, passes)}") from error
 
 
-def other_unit(record: DASRecord, passes: Sequence[Pass], priors: Mapping[str, float]) -> str:
-    """Say in which unit tracks would follow a record that they do not follow, as the end of a sentence; empty: in none.
+def mistaken(record: DASRecord, passes: Sequence[Pass]) -> Iterator[tuple[list[Pass], float, str]]:
+    """Passes without a mistake that is often made, by how many seconds they are earlier, and the mistake in words."""
 
-    Parameters
-    ----------
-    priors : prior means of depth, m, and Poisson's ratio
-    """
-    for factor, words in ((FOOT, "x and y of the trajectories"), (1 / FOOT, "gauge_length and channel_spacing")):
-        scaled = [
-            replace(one, **{name: factor * getattr(one, name) for name in ("position", "velocity", "sigma")})
+    def changed(change: Callable[[Array], Array]) -> list[Pass]:
+        return [
+            replace(one, position=change(one.position), velocity=change(one.velocity), sigma=change(one.sigma))
             for one in passes
         ]
-        try:
-            find_first_routes(record, scaled, [], **priors, warnings=[])
-        except InputError:
-            continue
-        return f"; they would follow if {words} were in feet: give them in m"
-    return ""
+
+    yield changed(lambda xy: FOOT * xy), 0.0, "x and y of the trajectories were in feet: give them in m"
+    yield changed(lambda xy: xy / FOOT), 0.0, "gauge_length and channel_spacing were in feet: give them in m"
+    words = "vehicles drove along x instead of y: see x_azimuth in [frame], or whether x and y are exchanged"
+    yield changed(lambda xy: xy[:, ::-1]), 0.0, words
+    words = "{:+.0f} s were added to the tracks' times: the clocks differ, or the times of a file are not as it says"
+    for late in LATE:
+        rows = round(late * record.sampling_rate)
+        yield [part for one in passes if (part := earlier(one, rows, len(record.time)))], late, words
+
+
+def earlier(one: Pass, rows: int, samples: int) -> Pass | None:
+    """A pass some rows earlier, as far as a record of so many samples goes; None where nothing in view is left."""
+    at = one.rows - rows
+    keep = (at >= 0) & (at < samples)
+    if not one.in_view[keep].any():
+        return None
+    kept = {name: getattr(one, name)[keep] for name in ("position", "velocity", "sigma", "in_view")}
+    return replace(one, rows=at[keep], **kept)
+
+
+def ahead(record: DASRecord, passes: Sequence[Pass], priors: Mapping[str, float]) -> float | None:
+    """By how many seconds tracks are ahead of a record most of which follows them; None where it does not."""
+    try:
+        return initialize(record, passes, **priors, sure=True).clock_ahead
+    except ClocksApartError as error:
+        return error.ahead
+    except InputError:
+        return None
 
 
 def problems_of(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from solver.start.coil import JumpingLine, find_coil
 from solver.start.detections import Detections, MatchedFilter
-from solver.start.fiber_line import TOLERANCE, FiberLine, ransac_line, tolerance
+from solver.start.fiber_line import CLOCK, TOLERANCE, FiberLine, ransac_line, tolerance
 from solver.start.wavelets import Array
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
@@ -22,6 +22,7 @@ SEEN = 0.5  # share of the frames in which a channel must see its vehicle
 BRIDGE = 2.0  # gauge lengths of unseen channels that do not end the active range
 FOLLOWING = 0.2  # share of the detections beside recorded channels that must follow; of noise up to 0.12 does
 USUAL = 240.0  # m of fiber over which it does, at the usual tolerance
+SHOWN = 0.5  # share of all that is asked for where a lag is free: of another street up to 0.44 does, else 0.62
 MOST = 0.6  # that is asked for of short fibers: beside 15 m up to 0.47 of noise follows, and 0.84 of vehicles
 FEWEST = 6  # that must do so beyond that share
 NOISE_DB = 12.0  # what the loudest of a few hundred channels of noise stays under
@@ -92,15 +93,21 @@ class Drawn(Protocol):
 
 
 class NotFollowingError(InputError):
-    """Nothing in a record follows the trajectories; `seen` is what was there instead."""
+    """Nothing in a record follows the trajectories: what was `said` of it, what to mend, what was `seen` instead."""
 
-    def __init__(self, message: str, seen: Drawn):
-        super().__init__(message)
-        self.seen = seen
+    def __init__(self, said: str, seen: Drawn, mend: str = ""):
+        super().__init__(f"{said}; {mend}" if mend else said)
+        self.said, self.seen = said, seen
 
 
-def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float) -> tuple[FiberLine, int]:
+def find_line(
+    matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float, sure: bool = False
+) -> tuple[FiberLine, int]:
     """Line of channel against position, and the polarity of the responses under which most detections follow one.
+
+    Parameters
+    ----------
+    sure : whether it must be shown beyond doubt, as where it rests on a guess
 
     Raises
     ------
@@ -119,6 +126,8 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
             at = line.channel_of(*together(found)[:2])
             beside = (at > -0.5) & (at < channels - 0.5) | inliers
         needed = FEWEST + enough(channel_spacing, channel_spacing * channels) * beside.sum()
+        if line is not None and (sure or abs(line.lag) > CLOCK):
+            needed = max(needed, SHOWN * len(inliers))
         median = float(np.median(snr_db)) if len(snr_db) else -np.inf
         looks.append(Seen(*together(found), inliers, beside, needed, tolerance(channel_spacing), median))
         if line is not None and inliers.sum() >= needed:
@@ -131,12 +140,12 @@ def find_line(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: f
     best = max(looks, key=lambda one: int(one.inliers.sum()))
     if max(one.snr_db for one in looks) < NOISE_DB:
         raise NotFollowingError(
-            f"DAS record: no vehicle is seen in it (half of the frames are under {NOISE_DB:g} dB, as noise is); "
-            f"{CLOCK_MEND}, filter what the matched filter sees (--filter fk), or give more and heavier vehicles",
+            f"DAS record: no vehicle is seen in it (half of the frames are under {NOISE_DB:g} dB, as noise is)",
             best,
+            f"{CLOCK_MEND}, filter what the matched filter sees (--filter fk), or give more and heavier vehicles",
         )
-    said = f"DAS record: what moves in it does not follow the trajectories ({best.words}); {CLOCK_MEND}"
-    raise NotFollowingError(said, best)
+    said = f"DAS record: what moves in it does not follow the trajectories ({best.words})"
+    raise NotFollowingError(said, best, CLOCK_MEND)
 
 
 def balanced(line: FiberLine, detections: Sequence[Detections]) -> FiberLine:
@@ -224,14 +233,17 @@ def detect_near(
     return found.where(np.abs(line.residuals(found.x, found.speed, found.channel)) < near)
 
 
-def align(matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float, gauge: float) -> Alignment:
+def align(
+    matched: MatchedFilter, passes: Sequence[Pass], channel_spacing: float, gauge: float, sure: bool = False
+) -> Alignment:
     """Find the line among all detections, then again among those near it on the channels that see the vehicles.
 
     Parameters
     ----------
     gauge : gauge length in channels
+    sure : as of `find_line`
     """
-    line, polarity = find_line(matched, passes, channel_spacing)
+    line, polarity = find_line(matched, passes, channel_spacing, sure)
     every = together([matched.detect(one, polarity) for one in passes])
     if (jump := find_coil(line, *every, channel_spacing)) is not None:
         return aligned_beyond(matched, passes, polarity, jump, gauge, tolerance(channel_spacing))

@@ -12,6 +12,7 @@ TOLERANCE = 2.5  # m, of a detection about the line: long vehicles and jitter of
 COARSE = 0.75  # channels that it may be off as well: between coarse channels a peak is a guess
 SLOPES = (0.6, 1.1)  # dx per meter of fiber: slack and a fiber askew to the road make less than 1
 LARGEST_LAG = 20.0  # s
+CLOCK = 2.0  # s of clock error that a survey can bear
 
 
 def tolerance(channel_spacing: float) -> float:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from solver.cable.fiber import Coil
 from solver.start.initialization import Initialization, initialize
 from solver.start.joined_sections import joined, sides_of
-from solver.start.rough_route import OFF_LINE, silent, start_route, straight_part, view_of
+from solver.start.rough_route import OFF_LINE, beyond_words, silent, start_route, straight_part, view_of
 from solver.start.sections import ONE_SECTION, Found, extent, initialize_sections
 from solver.survey.anchors import Anchor
 from solver.survey.das.record import DASRecord
-from solver.trajectory.agreement import check_reach, misplaced, misplaced_line, near
+from solver.trajectory.agreement import check_reach, check_together, in_record, misplaced, misplaced_line, near
 from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
@@ -70,28 +70,54 @@ def find_first_routes(
         found = initialize_sections(record, passes, depth=depth, poisson_ratio=poisson_ratio)
         return along_road(record, passes, found, anchors, warnings)
     rough = initialize(record, passes, depth=depth, poisson_ratio=poisson_ratio)
-    used = near(anchors, rough.active, record.channel_spacing, warnings)
-    check_reach(used, passes, rough.active, record.channel_spacing)
     # Beyond a coil the line is off, and not the anchors.
-    wrong = misplaced(used, rough.channel, rough.route[:, 0]) if rough.coil is None else []
-    used = [one for one in used if one not in wrong]
+    line = (rough.channel, rough.route[:, 0]) if rough.coil is None else None
+    used, disputed = agreeing(anchors, record, passes, rough.active, line, warnings)
     if nothing := silent(record, view_of(rough, passes)):
         warnings.append(nothing)
     recorded = int(record.channel[0]), int(record.channel[-1])
     keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing), recorded)
-    for end in sorted({int(rough.channel[0]), int(rough.channel[-1])} - set(rough.channel[keep][[0, -1]].tolist())):
-        warnings.append(
-            f"vehicles are not recorded beyond channel {end}, though the view and the record go on: the fiber leaves "
-            "the road there, or records nothing; it is not located beyond"
-        )
+    seen = np.clip(view_of(rough, passes), *recorded)
+    for side in (0, -1):
+        if (end := int(rough.channel[side])) != rough.channel[keep][side]:
+            warnings.append(beyond_words(record, passes, end, int(seen[side])))
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     routes = [start_route(rough, y, used)[keep] for y in sides]
     coil = coiled(rough, routes[0], record, warnings)
     # Ground of an unusual Poisson's ratio makes waves of another form, which fit best a crest away.
     if coil is None and abs(ahead := anchors_ahead(rough, used)) > OFF_LINE:
         routes.append(routes[0] + np.array([ahead, 0.0, 0.0]))
-    disputed = [misplaced_line(one, rough.channel, rough.route[:, 0]) for one in wrong]
     return FirstRoutes(rough.channel[keep], routes, used, disputed, coil, rough)
+
+
+def agreeing(
+    anchors: Sequence[Anchor],
+    record: DASRecord,
+    passes: Sequence[Pass],
+    active: tuple[int, int],
+    line: tuple[NDArray[np.int64], Array] | None,
+    warnings: list[str],
+) -> tuple[list[Anchor], list[str]]:
+    """Anchors within reach that tracks and record do not contradict, and a sentence on each that they do.
+
+    Parameters
+    ----------
+    active : first and last channel that record vehicles
+    line : these channels and where vehicles are recorded on them, m; None where that is not known
+    warnings : lines for the user are added: anchors out of reach, or all off alike
+
+    Raises
+    ------
+    InputError
+        If an anchor is out of every vehicle's reach, or all would be in place but for one mistake.
+    """
+    if line is not None and (caution := check_together(anchors, passes, *line, record)):
+        warnings.append(caution)
+    used = near(in_record(anchors, record, warnings), active, record.channel_spacing, warnings)
+    check_reach(used, passes, active, record.channel_spacing)
+    wrong = misplaced(used, *line) if line is not None else []
+    rest = [one for one in used if one not in wrong]
+    return rest, [misplaced_line(one, *line, alone=not rest) for one in wrong] if line is not None else []
 
 
 def anchors_ahead(rough: Initialization, anchors: Sequence[Anchor]) -> float:
@@ -127,10 +153,7 @@ def along_road(
     chosen, other, evidence = sides_of(found)
     channel, route = joined(found, chosen)
     active = int(channel[0]), int(channel[-1])
-    used = near(anchors, active, record.channel_spacing, warnings)
-    check_reach(used, passes, active, record.channel_spacing)
-    wrong = misplaced(used, channel, route[:, 0])
-    used = [one for one in used if one not in wrong]
+    used, disputed = agreeing(anchors, record, passes, active, (channel, route[:, 0]), warnings)
     if nothing := silent(record, channel[[0, -1]]):
         warnings.append(nothing)
     gaps = np.flatnonzero(np.diff(channel) > 1)
@@ -140,5 +163,4 @@ def along_road(
             "from the rest alone"
         )
     routes = [route] if used or evidence > TOLD * len(found) else [route, joined(found, other)[1]]
-    disputed = [misplaced_line(one, channel, route[:, 0]) for one in wrong]
     return FirstRoutes(channel, routes, used, disputed, sections=found)

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 from solver.start.alignment import align, direction_residual
 from solver.start.coupling_curve import CouplingCurve, coupling_curve
 from solver.start.detections import FRAME_RATE, Detections, MatchedFilter, excess, thinned
-from solver.start.fiber_line import FiberLine
+from solver.start.fiber_line import CLOCK, FiberLine
 from solver.start.lateral import binned_widths, locate_sides
 from solver.start.wavelets import SCALES, Array
 from solver.survey.das.record import DASRecord
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
 
-CLOCK = 2.0  # s of clock error that a survey can bear
 APART = 25.0  # m between two vehicles whose responses do not overlap
 CROWDED_DB = 14.0  # dB that a response counts less beside another one
 DISTANT = 12.0  # m; lateral offset that the bank must cover
@@ -109,13 +108,22 @@ def curves_by_depth(
     }
 
 
+class ClocksApartError(InputError):
+    """Detections follow the vehicles, but far ahead or behind: the tracks' clock is `ahead`, s."""
+
+    def __init__(self, message: str, ahead: float):
+        super().__init__(message)
+        self.ahead = ahead
+
+
 def check_clocks(line: FiberLine) -> None:
-    """Raise InputError where the detections follow the vehicles, but far ahead or behind."""
+    """Raise ClocksApartError where the detections follow the vehicles, but far ahead or behind."""
     if abs(line.lag) > CLOCK:
         side = "ahead of" if line.lag > 0 else "behind"
-        raise InputError(
+        raise ClocksApartError(
             f"trajectories: their clock is {abs(line.lag):.1f} s {side} that of the DAS; "
-            f"take {line.lag:.2f} s off their times (clock_offset in [camera])"
+            f"take {line.lag:.2f} s off their times (clock_offset in [camera])",
+            line.lag,
         )
 
 
@@ -130,7 +138,7 @@ def visible(passes: Sequence[Pass], channels: int) -> list[int]:
 
 
 def initialize(
-    record: DASRecord, passes: Sequence[Pass], *, depth: float = 0.9, poisson_ratio: float = 0.25
+    record: DASRecord, passes: Sequence[Pass], *, depth: float = 0.9, poisson_ratio: float = 0.25, sure: bool = False
 ) -> Initialization:
     """Rough route and active channels from the matched filter.
 
@@ -145,6 +153,7 @@ def initialize(
     passes : vehicles, smoothed, at the record's rows
     depth : prior mean depth of the fiber, m
     poisson_ratio : prior mean of the ground's
+    sure : whether it must be shown beyond doubt that these follow the trajectories, as where the passes are a guess
 
     Raises
     ------
@@ -160,7 +169,7 @@ def initialize(
     expected = [curve[1.0] for curve in curves]
     matched = MatchedFilter(frames, thin, bank_scales(expected, spacing), excess(frames))
     gauge = record.gauge_length / spacing
-    found = align(matched, thin, spacing, gauge)
+    found = align(matched, thin, spacing, gauge, sure)
     check_clocks(found.line)
     first, last = found.active
     edges = np.linspace(first - 0.5, last + 0.5, max(1, round((last - first + 1) / gauge)) + 1)

@@ -7,7 +7,7 @@ import numpy as np
 from solver.start.initialization import Initialization
 from solver.survey.anchors import Anchor
 from solver.survey.das.record import DASRecord, ranges
-from solver.survey.dead_channels import repeating
+from solver.survey.dead_channels import recording, repeating
 from solver.trajectory.vehicle_pass import Pass
 
 #: Channels that the noise's law is learned from, in the middle of a long fiber.
@@ -25,10 +25,28 @@ def view_of(rough: Initialization, passes: Sequence[Pass]) -> np.ndarray:
 
 
 def silent(record: DASRecord, ends: np.ndarray) -> str | None:
-    """Say which channels between `ends` [2] record nothing; None where all do."""
+    """Say which channels between `ends` [2] hold one value most of the time; None where none does."""
     inside = (record.channel >= ends[0]) & (record.channel <= ends[1])
     dead = repeating(record, record.channel[inside])
-    return f"channels {ranges(dead)} record nothing; the route there depends on their neighbors" if len(dead) else None
+    if not len(dead):
+        return None
+    return f"channels {ranges(dead)} hold one value most of the time; the route there depends on their neighbors"
+
+
+def beyond_words(record: DASRecord, passes: Sequence[Pass], end: int, farthest: int) -> str:
+    """Say why the fiber is not located beyond channel `end`, though vehicles were in view out to the `farthest`."""
+    low, high = sorted((end, farthest))
+    channel = record.channel[(record.channel >= low) & (record.channel <= high) & (record.channel != end)]
+    loud = recording(record, channel, np.unique(np.concatenate([one.rows[one.in_view] for one in passes])))
+    if not len(loud):
+        return (
+            f"vehicles are not recorded beyond channel {end}, though the view and the record go on: the fiber leaves "
+            "the road there, or records nothing; it is not located beyond"
+        )
+    return (
+        f"vehicles are recorded beyond channel {end}, too (channels {ranges(loud)}), but not where one line along the "
+        "road expects them: the fiber turns or lies coiled there, or the tracks are off; it is not located beyond"
+    )
 
 
 def straight_part(rough: Initialization, passes: Sequence[Pass], gauge: int, recorded: tuple[int, int]) -> slice:

@@ -33,6 +33,12 @@ def repeating(record: DASRecord, channel: Integers) -> Integers:
     return np.asarray(channel[~(np.concatenate(changing) > 0.5)])
 
 
+def recording(record: DASRecord, channel: Integers, rows: Integers) -> Integers:
+    """Numbers of the channels [channel] that are loud at least for some `rows` of the record, those with vehicles."""
+    size = np.abs(np.nan_to_num(record.strain_rate[:, np.searchsorted(record.channel, channel)]))
+    return np.asarray(channel[(size[rows] > HEARD * 1.4826 * np.median(size, 0)).sum(0) >= ENOUGH])
+
+
 def is_nearly_silent(gain: Array, sigma: Array, usual: Array | float = 1.0) -> NDArray[np.bool_]:
     """Which channels [channel] surely record only a small share of the usual signal.
 

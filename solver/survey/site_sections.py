@@ -218,6 +218,11 @@ class GroundSection(Section):
     poisson_ratio: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     depth: tuple[Positive, Positive] = (0.9, 0.3)
 
+    @property
+    def means(self) -> dict[str, float]:
+        """Prior means of depth, m, and Poisson's ratio, as the matched filter takes them."""
+        return {"depth": self.depth[0], "poisson_ratio": self.poisson_ratio}
+
     @field_validator("depth")
     @classmethod
     def within_reach(cls, depth: tuple[float, float]) -> tuple[float, float]:

@@ -23,6 +23,9 @@ SPACING_OFF, SURE = 0.05, 5.0
 #: An anchor this far along the road from where vehicles are recorded on its channel, m, is wrong: rough routes are
 #: within half of it. One that is nearer than `ON_PLACE` is where it should be.
 OFF_PLACE, ON_PLACE = 10.0, 5.0
+ZONE_MEND = "a clock in local time, a zone that a file does not state, or files of another hour; give UTC"
+#: What else may be wrong where no anchor agrees with tracks and record.
+WHERE_FROM = "what the record's channels count from, and the frame and clock of the tracks"
 #: m before and behind a gauge from which a vehicle strains the gauge most.
 BESIDE = 5.0
 #: m/s; on few roads a vehicle is faster (144 km/h).
@@ -55,7 +58,7 @@ def zone_line(first: float, last: float, end: float) -> str | None:
     """Say by how many whole hours tracks from `first` to `last`, s, miss a record from 0 to `end`, s; None: by none.
 
     >>> zone_line(7220.0, 7380.0, 193.0)
-    'they are 2 h apart: one of the clocks seems to be local time; write both in UTC'
+    'they are 2 h apart: a clock in local time, a zone that a file does not state, or files of another hour; give UTC'
     >>> zone_line(900.0, 1000.0, 193.0) is None
     True
     """
@@ -64,7 +67,7 @@ def zone_line(first: float, last: float, end: float) -> str | None:
     common = min(stop, end) - max(begin, 0.0)
     if not 0 < abs(hours) <= ZONES or common < WITHIN * min(last - first, end):
         return None
-    return f"they are {abs(hours)} h apart: one of the clocks seems to be local time; write both in UTC"
+    return f"they are {abs(hours)} h apart: {ZONE_MEND}"
 
 
 def slow_line(record: DASRecord, passes: "Sequence[Pass]") -> str | None:
@@ -125,7 +128,7 @@ def check_apart(anchors: Sequence[Anchor], spacing: float) -> None:
     >>> check_apart([Anchor("a", 74, 12600, 0, 1, 0.1, 0.1), Anchor("b", 147, 87, 0, 1, 0.1, 0.1)], 1.0)
     Traceback (most recent call last):
     vision.contract.errors.InputError: anchors a and b are 12513.0 m apart, but from channel 74 to 147 it is 73.0 m of \
-fiber; check their channels and places, in m
+fiber; check their channels and places, in m, and channel_spacing
     """
     for one, other in combinations(anchors, 2):
         distance = float(np.hypot(one.x - other.x, one.y - other.y))
@@ -135,7 +138,7 @@ fiber; check their channels and places, in m
         if distance > (1 + SPACING_OFF) * (fiber + spacing) + SURE * sigma:
             raise InputError(
                 f"anchors {one.name} and {other.name} are {distance:.1f} m apart, but from channel {one.channel:g} to "
-                f"{other.channel:g} it is {fiber:.1f} m of fiber; check their channels and places, in m"
+                f"{other.channel:g} it is {fiber:.1f} m of fiber; check their channels and places, in m, and channel_spacing"
             )
 
 
@@ -169,6 +172,105 @@ def check_reach(anchors: Sequence[Anchor], passes: "Sequence[Pass]", active: tup
             )
 
 
+def common_mistakes(
+    anchors: Sequence[Anchor], channel: NDArray[np.int64], x: Array, recorded: tuple[int, int]
+) -> list[tuple[float, float, str]]:
+    """Single mistakes that would put all anchors where vehicles are recorded on their channels.
+
+    Parameters
+    ----------
+    channel, x : [channel], channels that record vehicles and where, m
+    recorded : first and last channel of the record
+
+    Returns
+    -------
+    mistakes : how far the farthest anchor would be off, m; by how much all are off alike, m, inf where the mistake is
+        another; and the mistake, as the end of a sentence. Best first, and last one that has a length to choose beside a
+        direction; none where anchors are in place, or no single mistake explains them
+
+    >>> line = np.arange(101), np.arange(0.0, 202.0, 2.0)
+    >>> west, east = Anchor("west", 20, 80.0, 4, 1, 0.1, 0.1), Anchor("east", 70, 181.0, 4, 1, 0.1, 0.1)
+    >>> for off, shift, mistake in common_mistakes([west, east], *line, (0, 240)):
+    ...     print(off, shift, mistake)
+    0.5 40.5 +20 were added to their channel numbers, or -40.5 m to their x, or +40.5 m to that of the tracks
+    """
+    number, along, sigma = (np.array([getattr(one, name) for one in anchors]) for name in ("channel", "x", "sigma_xy"))
+    if len(anchors) < 2 or np.ptp(along) < 2 * OFF_PLACE:
+        return []
+
+    slope = float(x[-1] - x[0]) / float(channel[-1] - channel[0])
+    heard = (number >= channel[0]) & (number <= channel[-1])
+
+    def off(number: Array, along: Array) -> Array:
+        inside = np.clip(number, channel[0], channel[-1])
+        miss = along - np.interp(inside, channel, x) - slope * (number - inside)
+        # Where no anchor's own channel records vehicles, the fiber may take any way to it.
+        return miss if heard.any() else np.where(inside == number, miss, np.inf)
+
+    if heard.any() and (np.abs(off(number, along)) <= OFF_PLACE + SURE * sigma)[heard].all():
+        return []
+    order = np.argsort(x)
+    inside = np.clip(along, x.min(), x.max())
+    step = float((np.interp(inside, x[order], channel[order]) + (along - inside) / slope - number).mean())
+    shift = step * slope
+    tries: list[tuple[Array, float, str]] = [
+        (
+            off(number + step, along),
+            shift,
+            f"{step:+.0f} were added to their channel numbers, or {-shift:+.1f} m to their x, or {shift:+.1f} m to "
+            "that of the tracks",
+        ),
+        (
+            off(number, -along),
+            np.inf,
+            "they, or the tracks, were turned about the origin by half a turn, as x_azimuth in [frame] turns what "
+            "comes in latitude and longitude",
+        ),
+        (off(recorded[0] + recorded[1] - number, along), np.inf, "channels were counted from the record's other end"),
+    ]
+    for i, j in combinations(range(len(anchors)), 2):
+        swapped = number.copy()
+        swapped[[i, j]] = number[[j, i]]
+        words = f"the channels of {anchors[i].name} and {anchors[j].name} were exchanged"
+        tries.append((off(swapped, along), np.inf, words))
+    found = sorted((float(np.abs(left).max()), by, words) for left, by, words in tries)
+    if heard.all():
+        back = along + np.interp(number, channel, x)
+        found.append((float(np.abs(back - back.mean()).max()), np.inf, "the tracks ran the other way along x"))
+    return [one for one in found if one[0] < ON_PLACE + SURE * sigma.max()]
+
+
+def check_together(
+    anchors: Sequence[Anchor], passes: "Sequence[Pass]", channel: NDArray[np.int64], x: Array, record: DASRecord
+) -> str | None:
+    """Raise InputError where one mistake would put all anchors where vehicles are recorded; it names the rivals.
+
+    Anchors contradict tracks and record together then, and no anchor the others.
+
+    Returns
+    -------
+    caution : the same line where all are off alike by so little that the ground's waves, if of another form, may be
+        why; None where there is no such mistake
+    """
+    mistakes = common_mistakes(anchors, channel, x, record.recorded.channels)
+    if not mistakes:
+        return None
+    shift, rivals = min(by for _, by, _ in mistakes), [words for *_, words in mistakes]
+    speeds = np.array([one.speed for one in passes])
+    if np.isfinite(shift) and np.ptp(np.sign(speeds)) == 0:
+        late = abs(shift / float(np.median(speeds)))
+        rivals.append(f"the clocks were {late:.1f} s apart, which vehicles that all go one way do not tell")
+    names = ", ".join(f"{one.name} (channel {one.channel:g})" for one in anchors)
+    which = "" if len(rivals) == 1 else "; nothing else tells which"
+    line = (
+        f"anchors {names} are not where vehicles are recorded on their channels; all would be if "
+        f"{'; or if '.join(rivals)}{which}"
+    )
+    if abs(shift) > record.gauge_length + 2 * BESIDE:
+        raise InputError(line)
+    return line
+
+
 def misplaced(anchors: Sequence[Anchor], channel: NDArray[np.int64], x: Array) -> list[Anchor]:
     """Anchors that are elsewhere along the road than vehicles are recorded on their channels.
 
@@ -178,11 +280,6 @@ def misplaced(anchors: Sequence[Anchor], channel: NDArray[np.int64], x: Array) -
     ----------
     channel, x : [channel], channels that record vehicles and where, m
 
-    Raises
-    ------
-    InputError
-        If two anchors would be in place with their channels exchanged.
-
     >>> line = np.arange(100), np.arange(100.0)
     >>> right, wrong = Anchor("a", 20, 21, 0, 1, 0.1, 0.1), Anchor("b", 60, 80, 0, 1, 0.1, 0.1)
     >>> [one.name for one in misplaced([right, wrong], *line)]
@@ -191,24 +288,22 @@ def misplaced(anchors: Sequence[Anchor], channel: NDArray[np.int64], x: Array) -
     inside = [one for one in anchors if channel[0] <= one.channel <= channel[-1]]
     miss = np.array([one.x - np.interp(one.channel, channel, x) for one in inside])
     far = [one for one, by in zip(inside, miss, strict=True) if abs(by) > OFF_PLACE + SURE * one.sigma_xy]
-    for one, other in combinations(far, 2):
-        exchanged = np.abs(np.interp([one.channel, other.channel], channel, x) - [other.x, one.x])
-        if exchanged.max() < ON_PLACE:
-            raise InputError(
-                f"anchors {one.name} and {other.name} seem to be exchanged: each lies where vehicles are recorded on "
-                f"the channel of the other ({one.channel:g}, {other.channel:g}); exchange their channels or places, or "
-                "see whether the tracks run backwards"
-            )
     agree = len(miss) > 1 and np.ptp(miss) < ON_PLACE
     return [] if agree else far
 
 
-def misplaced_line(anchor: Anchor, channel: NDArray[np.int64], x: Array) -> str:
-    """Say that an anchor is left out because it is not where vehicles are recorded on its channel."""
+def misplaced_line(anchor: Anchor, channel: NDArray[np.int64], x: Array, alone: bool = False) -> str:
+    """Say that an anchor is left out because it is not where vehicles are recorded on its channel.
+
+    Parameters
+    ----------
+    alone : whether no other anchor agrees with tracks and record, which may be wrong as well then
+    """
     distance = abs(anchor.x - float(np.interp(anchor.channel, channel, x)))
+    others = f", {WHERE_FROM}" if alone else ""
     return (
         f"anchor {anchor.name} is {distance:.0f} m along the road from where vehicles are recorded on its channel "
-        f"{anchor.channel:g}; check its channel and place; it is left out"
+        f"{anchor.channel:g}; check its channel and place{others}; it is left out"
     )
 
 
@@ -220,6 +315,11 @@ def suspicions(record: DASRecord, passes: "Sequence[Pass]") -> str:
     last = max(int(one.rows[one.in_view][-1]) for one in passes if one.in_view.any())
     if record.provenance.get("format") == "numpy" and last >= samples - 1 and samples < channels:
         lines.append(f"the array has {samples} samples of {channels} channels: are its axes exchanged?")
+    first, last = int(record.channel[0]), int(record.channel[-1])
+    if (first, last) != record.recorded.channels:
+        lines.append(
+            f"only channels {first} to {last} were looked at, by the anchors' channel numbers: are these right?"
+        )
     if (speed := float(np.median([abs(one.speed) for one in passes]))) > FAST:
         lines.append(f"vehicles at {speed:.0f} m/s are fast: are x and y in m?")
     return "".join(f"; {line}" for line in lines)

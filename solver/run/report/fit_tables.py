@@ -72,7 +72,7 @@ def fit_facts(run: Run) -> list[tuple[str, str]]:
     seconds = ", ".join(f"{name.replace('_', ' ')} {value:.1f} s" for name, value in facts["timings"].items())
     samples = int(np.isfinite(result.measured).sum())
     ended = "converged" if result.converged else "not converged"
-    depth, spacing = settings["depth"], settings["channel_spacing"]
+    depth, spacing, ratio = settings["depth"], settings["channel_spacing"], run.problem.prior.poisson_ratio
     instrument = f"gauge length {gauge_words(run)}, channel spacing {spacing:g} m"
     noise = f"{settings['sampling_rate']:g} Hz, median noise {np.nanmedian(result.noise):.2g} 1/s"
     return [
@@ -81,7 +81,7 @@ def fit_facts(run: Run) -> list[tuple[str, str]]:
         ("Fitted", f"channels {first} to {last}, {len(run.passes)} passes, {samples:,} samples"),
         ("On passes left out", "not tried" if held_out is None else f"chi²/dof {held_out:.3f}"),
         ("Interrogator", f"{instrument}, {noise}"),
-        ("Assumed", f"depth {depth[0]:g} ± {depth[1]:g} m, Poisson ratio about {settings['poisson_ratio']:g}"),
+        ("Assumed", f"depth {depth[0]:g} ± {depth[1]:g} m, Poisson's ratio {ratio[0]:g} ± {ratio[1]:g}"),
         ("Computing time", seconds or "not taken"),
     ]
 

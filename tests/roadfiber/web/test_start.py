@@ -89,6 +89,14 @@ def test_places_far_apart_are_told(folder):
     assert one.verdict == "look" and "m from all vehicles" in one.words
 
 
+def test_tracks_that_are_turned_are_told_before_a_fit(folder):
+    """Every check was ticked, and `locate` blamed the anchors after the fit."""
+    tracks = pd.read_csv(folder / "trajectories.csv")
+    tracks.assign(x=-tracks["x"], y=-tracks["y"]).to_csv(folder / "trajectories.csv", index=False)
+    one = next(one for one in check(folder, found_in(folder)).checks if one.what == "Coverage and clocks")
+    assert one.verdict == "look" and "were turned about the origin by half a turn, as x_azimuth" in one.words
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -15,6 +15,7 @@ from solver.run.strict_json import strict
 from solver.run.trust import DIAGNOSE, Gate, Trust
 from solver.survey.anchors import Anchor
 from solver.survey.das.rounding import Rounding
+from solver.trajectory.trajectory_effects import SLOW_ERROR
 
 FLOOR = Floor(value=1.0, samples=50_000, spread=2.0)
 SEEN = HeldOut(chi2=50_100.0, freedom=50_000.0, blurred=0.0, blur=0.0)
@@ -88,7 +89,15 @@ def test_an_anchor_that_the_route_misses_is_named_with_what_to_do(survey, trust)
     found = trust(problem=with_anchor(survey, 0.66))
     assert found.grade == "weak"
     assert "anchor west 0.66 m off the route (13.2 sigmas)" in found.sentence
-    assert found.sentence.endswith("Next: check the channels and coordinates of the anchors.")
+    # The only one: nothing tells whether it is wrong, or what it is held against.
+    assert found.sentence.endswith(
+        "check the anchors against what the record's channels count from, and the frame and clock of the tracks."
+    )
+    x, y, z = survey.result.route[20]
+    two = replace(survey.problem, anchors=[*with_anchor(survey, 0.66).anchors, Anchor("b", 70.0, x, y, z, 0.05, 0.05)])
+    assert trust(problem=two).sentence.endswith("Next: check the channels and coordinates of the anchors.")
+    # Where the model does not explain the record, an anchor is not shown to be wrong.
+    assert "see what was read of the record" in trust(problem=two, chi2_per_dof=2.0).sentence
 
 
 def test_a_route_that_follows_an_anchor_hides_how_far_it_is_off(survey, trust):
@@ -118,6 +127,32 @@ def test_tracks_are_judged_by_what_they_may_be_off(survey, trust):
     assert "tracks shifted 0.37 m sideways (rms) where 0.07 m is expected" in found.sentence
     loose = replace(survey.problem, passes=[replace(one, offset=0.4) for one in survey.problem.passes])
     assert failed(trust(problem=loose, parameters=survey.result.parameters | shifted)) == []
+
+
+@pytest.mark.parametrize(("shape", "first"), [(np.abs, "roadfiber clock"), (np.sign, "check the anchors against")])
+def test_what_shifts_all_tracks_is_named_in_the_order_in_which_it_fits(survey, trust, shape, first) -> None:
+    """Two passes, one either way: late by as many seconds, or as many meters farther along the road."""
+    shifted = {f"along[{one.track_id}]": Parameter(3 * shape(one.speed), 0.02, "m", True) for one in survey.passes}
+    found = trust(problem=with_anchor(survey, 0.0), parameters=survey.result.parameters | shifted)
+    assert (
+        failed(found) == ["tracks along travel"] and first in found.sentence.partition("Next: ")[2].partition("; ")[0]
+    )
+
+
+def test_tracks_that_wander_and_ground_that_is_unlike_the_prior_fail(survey, trust) -> None:
+    """Wander of 3 m where .9 is expected, and a ratio of .397 where .25 is, passed every check."""
+    problem = replace(survey.problem, effects=(SLOW_ERROR,), prior=replace(survey.problem.prior, jitter=1.3))
+
+    def judged(wander: float, ratio: float):
+        slow = {f"track_jitter.along[{i}]": Parameter(wander * (-1) ** i, 0.1, "m", True) for i in range(20)}
+        ground = {"poisson_ratio": Parameter(ratio, 0.01, "1", True)}
+        return trust(problem=problem, parameters=survey.result.parameters | slow | ground)
+
+    assert failed(judged(1.0, 0.3)) == []
+    found = judged(4.33, 0.397)
+    assert failed(found) == ["tracks' slow errors", "ground"]
+    assert "tracks wander by 3.00 m (rms) where 0.90 m is expected" in found.sentence
+    assert "Poisson's ratio 0.397 where 0.25 ± 0.03 is expected" in found.sentence
 
 
 def test_what_did_not_converge_is_poor_whatever_its_misfit(trust):

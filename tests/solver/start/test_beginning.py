@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solver.start.first_routes import anchors_ahead
-from solver.start.rough_route import straight_part
+from solver.start.rough_route import beyond_words, straight_part
 from solver.survey.anchors import Anchor
 
 
@@ -44,3 +44,10 @@ def test_where_the_record_ends_the_fiber_does_not_leave_the_road(
     rough: Any = SimpleNamespace(active=active, channel=channel, x_of_channel=(-65.0, 1.0))
     one: Any = SimpleNamespace(position=np.array([[0.0, 0.0], [97.0, 0.0]]), in_view=np.ones(2, bool))
     assert straight_part(rough, [one], 10, recorded).indices(len(channel))[:2] == kept
+
+
+def test_channels_that_record_vehicles_are_not_said_to_record_nothing(survey) -> None:
+    """The loudest channels of a street, where no line expects its vehicles, "record nothing"."""
+    loud, quiet = (beyond_words(survey.record, survey.passes, *ends) for ends in ((75, 40), (110, 140)))
+    assert loud.startswith("vehicles are recorded beyond channel 75, too (channels 53-69, 71-74)")
+    assert quiet.startswith("vehicles are not recorded beyond channel 110, though the view and the record go on")

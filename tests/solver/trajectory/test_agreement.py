@@ -10,6 +10,7 @@ from solver.trajectory.agreement import (
     check_clocks,
     check_gauge,
     check_reach,
+    check_together,
     in_record,
     misplaced,
     misplaced_line,
@@ -67,11 +68,56 @@ def test_anchors_within_reach_of_the_tracks_are_used(survey) -> None:
     check_reach([anchor("a", 80, 30.0, 24.0), anchor("b", 140, 105.0)], survey.passes, (50, 110), 1.0)
 
 
-def test_exchanged_anchors_are_said_to_be() -> None:
-    with pytest.raises(
-        InputError, match=r"anchors a and b seem to be exchanged: .* \(60, 100\); exchange their channels"
-    ):
-        misplaced([anchor("a", 60, 50.0), anchor("b", 100, 11.0)], CHANNEL, X)
+@pytest.mark.parametrize(
+    ("anchors", "rivals"),
+    [
+        (
+            [anchor("a", 60, 50.0), anchor("b", 100, 11.0)],
+            ["the channels of a and b were exchanged", "the tracks ran the other way along x"],
+        ),
+        ([anchor("a", 60, -10.0), anchor("b", 100, -50.0)], ["they, or the tracks, were turned about the origin by h"]),
+        ([anchor("a", 89, 10.0), anchor("b", 49, 50.0)], ["channels were counted from the record's other end"]),
+        (
+            [anchor("a", 85, 10.0), anchor("b", 125, 50.0)],
+            ["-25 were added to their channel numbers, or +25.0 m to th"],
+        ),
+        ([anchor("a", 460, 10.0), anchor("b", 500, 50.0)], ["-400 were added to their channel numbers, or +400.0 m"]),
+    ],
+    ids=["exchanged", "turned", "other end", "numbered", "not in the record"],
+)
+def test_one_mistake_that_explains_all_anchors_is_named_with_its_rivals(survey, anchors, rivals) -> None:
+    """Each anchor was called wrong by itself, after the fit, or the tracks' frame was taken to be right."""
+    with pytest.raises(InputError, match="are not where vehicles are recorded on their channels") as caught:
+        check_together(anchors, survey.passes, CHANNEL, X, survey.record)
+    said = str(caught.value).partition("all would be if ")[2].split("; or if ")
+    assert [one.startswith(start) for one, start in zip(said, rivals, strict=False)] == [True] * len(rivals)
+
+
+def test_clocks_are_a_rival_only_where_all_vehicles_go_one_way(survey) -> None:
+    off = [anchor("a", 85, 10.0), anchor("b", 125, 50.0)]
+    for passes, told in ((survey.passes, False), (survey.passes[:1], True)):
+        with pytest.raises(InputError) as caught:
+            check_together(off, passes, CHANNEL, X, survey.record)
+        assert ("the clocks were 4.2 s apart" in str(caught.value)) == told
+
+
+@pytest.mark.parametrize(
+    "anchors",
+    [
+        [anchor("a", 60, 10.0), anchor("b", 100, 50.0)],
+        [anchor("a", 60, 10.0), anchor("b", 100, 80.0)],
+        [anchor("a", 20, 110.0), anchor("b", 190, 112.0)],
+        [anchor("a", 60, 40.0)],
+    ],
+    ids=["in place", "one is wrong", "both around a corner", "one only"],
+)
+def test_anchors_that_no_one_mistake_explains_are_not_said_to_be(survey, anchors) -> None:
+    assert check_together(anchors, survey.passes, CHANNEL, X, survey.record) is None
+
+
+def test_anchors_that_are_off_alike_by_less_than_a_wave_are_a_caution(survey) -> None:
+    said = check_together([anchor("a", 60, 22.0), anchor("b", 100, 63.0)], survey.passes, CHANNEL, X, survey.record)
+    assert "all would be if +12 were added to their channel numbers" in str(said)
 
 
 def test_an_anchor_elsewhere_along_the_road_is_left_out() -> None:
@@ -117,7 +163,10 @@ def test_what_may_be_wrong_where_no_vehicle_is_seen(survey) -> None:
 @pytest.mark.parametrize(
     ("late", "says"),
     [
-        (7200.0, "they are 2 h apart: one of the clocks seems to be local time; write both in UTC"),
+        (
+            7200.0,
+            "they are 2 h apart: a clock in local time, a zone that a file does not state, or files of another hour",
+        ),
         (-3600.0, "they are 1 h apart"),
         (1800.0, "check both clocks"),
         (86400.0, "check both clocks"),
