@@ -138,7 +138,8 @@ fiber; check their channels and places, in m, and channel_spacing
         if distance > (1 + SPACING_OFF) * (fiber + spacing) + SURE * sigma:
             raise InputError(
                 f"anchors {one.name} and {other.name} are {distance:.1f} m apart, but from channel {one.channel:g} to "
-                f"{other.channel:g} it is {fiber:.1f} m of fiber; check their channels and places, in m, and channel_spacing"
+                f"{other.channel:g} it is {fiber:.1f} m of fiber; check their channels and places, "
+                "in m, and channel_spacing"
             )
 
 
@@ -185,8 +186,8 @@ def common_mistakes(
     Returns
     -------
     mistakes : how far the farthest anchor would be off, m; by how much all are off alike, m, inf where the mistake is
-        another; and the mistake, as the end of a sentence. Best first, and last one that has a length to choose beside a
-        direction; none where anchors are in place, or no single mistake explains them
+        another; and the mistake, as the end of a sentence. Best first, and last one that has a length to
+        choose besides; none where anchors are in place, or no single mistake explains them
 
     >>> line = np.arange(101), np.arange(0.0, 202.0, 2.0)
     >>> west, east = Anchor("west", 20, 80.0, 4, 1, 0.1, 0.1), Anchor("east", 70, 181.0, 4, 1, 0.1, 0.1)

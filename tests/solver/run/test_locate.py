@@ -269,7 +269,7 @@ def nan_channel(folder: Path) -> None:
 
 BROKEN = {
     break_clock: "overlap",
-    clock_an_hour_off: "do not overlap in time; they are 1 h apart: a clock in local time, a zone that a file does not state",
+    clock_an_hour_off: "do not overlap in time; they are 1 h apart: a clock in local time, a zone that",
     in_feet: "it would if x and y of the trajectories were in feet: give them in m",
     spacing_in_feet: "it would if gauge_length and channel_spacing were in feet: give them in m",
     far_anchor: "m apart, but from channel",
