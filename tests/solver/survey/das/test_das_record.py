@@ -10,6 +10,7 @@ import pytest
 from solver.survey.das.prodml import write_prodml
 from solver.survey.das.reader import read_das
 from solver.survey.das.record import DASRecord, ranges
+from solver.survey.das.size import require_room_for_file
 from solver.survey.das.units import dascore, strain_per_radian
 from vision.contract import InputError
 
@@ -453,14 +454,14 @@ def test_practice_survey_reads(shared_data, caplog):
 
 def test_what_unfolds_beyond_memory_is_not_read(tmp_path, monkeypatch):
     """Chunks that were never written take no room in a file; uneven times make it be read as a whole."""
-    path = changed(das_file(tmp_path / "a.h5", noise()), "RawDataTime", lambda t: np.r_[t[:-1], t[-1] + 600_000])
+    time = START + np.cumsum(np.arange(40)) * np.timedelta64(10, "ms")
+    coords = {"time": time, "distance": np.arange(12.0)}
+    patch = dascore().Patch(data=noise(), coords=coords, dims=("time", "distance"))
+    patch.io.write(tmp_path / "a.h5", "dasdae")
     monkeypatch.setattr("solver.survey.memory.available", lambda: 4e3)
     with pytest.raises(InputError, match=r"a\.h5: reading it as a whole needs about .* of memory"):
-        read_das([path])
-    with h5py.File(path, "r+") as file:
-        attributes = dict(file["Acquisition/Raw[0]/RawData"].attrs)
-        del file["Acquisition/Raw[0]/RawData"]
-        empty = file["Acquisition/Raw[0]"].create_dataset("RawData", shape=(40, 12), dtype="f4", chunks=(20, 12))
-        empty.attrs.update(attributes)
-    with pytest.raises(InputError, match="numbers were never written; leave this file out"):
-        read_das([path])
+        read_das([tmp_path / "a.h5"])
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        file.create_dataset("numbers", (1 << 20, 1 << 10), "f4", chunks=(1 << 10, 1 << 10))
+    with pytest.raises(InputError, match=r"its 4\.3 GB of numbers were never written; leave this file out"):
+        require_room_for_file(tmp_path / "b.h5")
