@@ -218,6 +218,7 @@ def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
         Parameter("deceleration", "g", 0.15, lower=-0.6, upper=0.8, scope="pass"),
         Parameter("place", "m", 2.0, grid=tuple(np.arange(-40.0, 40.1, 10.0).tolist())),
         Parameter("before", "m", 2.0, grid=(-15.0, 0.0, 15.0)),
+        Parameter("length", "m", 20.0, lower=0, upper=100, grid=(10.0,)),
         Parameter("later", "s", 0.3, lower=-1.0, upper=3.0, grid=(0.0,)),
         Parameter("width", "s", 0.3, lower=0.2, upper=3.0, grid=(0.5,)),
     ],
@@ -228,13 +229,18 @@ def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
     order=1,
 )
 def braking(load: Load, p: Values, survey: Surroundings) -> Load:
-    """Smooth push some time after passing so far before a place, either way; each vehicle brakes as hard as it does."""
+    """Push over a stretch of road around so far before a place, either way; each vehicle brakes as hard as it does.
+
+    It begins some time after passing the stretch's start and ends as long after passing its end, smoothly: over a
+    stretch of no length it is a pulse in time.
+    """
     driven = load.trajectory
     way = driven.heading[..., 0].sign()
     beyond = (driven.position[..., 0] - survey.middle[0] - p["place"]) * way + p["before"]
-    time = (driven.since_passing(beyond) - p["later"]) / p["width"]
-    push = p["deceleration"] * torch.exp(-0.5 * time**2)
-    faster = -push * time / p["width"]
+    begun, ended = (driven.since_passing(beyond + side * p["length"] / 2) - p["later"] for side in (1, -1))
+    outside = (begun.clamp_max(0) + ended.clamp_min(0)) / p["width"]
+    push = p["deceleration"] * torch.exp(-0.5 * outside**2)
+    faster = -push * outside / p["width"]
     if load.position.shape[-2] == 4:
         # Height of the center of mass over the wheelbase of most vehicles: 0.6 m over 2.7 m.
         dip = 0.22 * torch.tensor([0.5, 0.5, -0.5, -0.5], dtype=torch.float64)

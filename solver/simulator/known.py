@@ -38,6 +38,7 @@ KNOWN: dict[str, Hidden] = {
         {
             "at": Setting(0.3, 0.55, "share of the view, as driven, where braking begins"),
             "time": Setting(1.5, 2.5, "s that it lasts"),
+            "length": Setting(0, 0, "m of road over which brakes are held instead; 0: they come and go"),
             "share": Setting(0.4, 0.4, "of the vehicles that brake"),
             "height": Setting(0.6, 0.6, "m; of the center of mass"),
         },

@@ -13,6 +13,7 @@ from solver.simulator.vehicle import FLEET, GRAVITY, Vehicle, draw_class, draw_v
 
 Array = NDArray[np.float64]
 MARGIN = 12.0  # s of quiet before the first and after the last vehicle in view
+RAMP = 0.5  # s in which brakes that are held over a stretch come, and go
 
 
 def lay(scenario: Scenario, rng: np.random.Generator) -> tuple[Route, Array]:
@@ -80,17 +81,24 @@ def _driven(scenario: Scenario, vehicle: Vehicle, number: int) -> Vehicle:
     return replace(vehicle, brakes=_brakes(scenario, vehicle, number)) if scenario.effect("braking") else vehicle
 
 
-def _brakes(scenario: Scenario, vehicle: Vehicle, number: int) -> tuple[tuple[float, float, float], ...]:
-    """When a vehicle brakes: braking vehicles are spread over the traffic; none loses over 60 % of its speed."""
+def _brakes(scenario: Scenario, vehicle: Vehicle, number: int) -> tuple[tuple[float, float, float, float], ...]:
+    """When a vehicle brakes: braking vehicles are spread over the traffic; none loses over 60 % of its speed.
+
+    All brake for the same time, or over the same stretch.
+    """
     share = scenario.effect("braking_share")
     start = effect_rng(scenario.seed, "braking").random()
     if int((number + 1) * share + start) == int(number * share + start):
         return ()
     first, last = scenario.view[:: vehicle.direction]
     begin = vehicle.time_when_at(first + scenario.effect("braking_at") * (last - first))
-    most = scenario.effect("braking") * GRAVITY
-    duration = min(scenario.effect("braking_time"), 1.2 * vehicle.speed / most)
-    return ((begin, duration, most),)
+    most, speed = scenario.effect("braking") * GRAVITY, vehicle.speed
+    if length := scenario.effect("braking_length"):
+        most = min(most, 0.42 * speed**2 / length)
+        duration = (speed - np.sqrt(speed**2 - 2 * most * length)) / most
+        return ((begin - RAMP / 2, float(duration) + RAMP, most, RAMP),)
+    duration = min(scenario.effect("braking_time"), 1.2 * speed / most)
+    return ((begin, duration, most, duration / 2),)
 
 
 def unseen(scenario: Scenario, vehicles: tuple[Vehicle, ...], rng: np.random.Generator) -> Vehicle:

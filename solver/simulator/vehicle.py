@@ -48,7 +48,8 @@ class Vehicle:
     speed : m/s, mean
     surge : [k, 3]; amplitude m, angular frequency 1/s, phase of sines added to its progress
     weave : [k, 3]; amplitude m, wavenumber 1/m, phase of its lateral wander
-    brakes : [k, 3]; when it begins to brake, s, for how long, s, and the largest deceleration, m/s^2
+    brakes : [k, 4]; when it begins to brake, s, for how long, s, the largest deceleration, m/s^2, and how long, s, that
+        takes to come and to go
     axles : [k, 2]; m ahead of the middle of the wheelbase, share of the load; () for the two axles of its class
 
     >>> steady = ((0.0, 1.0, 0.0),)
@@ -73,7 +74,7 @@ class Vehicle:
     speed: float
     surge: tuple[tuple[float, float, float], ...]
     weave: tuple[tuple[float, float, float], ...]
-    brakes: tuple[tuple[float, float, float], ...] = ()
+    brakes: tuple[tuple[float, float, float, float], ...] = ()
     axles: tuple[tuple[float, float], ...] = ()
 
     def position(self, time: ArrayLike) -> Array:
@@ -102,13 +103,14 @@ class Vehicle:
         """Deceleration, lost speed and lost distance [n] by brakes that come and go as sin^2."""
         time = np.asarray(time, float)
         sums = np.zeros((3, *time.shape))
-        for begin, duration, most in self.brakes:
-            since = np.clip(time - begin, 0.0, duration)
-            turn = 2 * np.pi / duration
-            lost = most / 2 * (since - np.sin(turn * since) / turn)
-            way = most / 2 * (since**2 / 2 + (np.cos(turn * since) - 1) / turn**2)
-            after = np.maximum(time - begin - duration, 0.0)
-            sums += np.stack([most * np.sin(turn * since / 2) ** 2, lost, way + most * duration / 2 * after])
+        for begin, duration, most, ramp in self.brakes:
+            # What comes is kept for ever, less the same that comes where it goes.
+            for sign, since in ((1, time - begin), (-1, time - begin - duration + ramp)):
+                coming, turn, kept = np.clip(since, 0.0, ramp), np.pi / ramp, np.maximum(since - ramp, 0.0)
+                share = np.sin(turn * coming / 2) ** 2
+                lost = (coming - np.sin(turn * coming) / turn) / 2 + kept
+                way = (coming**2 / 2 + (np.cos(turn * coming) - 1) / turn**2) / 2 + kept * (ramp + kept) / 2
+                sums += sign * most * np.stack([share, lost, way])
         return sums[0], sums[1], sums[2]
 
     def _wander(self, x: Array) -> Array:

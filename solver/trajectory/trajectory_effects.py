@@ -37,19 +37,20 @@ def clock_offset(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
 @effect(
     "clock_drift",
     "trajectory",
-    [Parameter("rate", "1", 2e-3, lower=-0.05, upper=0.05)],
-    physics="One clock runs faster than the other.",
+    [Parameter("rate", "1", 2e-3, lower=-0.05, upper=0.05), Parameter("offset", "s", 0.2, lower=-5, upper=5)],
+    physics="One clock runs faster than the other, and is ahead of it by some time in the middle of the survey.",
     plain=Plain(
         "Clock drift", "The two clocks drift apart by {size} an hour.", size=lambda v, s: 3600 * abs(v), unit="s"
     ),
     source="Mills 1991, IEEE Trans. Commun. 39, 1482.",
     confounders="a stretched fiber, if all passes are equally fast",
+    families=("lag",),
     corrects="rate",
 )
 def clock_drift(driven: Trajectory, p: Values, survey: Surroundings) -> Trajectory:
-    """Offset that grows with time, none in the middle of the survey."""
+    """An offset that grows with time: clocks that drift apart agree in the middle of a survey by chance alone."""
     middle = (driven.time.min() + driven.time.max()) / 2
-    return driven.shifted(along=-p["rate"] * (driven.time - middle) * driven.speed)
+    return driven.shifted(along=-(p["offset"] + p["rate"] * (driven.time - middle)) * driven.speed)
 
 
 @effect(

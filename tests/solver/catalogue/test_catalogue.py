@@ -18,6 +18,7 @@ from solver.fit.numbers import Numbers
 from solver.fit.prior import Prior
 from solver.signal_path.derivatives import derivative
 from solver.signal_path.observation import BASE
+from solver.signal_path.traffic import columns
 from vision.contract import InputError
 
 EVERY = pytest.mark.parametrize("name", built_in())
@@ -248,6 +249,26 @@ def test_a_load_that_changes_smoothly_keeps_its_rate():
     swung = smooth.map(numbers) - smooth.base()
     named = bounce.map(bounce.numbers({"sine": 0.2, "frequency": 0.15})) - bounce.base()
     assert float((swung - named).norm() / named.norm()) < 0.05
+
+
+def test_brakes_are_held_over_the_stretch_and_come_and_go_smoothly():
+    one, (_, state) = trial("braking"), trial_survey()
+    shape = {"place": 5.0, "before": 0.0, "length": 30.0, "later": 0.0, "width": 0.6}
+    values = one.extension.local(one.numbers({"deceleration": 0.2, **shape}))
+    load = one.path.loads(columns(state.vehicles.rows(one.path.traffic)), values)
+    driven = load.trajectory
+    push = (load.thrust.sum(-2) * driven.heading).sum(-1) / load.share.sum(-1)
+    beyond = (driven.position[..., 0] - one.around.middle[0] - 5.0).abs() - 15.0
+    held = beyond < 0
+    torch.testing.assert_close(push[held], torch.full_like(push[held], 0.2))
+    after = beyond[~held] / driven.speed[~held] / 0.6
+    torch.testing.assert_close(push[~held], 0.2 * torch.exp(-0.5 * after**2), rtol=0, atol=0.01)
+
+
+def test_a_clock_that_drifts_is_off_in_the_middle_too():
+    drift, offset = trial("clock_drift"), trial("clock_offset")
+    steady = drift.map(drift.numbers({"offset": 0.2}))
+    torch.testing.assert_close(steady, offset.map(offset.numbers({"offset": 0.2})), rtol=0, atol=0)
 
 
 @pytest.mark.parametrize("name", ["channel_stretch", "channel_wander"])

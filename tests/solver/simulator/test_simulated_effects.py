@@ -127,8 +127,9 @@ def test_cerruti_is_in_equilibrium_with_its_load():
     assert np.abs((1 - 2 * nu) * laplace + divergence).max() < 1e-2 * np.abs(hessian).max()
 
 
-def test_braking_is_the_derivative_of_the_way_and_the_dip_its_moment():
-    braking = car(brakes=((9.0, 2.0, 3.0),), direction=-1)
+@pytest.mark.parametrize("brakes", [(9.0, 2.0, 3.0, 1.0), (9.0, 2.0, 2.0, 0.5)])
+def test_braking_is_the_derivative_of_the_way_and_the_dip_its_moment(brakes):
+    braking, most = car(brakes=(brakes,), direction=-1), brakes[2]
     time = np.linspace(8, 13, 201)
     numeric = (braking.position(time + 1e-4) - braking.position(time - 1e-4)) / 2e-4
     np.testing.assert_allclose(braking.velocity(time), numeric, atol=1e-6)
@@ -139,11 +140,24 @@ def test_braking_is_the_derivative_of_the_way_and_the_dip_its_moment():
     place, force = contact(scenario, braking, np.array([10.0]))
     weight = 1400 * GRAVITY
     assert force[0, :, 2].sum() == pytest.approx(weight)
-    assert force[0, :, 0].sum() == pytest.approx(-1400 * 3.0)  # pushed ahead: against x
+    assert force[0, :, 0].sum() == pytest.approx(-1400 * most)  # pushed ahead: against x
     moment = (force[0, :, 2] * (place[0, :, 0] - place[0, :, 0].mean())).sum()
     still = contact(scenario, car(direction=-1), np.array([10.0]))
     before = (still[1][0, :, 2] * (still[0][0, :, 0] - still[0][0, :, 0].mean())).sum()
-    assert moment - before == pytest.approx(-1400 * 3.0 * 0.6)
+    assert moment - before == pytest.approx(-1400 * most * 0.6)
+
+
+def test_vehicles_brake_over_one_stretch_as_hard_as_they_can_without_losing_more_than_three_fifths_of_their_speed():
+    effects = {"braking": 0.2, "braking_share": 1.0, "braking_length": 30.0, "braking_at": 0.2}
+    street = simulate(Scenario(**SMALL | {"view": (0.0, 60.0), "speeds": (25.0, 70.0), "passes": 3}, effects=effects))
+    for one in street.vehicles:
+        time = np.linspace(one.time_at - 6, one.time_at + 9, 3001)
+        held = one.deceleration(time) > 0.5 * one.deceleration(time).max()
+        place = one.position(time[held])[:, 0]
+        assert np.ptp(place) == pytest.approx(30.0, rel=0.1)
+        assert (place[0] - (12.0 if one.direction > 0 else 48.0)) == pytest.approx(0.0, abs=1.0)
+        assert np.abs(one.velocity(time)[:, 0]).min() > 0.35 * one.speed
+        assert one.deceleration(time).max() <= 0.2 * GRAVITY
 
 
 def test_drag_pushes_back_and_camber_to_the_right():
