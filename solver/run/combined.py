@@ -269,7 +269,7 @@ def read_combined(
 ) -> Combined:
     """Read a folder that `Combined.save` wrote; arguments and errors as of `solver.run.folder.read_run`."""
     facts = read_model(folder / FILE, CombinedFile, "run `roadfiber combine` again")
-    found = arrays.read_arrays(folder / "data.npz", EXPECTED)
+    found: dict[str, Any] = arrays.read_arrays(folder / "data.npz", EXPECTED)
     if not all(np.isfinite(found[name]).all() for name in ("distance", "route")):
         raise InputError(f"{folder / 'data.npz'}: not the arrays of a route; run `roadfiber combine` again")
     numbers, known = range(1, 1 + len(facts.runs)), tuple(effects)

@@ -94,9 +94,12 @@ class Trust:
     @classmethod
     def stored(cls, facts: Mapping[str, Any]) -> "Trust":
         """As fit.json has it."""
-        nan = float("nan")
-        known = [{name: nan if value is None else value for name, value in one.items()} for one in facts["gates"]]
-        return cls.of([Gate(**one | {"mend": tuple(one["mend"])}) for one in known])
+
+        def gate(one: Mapping[str, Any]) -> Gate:
+            known: dict[str, Any] = {name: float("nan") if value is None else value for name, value in one.items()}
+            return Gate(**known | {"mend": tuple(one["mend"])})
+
+        return cls.of([gate(one) for one in facts["gates"]])
 
 
 def with_gate(facts: Mapping[str, Any], gate: Gate) -> dict[str, Any]:

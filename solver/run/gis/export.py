@@ -144,8 +144,8 @@ def write_dxf(subject: Subject, target: Target, path: Path) -> None:
     space = drawing.modelspace()
     drawing.header.custom_vars.append("TRUST", f"{subject.place.grade}: {subject.place.trust}")
     for name, color in (("route", 1), (UNRELIABLE, 8), ("corridor", 30), ("anchors", 5)):
-        line = "DASHED" if name == UNRELIABLE else "CONTINUOUS"
-        drawing.layers.add(f"FIBER_{name.upper()}", color=color, linetype=line)
+        dashes = "DASHED" if name == UNRELIABLE else "CONTINUOUS"
+        drawing.layers.add(f"FIBER_{name.upper()}", color=color, linetype=dashes)
     for name in ("route", UNRELIABLE):
         for shape, row in LAYERS[name](subject, target):
             line = space.add_polyline3d(list(shape.coords), dxfattribs={"layer": f"FIBER_{name.upper()}"})
