@@ -117,7 +117,7 @@ class DriveRun(LocatedFiber):
         return Placed(**{name: self.arrays[name][kept] for name in PLACED}, **self._judged)
 
     @property
-    def _judged(self) -> dict[str, str]:
+    def _judged(self) -> dict[str, Any]:
         """What the checks say, as `Placed` takes it."""
         return {"grade": self.facts["trust"]["grade"], "trust": self.facts["trust"]["sentence"]}
 
