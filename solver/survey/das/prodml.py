@@ -176,6 +176,8 @@ def read_prodml(path: Path) -> Iterator[Block]:
 def read_raw(path: Path, acquisition: "h5py.Group", raw: "h5py.Group") -> Block:
     """One array of raw samples."""
     data, both = raw["RawData"], (("Raw", raw.attrs), ("Acquisition", acquisition.attrs))
+    if data.size and not data.is_virtual and data.id.get_storage_size() == 0:
+        raise InputError(f"{path}: its {data.nbytes / 1e9:.2g} GB of numbers were never written; leave this file out")
     if data.ndim != 2:
         raise InputError(
             f"{path}: RawData is {data.dtype} {data.shape}; give a file with real numbers of time and locus"

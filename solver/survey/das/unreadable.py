@@ -1,10 +1,14 @@
 """Why a DAS file cannot be read: empty, cut short, text, another kind of HDF5, axes exchanged."""
 
 import re
+import struct
 from pathlib import Path
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 TDMS = b"TDSm"
+#: What HDF5 says of a file that another program has open.
+OPEN = re.compile(r"already open for write|unable to lock file|consistency flags", re.IGNORECASE)
+WRITTEN = "a file that is still being written; wait until the recorder has closed it, or leave it out"
 
 
 def why_unknown(path: Path) -> str:
@@ -31,16 +35,20 @@ def why_no_hdf5(path: Path) -> str:
             held = ", ".join(sorted(file)) or "nothing"
     except OSError as error:
         if sizes := re.search(r"truncated file: eof = (\d+).*?stored_eof = (\d+)", str(error)):
-            return f"HDF5 that breaks off after {sizes[1]} of {sizes[2]} bytes; copy the file again"
-        return "damaged HDF5; copy the file again"
+            return f"HDF5 that breaks off after {sizes[1]} of {sizes[2]} bytes; copy it again once it is whole"
+        return WRITTEN if OPEN.search(str(error)) else "damaged HDF5; copy the file again"
     return f"HDF5 of no known DAS format (it holds {held}); export PRODML, or numpy with a side file"
 
 
 def why_unreadable(error: Exception) -> str:
     """Say in one line why DASCore could not read a file, and how to mend it.
 
+    Only what the file system or a decompressor says shows damage; else a header may be written otherwise.
+
     >>> why_unreadable(ValueError("Data array has a shape of (241, 322) which doesnt match (322, 241)."))
     'its data are [241, 322], but time and channel [322, 241]: the axes are exchanged; transpose them in the file'
+    >>> why_unreadable(KeyError("GaugeLength"))
+    "not as DASCore expects a file of this kind ('GaugeLength'); export PRODML, or numpy with a side file"
     >>> why_unreadable(ValueError("'bananas' is not defined in the unit registry"))
     "unknown unit 'bananas'; write one such as (nm/m)/s or rad/s into the file"
     """
@@ -53,4 +61,10 @@ def why_unreadable(error: Exception) -> str:
     if len(shapes) == 2 and shapes[0] == shapes[1][::-1]:
         held, wanted = (f"[{', '.join(shape)}]" for shape in shapes)
         return f"its data are {held}, but time and channel {wanted}: the axes are exchanged; transpose them in the file"
-    return f"damaged or incomplete ({reason}); copy the file again"
+    if isinstance(error, ImportError):
+        return f"a package that reads it is missing ({reason}); install it, or export PRODML"
+    if OPEN.search(reason):
+        return WRITTEN
+    if isinstance(error, OSError | EOFError | struct.error):
+        return f"damaged or incomplete ({reason}); copy the file again"
+    return f"not as DASCore expects a file of this kind ({reason}); export PRODML, or numpy with a side file"

@@ -12,6 +12,7 @@ from solver.survey.das.reader import read_das
 from solver.survey.das.record import DASRecord, ranges
 from solver.survey.das.size import require_room_for_file
 from solver.survey.das.units import dascore, strain_per_radian
+from solver.survey.das.unreadable import why_unreadable
 from vision.contract import InputError
 
 START = np.datetime64("2025-08-11T06:00:00", "ns")
@@ -278,6 +279,17 @@ def test_hdf5_that_is_cut_or_holds_no_das_is_named(tmp_path):
         read_das([tmp_path / "b.h5"])
 
 
+def test_damage_is_named_only_where_it_shows(tmp_path):
+    path = das_file(tmp_path / "a.h5", noise())
+    with h5py.File(path, "r+") as file:
+        file["Acquisition"].attrs["GaugeLength"] = np.bytes_("ten")
+    with pytest.raises(InputError, match="GaugeLength is 'ten', no number; export the recording again"):
+        read_das([path])
+    for words in ("Unable to open file (file is already open for write)", "unable to lock file, errno = 11"):
+        assert "still being written; wait until the recorder has closed it" in why_unreadable(OSError(words))
+    assert why_unreadable(ImportError("segyio")).startswith("a package that reads it is missing (segyio); install it")
+
+
 def changed(path, name, value):
     """Replace a dataset of Raw[0], or its unit."""
     with h5py.File(path, "r+") as file:
@@ -465,3 +477,11 @@ def test_what_unfolds_beyond_memory_is_not_read(tmp_path, monkeypatch):
         file.create_dataset("numbers", (1 << 20, 1 << 10), "f4", chunks=(1 << 10, 1 << 10))
     with pytest.raises(InputError, match=r"its 4\.3 GB of numbers were never written; leave this file out"):
         require_room_for_file(tmp_path / "b.h5")
+    path = das_file(tmp_path / "c.h5", noise())
+    with h5py.File(path, "r+") as file:
+        attributes = dict(file["Acquisition/Raw[0]/RawData"].attrs)
+        del file["Acquisition/Raw[0]/RawData"]
+        empty = file["Acquisition/Raw[0]"].create_dataset("RawData", shape=(40, 12), dtype="f4", chunks=(20, 12))
+        empty.attrs.update(attributes)
+    with pytest.raises(InputError, match="numbers were never written; leave this file out"):
+        read_das([path])
