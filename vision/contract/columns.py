@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 # Beyond this the plane of the local frame no longer follows the ground, and such a distance is a mistake anyway.
 REACH_OF_FRAME = 100e3
+# No survey is surer, m; squares of less are lost beside those of other sigmas.
+SUREST = 1e-6
 # Points all closer to the origin than this are within 11 km if in degrees, and within a hand's breadth if in meters.
 DEGREES_OFF = 0.1
 # Other names of columns, as receivers and web maps write them.
@@ -68,13 +70,16 @@ def finite(table: "pd.DataFrame", names: Sequence[str], path: Path) -> "pd.DataF
 
 
 def check_positive(table: "pd.DataFrame", names: Sequence[str], path: Path, unit: str = "m") -> None:
-    """Raise InputError where a standard deviation, in `unit`, is not above zero."""
+    """Raise InputError where a standard deviation, in `unit`, is not above zero, or beyond what a fit can weigh."""
     for name in names:
-        bad = table[name] <= 0
+        bad = ~table[name].between(SUREST, REACH_OF_FRAME)
         if bad.any():
             row = first_row(bad)
             value = table[name].iloc[row - 1]
-            raise InputError(f"{path}: row {row}: {name} is {value:g}; give a standard deviation above 0 {unit}")
+            raise InputError(
+                f"{path}: row {row}: {name} is {value:g}; give a standard deviation above 0 {unit}, from {SUREST:g} to "
+                f"{REACH_OF_FRAME:g}"
+            )
 
 
 def check_names(table: "pd.DataFrame", names: Sequence[str], path: Path) -> None:

@@ -138,6 +138,8 @@ def test_repeated_rows_count_once(tmp_path):
         (f"{HEADER}\n{ROW.replace('2.5', 'inf')}", "row 1: x is 'inf'"),
         (f"{HEADER}\n{ROW.replace('-1.5', 'left')}", "row 1: y is 'left'"),
         (f"{HEADER}\n{ROW.replace(',0.2', ',0')}", "row 1: sigma_y is 0; give a standard deviation above 0 m"),
+        (f"{HEADER}\n{ROW.replace(',0.2', ',1e-300')}", "row 1: sigma_y is 1e-300; give a standard deviation above 0"),
+        (f"{HEADER}\n{ROW.replace(',0.2', ',1e300')}", "row 1: sigma_y is 1e+300; give a standard deviation above 0 m"),
         (f"{HEADER}\n{ROW.replace(',1,', ',,')}", "row 1: track_id is empty"),
         (f"{HEADER}\n{ROW}\n{ROW.replace('2.5', '9.5')}", "track 1 is at two places at 2025-08-11T06:00:00.25"),
         (f"{HEADER}\n{ROW}\n{ROW},1,2,3\n", "cannot be read (Error tokenizing data"),
