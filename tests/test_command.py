@@ -56,6 +56,7 @@ def test_version():
     [
         (KeyboardInterrupt(), 130, "roadfiber: interrupted; the unfinished output is discarded\n"),
         (MemoryError(), 2, "roadfiber: not enough memory; name fewer channels in [das] of site.toml, "),
+        (ImportError("libtorch_cpu.so: failed to map segment from shared object"), 2, "roadfiber: not enough memory; "),
         (InputError("\x1b[2Ja.h5: no"), 2, "roadfiber: ?[2Ja.h5: no\n"),
         (OSError(5, "Input/output error", "a.h5"), 2, "roadfiber: a.h5: Input/output error\n"),
     ],

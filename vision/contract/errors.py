@@ -6,6 +6,9 @@ import os
 #: Error numbers of a full disk, a used-up quota, or a file beyond the size limit.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
+#: What PyTorch, OpenCV and the loader of libraries say where there is too little memory.
+NO_MEMORY = ("can't allocate memory", "Insufficient memory", "failed to map segment from shared object")
+
 
 class InputError(ValueError):
     """Something the user gave cannot be used; the message says what, where and how to mend it, in one line.
@@ -36,7 +39,7 @@ def machine_words(error: BaseException) -> str | None:
     True
     """
     said = " ".join(str(error).split())
-    if isinstance(error, MemoryError) or "can't allocate memory" in said or "Insufficient memory" in said:
+    if isinstance(error, MemoryError) or any(words in said for words in NO_MEMORY):
         return (
             "not enough memory; name fewer channels in [das] of site.toml, locate one part of the record at a time, or "
             "take a larger machine"
