@@ -74,7 +74,7 @@ def ground_tracks(tracks: "pd.DataFrame", calibration: Calibration) -> tuple["pd
     (`benchmarks/ground.py`, 24 vehicles of each class and view): the bias is below 0.14 m, the standard deviation 0.1
     to 0.9 m along and 0.06 to 0.4 m across the road, and errors are 0.7 to 1.3 stated sigmas. The middle of the box's
     lower edge is off by 0.7 to 4 m along the road. With three real detectors on rendered streets, seen from the front
-    and from behind, errors are 0.9 stated sigmas (1.5 where edges are trusted to 2 %).
+    and from behind, errors are 0.9 stated sigmas (1.4 where edges are trusted to 2 %).
     """
     boxes, time = tracks[BOX].to_numpy(float), tracks["time"].to_numpy(float)
     hidden = hidden_edges(tracks["frame"].to_numpy(), boxes)
