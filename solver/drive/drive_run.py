@@ -78,7 +78,8 @@ class DriveRun(LocatedFiber):
     @cached_property
     def placed(self) -> Placed:
         """The route and its covariance."""
-        return Placed(**{name: self.arrays[name] for name in PLACED}, **self._judged)
+        arrays: dict[str, Any] = {name: self.arrays[name] for name in PLACED}
+        return Placed(**arrays, **self._judged)
 
     @property
     def route(self) -> "pd.DataFrame":
