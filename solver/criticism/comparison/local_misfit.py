@@ -74,7 +74,7 @@ def gate_of(run: Run, lost: NDArray[np.bool_]) -> Gate:
     parts = [(channel[a], channel[b], *sorted((x[a], x[b]))) for a, b in runs(lost) if lost[a]]
     where = "at channels " + ", ".join(f"{first} to {last}" for first, last, _, _ in parts)
     place = ", ".join(f"{low:.0f} to {high:.0f} m" for _, _, low, high in parts)
-    words = f"the model does not explain what vehicles leave there (x = {place})"
+    words = f"the model does not explain what vehicles leave at x = {place}"
     return Gate("places", "failed", words, (DIAGNOSE,), where=where)
 
 

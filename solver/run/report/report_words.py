@@ -183,8 +183,8 @@ def prior_lines(run: Run) -> list[str]:
         lines.append("The fit has not converged: no uncertainty is known of where it stopped.")
     elif loose.any():
         lines.append(
-            f"Sideways, the expected smoothness of a cable decides more than vehicles and anchors do, "
-            f"{stretches(run, loose)}: dashed in the map."
+            "Sideways, the expected smoothness of a cable decides more than vehicles and anchors do, or the model does "
+            f"not explain what vehicles leave, {stretches(run, loose)}: dashed in the map."
         )
     depth = run.facts["settings"]["depth"]
     assumed = f"the assumed {depth[0]:g} ± {depth[1]:g} m, Poisson ratio and smoothness"
