@@ -1,6 +1,7 @@
 """Fibers that do not simply run beside the road: located, or said why not."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,11 @@ import torch
 from numpy.typing import NDArray
 
 from solver.catalogue.catalogue import built_in
-from solver.criticism.growth import fitted_with
+from solver.criticism.growth import Grown, fitted_with, regrown
 from solver.criticism.race import started_elsewhere
 from solver.criticism.scorer import Scorer
 from solver.fit.chain import Chain
+from solver.fit.least_squares import Solution, solve
 from solver.fit.map_fit import MapFit
 from solver.fit.posterior import Posterior
 from solver.fit.problem import Problem
@@ -87,6 +89,12 @@ def test_a_dip_takes_finer_knots_and_sigma_says_how_well_it_is_known(tmp_path: P
     sigma = found.result.sigma[(truth[:, 0] > 5.0) & (truth[:, 0] < 95.0)]
     assert (np.abs(off) < 1.96 * sigma).mean() > 0.8
     assert found.problem.knot_spacing < 10.0
+    # So does a model that grows, as `add` and `explain` let it.
+    fit = MapFit(replace(found.problem, knot_spacing=10.0))
+    grown = Grown(fit, solve(fit, fit.start()), None, None)
+    again = regrown(found, grown, [], 1.0)
+    assert again.problem.knot_spacing < 10.0 and again.result.chi2_per_dof < grown.result(1.0).chi2_per_dof
+    assert again.facts["held_out_chi2_per_dof"] is not None
 
 
 def test_what_other_physics_leaves_is_not_fitted_on_finer_knots(
@@ -98,8 +106,13 @@ def test_what_other_physics_leaves_is_not_fitted_on_finer_knots(
         fitted.append(problem.knot_spacing)
         return fit_spline(problem, *rest, **more)
 
+    def solved(chain: Chain, *rest: Any, **more: Any) -> Solution:
+        fitted.append(chain.problem.knot_spacing)
+        return solve(chain, *rest, **more)
+
     monkeypatch.setitem(METHODS, "spline", (fit, METHODS["spline"][1]))
     monkeypatch.setattr(route_fits, "fit_spline", fit)
+    monkeypatch.setattr(route_fits, "solve", solved)
     hidden = {"gauge_length": 0.15}
     scenario = Scenario(seed=4, passes=4, noise="street", track_noise="camera", snr_db=18.0, effects=hidden)
     survey = simulate(scenario)
