@@ -22,7 +22,7 @@ WITHIN: dict[str, tuple[float, float]] = {
     "route": (-FARTHEST, FARTHEST),
     "vector": (-1e300, 1e300),
     "samples": (0, HIGHEST),
-    "fitted_channel": (0, HIGHEST),
+    "fitted_channel": (-HIGHEST, HIGHEST),
     "noise": (1e-300, 1e300),
     "weight": (0, 1),
     "start": (-FARTHEST, FARTHEST),

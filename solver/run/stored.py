@@ -12,6 +12,7 @@ from pydantic import ConfigDict, Field, model_validator
 from solver.run.stored_choice import ChoiceFile
 from solver.run.stored_corridor import CorridorFile
 from solver.run.stored_types import (
+    Channel,
     Count,
     Digest,
     FileName,
@@ -108,7 +109,7 @@ class CoilFile(Stored):
 class ProblemFile(Stored):
     """`problem`: what of `solver.fit.problem.Problem` are not arrays; `added` are the names of its effects."""
 
-    recorded: tuple[Count, Count]
+    recorded: tuple[Channel, Channel]
     zero_distance: Place
     channel_spacing: Length
     gauge_length: Length
@@ -268,7 +269,7 @@ class FitFile(Stored):
     cost: float | None
     noise_floor: Size | None
     held_out_chi2_per_dof: Size | None
-    active_channels: tuple[Count, Count]
+    active_channels: tuple[Channel, Channel]
     shared: tuple[Size, Size] | None = None
     ambiguous_side: bool
     disputed_anchors: tuple[Text, ...]

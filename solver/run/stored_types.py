@@ -10,6 +10,8 @@ FileName = Annotated[str, Field(max_length=255, pattern=r"^[^\p{Cc}/\\]+$")]
 Digest = Annotated[str, Field(pattern=r"^(sampled:)?[0-9a-f]{64}$")]
 Moment = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?Z$")]
 Count = Annotated[int, Field(ge=0, le=10**9)]
+#: The number of a channel; some interrogators count from before their first one.
+Channel = Annotated[int, Field(ge=-(10**9), le=10**9)]
 Size = Annotated[float, Field(ge=0)]
 Spread = Annotated[float, Field(ge=0, le=1e6)]
 Positive = Annotated[float, Field(gt=0, le=1e9)]

@@ -133,7 +133,7 @@ def acceptable(place: tuple, now, wrong) -> bool:
         ("anchors", 0, {"name": "a", "channel": 1e7, "x": 0.0, "y": 0.0, "z": 1.0, "sigma_xy": 1.0, "sigma_z": 1.0}),
         (None, "start", "2025-99-11T06:00:00Z"),
         (None, "more", 1),
-        (None, "active_channels", [-3, 7]),
+        (None, "active_channels", [-3_000_000_000, 7]),
         (None, "iterations", 10**30),
     ],
 )
