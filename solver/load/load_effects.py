@@ -218,7 +218,7 @@ def road_bump(load: Load, p: Values, survey: Surroundings) -> Load:
         Parameter("deceleration", "g", 0.15, lower=-0.6, upper=0.8, scope="pass"),
         Parameter("place", "m", 2.0, grid=tuple(np.arange(-40.0, 40.1, 10.0).tolist())),
         Parameter("before", "m", 2.0, grid=(-15.0, 0.0, 15.0)),
-        Parameter("length", "m", 20.0, lower=0, upper=100, grid=(10.0,)),
+        Parameter("length", "m", 20.0, lower=0, upper=100, grid=(0.0,)),
         Parameter("later", "s", 0.3, lower=-1.0, upper=3.0, grid=(0.0,)),
         Parameter("width", "s", 0.3, lower=0.2, upper=3.0, grid=(0.5,)),
     ],
