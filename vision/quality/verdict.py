@@ -130,7 +130,12 @@ def words(measures: Measures, name: str) -> str:
 
 
 def effect_words(measures: Measures) -> str:
-    """Say what positions do to the route: jitter, what the vehicles' sizes and visible faces leave open, and bias."""
+    """Say what positions do to the route: jitter, what the vehicles' sizes and visible faces leave open, and bias.
+
+    Comparing the two directions would not show the last: on three rendered views, with three detectors, vehicles are
+    placed 0.28 +- 0.07 m nearer to the camera in the mean of both directions, which differ by 0.08 +- 0.10 m, and what
+    they differ by does not follow the lengths fitted in each (correlation -0.15).
+    """
     sideways, along = (Z95 * typical_effect(measures, axis) for axis in "yx")
     said = (
         f"Positions leave the route uncertain by ± {sideways:.2f} m sideways and ± {along:.2f} m along the road (95 %)"
@@ -139,7 +144,10 @@ def effect_words(measures: Measures) -> str:
     if "sigma_x" not in tracks:
         return f"{said} by jitter alone: the tracks state no sigma, which errors common to all fixes of a vehicle need."
     alike = f"± {Z95 * tracks['sigma_x'].median():.2f} m where all vehicles err alike, as those that show one face do"
-    return f"{said}; along the road by up to {alike}."
+    return (
+        f"{said}; along the road by up to {alike}: toward the camera or away from it, whichever way they drive, which "
+        "these tracks alone cannot show."
+    )
 
 
 def stretches(low: Sequence[float], high: Sequence[float]) -> list[tuple[float, float]]:

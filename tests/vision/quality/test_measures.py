@@ -144,6 +144,7 @@ def test_the_sentence_says_what_all_fixes_of_a_vehicle_share():
     setting = Setting("a", Path("a"), table, "m")
     verdict = judge([measure(setting, shared_edges([setting]), 10.0)])
     assert verdict.grade == "weak" and "up to ± 1.57 m where all vehicles err alike" in verdict.words
+    assert "whichever way they drive, which these tracks alone cannot show" in verdict.words  # no check of directions
     bare = replace(setting, tracks=table.drop(columns=["sigma_x", "sigma_y"]))
     assert "by jitter alone" in judge([measure(bare, shared_edges([bare]), 10.0)]).words
 
