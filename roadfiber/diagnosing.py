@@ -17,13 +17,13 @@ from solver.criticism.plain_verdict import details, headline, size_words
 from solver.criticism.probability_figure import probability_figure, probability_line, titles_of
 from solver.criticism.quick_corridor import with_diagnosis
 from solver.criticism.route_change import from_run
-from solver.criticism.verdict_words import fall_words
 from solver.effect import Effect
 from solver.run.fitted import fitted
 from solver.run.run import Run, require_whole
 from solver.run.titles import lower
 from vision.contract import progress
 from vision.contract.notebook import framed
+from vision.contract.rounding import fall_words
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,13 +13,13 @@ from roadfiber.web.job import Job
 from roadfiber.web.own_effect import kept_beside
 from roadfiber.web.run_folders import kept_candidates, reserved
 from roadfiber.web.worker import Worker
-from solver.criticism.verdict_words import fall_words
 from solver.run.read_seen import read_seen
 from solver.run.rung import route_moved
 from solver.run.seen import Seen
 from solver.run.titles import lower
 from vision.contract import InputError
 from vision.contract.errors import machine_words
+from vision.contract.rounding import fall_words
 
 if TYPE_CHECKING:
     from solver.criticism.comparison.comparison import Comparison

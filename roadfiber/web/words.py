@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from roadfiber.web.bench import Bench
 from roadfiber.web.job import Job
-from solver.criticism.verdict_words import fall_words
 from solver.run.report.parts import with_commands
 from solver.run.rung import rung_names
 from vision.contract import InputError
-from vision.contract.rounding import at_most
+from vision.contract.rounding import at_most, fall_words
 from vision.contract.statements import Statements, table_html
 
 if TYPE_CHECKING:

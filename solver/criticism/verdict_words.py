@@ -1,6 +1,5 @@
 """Verdicts in words, for people who bury cables and people who film streets."""
 
-import math
 from collections.abc import Iterable, Sequence
 
 from solver.catalogue.catalogue import family, title_of
@@ -30,17 +29,6 @@ def size_words(first: Candidate) -> str:
     """How large something is."""
     unit = "" if first.unit == "1" else f" {first.unit}"
     return f"size {with_sigma(first.estimate, first.sigma)}{unit}"
-
-
-def fall_words(fall: float, form: str = ",.0f") -> str:
-    """How chi2 changes, which falls by that much, after its name.
-
-    >>> fall_words(1234.4), fall_words(-6945.0), fall_words(float("nan"))
-    ('falls by 1,234', 'rises by 6,945', 'changes by an unknown amount')
-    """
-    if not math.isfinite(fall):
-        return "changes by an unknown amount"
-    return f"{'falls' if fall >= 0 else 'rises'} by {abs(fall):{form}}"
 
 
 def fault_words(first: Candidate, fault: Fault) -> str:

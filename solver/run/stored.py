@@ -270,7 +270,7 @@ class FitFile(Stored):
     noise_floor: Size | None
     held_out_chi2_per_dof: Size | None
     active_channels: tuple[Channel, Channel]
-    shared: tuple[Size, Size] | None = None
+    shared: tuple[Size, Size] | None
     ambiguous_side: bool
     disputed_anchors: tuple[Text, ...]
     trust: TrustFile
@@ -286,7 +286,7 @@ class FitFile(Stored):
     choice: ChoiceFile | None = None
     plugins: tuple[PluginFile, ...]
     record: dict[Text, Text | float | int | bool | tuple[Text, ...] | None]
-    statements: tuple[StatementsFile, ...] = ()
+    statements: tuple[StatementsFile, ...]
     inputs: tuple[InputFile, ...]
     timings: dict[Text, Size]
     versions: dict[Text, Text]

@@ -146,7 +146,7 @@ def test_a_diagnosis_is_a_table_a_picture_and_a_page(run: rf.Run, tmp_path: Path
     lines = found.lines()
     assert lines[0] == "missing-effect: it is"
     assert "how probable: gauge_length 97 %, Nothing that would show 3 %" in lines
-    assert any(line.startswith("95 % corridor: ") and "with what it may lack" in line for line in lines)
+    assert any(line.startswith("95 % corridor: ") and "with what the model may lack" in line for line in lines)
     table = found.probabilities
     assert table["probability"].tolist() == [0.97, 0.03] and table["kind"].tolist() == ["effect", "nothing"]
     np.testing.assert_allclose(found.route["sigma_y"] ** 2 - run.route["sigma_y_fit"] ** 2, 0.25)

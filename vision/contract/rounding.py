@@ -31,3 +31,14 @@ def at_most(length: float) -> str:
     if not isfinite(length):
         return "an unknown length"
     return f"up to {length:.2f} m" if length >= 0.01 else "less than 0.01 m"
+
+
+def fall_words(fall: float, form: str = ",.0f") -> str:
+    """How chi2 changes, which falls by that much, after its name.
+
+    >>> fall_words(1234.4), fall_words(-6945.0), fall_words(float("nan"))
+    ('falls by 1,234', 'rises by 6,945', 'changes by an unknown amount')
+    """
+    if not isfinite(fall):
+        return "changes by an unknown amount"
+    return f"{'falls' if fall >= 0 else 'rises'} by {abs(fall):{form}}"

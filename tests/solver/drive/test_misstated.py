@@ -124,7 +124,8 @@ def test_a_drive_that_is_located_is_not_refused_for_sizes(hidden, wrong, monkeyp
 
     monkeypatch.setattr(channel_fit, "again", astray)
     found = rf.locate(hidden[0])
-    np.testing.assert_array_equal(found.route, wrong.route)
+    place = found.route.columns.drop("reason")  # which tells what is misstated
+    np.testing.assert_array_equal(found.route[place], wrong.route[place])
     assert list(found.misstated["probability"]) == list(wrong.misstated["probability"])
     assert (found.misstated["value"] != wrong.misstated["value"]).any()
 

@@ -111,7 +111,7 @@ def acceptable(place: tuple, now, wrong) -> bool:
         return wrong is None or wrong is True
     if wrong is None:
         unknown = ("value", "sigma", "chi2", "chi2_per_dof", "cost", "noise_floor", "held_out_chi2_per_dof", "coil")
-        unknown += ("half_width", "half_width_fit")
+        unknown += ("half_width", "half_width_fit", "shared")
         return place[-1] in (*unknown, "found", "expected", "scatter", "taken_up")
     if wrong is True:
         return isinstance(now, bool)
