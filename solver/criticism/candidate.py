@@ -74,6 +74,11 @@ class Candidate:
         """Two or three plain words; its name where it has none."""
         return self.effect if self.told is None else self.told.title
 
+    @property
+    def shows_small(self) -> bool:
+        """Whether it is there, more probably than not, at a size that does not matter by itself."""
+        return self.verdict == "negligible" and self.probability > 0.5
+
 
 def fault_candidate(fault: Fault, variance: float) -> Candidate:
     """The finding on a fault of the survey, where noise counts as of some variance."""

@@ -58,7 +58,7 @@ def headline(diagnosis: "Diagnosis") -> str:
     """The verdict in a sentence."""
     listed = diagnosis.candidates
     first = listed[0] if listed else None
-    if diagnosis.verdict == "adequate" and first is not None and first.verdict == "negligible" and first.told:
+    if diagnosis.verdict == "adequate" and first is not None and first.shows_small and first.told:
         small = f"{first.title} shows, too small to matter: {lower(first.told.sentence)}"
         return f"{small} Nothing else is missing that shows."
     if diagnosis.verdict == "adequate":

@@ -77,7 +77,7 @@ def borne_out(run: Run, diagnosis: "Diagnosis") -> "Diagnosis":
     first = diagnosis.candidates[0] if diagnosis.candidates else None
     if diagnosis.verdict != "adequate":
         return diagnosis
-    if first is not None and first.verdict == "negligible" and (first.route_change or 0.0) > median_half(run.result):
+    if first is not None and first.shows_small and (first.route_change or 0.0) > median_half(run.result):
         words = f"{diagnosis.words} But it moves the route by up to {first.route_change:.2f} m"
         return replace(diagnosis, verdict="inconclusive", words=words)
     failed = [one.words for one in Trust.stored(run.facts["trust"]).gates if one.failed and one.name in MISFITS]

@@ -96,7 +96,9 @@ def test_markup_in_a_users_name_is_text_on_the_page() -> None:
 
 def test_what_shows_and_does_not_matter_is_not_called_nothing() -> None:
     """ "Nothing is missing" stood over an effect with a probability of 100 %."""
-    small = candidate("slack_spool", verdict="negligible")
+    small = candidate("slack_spool", verdict="negligible", probability=0.9)
+    unseen = replace(small, probability=0.01)
+    assert headline(diagnosis("adequate", unseen)) == "Nothing is missing that this survey could show."
     assert headline(diagnosis("adequate", small)).startswith("Coil of slack shows, too small to matter: ")
 
 
@@ -131,7 +133,7 @@ def test_no_model_is_adequate_whose_run_leaves_more_than_noise() -> None:
 
 
 def test_what_moves_the_route_out_of_its_corridor_is_not_too_small_to_matter() -> None:
-    small = candidate("slack_spool", verdict="negligible", route_change=0.4)
+    small = candidate("slack_spool", verdict="negligible", route_change=0.4, probability=0.9)
     run = judged_run([Gate("misfit", "passed", "m")])
     assert borne_out(run, diagnosis("adequate", small)).verdict == "inconclusive"
     assert borne_out(run, diagnosis("adequate", replace(small, route_change=0.05))).verdict == "adequate"
