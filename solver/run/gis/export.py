@@ -1,6 +1,7 @@
 """Writes a route for surveyors: GeoPackage, GeoJSON, KML, DXF, csv and a sheet in PDF."""
 
 import json
+import logging
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,6 +14,8 @@ from solver.run.gis.layers import LAYERS, UNRELIABLE, Subject, channel_table
 from solver.run.gis.target import DEGREES, Target
 from vision.contract import InputError, require_writable, writing
 from vision.contract.geometry import with_geopandas
+
+logger = logging.getLogger("roadfiber")
 
 #: Color (alpha, blue, green, red) and width, px, of lines in KML, by layer.
 LINES = {"route": ("ffb27200", "3"), UNRELIABLE: ("ff808080", "1.5")}
@@ -50,6 +53,8 @@ def export(
             raise InputError(f"{path}: unknown kind of file; give one of {', '.join(WRITERS)}")
     target = Target.of(crs, ground_height)
     require_writable(*wanted)
+    for line in target.cautions(subject.frame):
+        logger.warning("%s", line)
     with ExitStack() as whole:  # nothing takes its place before all are written
         for path in wanted:
             WRITERS[path.suffix.lower()](subject, target, whole.enter_context(writing(path)))

@@ -1,5 +1,6 @@
 """The coordinates that a route is written in: any CRS that pyproj knows, with or without heights."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,6 +116,39 @@ class Target:
         if self.ground_height is None:
             return f"{DEPTHS}, {self.third_unit}"
         return f"height, {self.third_unit}, with the road at {self.ground_height:g} m"
+
+    def cautions(self, frame: LocalFrame) -> list[str]:
+        """What the EPSG registry states against coordinates in it at a survey's place.
+
+        >>> Target.of("EPSG:32736").cautions(LocalFrame((32.0, 34.8), 90.0))
+        ['--crs WGS 84 / UTM zone 36S is for longitudes 30 to 36, latitudes -80 to 0, and the survey is at longitude \
+34.8, latitude 32: is it the one that was meant?']
+        """
+        from pyproj import Transformer
+        from pyproj.exceptions import ProjError
+
+        latitude, longitude = frame.origin
+        lines = []
+        area = self.horizontal.area_of_use
+        if area and not (
+            area.south <= latitude <= area.north
+            and (longitude - area.west) % 360 <= ((area.east - area.west) % 360 or 360)
+        ):
+            lines.append(
+                f"--crs {self.crs.name} is for longitudes {area.west:g} to {area.east:g}, latitudes {area.south:g} to "
+                f"{area.north:g}, and the survey is at longitude {longitude:g}, latitude {latitude:g}: is it the one "
+                "that was meant?"
+            )
+        move = Transformer.from_crs(4326, self.horizontal, always_xy=True)
+        move.transform(longitude, latitude)
+        accuracy = move.accuracy
+        if accuracy < 0:  # of several ways, the one that this place takes; where there is one, it is not asked for
+            with suppress(ProjError):
+                accuracy = move.get_last_used_operation().accuracy
+        if accuracy:
+            size = f"good to {accuracy:g} m" if accuracy > 0 else "of unknown accuracy"
+            lines.append(f"--crs {self.crs.name}: the step from WGS 84 to its datum is {size}; no sigma includes that")
+        return lines
 
     def points(self, frame: LocalFrame, places: Array) -> Array:
         """Local places [point, 3] (x, y, depth z, m) -> east or longitude, north or latitude, third [point, 3].

@@ -250,6 +250,24 @@ def test_what_cannot_be_written_is_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("crs", "said"),
+    [
+        (UTM, []),
+        ("EPSG:4326", []),
+        ("EPSG:2039", ["the step from WGS 84 to its datum is good to 0.5 m"]),
+        ("EPSG:32736", ["is for longitudes 30 to 36, latitudes -80 to 0, and the survey is at longitude 34.804"]),
+        ("EPSG:27700", ["is for longitudes -9.01 to 2.01", "the step from WGS 84 to its datum is of unknown accuracy"]),
+    ],
+)
+def test_what_a_crs_lacks_at_the_survey_is_told(
+    subject: Subject, tmp_path: Path, caplog: Any, crs: str, said: list[str]
+) -> None:
+    export(subject, tmp_path / "a.csv", crs)
+    lines = [record.getMessage() for record in caplog.records if record.name == "roadfiber"]
+    assert len(lines) == len(said) and all(part in line for part, line in zip(said, lines, strict=True)), lines
+
+
 def test_a_package_that_is_missing_is_named(subject: Subject, tmp_path: Path, monkeypatch: Any) -> None:
     real = builtins.__import__
 
