@@ -71,6 +71,14 @@ class Content:
             compared = listed(tracks_by_class(self.truth.tracks))
             rest = f"; left out of it: {listed(self.truth.left_out)}" if self.truth.left_out else ""
             notes.append(f"Compared with {compared} of the truth{rest}")
+            strange = [
+                one.setting.name for one in self.found if one.scores and one.scores.misses == one.scores.boxes > 0
+            ]
+            if strange:
+                notes.append(
+                    f"No fix of {', '.join(strange)} meets one of the truth: are frames counted from the same one, "
+                    "places in one frame, and boxes stated by the same corner?"
+                )
         for setting in (one.setting for one in self.found):
             if setting.others:
                 notes.append(f"{setting.name}: left out {listed(setting.others)}")

@@ -93,6 +93,8 @@ def tidy(table: "pd.DataFrame", path: Path) -> "pd.DataFrame":
     )
     if flags.all():
         raise InputError(f"{path}: all fixes are interpolated; give those that were detected too")
+    if set(BOX) <= set(table) and (table[BOX] <= 1).all(axis=None):
+        raise InputError(f"{path}: its boxes are shares of the picture, no number beyond 1; give them in px")
     if (twice := table.duplicated(["track_id", "frame"])).any():
         row = table[twice].iloc[0]
         raise InputError(f"{path}: track {row['track_id']} is twice in frame {row['frame']}; keep one fix")

@@ -161,6 +161,14 @@ def test_classes_that_no_table_has_are_reported_and_do_not_count(files, command,
     assert code == 2 and "has no tram, but 7 car" in err and err.count("\n") == 1
 
 
+def test_tracks_that_meet_nothing_of_the_truth_are_told(command, tmp_path):
+    everything = tracks(noise=0.0, vehicles=1)
+    write(everything, tmp_path / "truth.csv")
+    write(everything.drop(columns=["x", "y"]).assign(**(everything[BOX] + 1000)), tmp_path / "lower.csv")
+    code, out, _ = command(tmp_path / "lower.csv", "--truth", tmp_path / "truth.csv")
+    assert code == 0 and "No fix of lower meets one of the truth: are frames counted from the same one" in out
+
+
 @pytest.mark.parametrize("columns", [["x", "y"], BOX])
 def test_a_parked_vehicle_that_track_leaves_out_is_not_missed(columns, command, tmp_path):
     everything = tracks(noise=0.0, vehicles=2)

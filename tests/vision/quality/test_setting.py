@@ -99,6 +99,7 @@ BAD = {
     "frame": (lambda t: t.assign(frame=t["frame"] + 0.5), "not a whole number"),
     "before": (lambda t: t.assign(frame=t["frame"] - 9), "not a whole number from 0 on"),
     "flat": (lambda t: t.assign(box_right=t["box_left"]), "row 1 has a box without area"),
+    "shares": (lambda t: t.assign(**(t[BOX] / 1e4)), "shares of the picture"),
     "guessed": (lambda t: t.assign(interpolated=True), "all fixes are interpolated"),
     "twice": (lambda t: pd.concat([t, t]), "is twice in frame 0"),
     "later": (lambda t: t.assign(time=t["time"] * 1.5), "same frames at other times"),
