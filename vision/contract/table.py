@@ -121,8 +121,14 @@ def to_utc(column: "pd.Series", path: Path) -> "pd.Series":
         return since_1970.dt.as_unit("ns")
     else:
         text = column.astype(str).str.replace(",", ".")
-        if pd.to_numeric(text, errors="coerce").between(*SPREADSHEET).all():
+        numbers = pd.to_numeric(text, errors="coerce")
+        if numbers.between(*SPREADSHEET).all():
             raise InputError(f"{path}: row 1: time {text.iloc[0]!r} is a day number of a spreadsheet; {TIME_MEND}")
+        if numbers.notna().all():
+            raise InputError(
+                f"{path}: times are numbers from {numbers.min():.16g} to {numbers.max():.16g}, not all in one of s, "
+                f"ms, us and ns since 1970; {TIME_MEND}"
+            )
         times = pd.to_datetime(text, utc=True, format="ISO8601", errors="coerce")
         naive = ~text.str.contains(ZONED, regex=True)
     strange = (times < YEARS[0]) | (times >= YEARS[1])

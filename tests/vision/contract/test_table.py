@@ -130,6 +130,11 @@ def test_repeated_rows_count_once(tmp_path):
         ("time,track_id,class,x\na,b,c,d", "no column y, sigma_x, sigma_y"),
         ("time,track_id,class,latitude\na,b,c,d", "no column longitude, sigma"),
         (f"{HEADER}\n{ROW}\n{ROW.replace('2025-08-11T06:00:00.25Z', 'noon')}", "row 2: time 'noon' is not a time"),
+        (
+            f"{HEADER}\n"
+            + "\n".join(ROW.replace("2025-08-11T06:00:00.25Z", t) for t in ("1754892000250", "1754892001250000")),
+            "times are numbers from 1754892000250 to 1754892001250000, not all in one of s, ms, us and ns since 1970",
+        ),
         (f"{HEADER}\n{ROW.replace('2025', '9999')}", "row 1: time '9999-08-11T06:00:00.25Z' is of no year from 1970"),
         (f"{HEADER}\n{ROW.replace('25Z', '25')}", "row 1: time '2025-08-11T06:00:00.25' has no time zone; write ISO"),
         (f"{HEADER}\n{ROW.replace('T06:00:00.25Z', '')}", "has no time zone"),
