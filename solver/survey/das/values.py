@@ -46,8 +46,9 @@ def clipped_line(count: int, channels: int, which: str, end: float, beside: int)
     if count <= THINNER * beside:
         return None
     return (
-        f"{count} samples of {channels} channels stand at the same {which} number, {end:g}: the record is "
-        "clipped, and vehicles seem farther away than they are; record with a larger range"
+        f"{count} samples of {channels} channels stand at the same {which} number, {end:g}: either the record is "
+        "clipped, and vehicles seem farther away than they are (record with a larger range), or the number fills what "
+        "was not measured (write NaN there)"
     )
 
 

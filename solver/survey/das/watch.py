@@ -104,8 +104,9 @@ class Watch:
         >>> watch, noise = Watch(1), np.random.default_rng(0).normal(0, 1, (500, 6))
         >>> watch.look(0, np.clip(noise, -9, 1.5))
         >>> watch.clipped()
-        '190 samples of 6 channels stand at the same largest number, 1.5: the record is clipped, and vehicles seem \
-farther away than they are; record with a larger range'
+        '190 samples of 6 channels stand at the same largest number, 1.5: either the record is clipped, and vehicles \
+seem farther away than they are (record with a larger range), or the number fills what was not \
+measured (write NaN there)'
         """
         for end, which in zip(self.ends, ("largest", "smallest"), strict=True):
             if end.count is None:

@@ -354,8 +354,10 @@ def test_clipped_records_are_reported(tmp_path):
     clip = np.clip(noise(), -1e-8, 1e-8)
     (line,) = read_das([array_file(tmp_path, clip, unit="1/s")]).cautions
     assert line.startswith(
-        f"{(clip == 1e-8).sum()} samples of 12 channels stand at the same largest number, 1e-08: the"
+        f"{(clip == 1e-8).sum()} samples of 12 channels stand at the same largest number, 1e-08: either the record is "
+        "clipped"
     )
+    assert "or the number fills what was not measured" in line
 
 
 @pytest.mark.parametrize(
