@@ -115,6 +115,7 @@ def demo(
 
     Examples: `roadfiber demo --out runs/demo`, `roadfiber demo --hide any --seed 7 --out runs/hidden`
     """
+    from solver.run.strict_json import strict
     from solver.simulator import read_scenario, route_error
 
     if hide is not None:
@@ -124,7 +125,8 @@ def demo(
         run = run_demo(out, read_scenario("street-filmed", seed=seed))
     error, report = route_error(run / "route.csv", out / "truth.json"), run / "report.html"
     if as_json:
-        print(json.dumps({"error": {"unit": "m", **asdict(error)}, "run": str(run), "report": str(report)}, indent=1))
+        told = strict({"error": {"unit": "m", **asdict(error)}, "run": str(run), "report": str(report)})
+        print(json.dumps(told, indent=1))
         return
     print(f"\nerror against the known route: {error.words}")
     print(f"report: {report}")

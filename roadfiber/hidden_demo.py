@@ -5,6 +5,7 @@ import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from html import escape
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from solver.run.report.joined import PAGES
 from solver.run.report.ladder_page import headline as ladder_headline
 from solver.run.report.ladder_page import ladder_figure, thumbnails
 from solver.run.report.parts import next_section, page, with_commands
+from solver.run.strict_json import strict
 from solver.run.titles import lower
 from solver.simulator import route_error
 from solver.simulator.check import RouteError
@@ -118,6 +120,9 @@ def outcome(out: Path) -> str:
     first, *more = errors(out).values()
     if not more:
         return ""
+    if not (first.channels and more[-1].channels):
+        before, after = (f"{one.in_view:.2f} m at most in view" for one in (first, more[-1]))
+        return f"A fit that locates no place claims none; it was {before} before, {after} after."
     fell = "fell" if more[-1].mean < first.mean else "did not fall"
     return f"The true error {fell}: {first.mean:.2f} m on average before, {more[-1].mean:.2f} m after."
 
@@ -131,7 +136,7 @@ def told(out: Path, undone: str) -> dict[str, Any]:
         "verdict": diagnosis["verdict"],
         "named": named,
         "undone": undone,
-        "errors": {name: {"unit": "m", **asdict(one)} for name, one in errors(out).items()},
+        "errors": {name: strict({"unit": "m", **asdict(one)}) for name, one in errors(out).items()},
         "story": str(out / "index.html"),
     }
 
@@ -140,6 +145,12 @@ def section(number: int, heading: str, text: str, link: str = "", more: str = ""
     """A chapter of the story."""
     there = f'<p><a href="{link}">Look at the {SHOWN_BY[link.rpartition("/")[2]]}</a></p>' if link else ""
     return f"<section><h2>{number}. {escape(heading)}</h2><p>{text}</p>{more}{there}</section>"
+
+
+def cells(error: RouteError) -> str:
+    """Lengths of an error, m, as cells of a table; "-" where no place is located."""
+    lengths = (error.mean, error.largest, error.largest_lateral, error.largest_depth, error.in_view)
+    return "".join(f"<td>{one:.2f}</td>" if isfinite(one) else "<td>-</td>" for one in lengths)
 
 
 def envelope(out: Path) -> str:
@@ -152,12 +163,10 @@ def envelope(out: Path) -> str:
         if name in EFFECTS
     )
     rows = "".join(
-        f"<tr><td>{escape(name)}</td><td>{one.mean:.2f}</td><td>{one.largest:.2f}</td>"
-        f"<td>{one.largest_lateral:.2f}</td><td>{one.largest_depth:.2f}</td>"
-        f"<td>{one.inside} of {one.channels}</td></tr>"
+        f"<tr><td>{escape(name)}</td>{cells(one)}<td>{one.inside} of {one.channels}</td></tr>"
         for name, one in errors(out).items()
     )
-    columns = ("route", "mean", "largest", "on the map", "in depth", "in the 95 % corridor")
+    columns = ("route", "mean", "largest", "on the map", "in depth", "largest in view", "in the 95 % corridor")
     head = "".join(f"<th>{name}</th>" for name in columns)
     return (
         "<section><h2>The envelope</h2><p>Only the simulator knew this. Guess first.</p><details><summary>Open it"

@@ -52,8 +52,8 @@ Advance = Callable[[int], None]
 #: Explanations that are fitted at most, and Gauss-Newton steps of each: the linear prediction of one that is large is
 #: too short, and what is left after these is a part of a sigma.
 FITTED, STEPS = 2, 6
-#: What narrows a corridor that an effect widens which shows.
-MENDED = "adding it to the model, if `roadfiber diagnose RUN` names it too,"
+#: What narrows a corridor that an effect widens which shows: by a quick look, and by a diagnosis.
+MENDED, NAMED = "adding it to the model, if `roadfiber diagnose RUN` names it too,", "adding it to the model"
 
 
 def widening_steps(run: Run) -> int:
@@ -122,15 +122,30 @@ def strict_scorer(run: Run) -> tuple[Scorer, NoiseAudit]:
     return Scorer(MapFit(problem), state), check
 
 
-def told(run: Run, corridor: Corridor, posterior: Posterior, effects: Sequence[Effect], why: str = "") -> Run:
-    """The run with a corridor, and what is told of it; `why` it leaves something out, as a clause."""
+def told(
+    run: Run,
+    corridor: Corridor,
+    posterior: Posterior,
+    effects: Sequence[Effect],
+    why: str = "",
+    mended: str = MENDED,
+) -> Run:
+    """The run with a corridor, and what is told of it.
+
+    Parameters
+    ----------
+    run, corridor, posterior : the run, what is added to its corridor, and of which explanations
+    effects : the catalogue
+    why : it leaves something out, as a clause
+    mended : what narrows a corridor that an effect widens which shows
+    """
     titles = {name: one.title for name, one in FAULTS.items()} | {one.name: one.title for one in effects}
     titles[DISAGREEMENT] = DISAGREE
     families = {one.name: one.families for one in effects}
     widest, added = corridor.widest, corridor.at(run.result.channel)
     advice = [ADVICE[kind] for kind in families.get(widest, ()) if kind in ADVICE] or [MORE]
     shows = any(widest in one.effects and one.probability >= 0.5 for one in posterior.weighed if one.kind != "unknown")
-    narrower = MENDED if shows else f"a survey with {'; '.join(advice)}"
+    narrower = mended if shows else f"a survey with {'; '.join(advice)}"
     inside = {one.name for one in run.problem.effects}
     title = lower(titles[widest]) if widest else ""
     title = f"the law of {title}, which may be inexact" if widest in inside else title
@@ -153,7 +168,7 @@ def told(run: Run, corridor: Corridor, posterior: Posterior, effects: Sequence[E
 def with_diagnosis(run: Run, found: Diagnosis) -> Run:
     """The run whose corridor, sentence of trust and explanations are those of its diagnosis."""
     if found.corridor is not None and run.result.converged:
-        run = told(run, found.corridor, Posterior(found.explanations), list(run.known.values()))
+        run = told(run, found.corridor, Posterior(found.explanations), list(run.known.values()), mended=NAMED)
     gate = diagnosis_gate(found, median_half(run.result))
     return with_local_misfit(replace(run, facts=run.facts | {"trust": with_gate(run.facts["trust"], gate)}))
 

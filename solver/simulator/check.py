@@ -16,11 +16,11 @@ class RouteError:
 
     Attributes
     ----------
-    largest, mean : in space
-    largest_lateral, largest_depth : of the horizontal distance and of the difference in depth
-    channels : how many were compared: all that the run locates
+    largest, mean : in space, over the channels that the run locates; NaN where it locates none
+    largest_lateral, largest_depth : of the horizontal distance and of the difference in depth, likewise
+    channels : how many it locates
     inside : how many of them lie within the 95 % corridor, across and in depth
-    in_view : the largest in space over the channels in view alone; NaN where none of them is located
+    in_view : the largest in space over all channels in view, located or not; NaN where the run has none of them
     """
 
     largest: float
@@ -40,7 +40,7 @@ class RouteError:
 of 93 lie in the 95 % corridor'
         """
         if not self.channels:
-            return "no channel is located"
+            return f"no place is located, and in view the fit is {self.in_view:.2f} m off at most"
         view = "" if np.isnan(self.in_view) else f"; {self.in_view:.2f} in view"
         return (
             f"{self.mean:.2f} m on average over {self.channels} located channels, {self.largest:.2f} m at most "
@@ -52,13 +52,14 @@ of 93 lie in the 95 % corridor'
 def route_error(route_csv: str | Path, truth_json: str | Path) -> RouteError:
     """Compare `route.csv` of a run with the `truth.json` of a simulated survey over all channels that it locates.
 
-    A channel that is not constrained claims no place, and is not compared.
+    A channel that is not constrained claims no place, and counts in view alone.
     """
     import pandas as pd
 
     known = json.loads(Path(truth_json).read_text(encoding="utf-8"))
     located = pd.read_csv(route_csv)
-    located = located[located["constrained"].astype(bool) & (located["channel"] < len(known["route_xyz"]))]
+    located = located[located["channel"] < len(known["route_xyz"])]
+    claimed = located["constrained"].to_numpy(bool)
     true = np.array(known["route_xyz"])[located["channel"].to_numpy(int)].reshape(-1, 3)
     route = located[["x", "y", "z"]].to_numpy(float)
     error, sigma = route - true, located[["sigma_x", "sigma_y", "sigma_z"]].to_numpy(float)
@@ -69,12 +70,13 @@ def route_error(route_csv: str | Path, truth_json: str | Path) -> RouteError:
     # Across the route by the sigmas of x and y, which the table has without their correlation.
     half = Z95 * np.sqrt(((across * sigma[:, :2]) ** 2).sum(1))
     inside = (np.abs((across * error[:, :2]).sum(1)) <= half) & (np.abs(error[:, 2]) <= Z95 * sigma[:, 2])
+    flat, deep = np.linalg.norm(error[:, :2], axis=1), np.abs(error[:, 2])
+    found = [float(part[claimed].max()) if claimed.any() else float("nan") for part in (distance, flat, deep)]
     return RouteError(
-        float(distance.max(initial=0.0)),
-        float(distance.mean()) if len(distance) else 0.0,
-        float(np.linalg.norm(error[:, :2], axis=1).max(initial=0.0)),
-        float(np.abs(error[:, 2]).max(initial=0.0)),
-        len(error),
-        int(inside.sum()),
+        found[0],
+        float(distance[claimed].mean()) if claimed.any() else float("nan"),
+        *found[1:],
+        int(claimed.sum()),
+        int(inside[claimed].sum()),
         float(distance[seen].max()) if seen.any() else float("nan"),
     )

@@ -69,11 +69,14 @@ def test_a_route_is_compared_over_all_that_it_locates(tmp_path, written):
     shifted[first] += np.array([0.0, 3.0, 0.0])  # out of view, and located all the same
     table = pd.DataFrame(shifted, columns=["x", "y", "z"]).assign(channel=np.arange(len(shifted)))
     table = table.assign(sigma_x=1.0, sigma_y=0.2, sigma_z=0.3, constrained=True)
-    table.loc[first + 1, ["y", "constrained"]] = 99.0, False  # claims no place
+    table.loc[first + 1, "constrained"] = False  # claims no place
     table[first:last].to_csv(tmp_path / "route.csv")
     error = route_error(tmp_path / "route.csv", site.anchors.file.parent / "truth.json")
     assert error.largest == pytest.approx(np.hypot(3.3, 0.4), abs=1e-3)
     assert error.in_view == pytest.approx(0.5, abs=1e-3)
+    table.assign(constrained=False)[first:last].to_csv(tmp_path / "route.csv")
+    none = route_error(tmp_path / "route.csv", site.anchors.file.parent / "truth.json")
+    assert none.words == "no place is located, and in view the fit is 0.50 m off at most" and np.isnan(none.mean)
     assert error.largest_lateral == pytest.approx(3.3, abs=1e-3)
     assert error.largest_depth == pytest.approx(0.4, abs=1e-3)
     assert (error.channels, error.inside) == (last - first - 1, last - first - 2)
