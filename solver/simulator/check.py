@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 #: Standard deviations to either side that hold 95 % of a normal distribution.
 Z95 = 1.96
@@ -70,13 +71,16 @@ def route_error(route_csv: str | Path, truth_json: str | Path) -> RouteError:
     # Across the route by the sigmas of x and y, which the table has without their correlation.
     half = Z95 * np.sqrt(((across * sigma[:, :2]) ** 2).sum(1))
     inside = (np.abs((across * error[:, :2]).sum(1)) <= half) & (np.abs(error[:, 2]) <= Z95 * sigma[:, 2])
-    flat, deep = np.linalg.norm(error[:, :2], axis=1), np.abs(error[:, 2])
-    found = [float(part[claimed].max()) if claimed.any() else float("nan") for part in (distance, flat, deep)]
+
+    def largest(values: NDArray[np.float64], of: NDArray[np.bool_]) -> float:
+        return float(values[of].max()) if of.any() else float("nan")
+
     return RouteError(
-        found[0],
-        float(distance[claimed].mean()) if claimed.any() else float("nan"),
-        *found[1:],
-        int(claimed.sum()),
-        int(inside[claimed].sum()),
-        float(distance[seen].max()) if seen.any() else float("nan"),
+        largest=largest(distance, claimed),
+        mean=float(distance[claimed].mean()) if claimed.any() else float("nan"),
+        largest_lateral=largest(np.linalg.norm(error[:, :2], axis=1), claimed),
+        largest_depth=largest(np.abs(error[:, 2]), claimed),
+        channels=int(claimed.sum()),
+        inside=int(inside[claimed].sum()),
+        in_view=largest(distance, seen),
     )

@@ -68,7 +68,7 @@ def test_a_route_is_compared_over_all_that_it_locates(tmp_path, written):
     shifted = survey.route + np.array([0.0, 0.3, -0.4])
     shifted[first] += np.array([0.0, 3.0, 0.0])  # out of view, and located all the same
     table = pd.DataFrame(shifted, columns=["x", "y", "z"]).assign(channel=np.arange(len(shifted)))
-    table = table.assign(sigma_x=1.0, sigma_y=0.2, sigma_z=0.3, constrained=True)
+    table = table.assign(sigma_x=0.2, sigma_y=0.2, sigma_z=0.3, constrained=True)
     table.loc[first + 1, "constrained"] = False  # claims no place
     table[first:last].to_csv(tmp_path / "route.csv")
     error = route_error(tmp_path / "route.csv", site.anchors.file.parent / "truth.json")
