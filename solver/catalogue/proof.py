@@ -1,13 +1,14 @@
-"""A plugin is tried in a process of its own first: it may print, hang, or end the process that runs it."""
+"""A plugin is tried in a process of its own first: it may print, hang, go on, or end the process that runs it."""
 
 import faulthandler
 import multiprocessing
 import os
 import re
+import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -50,7 +51,12 @@ def prove(load: Callable[[S], Sequence[Effect]], source: S, who: str) -> None:
     with tempfile.TemporaryDirectory() as name:
         trial = begun.Process(target=attempt, args=(load, source, Path(name), LIMIT), daemon=True)
         trial.start()
-        trial.join()
+        try:
+            trial.join()
+        finally:  # processes that the plugin began, and the trial itself at Ctrl-C
+            if trial.pid and hasattr(os, "killpg"):
+                with suppress(ProcessLookupError):
+                    os.killpg(trial.pid, signal.SIGKILL)
         told = verdict(Path(name), source, trial.exitcode or 0)
     if told:
         raise InputError(told if who in told or told.startswith("effect ") else f"{who}: {told}")
@@ -79,7 +85,9 @@ def verdict(folder: Path, source: object, status: int) -> str:
 
 
 def attempt(load: Callable[[S], Sequence[Effect]], source: S, folder: Path, limit: float) -> None:
-    """Verify effects in this process, and leave in `folder` what is wrong with them."""
+    """Verify effects in this process, leave in `folder` what is wrong with them, and end it."""
+    if hasattr(os, "setsid"):
+        os.setsid()  # one signal reaches all processes of this one
     silence()
     torch.set_num_threads(1)
     warm()  # a forked process has this from the one before it, a spawned one has not
@@ -94,6 +102,7 @@ def attempt(load: Callable[[S], Sequence[Effect]], source: S, folder: Path, limi
         except InputError as error:
             told = str(error)
     (folder / ANSWER).write_text(told, encoding="utf-8")
+    os._exit(0)  # waits for no thread of the plugin
 
 
 def silence() -> None:

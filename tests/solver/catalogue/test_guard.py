@@ -5,6 +5,7 @@ import json
 import os
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -171,3 +172,21 @@ def test_threads_share_one_guard(capfd):
 def test_what_is_shared_and_stays_is_not_a_fault():
     with untouched("nobody"):
         torch.zeros(2).exp_()
+
+
+GOES_ON = """
+import subprocess, threading, time
+child = subprocess.Popen(["sleep", "600"])
+with open({name!r}, "w") as note:
+    note.write(str(child.pid))
+threading.Thread(target=time.sleep, args=(600,)).start()
+raise ValueError("no more")
+"""
+
+
+def test_nothing_of_a_plugin_goes_on_after_its_trial(plugin, tmp_path):
+    """Neither a thread, which the trial would wait for, nor a process of its own."""
+    with pytest.raises(InputError, match="no more"):
+        catalogue([plugin(GOES_ON.format(name=str(tmp_path / "child.txt")))])
+    status = Path("/proc") / (tmp_path / "child.txt").read_text() / "status"
+    assert not status.exists() or "State:\tZ" in status.read_text()
