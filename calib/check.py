@@ -22,6 +22,7 @@ from calib.picture import (
     write_note,
 )
 from vision.camera import Calibration
+from vision.contract.rounding import with_sigma
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -115,7 +116,7 @@ def words(found: dict[str, Any]) -> str:
             f"{row['name']:<{width}}  {row['measured_m']:10.2f}  {row['predicted_m']:11.2f}  {row['sigma_m']:7.2f}  "
             f"{row['deviation']:+11.1f}"
         )
-    lines.append(f"scale {found['scale']:.3f} ± {found['scale_sigma']:.3f} (predicted over measured)")
+    lines.append(f"scale {with_sigma(found['scale'], found['scale_sigma'])} (predicted over measured)")
     if wrong := [row["name"] for row in found["lengths"] if abs(row["deviation"]) > SUSPECT]:
         lines.append(
             f"warning: {', '.join(wrong)} over {SUSPECT:g} sigmas off: the calibration, the ends or the length"

@@ -209,12 +209,13 @@ def clock(run: RunFolder, plugin: Plugins = None, changed: Changed = False, as_j
     """
     import roadfiber as rf
     from roadfiber.locating import open_street
+    from vision.contract.rounding import with_sigma
 
     offset, sigma = rf.clock_offset(open_street(run, plugins=plugin or (), changed=changed))
     if as_json:
         print(json.dumps({"clock_offset": offset, "sigma": sigma, "unit": "s"}))
         return
-    print(f"the DAS clock is ahead of the trajectories' by {offset:+.3f} +- {sigma:.3f} s")
+    print(f"the DAS clock is ahead of the trajectories' by {with_sigma(offset, sigma)} s")
     if abs(offset) < 3 * sigma:
         print("that is no more than chance")
 

@@ -17,6 +17,7 @@ from solver.survey.survey import Survey
 from solver.trajectory.passes import smooth_passes
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError
+from vision.contract.rounding import with_sigma
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -93,7 +94,7 @@ class Vehicles:
             return said
         way = "ahead of" if self.clock_offset > 0 else "behind"
         return (
-            f"{said}; the record's clock is {abs(self.clock_offset):.2f} ± {self.clock_sigma:.2f} s {way} the tracks'"
+            f"{said}; the record's clock is {with_sigma(abs(self.clock_offset), self.clock_sigma)} s {way} the tracks'"
         )
 
     @cached_property

@@ -21,7 +21,9 @@ from solver.survey.das.store import Store
 from solver.survey.site import Site, read_site
 from solver.survey.site_sections import GroundSection
 from solver.survey.survey import Source, table_source
-from vision.contract import InputError, LocalFrame, read_trajectories, trajectories_of
+from vision.contract import InputError, LocalFrame
+from vision.contract.statements import caution_lines
+from vision.contract.table import checked_tracks, read_tracks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,6 +52,7 @@ class Drive:
     anchors : known points of the fiber
     ground : what is known about it beforehand
     sources : files and tables that it was made from
+    cautions : what the user should know about the tracks, a line each
     effects : names of what the model takes for stated wrongly, out of `solver.drive.misstated.TOLD`
     """
 
@@ -64,6 +67,7 @@ class Drive:
     ground: GroundSection = field(default_factory=GroundSection)
     sources: tuple[Source, ...] = ()
     seconds: float = 0.0
+    cautions: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
 
     @classmethod
@@ -85,12 +89,13 @@ class Drive:
         route = site.route
         assert route is not None and site.trajectories is not None, "a drive has [route] and [trajectories]"
         files = [("trajectories", one) for one in site.trajectories.files] + [("route", route.file)]
+        tracks, stated = read_tracks(site.trajectories.files, site.frame)
         anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
         return cls(
             name=site.name,
             frame=site.frame,
             source=opened(site.das.files, site.das.said, site.das.store),
-            tracks=read_trajectories(site.trajectories.files, site.frame),
+            tracks=tracks,
             vertices=read_operator_map(route.file, site.frame),
             sigma=route.sigma,
             length_factor=route.length_factor,
@@ -98,6 +103,7 @@ class Drive:
             ground=site.ground,
             sources=tuple(Source(role, str(one), checksum(one)) for role, one in files),
             seconds=clock.perf_counter() - begun,
+            cautions=tuple(caution_lines(stated)),
         )
 
     @classmethod
@@ -136,17 +142,19 @@ class Drive:
         if line.ndim != 2 or line.shape[1:] != (2,) or len(line) < 2 or not np.isfinite(line).all():
             raise InputError("route: give points [vertex, 2], m, two at least")
         check_order(line, Path("route"))
+        checked, told = checked_tracks(tracks, where)
         known = description_of([part_of(block_of(das, time, distance, first_channel))], **stated)
         return cls(
             name=name,
             frame=where,
             source=Raw(known),
-            tracks=trajectories_of(tracks, where),
+            tracks=checked,
             vertices=line,
             sigma=sigma,
             length_factor=length_factor,
             anchors=[] if anchors is None else anchors_of(anchors, where),
             sources=(table_source("trajectories", tracks),),
+            cautions=tuple(caution_lines([told])),
         )
 
     def span(self) -> tuple[np.datetime64, np.datetime64]:

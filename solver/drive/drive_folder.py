@@ -116,7 +116,7 @@ class DriveFile(Stored):
     name : of the survey
     headline : where the fiber is, in a sentence
     trust : every check of the fit, and the sentence that follows from them
-    next : what a second drive or a tap test should look at, a line each
+    next : what must be known of the tracks, and what a second drive or a tap test should look at, a line each
     clock : how far the clocks are apart, in words
     converged : whether the clock stands still
     iterations : rounds until it did

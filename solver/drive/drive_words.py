@@ -12,6 +12,7 @@ from solver.drive.loops import flags_of
 from solver.drive.misstated_words import as_stated
 from solver.drive.path import STEP
 from solver.run.trust import Gate
+from vision.contract.rounding import with_sigma
 
 if TYPE_CHECKING:
     from solver.drive.channel_fit import Fit
@@ -126,7 +127,7 @@ def clock_words(fit: "Fit") -> str:
         else "; the car was heard one way, so that only its stops and speeds tell it from a shift, as far as its GPS "
         "tells these"
     )
-    return f"the record's clock is {abs(fit.clock.offset):.2f} ± {fit.clock_sigma:.2f} s {way} the GPS's{once}"
+    return f"the record's clock is {with_sigma(abs(fit.clock.offset), fit.clock_sigma)} s {way} the GPS's{once}"
 
 
 def factor_of(fit: "Fit", prior: tuple[float, float]) -> tuple[float, float]:

@@ -51,7 +51,7 @@ def found_facts(drive: Drive, fit: Fit, constrained: NDArray[np.bool_]) -> dict[
     return {
         "headline": words.headline(fit, constrained),
         "trust": asdict(Trust.of(words.gates_of(fit, drive.length_factor))),
-        "next": words.advice(fit, unheard),
+        "next": [*drive.cautions, *words.advice(fit, unheard)],
         "clock": words.clock_words(fit),
         "converged": fit.converged,
         "iterations": fit.rounds,

@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
 from solver.drive.misstated import DRIFT, GAUGE, TOLD, Misstated
 from solver.run.trust import Gate
+from vision.contract.rounding import with_sigma
 
 
 def words_of(one: Misstated, stated: Mapping[str, float]) -> str:
@@ -18,17 +17,15 @@ def words_of(one: Misstated, stated: Mapping[str, float]) -> str:
     stated : gauge length and channel spacing as files have them, m, by the name of the effect
 
     >>> print(words_of(Misstated("gauge_length", 0.25, 0.05, 0.2, 0.999), {"gauge_length": 10.0}))
-    The interrogator averages strain over 12.5 ± 0.5 m, not over 10 m.
+    The interrogator averages strain over 12.50 ± 0.50 m, not over 10 m.
     >>> print(words_of(Misstated("clock_drift", 1e-4, 3e-4, 0.002, 0.04), {}))
-    The record's clock gains 0.36 ± 1.1 s an hour on the GPS's. A drift of 7.2 s an hour would show.
+    The record's clock gains 0.4 ± 1.1 s an hour on the GPS's. A drift of 7.2 s an hour would show.
     """
     told = one.named or one.fitted
     if one.effect == DRIFT:
-        found = f"The record's clock gains {3600 * one.value:.2g} ± {3600 * one.sigma:.2g} s an hour on the GPS's."
+        found = f"The record's clock gains {with_sigma(3600 * one.value, 3600 * one.sigma)} s an hour on the GPS's."
         return found if told else f"{found} A drift of {3600 * one.shows:.2g} s an hour would show."
-    sigma = stated[one.effect] * one.sigma
-    digits = max(0, -int(np.floor(np.log10(sigma))))
-    size = f"{stated[one.effect] * (1 + one.value):.{digits}f} ± {sigma:.{digits}f} m"
+    size = f"{with_sigma(stated[one.effect] * (1 + one.value), stated[one.effect] * one.sigma)} m"
     shows = f"An error of {stated[one.effect] * one.shows:.2g} m would show."
     if one.effect == GAUGE:
         found, beside = f"The interrogator averages strain over {size}", f"over {stated[one.effect]:g} m"

@@ -116,6 +116,12 @@ def test_the_clocks_offset_is_estimated_and_kept_where_it_is_added(tmp_path: Pat
     assert after["held_out_chi2_per_dof"] < before["held_out_chi2_per_dof"]
 
 
+def test_the_clocks_offset_is_told_as_every_number_with_its_sigma(monkeypatch) -> None:
+    monkeypatch.setattr("roadfiber.locating.open_street", lambda *_, **__: None)
+    monkeypatch.setattr(rf, "clock_offset", lambda _: (-0.271234, 0.0134))
+    assert run("clock", "run") == "the DAS clock is ahead of the trajectories' by -0.271 ± 0.013 s\n"
+
+
 def test_a_length_that_slips_is_fitted_to_the_noise(tmp_path: Path) -> None:
     """Between its ends it tells no place: the route stays where the rest of the fiber and its smoothness have it."""
     folder = located(tmp_path, {"conduit_slip": 16.0})

@@ -14,7 +14,10 @@ SHORT = {"length": 1500.0, "sampling_rate": 10.0, "snr_db": 12.0, "traffic": 40.
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return rf.simulate(tmp_path_factory.mktemp("drives") / "short", "drive", **SHORT).site
+    path = rf.simulate(tmp_path_factory.mktemp("drives") / "short", "drive", **SHORT).site
+    with (path.parent / "gps.csv").open("a") as table:  # of a receiver without a fix
+        table.write("2025-08-11T05:00:00Z,gps,car,0,0,2.14\n")
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -51,6 +51,10 @@ def test_loops_are_found_and_no_others(run: rf.DriveRun, truth: dict[str, Any]) 
         assert np.hypot(one["x"] - real["place"][0], one["y"] - real["place"][1]) < 20
 
 
+def test_fixes_that_are_left_out_are_told(run: rf.DriveRun) -> None:
+    assert run.warnings[0] == "gps.csv: no position: receivers without a fix write 0, 0"
+
+
 def test_route_as_of_every_run_and_more(run: rf.DriveRun, site: Path) -> None:
     table = run.route
     assert list(table)[:11] == [
