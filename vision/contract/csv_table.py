@@ -82,7 +82,9 @@ def form_of(path: Path) -> Form:
     return Form(encoding, skipped, header, separator, decimal)
 
 
-def read_csv(path: Path, text_columns: Collection[str] = (), comment: str | None = None) -> "pd.DataFrame":
+def read_csv(
+    path: Path, text_columns: Collection[str] = (), comment: str | None = None, rows: int | None = None
+) -> "pd.DataFrame":
     r"""Read a text table with a header.
 
     Parameters
@@ -91,6 +93,7 @@ def read_csv(path: Path, text_columns: Collection[str] = (), comment: str | None
         commas
     text_columns : columns that stay text
     comment : character that starts a comment within a line; by default only lines of `#` before the header are comments
+    rows : that are read; all by default
 
     Returns
     -------
@@ -129,6 +132,7 @@ def read_csv(path: Path, text_columns: Collection[str] = (), comment: str | None
             dtype=dict.fromkeys((name for name in names if name in text_columns), str),
             skipinitialspace=True,
             comment=comment,
+            nrows=rows,
         )
     except UnicodeDecodeError as error:
         byte = error.object[error.start]

@@ -5,8 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from vision.contract.classes import plain_name
 from vision.contract.columns import (
+    ALSO_CALLED,
     check_meters,
     check_names,
     check_positive,
@@ -31,6 +34,9 @@ WHEELBASE = ("wheelbase", "sigma_wheelbase")  # of a track, m; optional, and emp
 GPS_COLUMNS = ("time", "track_id", "class", "latitude", "longitude", "sigma")
 SUFFIXES = (".csv", ".parquet", ".gpx")
 TEXT_COLUMNS = ("time", "track_id", "class")
+PLACES = ("x", "y", "latitude", "longitude")
+# Rows whose text is looked at for the digits of places.
+LOOKED_AT = 1000
 
 # A time of day, then Z or an offset; without these the time zone is unknown.
 ZONED = r"\d{1,2}:\d{2}.*(?:[Zz]|UTC|[+-]\d{2}(?::?\d{2})?)\s*$"
@@ -222,6 +228,45 @@ def unmeasured(table: "pd.DataFrame") -> "pd.Series":
     return again & moved_on.set_axis(range(1, len(first) + 1)).reindex(run).to_numpy()
 
 
+def decimals_of(path: Path) -> int | None:
+    """Most decimals that the places of a csv are written with; None of another file, whose numbers have no digits."""
+    if path.suffix.lower() != ".csv":
+        return None
+    text = read_csv(path, (*PLACES, *ALSO_CALLED), rows=LOOKED_AT)
+    written = with_positions(text).filter(PLACES).stack().astype(str)
+    return int(written.str.extract(r"[.,](\d+)", expand=False).str.len().fillna(0).max()) if len(written) else None
+
+
+def with_rounding(
+    table: "pd.DataFrame", frame: LocalFrame | None, decimals: int
+) -> "tuple[pd.DataFrame, list[Statement]]":
+    """Add the error of rounding to sigmas below it, and say so.
+
+    Parameters
+    ----------
+    table : with x, y, sigma_x, sigma_y, m
+    frame : of places in degrees; None of those in meters
+    decimals : that places are written with
+
+    >>> import pandas as pd
+    >>> table, (told,) = with_rounding(pd.DataFrame({"sigma_x": [0.003], "sigma_y": [0.1]}), None, 1)
+    >>> table.round(4).values.tolist(), told.caution
+    ([[0.029, 0.1]], 'of 1 fixes it is below the 0.029 m by which rounding alone is off; this is added')
+    """
+    step = 10.0**-decimals
+    if frame is not None:
+        latitude, longitude = frame.origin
+        step = float(np.hypot(*frame.to_local(latitude + step, longitude + step))) / 2**0.5
+    error = step / 12**0.5  # the standard deviation of what is spread evenly over a step
+    sigma = table[["sigma_x", "sigma_y"]]
+    below = sigma < error
+    if not below.any(axis=None):
+        return table, []
+    caution = f"of {below.any(axis=1).sum()} fixes it is below the {error:.2g} m by which rounding alone is off"
+    told = Statement("sigma", (("places", f"{decimals} decimals"),), "with rounding", f"{caution}; this is added")
+    return table.assign(**sigma.mask(below, (sigma**2 + error**2) ** 0.5)), [told]
+
+
 def read_tracks(
     paths: Sequence[Path], frame: LocalFrame | None = None
 ) -> "tuple[pd.DataFrame, tuple[Statements, ...]]":
@@ -231,7 +276,7 @@ def read_tracks(
     if not paths:
         raise InputError("no trajectory files; give at least one .csv, .parquet or .gpx")
     paths = [Path(path) for path in paths]
-    read = [checked_tracks(read_as_is(path), frame, path) for path in paths]
+    read = [checked_tracks(read_as_is(path), frame, path, decimals_of(path)) for path in paths]
     tables = [table for table, _ in read]
     shared = Counter(name for table in tables for name in table["track_id"].unique())
     for index, (path, table) in enumerate(zip(paths, tables, strict=True)):
@@ -258,9 +303,12 @@ def trajectories_of(table: "pd.DataFrame", frame: LocalFrame | None, path: Path 
 
 
 def checked_tracks(
-    table: "pd.DataFrame", frame: LocalFrame | None, path: Path = Path("tracks")
+    table: "pd.DataFrame", frame: LocalFrame | None, path: Path = Path("tracks"), decimals: int | None = None
 ) -> "tuple[pd.DataFrame, Statements]":
-    """Check a table as `trajectories_of` does, and say what it states and what is taken of it."""
+    """Check a table as `trajectories_of` does, and say what it states and what is taken of it.
+
+    `decimals` are those that its places are written with; None where they are not rounded.
+    """
     import pandas as pd
 
     table = with_positions(table)
@@ -273,6 +321,9 @@ def checked_tracks(
             odd.append(Statement("no position", (), left_out(nowhere), "receivers without a fix write 0, 0"))
             table = table[~nowhere]
     table = to_meters(table.assign(time=to_utc(table["time"], path)), frame, path)
+    if decimals is not None:
+        table, told = with_rounding(table, frame if geographic else None, decimals)
+        odd += told
     names = {name: table[name].astype(str).str.strip() for name in ("track_id", "class")}
     table = table.assign(track_id=names["track_id"], **{"class": names["class"].map(plain_name)})
     check_names(table, ("track_id", "class"), path)

@@ -309,12 +309,33 @@ def test_wheelbases_come_and_go_by_track(tmp_path):
     assert table["sigma_wheelbase"].dtype == float
 
 
+@pytest.mark.parametrize(
+    ("header", "places", "sigma", "error"),
+    [
+        (HEADER, ("2.5,0.5", "3.1,0.0"), 0.001, 0.029),
+        (HEADER, ("2.512,0.5", "3.1,0.0"), 0.001, None),
+        (GPS_HEADER, ("32.11301,34.80412", "32.11298,34.80422"), 0.01, 0.3),
+        (GPS_HEADER, ("32.1130112,34.80412", "32.11298,34.80422"), 0.01, None),
+    ],
+)
+def test_a_sigma_below_what_digits_carry_is_raised_and_told(tmp_path, header, places, sigma, error):
+    stated_sigma = f"{sigma},{sigma}" if header == HEADER else f"{sigma}"
+    rows = [f"2025-08-11T06:00:0{second}Z,1,car,{place},{stated_sigma}" for second, place in enumerate(places)]
+    table, (stated,) = read_tracks([written(tmp_path, "\n".join([header, *rows]))], FRAME)
+    if error is None:
+        assert stated.cautions == [] and (table["sigma_x"] == sigma).all()
+    else:
+        assert table["sigma_x"].to_numpy() == pytest.approx(np.hypot(sigma, error), rel=0.03)
+        told = f"sigma: of 2 fixes it is below the {error:.2g} m by which rounding alone is off; this is added"
+        assert stated.cautions == [told]
+
+
 def test_fixes_without_a_position_are_left_out_and_told(tmp_path):
     rows = [
         f"2025-08-11T09:00:0{second}+03:00,1,car,{place},2"
         for second, place in enumerate(["32.113,34.804"] * 2 + ["0,0"])
     ]
-    rows[1] = rows[1].replace("34.804", "34.8041")
+    rows[1] = rows[1].replace("34.804", "34.8041001")
     table, (stated,) = read_tracks([written(tmp_path, "\n".join([GPS_HEADER, *rows]))], FRAME)
     assert len(table) == 2
     assert stated.cautions == ["no position: receivers without a fix write 0, 0"]
