@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from solver.run.geojson import runs
+
 Array = NDArray[np.float64]
 
 
@@ -36,13 +38,20 @@ def linear(field: Array) -> Change:
 def shifted(values: Array, at: Array, blocks: list[slice]) -> Change:
     """A shift toward larger `at` [point] of values [point, ...] that are smooth within each block.
 
-    Ends of blocks keep their values; blocks of fewer than four points stay as they are.
+    Ends of blocks keep their values; blocks of fewer than four points stay as they are. Points at which nothing is
+    known, NaN, part blocks; a single value that is not known counts as 0, as what was not measured weighs nothing.
 
     >>> at = np.arange(6.0)
     >>> shifted(at[:, None] ** 2, at, [slice(0, 6)]).by(1.0)[2:, 0].round(6).tolist()
     [-3.0, -5.0, -7.0, -9.0]
+    >>> shifted(np.where(at == 1, np.nan, at)[:, None], at, [slice(0, 6)]).slope(0.0)[:, 0].round(6).tolist()
+    [0.0, 0.0, -1.0, -1.0, -1.0, -1.0]
     """
-    smooth = [(block, CubicSpline(at[block], values[block], axis=0)) for block in blocks if len(at[block]) >= 4]
+    there = np.isfinite(values).any(axis=tuple(range(1, values.ndim)))
+    values = np.nan_to_num(values)
+    found = [(block.start, there[block], runs(there[block])) for block in blocks]
+    parts = [slice(first + a, first + b + 1) for first, known, each in found for a, b in each if known[a]]
+    smooth = [(part, CubicSpline(at[part], values[part], axis=0)) for part in parts if len(at[part]) >= 4]
 
     def evaluated(amount: float, derivative: int) -> Array:
         out = np.zeros_like(values)
