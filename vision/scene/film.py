@@ -20,6 +20,7 @@ from vision.scene.video import write_video
 
 FPS = 12.5
 CLICK = 0.5  # px; how well a person reads a control point off a picture
+PLACE = 0.01  # m; accuracy of the marks' places, which are written to the centimeter
 # On a mast beside the road: half a meter per pixel or better from x = 18 to 60 m, in both lanes.
 MAST = Camera.looking_at((16.0, 18.0, -13.0), (42.0, 0.0), field_of_view=85.0)
 
@@ -77,11 +78,11 @@ def film(scene: Scene, folder: Path, duration: float, seed: int) -> None:
     points = control_points(scene)
     error = np.random.default_rng([seed, 13]).normal(0, CLICK, (len(points), 2))
     rows = [
-        f"{point.name},{point.px + du:.1f},{point.py + dv:.1f},{point.x:.2f},{point.y:.2f},{CLICK}"
+        f"{point.name},{point.px + du:.1f},{point.py + dv:.1f},{point.x:.2f},{point.y:.2f},{CLICK},{PLACE}"
         for point, (du, dv) in zip(points, error, strict=True)
     ]
     with writing(folder / "control_points.csv") as path:
-        path.write_text("\n".join(["name,px,py,x,y,sigma", *rows]) + "\n", encoding="utf-8")
+        path.write_text("\n".join(["name,px,py,x,y,sigma,sigma_xy", *rows]) + "\n", encoding="utf-8")
     with writing(folder / "control_points.png") as path:
         path.write_bytes(cv2.imencode(".png", control_point_card(scene, points))[1].tobytes())
     write_video(scene, folder / "street.mp4", FPS, duration)

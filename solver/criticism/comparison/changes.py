@@ -47,7 +47,7 @@ def shifted(values: Array, at: Array, blocks: list[slice]) -> Change:
     >>> shifted(np.where(at == 1, np.nan, at)[:, None], at, [slice(0, 6)]).slope(0.0)[:, 0].round(6).tolist()
     [0.0, 0.0, -1.0, -1.0, -1.0, -1.0]
     """
-    there = np.isfinite(values).any(axis=tuple(range(1, values.ndim)))
+    there = np.asarray(np.isfinite(values).any(axis=tuple(range(1, values.ndim))))
     values = np.nan_to_num(values)
     found = [(block.start, there[block], runs(there[block])) for block in blocks]
     parts = [slice(first + a, first + b + 1) for first, known, each in found for a, b in each if known[a]]
