@@ -112,8 +112,7 @@ def diagnose(run: RunFolder, plugin: Plugins = None, changed: Changed = False, a
     if as_json:
         print(json.dumps(found.facts, allow_nan=False, indent=1))
         return
-    trust = [] if opened.too_long else [found.run.trust.replace("RUN", str(run))]
-    print("\n".join([*found.lines(), *trust, f"page: {page}"]))
+    print("\n".join([*found.lines(), found.run.trust.replace("RUN", str(run)), f"page: {page}"]))
 
 
 def told_of_drive(folder: Path, as_json: bool) -> None:

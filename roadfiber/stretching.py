@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,14 +19,18 @@ from solver.criticism.probability_figure import (
     probability_line,
     titles_of,
 )
+from solver.criticism.quick_corridor import diagnosis_gate, lack_words
 from solver.criticism.shared import Shared, pooled
 from solver.criticism.stretch_page import stretch_page
 from solver.effect import Effect
 from solver.fit.held_out import FOLDS
+from solver.run.report.report_words import told
 from solver.run.run import Run
+from solver.run.run_corridor import median_half
 from solver.run.stretch import folder_of, saved, stretch_of, stretches_of
 from solver.run.strict_json import strict
 from solver.run.titles import lower, probability_words
+from solver.run.trust import DIAGNOSIS, Gate, Verdict, with_gate
 from vision.contract import progress
 from vision.contract.notebook import framed
 from vision.contract.rounding import with_sigma
@@ -70,7 +74,7 @@ class StretchDiagnosis:
 
     Parameters
     ----------
-    run : the long one
+    run : the long one; its trust is that of the diagnosis
     parts : the diagnosis of each stretch, in the order of channels
     """
 
@@ -143,6 +147,40 @@ class StretchDiagnosis:
             f"all {count} stretches" if known == count else f"the {known} of {count} stretches with noise as expected"
         )
 
+    def judged(self) -> Run:
+        """The run whose checks hold the diagnoses; where stretches fail, their channels are not constrained."""
+        gates = [diagnosis_gate(one.finding, median_half(one.run.result)) for one in self.parts]
+        gate = self._gate(gates)
+        channel, lost = self.run.result.channel, np.zeros(len(self.run.result.channel), bool)
+        for (first, last), one in zip(self.channels, gates, strict=True):
+            lost |= bool(gate.where) & one.failed & (channel >= first) & (channel <= last)
+        result = replace(self.run.result, constrained=self.run.result.constrained & ~lost)
+        trust = with_gate(self.run.facts["trust"], gate)
+        return told(replace(self.run, result=result, facts=self.run.facts | {"trust": trust}))
+
+    def _gate(self, gates: list[Gate]) -> Gate:
+        """The check that the whole model lacks nothing, from those of stretches."""
+        cause, every = self.alike, {one.verdict for one in gates}
+        verdict: Verdict = "failed" if "failed" in every else "open" if "open" in every else "passed"
+        worst = [n for n, one in enumerate(gates) if one.verdict == verdict]
+        part = f"RUN/{folder_of(self.parts[worst[0]].run)}"
+        mend = tuple(one.replace("RUN", part, 1) for one in gates[worst[0]].mend)
+        if cause is not None and all(one.finding.explanations for one in self.parts):
+            says = lower(self.headline).rstrip(".")
+            if cause.kind == "nothing":
+                return Gate(DIAGNOSIS, "passed", says)
+            said = says if cause.kind == "unknown" else f"the model lacks {says}"
+            return Gate(DIAGNOSIS, "passed" if verdict == "passed" else "failed", said, mend)
+        found: dict[str, list[str]] = {}
+        for n in worst:
+            found.setdefault(lack_words(self.parts[n].finding), []).append("{} to {}".format(*self.channels[n]))
+        where = "at channels " + ", ".join(ends for listed in found.values() for ends in listed)
+        if len(worst) == len(gates) and len(found) == 1:
+            return Gate(DIAGNOSIS, verdict, *found, mend)
+        words = "; ".join(f"{says} at channels {', '.join(listed)}" for says, listed in found.items())
+        local = verdict == "failed" and len(worst) < len(gates)
+        return Gate(DIAGNOSIS, verdict, words, mend, where=where if local else "")
+
     @property
     def table(self) -> "pd.DataFrame":
         """A row per stretch: channels, verdict, effect, its probability, size and sigma, and a sentence."""
@@ -194,12 +232,15 @@ class StretchDiagnosis:
         return [c for one in self.parts for c in one.finding.candidates]
 
     def save(self, folder: Path | str) -> None:
-        """Write stretches.json, stretches.html and a run folder with its diagnosis for each stretch into a folder."""
+        """Write stretches.json, stretches.html and a run folder with its diagnosis for each stretch into a folder.
+
+        Into the run's own with what follows for its route.
+        """
         folder = Path(folder)
         for one in self.parts:
             one.save(saved(one.run, folder))
         facts = json.dumps(self.facts, allow_nan=False, indent=1)
-        write_texts(folder, {"stretches.json": facts, "stretches.html": self.page})
+        write_texts(folder, {"stretches.json": facts, "stretches.html": self.page}, self.run)
 
     @property
     def page(self) -> str:
@@ -255,4 +296,5 @@ def diagnose_stretches(
         found.append(diagnose(part, effects=given))
         if tell is not None:
             tell(f"{part.name}: {found[-1].verdict}: {found[-1].headline}")
-    return StretchDiagnosis(run, tuple(found))
+    whole = StretchDiagnosis(run, tuple(found))
+    return replace(whole, run=whole.judged())

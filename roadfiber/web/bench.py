@@ -140,19 +140,19 @@ class Bench:
 
     def look(self) -> None:
         """Find out what the rung that is looked at lacks: from its diagnosis, else by scores, in the background."""
-        run, self.comparison = self.run, None
+        folder, self.comparison = self.folder, None
         self.candidates, self.source = kept_candidates(self.folder), "its diagnosis"
-        asked = self.folder, self.plugins
+        asked = folder, self.plugins
         if not self.candidates and asked in self._scored:
             self.candidates, self.source = self._scored[asked], SCORES
         self.changed()
 
         def compared(found: "Comparison") -> None:
-            if run is self.run:
+            if folder == self.folder:
                 self.comparison = found
                 self.changed()
 
-        self.looker.ask("compare", self.folder, self.plugins, then=compared, failed=self.changed)
+        self.looker.ask("compare", *asked, then=compared, failed=self.changed)
         if self.refused:
             self.candidates, self.source = [], "not asked, the fiber is too long"
         if self.candidates or self.refused:
@@ -161,21 +161,21 @@ class Bench:
 
         def scored(rows: list[dict[str, Any]]) -> None:
             self._scored[asked] = rows
-            if run is self.run and not self.candidates:
+            if folder == self.folder and not self.candidates:
                 self.candidates, self.source = rows, SCORES
                 self.changed()
 
         def told(step: tuple[Any, ...]) -> None:
-            if run is self.run and step[0] == "done":
+            if folder == self.folder and step[0] == "done":
                 self.source = f"scoring, {step[1]} of {step[2]} ..."
                 self.changed()
 
         def failed(words: str) -> None:
-            if run is self.run and not self.candidates:
+            if folder == self.folder and not self.candidates:
                 self.source = "none"
                 self.changed(words)
 
-        self.looker.ask("score", self.folder, self.plugins, then=scored, told=told, failed=failed)
+        self.looker.ask("score", *asked, then=scored, told=told, failed=failed)
 
     # ---- growing -----------------------------------------------------------------------------------------------------
 
@@ -246,10 +246,12 @@ class Bench:
 
     def diagnose(self) -> None:
         """Diagnose the rung that is looked at, in the background, and write that into its folder."""
-        run = self.run
+        at, folder = self.at, self.folder
 
         def found(facts: dict[str, Any]) -> None:
-            if run is self.run:
+            with self._lock:  # its route, corridor and trust follow the diagnosis
+                self.runs = [*self.runs[:at], read_seen(folder), *self.runs[at + 1 :]]
+            if folder == self.folder:
                 self.candidates, self.source = facts["candidates"], "its diagnosis"
             self.changed(f"diagnosis: {facts['headline']}")
 

@@ -43,9 +43,13 @@ def diagnosis_facts(diagnosis: "Diagnosis") -> dict[str, Any]:
 
 
 def write_texts(folder: Path, texts: Mapping[str, str], run: Run | None = None) -> None:
-    """Write files into a folder, all or none, and those of a run where one is given; join the pages of a run folder."""
+    """Write files into a folder, all or none; join the pages of a run folder.
+
+    Where the folder holds `run`, its route, corridor and first page follow what was found.
+    """
+    same = run is not None and facts_in(folder, "fit.json").get("created") == run.facts["created"]
     with writing_into(folder) as scratch:
-        if run is not None:
+        if run is not None and same:
             write_judged(scratch, run)
         for name, text in texts.items():
             (scratch / name).write_text(text, encoding="utf-8")
@@ -54,14 +58,10 @@ def write_texts(folder: Path, texts: Mapping[str, str], run: Run | None = None) 
 
 
 def write_diagnosis(folder: Path, diagnosis: "Diagnosis", name: str, run: Run | None = None) -> None:
-    """Write diagnosis.json and diagnosis.html into a run folder; `run` is the one that it is of.
-
-    Where the folder holds that run, its route, corridor and first page follow the diagnosis.
-    """
+    """Write diagnosis.json and diagnosis.html into a run folder; `run` is the one that it is of, see `write_texts`."""
     facts = json.dumps(diagnosis_facts(diagnosis), allow_nan=False, indent=1)
     texts = {DIAGNOSIS: facts, "diagnosis.html": diagnosis_page(diagnosis, name, run)}
-    same = run is not None and facts_in(folder, "fit.json").get("created") == run.facts["created"]
-    write_texts(folder, texts, run if same else None)
+    write_texts(folder, texts, run)
 
 
 def check_out(out: Path, run: Run) -> None:

@@ -173,17 +173,29 @@ def with_diagnosis(run: Run, found: Diagnosis) -> Run:
     return with_local_misfit(replace(run, facts=run.facts | {"trust": with_gate(run.facts["trust"], gate)}))
 
 
+def lack_words(found: Diagnosis) -> str:
+    """What a diagnosis finds, as a clause without sizes."""
+    if found.verdict == "adequate":
+        return "the diagnosis finds nothing missing that this survey could show"
+    first = found.candidates[0] if found.candidates else None
+    if found.verdict == "inconclusive" or first is None:
+        return "the diagnosis cannot tell what the model may lack"
+    if found.verdict == "unknown-effect":
+        return f"something acts at the {first.stage} stage that the catalogue does not know"
+    return f"the model lacks {lower(first.title)}"
+
+
 def diagnosis_gate(found: Diagnosis, half_width: float) -> Gate:
     """The check that the model lacks nothing; what moves the route within the fit's own corridor, m, is no failure."""
-    name, first = DIAGNOSIS, found.candidates[0] if found.candidates else None
+    name, words = DIAGNOSIS, lack_words(found)
+    first = found.candidates[0] if found.candidates else None
     if found.verdict == "adequate":
-        return Gate(name, "passed", "the diagnosis finds nothing missing that this survey could show")
+        return Gate(name, "passed", words)
     if found.verdict == "inconclusive" or first is None:
-        return Gate(name, "open", "the diagnosis cannot tell what the model may lack")
+        return Gate(name, "open", words)
     if found.verdict == "unknown-effect":
-        words = f"something acts at the {first.stage} stage that the catalogue does not know"
         return Gate(name, "failed", words, ("`roadfiber compare RUN` shows where it is left",))
-    words, move = f"the model lacks {lower(first.title)}", first.route_change
+    move = first.route_change
     if move is not None:
         words += f", which moves the route by {at_most(move)}"
     small = move is not None and move < half_width

@@ -68,6 +68,28 @@ def test_what_all_stretches_lack_is_named_once_with_its_size(found: rf.StretchDi
     assert (folder / written["stretches"][0]["folder"] / "diagnosis.html").is_file()
 
 
+def test_what_a_stretch_lacks_is_told_of_the_whole_run_there(found: rf.StretchDiagnosis, run: rf.Run) -> None:
+    first, second = found.parts
+    far = replace(first.finding.candidates[0], route_change=9.0)
+    first = replace(first, finding=replace(first.finding, candidates=(far, *first.finding.candidates[1:])))
+    sound = replace(second, finding=replace(second.finding, verdict="adequate"))
+    some = replace(found, run=run, parts=(first, sound))
+    vars(some)["shared"] = Shared(found.shared.weighed, 0.1)
+    local = some.judged()
+    low, high = some.channels[0]
+    there = local.route["channel"].between(low, high)
+    assert not local.route.loc[there, "constrained"].any()
+    assert local.route.loc[~there, "constrained"].tolist() == run.route.loc[~there, "constrained"].tolist()
+    assert f"the model lacks gauge length at channels {low} to {high}" in local.trust
+    assert f"RUN/channels-{low}-{high} gauge_length" in local.trust
+
+
+def test_what_all_stretches_lack_is_told_of_the_whole_run(found: rf.StretchDiagnosis, folder: Path) -> None:
+    said = "model lacks gauge length, along all 2 stretches: 11."
+    assert said in found.run.trust and said in rf.open(folder).trust
+    assert said in (folder / "index.html").read_text(encoding="utf-8")
+
+
 def test_a_stretch_is_where_the_whole_run_has_it(run: rf.Run, folder: Path, tmp_path: Path) -> None:
     first, last = (int(c) for c in run.problem.channel[[4, 24]])
     words = ["-q", "stretch", str(folder), str(first), str(last), "--out", str(tmp_path / "part")]
@@ -124,6 +146,8 @@ def test_a_stretch_whose_noise_is_not_understood_is_not_among_those_told_of(foun
     first, second = found.parts
     silent = replace(second, finding=replace(second.finding, explanations=(), verdict="inconclusive"))
     some = rf.StretchDiagnosis(found.run, (first, silent))
+    known = "the diagnosis cannot tell what the model may lack at channels {} to {}".format(*some.channels[1])
+    assert known in {one["words"] for one in some.judged().facts["trust"]["gates"]}
     assert some.headline.startswith("Gauge length, along the 1 of 2 stretches with noise as expected: ")
     none = rf.StretchDiagnosis(found.run, (silent, silent))
     assert none.verdict == "inconclusive" and none.effect is None and none.headline.startswith("Stretch by stretch. ")

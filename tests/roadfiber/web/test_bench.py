@@ -9,6 +9,7 @@ from roadfiber.web import tasks
 from roadfiber.web.bench import Bench
 from roadfiber.web.own_effect import NAME, TEMPLATE
 from roadfiber.web.words import work_words
+from roadfiber.web.workbench_page import Page
 from vision.contract import InputError
 
 ROW = {"effect": "gauge_length", "told": {"title": "Gauge length"}, "evidence": 9.0, "delta_chi2": 30.0}
@@ -34,6 +35,21 @@ def test_a_diagnosis_is_read_and_a_damaged_one_is_none(bench):
     (bench.folder / "diagnosis.json").write_text("{")
     bench.look()
     assert bench.candidates == []
+
+
+def test_what_a_diagnosis_changes_of_a_run_is_on_the_page(bench):
+    page = Page(bench, "no film")
+    bench.diagnose()
+    written = bench.folder / "fit.json"
+    facts = json.loads(written.read_text())
+    facts["trust"]["gates"][0] |= {"name": "diagnosis", "verdict": "failed", "words": "the model lacks slip"}
+    written.write_text(json.dumps(facts | {"trust": facts["trust"] | {"sentence": "the model lacks slip"}}))
+    bench.adder.asked[0].then({"candidates": [ROW], "headline": "Slip."})
+    page.tick()
+    assert "the model lacks slip" in page.controls.heading.object and page.listed == [ROW]
+    compared = SimpleNamespace(regions=[])
+    bench.looker.asked[1].then(compared)
+    assert bench.comparison is compared, "of the run as it was, whose model and record are the same"
 
 
 def test_one_fit_at_a_time_and_a_failure_leaves_all_as_it_was(bench):
