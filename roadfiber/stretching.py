@@ -174,12 +174,12 @@ class StretchDiagnosis:
         found: dict[str, list[str]] = {}
         for n in worst:
             found.setdefault(lack_words(self.parts[n].finding), []).append("{} to {}".format(*self.channels[n]))
-        where = "at channels " + ", ".join(ends for listed in found.values() for ends in listed)
         if len(worst) == len(gates) and len(found) == 1:
-            return Gate(DIAGNOSIS, verdict, *found, mend)
+            return Gate(DIAGNOSIS, verdict, next(iter(found)), mend)
         words = "; ".join(f"{says} at channels {', '.join(listed)}" for says, listed in found.items())
         local = verdict == "failed" and len(worst) < len(gates)
-        return Gate(DIAGNOSIS, verdict, words, mend, where=where if local else "")
+        where = "at channels " + ", ".join(ends for listed in found.values() for ends in listed) if local else ""
+        return Gate(DIAGNOSIS, verdict, words, mend, where=where)
 
     @property
     def table(self) -> "pd.DataFrame":
