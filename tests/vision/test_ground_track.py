@@ -120,7 +120,8 @@ def test_a_vehicle_of_uncertain_class_is_less_certain():
 
 def test_size_is_learned_from_all_fixes():
     found = place(drive("across", size=(4.9, 1.9, 1.7)), "across")
-    assert found["length"].iloc[0] == pytest.approx(4.9, abs=0.2), "edges err by 10 cm"
+    # Edges err by 4 %, 10 cm, and all together by as much: a part of what is larger in all is put down to that.
+    assert found["length"].iloc[0] == pytest.approx(4.9, abs=0.2)
 
 
 def test_cut_boxes_are_placed_by_the_edges_that_are_seen():
@@ -354,7 +355,9 @@ def test_the_error_of_the_calibration_is_in_the_sigma():
 @pytest.mark.parametrize("length", [3.8, 4.9])
 def test_the_wheelbase_goes_with_the_measured_length(length):
     found = place(drive("across", size=(length, 1.8, 1.5), noise=0.7), "across").iloc[0]
-    assert found["length"] == pytest.approx(length, abs=3 * found["sigma_length"]) and found["sigma_length"] < 0.2
+    pulled = length + (4.4 - length) * (found["sigma_length"] / 0.35) ** 2  # toward the class, as far as it is unsure
+    # Edges that err by 10 cm alike in all boxes, of which three count, leave 0.15 to 0.17 m beside the class's 0.35 m.
+    assert found["length"] == pytest.approx(pulled, abs=0.02) and found["sigma_length"] < 0.17
     assert found["wheelbase"] == pytest.approx(2.682 + 0.4 * (found["length"] - 4.4))
     assert found["sigma_wheelbase"] == pytest.approx(np.hypot(0.044, 0.4 * found["sigma_length"]))
     assert found["sigma_wheelbase"] < 0.12, "better than the class"

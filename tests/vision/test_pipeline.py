@@ -18,7 +18,7 @@ from vision.body_fit import project_bodies
 from vision.camera import Calibration
 from vision.contract import COLUMNS, InputError, read_trajectories
 from vision.detectors import Detections, load_detector
-from vision.dropped import causes, read_dropped
+from vision.dropped import SHAPE, causes, read_dropped
 from vision.frames import Frame
 from vision.pipeline import box_tracks, start_time, track
 from vision.rendered import note_rendered
@@ -151,12 +151,13 @@ def test_command_says_what_was_not_placed_and_why(survey, command, tmp_path):
     usual = survey / "street.mp4", "--detector", survey / "spot.onnx", "--start", START, "--out", "t.csv"
     _, out, _ = command(*usual, "--json")
     assert "fixes_placed" not in json.loads(out) and not (tmp_path / "t.csv.dropped").exists()
-    sheared = HOMOGRAPHY @ np.array([[1, 0, 0], [0, 1, 0], [2e-3, 0, 1]])
+    # So sheared that cars seem to grow; from 1.2e-3 on by more than edges of 4 % explain, from 2e-3 no camera sees so.
+    sheared = HOMOGRAPHY @ np.array([[1, 0, 0], [0, 1, 0], [1.2e-3, 0, 1]])
     Calibration(image_size=SIZE, homography=sheared).write(tmp_path / "c.json")
     code, out, _ = command(*usual, "--calibration", tmp_path / "c.json")
     code, answer, _ = command(*usual, "--calibration", tmp_path / "c.json", "--json")
     facts, dropped = json.loads(answer), read_dropped(tmp_path / "t.csv")
-    assert code == 0 and facts["fixes_not_placed"] == causes(dropped) and len(dropped) > 0
+    assert code == 0 and facts["fixes_not_placed"] == causes(dropped) and SHAPE in set(dropped["cause"])
     assert all(line in out for line in facts["taken"]) and "class names COCO's, which is assumed" in facts["taken"][0]
     assert "frames timed by the file" in out and "Z, as given" in out and "those usual of its class" in out
     assert "the calibration states no uncertainty of its own" in out
