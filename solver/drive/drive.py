@@ -22,7 +22,7 @@ from solver.survey.site import Site, read_site
 from solver.survey.site_sections import GroundSection
 from solver.survey.survey import Source, table_source
 from vision.contract import InputError, LocalFrame
-from vision.contract.statements import caution_lines
+from vision.contract.statements import Statements, caution_lines
 from vision.contract.table import checked_tracks, read_tracks
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ class Drive:
     ground : what is known about it beforehand
     sources : files and tables that it was made from
     cautions : what the user should know about the tracks, a line each
+    statements : what each track file states, and what is taken of it
     effects : names of what the model takes for stated wrongly, out of `solver.drive.misstated.TOLD`
     """
 
@@ -68,6 +69,7 @@ class Drive:
     sources: tuple[Source, ...] = ()
     seconds: float = 0.0
     cautions: tuple[str, ...] = ()
+    statements: tuple[Statements, ...] = ()
     effects: tuple[str, ...] = ()
 
     @classmethod
@@ -104,6 +106,7 @@ class Drive:
             sources=tuple(Source(role, str(one), checksum(one)) for role, one in files),
             seconds=clock.perf_counter() - begun,
             cautions=tuple(caution_lines(stated)),
+            statements=stated,
         )
 
     @classmethod
@@ -155,6 +158,7 @@ class Drive:
             anchors=[] if anchors is None else anchors_of(anchors, where),
             sources=(table_source("trajectories", tracks),),
             cautions=tuple(caution_lines([told])),
+            statements=(told,),
         )
 
     def span(self) -> tuple[np.datetime64, np.datetime64]:

@@ -14,7 +14,7 @@ from solver.run.arrays import Expected, read_arrays
 from solver.run.read_stored import read_model
 from solver.run.report.joined import join
 from solver.run.route_table import route_csv
-from solver.run.stored import AnchorFile, FittedNumber, FrameFile, InputFile, TrustFile
+from solver.run.stored import AnchorFile, FittedNumber, FrameFile, InputFile, StatementsFile, TrustFile
 from solver.run.stored_types import Moment, Size, Spread, Stored, Text
 from solver.survey.anchors import Anchor
 from vision.contract import InputError, LocalFrame, require_writable, writing
@@ -116,7 +116,7 @@ class DriveFile(Stored):
     name : of the survey
     headline : where the fiber is, in a sentence
     trust : every check of the fit, and the sentence that follows from them
-    next : what must be known of the tracks, and what a second drive or a tap test should look at, a line each
+    next : what must be known of record and tracks, and what a second drive or a tap test should look at, a line each
     clock : how far the clocks are apart, in words
     converged : whether the clock stands still
     iterations : rounds until it did
@@ -135,13 +135,14 @@ class DriveFile(Stored):
     seconds_shown : length of that record, s
     anchors : as given
     settings : what the fit was given
+    statements : what each file of the record and of the tracks states, and what was taken of it
     inputs : every file that was read, with its checksum
     timings : of each step, s
     versions : of Python, roadfiber and what it computes with
     created : UTC
     """
 
-    format: Literal["roadfiber drive 2"]
+    format: Literal["roadfiber drive 3"]
     name: Text
     headline: Text
     trust: TrustFile
@@ -164,6 +165,7 @@ class DriveFile(Stored):
     seconds_shown: Size
     anchors: tuple[AnchorFile, ...]
     settings: dict[Text, float | tuple[float, ...]]
+    statements: tuple[StatementsFile, ...]
     inputs: tuple[InputFile, ...]
     timings: dict[Text, Size]
     versions: dict[Text, Text]

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-FORMAT = "roadfiber drive 2"
+FORMAT = "roadfiber drive 3"
 
 
 def is_drive(folder: Path) -> bool:

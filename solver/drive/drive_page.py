@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from solver.drive.drive_figures import channel_figure, misfit_figure, plan_figure, waterfall_figure
 from solver.run.report.parts import EXPORT, next_section, page, with_commands
 from vision.contract.figures import svg
+from vision.contract.statements import Statements, table_html
 
 if TYPE_CHECKING:
     from solver.drive.drive_run import DriveRun
@@ -148,4 +149,5 @@ def made(run: "DriveRun") -> str:
     )
     files = "".join(f"<li><code>{escape(one['path'].rpartition('/')[2])}</code></li>" for one in facts["inputs"][:8])
     more = "<li>...</li>" if len(facts["inputs"]) > 8 else ""
-    return section("What it was made from", escape(words), f"<ul>{files}{more}</ul>")
+    table = table_html([Statements.of(one) for one in facts["statements"]])
+    return section("What it was made from", escape(words), f"<ul>{files}{more}</ul>{table}")

@@ -49,7 +49,7 @@ class DriveRun(LocatedFiber):
 
     @property
     def warnings(self) -> list[str]:
-        """What must be known of the tracks, and what a second drive or a tap test should look at; a line each."""
+        """What must be known of record and tracks, and what a second drive or tap test should look at; a line each."""
         return list(self.facts["next"])
 
     @property

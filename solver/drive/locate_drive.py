@@ -51,7 +51,7 @@ def found_facts(drive: Drive, fit: Fit, constrained: NDArray[np.bool_]) -> dict[
     return {
         "headline": words.headline(fit, constrained),
         "trust": asdict(Trust.of(words.gates_of(fit, drive.length_factor))),
-        "next": [*drive.cautions, *words.advice(fit, unheard)],
+        "next": [*fit.quiet.cautions, *drive.cautions, *words.advice(fit, unheard)],
         "clock": words.clock_words(fit),
         "converged": fit.converged,
         "iterations": fit.rounds,
@@ -91,6 +91,7 @@ def given_facts(drive: Drive, fit: Fit) -> dict[str, Any]:
             "length_factor": list(drive.length_factor),
             "depth": list(drive.ground.depth),
         },
+        "statements": [one.to_dict() for one in (*fit.quiet.statements, *drive.statements)],
         "inputs": [
             *({"role": "das", "path": a, "sha256": b} for a, b in zip(fit.quiet.files, fit.quiet.sha256, strict=True)),
             *(vars(one) for one in drive.sources),

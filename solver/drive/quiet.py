@@ -13,6 +13,7 @@ from solver.survey.das.reader import record_from
 from solver.survey.das.record import DASRecord
 from solver.survey.das.store import Store
 from vision.contract import InputError
+from vision.contract.statements import Statements
 
 Array = NDArray[np.float64]
 Times = Sequence[tuple[np.datetime64, np.datetime64]]
@@ -43,6 +44,7 @@ class Quiet:
     noise : [channel], 1/s, after whitening
     gauge_length, channel_spacing : m
     files, sha256 : that it was read from
+    cautions, statements : as of `solver.survey.das.record.DASRecord`
     """
 
     values: NDArray[np.float32]
@@ -57,6 +59,8 @@ class Quiet:
     channel_spacing: float
     files: tuple[str, ...]
     sha256: tuple[str, ...]
+    cautions: tuple[str, ...]
+    statements: tuple[Statements, ...]
 
     @property
     def time(self) -> Array:
@@ -157,6 +161,8 @@ def whitened(record: DASRecord) -> Quiet:
         channel_spacing=record.channel_spacing,
         files=tuple(str(one) for one in record.provenance["files"]),
         sha256=tuple(str(one) for one in record.provenance["sha256"]),
+        cautions=record.cautions,
+        statements=record.statements,
     )
 
 

@@ -14,6 +14,7 @@ from jsonschema import Draft202012Validator
 import roadfiber as rf
 from roadfiber.command import app
 from solver.drive.drive_folder import EXPECTED
+from solver.drive.drive_page import drive_page
 from tests.offline_pages import EVIL, is_whole, tells
 
 
@@ -53,6 +54,15 @@ def test_loops_are_found_and_no_others(run: rf.DriveRun, truth: dict[str, Any]) 
 
 def test_fixes_that_are_left_out_are_told(run: rf.DriveRun) -> None:
     assert run.warnings[0] == "gps.csv: no position: receivers without a fix write 0, 0"
+
+
+def test_what_files_state_is_the_table_of_every_run(run: rf.DriveRun) -> None:
+    *das, gps = run.facts["statements"]
+    read = [Path(one["path"]).name for one in run.facts["inputs"] if one["role"] == "das"]
+    assert [one["file"] for one in das] == read and gps["file"] == "gps.csv"
+    assert {"start", "end", "rate"} <= {row["what"] for row in das[0]["rows"]}
+    page = drive_page(run)
+    assert "<caption>gps.csv</caption>" in page and f"<caption>{read[0]}</caption>" in page
 
 
 def test_route_as_of_every_run_and_more(run: rf.DriveRun, site: Path) -> None:
