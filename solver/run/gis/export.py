@@ -73,7 +73,7 @@ def tables(subject: Subject, target: Target, path: Path) -> dict[str, Any]:
 
 def write_geopackage(subject: Subject, target: Target, path: Path) -> None:
     """One file with all layers in any CRS, and the claim as its description."""
-    said = {"CLAIM": CLAIM, "THIRD": target.third}
+    said = {"CLAIM": CLAIM, "THIRD": target.third, "DATUM": target.datum(subject.frame)}
     for name, table in tables(subject, target, path).items():
         table.to_file(path, layer=name, driver="GPKG", engine="pyogrio", layer_metadata=said)
 
@@ -87,7 +87,8 @@ def write_geojson(subject: Subject, target: Target, path: Path) -> None:
             style = line_style(name == "route") if name in ("route", UNRELIABLE) else {}
             one["properties"] = {"layer": name} | one["properties"] | style
             features.append(one)
-    whole = {"type": "FeatureCollection", "altitude": target.third, "claim": CLAIM, "features": features}
+    said = {"altitude": target.third, "datum": target.datum(subject.frame), "claim": CLAIM}
+    whole = {"type": "FeatureCollection", **said, "features": features}
     path.write_text(json.dumps(whole, allow_nan=False), encoding="utf-8")
 
 
@@ -98,14 +99,19 @@ def write_kml(subject: Subject, target: Target, path: Path) -> None:
     for name in DRAWN:
         if name in every:
             every[name].to_file(path, layer=name, driver="LIBKML", engine="pyogrio")
-    style_lines(path)
+    finish_kml(path, target.datum(subject.frame))
 
 
-def style_lines(path: Path) -> None:
-    """Color the lines of a KML file: what may be relied on blue, what may not gray and thin; viewers draw all alike."""
+def finish_kml(path: Path, words: str) -> None:
+    """Describe a KML file; color what may be relied on blue, what may not gray: viewers draw all alike."""
     space = "http://www.opengis.net/kml/2.2"
     ElementTree.register_namespace("", space)
     tree = ElementTree.parse(path)
+    document = tree.find(f"{{{space}}}Document")
+    if document is not None:
+        about = ElementTree.Element(f"{{{space}}}description")
+        about.text = words
+        document.insert(0, about)
     for name, (color, width) in LINES.items():
         for mark in tree.iterfind(f".//{{{space}}}Document[@id='{name}']/{{{space}}}Placemark"):
             style = ElementTree.Element(f"{{{space}}}Style")
@@ -146,6 +152,7 @@ def write_dxf(subject: Subject, target: Target, path: Path) -> None:
     drawing = ezdxf.new("R2018", setup=["linetypes"], units=DRAWING_UNITS[target.unit])
     drawing.header.custom_vars.append("CRS", target.crs.to_string())
     drawing.header.custom_vars.append("THIRD", target.third)
+    drawing.header.custom_vars.append("DATUM", target.datum(subject.frame))
     space = drawing.modelspace()
     drawing.header.custom_vars.append("TRUST", f"{subject.place.grade}: {subject.place.trust}")
     for name, color in (("route", 1), (UNRELIABLE, 8), ("corridor", 30), ("anchors", 5)):

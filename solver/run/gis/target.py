@@ -150,6 +150,21 @@ class Target:
             lines.append(f"--crs {self.crs.name}: the step from WGS 84 to its datum is {size}; no sigma includes that")
         return lines
 
+    def datum(self, frame: LocalFrame) -> str:
+        """What the files say of the datum: how exactly its coordinates can be known, whatever the sigmas.
+
+        >>> Target.of("EPSG:2039").datum(LocalFrame((32.0, 34.8), 90.0)).partition(". ")[2]
+        'Israel 1993 / Israeli TM Grid: the step from WGS 84 to its datum is good to 0.5 m; no sigma includes that.'
+        """
+        from pyproj import CRS
+
+        source = CRS.from_user_input(DEGREES).to_json_dict()["datum_ensemble"]
+        first = (
+            "Places were given in WGS 84 without a realization or an epoch; its realizations agree to "
+            f"{float(source['accuracy']):g} m, and no sigma includes that"
+        )
+        return "".join(f"{line.removeprefix('--crs ')}. " for line in (first, *self.cautions(frame))).rstrip()
+
     def points(self, frame: LocalFrame, places: Array) -> Array:
         """Local places [point, 3] (x, y, depth z, m) -> east or longitude, north or latitude, third [point, 3].
 

@@ -123,6 +123,17 @@ def test_lengths_are_in_the_units_of_the_axes_and_their_columns_say_so(subject: 
     )
 
 
+def test_files_say_how_exactly_a_datum_can_be_known(subject: Subject, tmp_path: Path) -> None:
+    export(subject, [tmp_path / "a.gpkg", tmp_path / "a.dxf"], "EPSG:2039")
+    export(subject, [tmp_path / "a.geojson", tmp_path / "a.kml"])
+    layers = [pyogrio.read_info(tmp_path / "a.gpkg", layer=name) for name in ("route", "channels")]
+    drawing = dict(ezdxf.readfile(tmp_path / "a.dxf").header.custom_vars)
+    for said in (*(one["layer_metadata"]["DATUM"] for one in layers), drawing["DATUM"]):
+        assert said.endswith("Grid: the step from WGS 84 to its datum is good to 0.5 m; no sigma includes that.")
+    here = json.loads((tmp_path / "a.geojson").read_text())["datum"]
+    assert "its realizations agree to 2 m" in here and f"<description>{here}<" in (tmp_path / "a.kml").read_text()
+
+
 def test_all_files_are_written_or_none(subject: Subject, tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text("older")
     with pytest.raises(InputError, match=r"b\.geojson: \.geojson files are WGS 84"):
