@@ -30,6 +30,9 @@ GATE = 16.0  # squared Mahalanobis distance of centers, 2 degrees of freedom: 3 
 AGREEING = 0.3  # overlap that makes a pair admissible whatever the gate says
 GROWTH = 2.5  # largest ratio of areas in a pair
 FORBIDDEN = 1e4
+MISSES = (
+    2  # frames missed in a row for each seen, beyond which a track is chance: a box around two vehicles, now and then
+)
 
 # On the ground, with a calibration:
 NEAR = 3.0  # m, distance always allowed between two boxes of one vehicle, and
@@ -52,7 +55,7 @@ class Tracker:
     Parameters
     ----------
     strong : score that starts a track and is associated first
-    patience : s a track is kept without a fix; a third of it until it has three fixes
+    patience : s a track is kept without a fix; and no longer than two frames for each that it was seen in
     calibration : of the view; with it, pairs must also be within reach of each other on the road
 
     Notes
@@ -125,7 +128,7 @@ class Tracker:
 
     def _limit(self, tracks: Tracks) -> Array:
         """Return how long tracks [track] are kept without a fix, s."""
-        return np.where(tracks.fixes < SETTLED, self.patience / 3, self.patience)
+        return np.where(tracks.missed > MISSES * tracks.fixes, 0.0, self.patience)
 
     def _living(self, time: float) -> Tracks:
         """Return the tracks that are kept, moved on to `time`."""
@@ -164,6 +167,7 @@ class Tracker:
             np.concatenate([tracks.identity, identity]),
             np.concatenate([tracks.seen, np.full(count, time)]),
             np.concatenate([tracks.fixes, np.ones(count, np.int64)]),
+            np.concatenate([tracks.missed, np.zeros(count, np.int64)]),
             np.concatenate([widened(tracks.look, width), widened(looks, width)]),
         )
 

@@ -29,6 +29,7 @@ class Tracks:
     identity : [track], never used twice
     seen : [track], s, time of the last fix
     fixes : [track], how many there were
+    missed : [track], frames since the last one
     look : [track, d], appearance vector, length 1; d = 0 without an embedding
     """
 
@@ -36,6 +37,7 @@ class Tracks:
     identity: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     seen: Array = field(default_factory=lambda: np.zeros(0))
     fixes: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    missed: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     look: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __len__(self) -> int:
@@ -43,7 +45,8 @@ class Tracks:
 
     def pick(self, rows: NDArray[np.bool_]) -> "Tracks":
         """Return the tracks of some rows."""
-        return Tracks(self.state[:, rows], self.identity[rows], self.seen[rows], self.fixes[rows], self.look[rows])
+        counts = (self.fixes[rows], self.missed[rows])
+        return Tracks(self.state[:, rows], self.identity[rows], self.seen[rows], *counts, self.look[rows])
 
 
 def widened(looks: Array, width: int) -> Array:
@@ -97,7 +100,7 @@ def correct(tracks: Tracks, measured: Array, looks: Array, owner: NDArray[np.int
     total = vv + noise(sizes(tracks)[row])
     gain, rate_gain = vv / total, vr / total
     innovation = measured[detection] - value
-    state, seen, fixes = tracks.state.copy(), tracks.seen.copy(), tracks.fixes.copy()
+    state, seen, fixes, missed = tracks.state.copy(), tracks.seen.copy(), tracks.fixes.copy(), tracks.missed + 1
     state[:, row] = [
         value + gain * innovation,
         rate + rate_gain * innovation,
@@ -107,8 +110,9 @@ def correct(tracks: Tracks, measured: Array, looks: Array, owner: NDArray[np.int
     ]
     seen[row] = time
     fixes[row] += 1
+    missed[row] = 0
     look = blended(tracks.look, looks[detection], row) if looks.shape[1] else tracks.look
-    return replace(tracks, state=state, seen=seen, fixes=fixes, look=look)
+    return replace(tracks, state=state, seen=seen, fixes=fixes, missed=missed, look=look)
 
 
 def blended(look: Array, newest: Array, row: NDArray[np.intp]) -> Array:

@@ -51,9 +51,12 @@ def test_a_box_of_another_size_is_another_vehicle():
     assert follow(frames)[-1] == [2]
 
 
-def test_a_flash_is_forgotten_sooner():
-    frames = [(0.0, [box(100, 100)], [0.9]), (0.5, [box(100, 100)], [0.9])]
-    assert follow(frames) == [[1], [2]]
+@pytest.mark.parametrize(("fixes", "missed", "same"), [(1, 2, True), (1, 3, False), (4, 8, True), (4, 9, False)])
+def test_what_is_seldom_seen_is_forgotten_sooner(fixes, missed, same):
+    """A box around two vehicles that a detector draws now and then would be a track of fixes that are filled in."""
+    seen = [True] * fixes + [False] * missed + [True]
+    frames = [(0.033 * k, [box(100, 100)] if here else [], [0.9] if here else []) for k, here in enumerate(seen)]
+    assert (follow(frames)[-1] == [1]) is same
 
 
 def test_empty_frames():
