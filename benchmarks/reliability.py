@@ -1,7 +1,7 @@
 """Whether a diagnosis is right as often as its probabilities say, and whether corridors hold what they say.
 
     python -m benchmarks.reliability --first 5000 --trials 200 --out reliability.jsonl   # diagnose, a line each
-    python -m benchmarks.reliability --table reliability.jsonl --plot docs/reliability.png
+    python -m benchmarks.reliability --table reliability.jsonl --plot docs/images/reliability.png
 
 Each seed draws a survey: something hidden (or nothing, or what no catalogue has), as large as is plausible or less
 than half of that, 4 to 12 passes, 5 to 25 dB, colored or street noise, a view of 40 to 60 m. It is located with and
