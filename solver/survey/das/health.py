@@ -44,6 +44,7 @@ class PartHealth:
     bad : NaN and infinite numbers [column]
     looked_at : a few rows of stored numbers [row, column], from which rounding is estimated
     ends : how often the largest and the smallest number occur, and the numbers next to them
+    filled : channels [channel] that were not measured all the time
     faults : what could not be read, a line each
     lost : first and last row of the files of each stretch in which nothing was measured
     """
@@ -54,13 +55,16 @@ class PartHealth:
     bad: NDArray[np.int64]
     looked_at: NDArray[Any]
     ends: tuple[End, End]
+    filled: NDArray[np.bool_]
     faults: tuple[str, ...]
     lost: tuple[tuple[int, int], ...] = ()
 
     @classmethod
-    def of(cls, watch: Watch, strain_rate: NDArray[Any], lost: Lost, columns: int) -> "PartHealth":
+    def of(
+        cls, watch: Watch, strain_rate: NDArray[Any], lost: Lost, columns: int, filled: NDArray[np.bool_]
+    ) -> "PartHealth":
         """From what was collected while the part was read."""
-        gone = tuple(lost.faults), tuple(lost.rows)
+        gone = filled, tuple(lost.faults), tuple(lost.rows)
         if watch.bad is None or watch.smallest is None or watch.largest is None:
             none = np.full(columns, np.nan)
             empty, zero = np.empty((0, columns)), np.zeros(columns, np.int64)
@@ -70,7 +74,7 @@ class PartHealth:
 
     def write(self, group: "h5py.Group") -> None:
         """Write it into a group of an HDF5 file."""
-        for name in ("noise", "smallest", "largest", "bad", "looked_at"):
+        for name in ("noise", "smallest", "largest", "bad", "looked_at", "filled"):
             group[name] = getattr(self, name)
         for end, name in zip(self.ends, ("highest", "lowest"), strict=True):
             count = np.zeros(len(self.bad), np.int64) if end.count is None else end.count
@@ -87,7 +91,7 @@ class PartHealth:
             said = group[name].attrs
             numbers = float(said["number"]), group[name][:], float(said["next"]), int(said["next_count"])
             ends.append(End(sign, *numbers))
-        arrays = {name: group[name][:] for name in ("noise", "smallest", "largest", "bad", "looked_at")}
+        arrays = {name: group[name][:] for name in ("noise", "smallest", "largest", "bad", "looked_at", "filled")}
         faults = tuple(str(one) for one in group.attrs["faults"])
         lost = tuple((int(first), int(last)) for first, last in group["lost"][:])
         return cls(**arrays, ends=(ends[0], ends[1]), faults=faults, lost=lost)

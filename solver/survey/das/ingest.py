@@ -18,7 +18,7 @@ from solver.survey.das.health import PartHealth, joined
 from solver.survey.das.lowpass import FIT_RATE, Lowpass, factor_of, taps_of
 from solver.survey.das.prodml import write_prodml
 from solver.survey.das.reading import Reading
-from solver.survey.das.record import unmeasured_line
+from solver.survey.das.record import filled_line, unmeasured_line
 from solver.survey.das.reduced import Lost, Values, filter_of, gain_of, reduce
 from solver.survey.das.rounding import rounding_of
 from solver.survey.das.setting import distance_of
@@ -198,11 +198,12 @@ def write_part(known: Description, low: Lowpass, rows: tuple[int, int], said: St
         rate[row - rows[0] : row - rows[0] + len(values)] = gain * whole.narrowed(values)
 
     reduce(grid, whole.columns, low, rows, watch.look, take, lost)
+    filled = whole.clear(rate, low.factor * np.arange(*rows), lost, low.half, watch)
     rate[:, whole.excluded] = np.nan
     swing = np.fmax.reduce(rate, axis=0) - np.fmin.reduce(rate, axis=0)
     if (swing > 0).any():
         check_size(swing[swing > 0].astype(np.float64), known.where)
-    health = PartHealth.of(watch, rate, lost, whole.columns.stop - whole.columns.start)
+    health = PartHealth.of(watch, rate, lost, whole.columns.stop - whole.columns.start, filled)
     distance = distance_of(known.blocks[0], known.channel, known.channel_spacing, known.spaced)
 
     def more(file: "h5py.File") -> None:
@@ -257,6 +258,7 @@ def finish(known: Description, said: StoreFile, folder: Path) -> Store:
     step = np.zeros(len(dead)) if rounding is None else rounding.step
     spoilt = ~whole.paired(watch.bad == 0) & ~whole.excluded
     cautions = [line for line in [watch.clipped(), *(line for one in parts for line in one.faults)] if line]
+    cautions += filled_line(known.channel[np.any([one.filled for one in parts], 0) & ~dead])
     if spoilt.any():
         cautions.append(f"{spoilt.sum()} channels hold NaN or infinite samples; those are left out")
     write_tables(known, folder, noise, step, dead, watch)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from solver.survey.das.description import Description
 from solver.survey.das.grid import FELT, merged
 from solver.survey.das.lowpass import taps_of
-from solver.survey.das.record import ranges
+from solver.survey.das.record import filled_line, ranges
 from solver.survey.das.reduced import DERIVED, Lost, Values, filter_of, gain_of, overlapping, reduce, slabs
 from solver.survey.das.rounding import Rounding, rounding_of
 from solver.survey.das.setting import logger
@@ -127,7 +127,8 @@ class Reading:
                     first, count = windows.place(row + own.start), own.stop - own.start
                     self.convert(values, own, rate[first : first + count])
                     advance(count)
-        rounding, cautions = self.checked(rate, watch, lost)
+        filled = self.clear(rate, windows.grid_rows, lost, felt, watch)
+        rounding, cautions = self.checked(rate, watch, lost, filled)
         return Found(rate, windows, 1, rounding, cautions, merged(lost.rows))
 
     def reduced(self, factor: int) -> Found:
@@ -148,12 +149,37 @@ class Reading:
 
             for span in spans:
                 reduce(grid, self.columns, low, span, watch.look, take, lost)
-        rounding, cautions = self.checked(rate, watch, lost)
+        filled = self.clear(rate, factor * windows.grid_rows, lost, low.half, watch)
+        rounding, cautions = self.checked(rate, watch, lost, filled)
         taps = taps_of(factor)
         rounding = rounding and rounding.filtered(taps / taps.sum(), factor)
         return Found(rate, windows, factor, rounding, cautions, merged(lost.rows))
 
-    def checked(self, rate: NDArray[np.float32], watch: Watch, lost: Lost) -> tuple[Rounding | None, tuple[str, ...]]:
+    def clear(
+        self, rate: NDArray[np.float32], at: NDArray[np.int64], lost: Lost, reach: int, watch: Watch
+    ) -> NDArray[np.bool_]:
+        """Set strain rate [row, channel] to NaN, in place, where a channel was not measured; which channels [channel].
+
+        Parameters
+        ----------
+        at : row of the grid [row]
+        lost : what was found while reading
+        reach : rows of the grid that influence one on either side
+        watch : of the same rows; velocity that never changes is that of a fixed end
+        """
+        fixed = watch.still if self.known.pair else np.zeros(self.columns.stop - self.columns.start, bool)
+        gone = np.zeros(len(self.channel), bool)
+        for first, last, columns in lost.cells:
+            measured = np.ones(len(fixed), bool)
+            measured[columns] = fixed[columns]
+            here = ~self.paired(measured)
+            rate[slice(*np.searchsorted(at, [first - reach, last + reach + 1])), here] = np.nan
+            gone |= here
+        return gone
+
+    def checked(
+        self, rate: NDArray[np.float32], watch: Watch, lost: Lost, filled: NDArray[np.bool_]
+    ) -> tuple[Rounding | None, tuple[str, ...]]:
         """Refuse numbers that no fiber makes, and set dead channels of `rate` to NaN; its rounding, and cautions."""
         known, stored, n = self.known, self.stored(), self.known.pair
         if watch.bad is None or not len(watch.kept):
@@ -167,4 +193,4 @@ class Reading:
         rounding = rounding_of(self.narrowed(watch.looked_at), stored, known.grid.sampling_rate, known.gauge_length)
         still = self.paired(watch.still) | self.excluded
         without_dead(rate, still, self.channel[still & ~self.excluded].tolist(), known.where)
-        return rounding, (*([cut_off] if cut_off else []), *lost.faults)
+        return rounding, (*([cut_off] if cut_off else []), *lost.faults, *filled_line(self.channel[filled & ~still]))

@@ -126,6 +126,18 @@ def gap_lines(start: np.datetime64, gaps: Sequence[tuple[float, float]], interva
     return lines
 
 
+def filled_line(channel: NDArray[np.int64]) -> list[str]:
+    """Say that some channels [channel] were not measured all the time; nothing where there are none.
+
+    >>> filled_line(np.array([4, 5]))[0][:64]
+    'channels 4-5 hold one number for a while in which others change:'
+    """
+    if not len(channel):
+        return []
+    left = "nothing was measured there then, and that is left out"
+    return [f"channels {ranges(channel)} hold one number for a while in which others change: {left}"]
+
+
 def unmeasured_line(lost: Sequence[tuple[int, int]], interval: float) -> list[str]:
     """Say how much of a record was written without being measured; nothing if none was.
 

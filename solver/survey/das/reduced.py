@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from solver.survey.das.grid import FELT, Grid, Placed
 from solver.survey.das.lowpass import Lowpass, taps_of
 from solver.survey.das.units import Unit, to_strain_rate
-from solver.survey.das.values import measured_runs
+from solver.survey.das.values import filled_cells, measured_runs
 from vision.contract import InputError
 
 #: Size of a slab in single precision, bytes: larger ones are not faster.
@@ -31,16 +31,19 @@ class Lost:
     ----------
     faults : what could not be read, a line each
     rows : first and last row of the grid of each stretch in which nothing was measured
+    cells : the same of single columns, with these columns
     """
 
     faults: list[str] = field(default_factory=list)
     rows: list[Rows] = field(default_factory=list)
+    cells: list[tuple[int, int, NDArray[np.int64]]] = field(default_factory=list)
 
 
 def slabs(grid: Grid, columns: slice, begin: int, end: int, lost: Lost) -> Iterator[tuple[int, Values]]:
     """Slabs of stored numbers [row, column] of the grid's rows `begin` to `end`, each with its first row; no gaps.
 
-    What cannot be read, and rows in which nothing was measured, are left out and noted in `lost`.
+    What cannot be read, and rows in which nothing was measured, are left out and noted in `lost`; stretches in which
+    some columns were not measured are noted alone.
     """
     rows = max(1, SLAB // (4 * max(1, columns.stop - columns.start)))
     for one in grid.placed:
@@ -55,6 +58,8 @@ def slabs(grid: Grid, columns: slice, begin: int, end: int, lost: Lost) -> Itera
                 if run.start > done:
                     lost.rows.append((first + done, first + run.start - 1))
                 if run.stop is not None:
+                    begin = first + run.start
+                    lost.cells += [(begin + a, begin + b, which) for a, b, which in filled_cells(values[run])]
                     yield first + run.start, values[run]
                     done = run.stop
 

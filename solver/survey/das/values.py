@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 CLIPPED, THINNER = 20, 3
 #: Channels that must hold them: a single one may be stuck.
 CLIPPED_CHANNELS = 2
+#: Chance that a run of one number in a slab is called filled where numbers are rounded and nothing is filled.
+ALARM = 1e-3
 #: Channels by which rows are looked through first, and rows by which channels that never change are left aside.
 FIRST, SAMPLED = 16, 256
 
@@ -93,3 +95,46 @@ def measured_runs(values: NDArray[Any]) -> list[slice]:
     gone = [(a, b) for a, b in cuts.tolist() if abrupt(a if flat[a] else a - 1) and abrupt(b)]
     edges = [0, *(edge for pair in gone for edge in pair), rows]
     return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+
+
+def filled_cells(values: NDArray[Any]) -> list[tuple[int, int, NDArray[np.int64]]]:
+    """Stretches of stored numbers [time, channel] in which some channels hold one number while most change.
+
+    Rounded numbers repeat, too. A number repeats with the chance that makes the longest run of the median channel the
+    longest of its rows, or as often as the channel repeats its numbers elsewhere if that is more; a run that such
+    chance makes more rarely than `ALARM` among all channels is filled. Of a rounded record, channels that hold one
+    number for half of the rows may be quiet ones.
+
+    Returns
+    -------
+    stretches : first and last row, and the channels that were not measured in between
+
+    >>> values = np.random.default_rng(0).normal(size=(90, 4))
+    >>> values[20:60, 2] = 0
+    >>> filled_cells(values)
+    [(20, 59, array([2]))]
+    """
+    step = max(1, len(values) // SAMPLED)
+    some = values[::step]
+    if len(some) < 3:
+        return []
+    held = np.asarray(some[1:] == some[:-1])
+    if not held.any():
+        return []
+    run = np.zeros(some.shape, np.int64)
+    for row, again in enumerate(held, 1):
+        run[row] = np.where(again, run[row - 1] + 1, 0)
+    longest = run.max(0)
+    usual = float(np.median(longest)) + 1
+    elsewhere = (held.sum(0) - longest) / np.maximum(len(held) - longest, 1)
+    chance = np.minimum(np.maximum(len(some) ** (-1 / usual), elsewhere), 1 - 1 / len(some))
+    rare = np.log(some.size / ALARM) / -np.log(chance)
+    ends = (run + 1 > rare) & ~np.vstack([held, np.zeros(held.shape[1], bool)])
+    ends &= (usual == 1) | (2 * longest < len(held))
+    found: dict[tuple[int, int], list[int]] = {}
+    for row, column in np.argwhere(ends).tolist():
+        first, last = int(row - run[row, column]) * step, row * step
+        if (values[first : last + 1, column] == values[first, column]).all():
+            rows = max(0, first - step + 1), min(len(values) - 1, last + step - 1)
+            found.setdefault(rows, []).append(column)
+    return [(*rows, np.array(columns)) for rows, columns in found.items()]

@@ -11,7 +11,7 @@ from solver.survey.das.description import describe
 from solver.survey.das.ingest import ingest
 from solver.survey.das.prodml import write_prodml
 from solver.survey.das.reader import read_das, record_from
-from solver.survey.das.values import measured_runs
+from solver.survey.das.values import filled_cells, measured_runs
 from vision.contract import InputError
 
 START = np.datetime64("2025-08-11T06:00:00", "ns")
@@ -66,6 +66,33 @@ def test_dropouts_are_gaps_and_told(dropouts, tmp_path):
         assert np.allclose(found.gaps, record.gaps, atol=0.6)  # of the last, what the filter reaches
         assert any("all channels hold one number" in line for line in found.cautions)
         assert not found.measured[140:215].any() and found.measured[10:140].all()
+
+
+def test_channels_that_are_filled_for_a_while_are_not_measured_there_and_told(tmp_path):
+    rate = 1e-8 * np.random.default_rng(1).normal(size=(1200, 9))
+    rate[300:420, 3:5] = rate[800:, 7] = 2e-8
+    path = tmp_path / "a.h5"
+    write_prodml(path, rate, start=START, sampling_rate=40.0, gauge_length=10.0, channel_spacing=1.0)
+    known, said = describe([path]), "channels 3-4, 7 hold one number for a while in which others change"
+    store = ingest(known, [path], {}, tmp_path / "store", 20.0)
+    for record, wide, half in (
+        (read_das([path]), 1, 4),
+        (record_from(known, rate=20.0), 2, 60),
+        (store.record(), 2, 60),
+    ):
+        assert any(line.startswith(said) for line in record.cautions)
+        row = np.searchsorted(record.time, [7.5, 10.475])
+        lost = ~np.isfinite(record.strain_rate)
+        assert lost[row[0] : row[1] + 1, 3:5].all() and not lost[row[0] - half // wide, 3:5].any()
+        assert not lost[:, [0, 1, 2, 5, 6, 8]][half:-half].any() and lost[-half - 10, 7] and not record.gaps
+
+
+def test_numbers_that_repeat_are_measured():
+    coarse = np.rint(0.4 * np.random.default_rng(2).normal(size=(3000, 40)))
+    quiet = coarse * (np.arange(40) != 7)  # of a channel that is far from the road
+    quiet[::200, 7] = 1
+    for values in (coarse, quiet, np.repeat(NOISE, 9, axis=0), NOISE):
+        assert filled_cells(values) == []
 
 
 def test_dropouts_off_the_common_grid_do_not_spread(dropouts):
