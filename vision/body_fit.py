@@ -34,6 +34,7 @@ class BodyFit:
     size : length, width, height, m
     size_covariance : [3, 3], m^2
     misfit : [fix], root mean square of the edges' residuals, sd
+    evidence : logarithm of the probability of the boxes where vehicles are of this class, up to a constant
     """
 
     position: Array
@@ -41,6 +42,7 @@ class BodyFit:
     size: Array
     size_covariance: Array
     misfit: Array
+    evidence: float
 
 
 def project_bodies(camera: Pinhole, corners: Array, position: Array, heading: Array) -> Array:
@@ -137,8 +139,14 @@ def fit_body(
     size_covariance = np.linalg.inv(reduced)
     covariance = inverse + spread @ size_covariance @ _transposed(spread)
     seen &= np.isfinite(sigma)
-    misfit = np.sqrt((seen * (residual / sigma) ** 2).sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
-    return BodyFit(position, covariance, size[:3], size_covariance[:3, :3], misfit)
+    off = seen * np.abs(residual / sigma)
+    misfit = np.sqrt((off**2).sum(axis=1) / np.maximum(seen.sum(axis=1), 1))
+    # Laplace's approximation (MacKay 2003, chapter 27).
+    cost = (np.minimum(off, HUBER) * (2 * off - np.minimum(off, HUBER))).sum() / alike
+    cost += (
+        (size - prior) @ precision @ (size - prior) + np.linalg.slogdet(reduced)[1] - np.linalg.slogdet(precision)[1]
+    )
+    return BodyFit(position, covariance, size[:3], size_covariance[:3, :3], misfit, -float(cost) / 2)
 
 
 def _transposed(matrices: Array) -> Array:

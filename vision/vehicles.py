@@ -1,7 +1,7 @@
 """Dimensions and silhouettes of road vehicles by class."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 SAYS_MORE = 0.8  # a length counts as measured if its sd is at most this share of the class's
+LEAST_SHARE = 0.1  # of a track's fixes; what is seen as some class in fewer is not taken for one
 
 
 @dataclass(frozen=True)
@@ -63,17 +64,20 @@ class VehicleShape:
         return np.asarray(self.size[0] / 2 * np.abs(np.cos(turn)) + self.size[1] / 2 * np.abs(np.sin(turn)))
 
 
-def shape_of(name: str, seen: Sequence[str] = ()) -> VehicleShape:
-    """Shape of a vehicle of class `name`, its sizes as uncertain as the classes it was `seen` as leave them.
+def shapes_of(name: str, seen: Sequence[str] = ()) -> list[tuple[VehicleShape, float]]:
+    """Shapes that a vehicle of class `name` may have, by the classes its fixes were `seen` as, and the share of each.
 
-    >>> shape_of("bus").deviation[0], round(shape_of("bus", ["bus", "bus", "truck", ""]).deviation[0], 2)
-    (1.0, 2.52)
+    A detector that is not sure may not know vans, as those trained on COCO, which see cars, trucks and buses in them.
+
+    >>> [(shape.size[0], share) for shape, share in shapes_of("bus", ["bus", "bus", "bus", "truck", ""])]
+    [(12.0, 0.75), (8.0, 0.25), (5.6, 0.1)]
     """
-    shape = SHAPES.get(name, SHAPES["vehicle"])
-    others = [SHAPES[one].size for one in seen if one in SHAPES] or [shape.size]
-    apart = np.mean((np.array(others) - shape.size) ** 2, axis=0)
-    length, width, height = np.sqrt(np.array(shape.deviation) ** 2 + apart).tolist()
-    return replace(shape, deviation=(length, width, height))
+    known = [one for one in seen if one in SHAPES] or [name if name in SHAPES else "vehicle"]
+    shares = {one: known.count(one) / len(known) for one in dict.fromkeys(known)}
+    shares = {one: share for one, share in shares.items() if share >= LEAST_SHARE}
+    if len(shares) > 1:
+        shares.setdefault("van", LEAST_SHARE)
+    return [(SHAPES[one], share) for one, share in shares.items()]
 
 
 PASSENGER_CAR = (
