@@ -65,10 +65,10 @@ def ratios(model: str, video: Path, every: int, calibration: Path | None) -> dic
         for _ in range(2):
             begun = time.process_time()
             clip = open_video(video, Path(cache))
-            boxes, speed, _ = box_tracks(clip, detector, every=every, cache=Path(cache))
+            boxes, speed, far = box_tracks(clip, detector, every=every, cache=Path(cache))
             tracked = time.process_time()
             view = Calibration.read(calibration) if calibration else usual_view(clip.width, clip.height)
-            table, _ = on_road(boxes, view, np.datetime64("2025-08-11T06:00:00"), 0.0, video)
+            table, _ = on_road(boxes, view, np.datetime64("2025-08-11T06:00:00"), 0.0, video, far)
             write_trajectories(table, Path(cache) / "trajectories.csv")
             looks.append((time.process_time() - begun, time.process_time() - tracked, speed))
     (first, ground, speed), (second, _, _) = looks
