@@ -101,6 +101,10 @@ def demo(
             help="Hide an effect in the record and find it: NAME, NAME=AMOUNT, or `any`, told at the end.",
         ),
     ] = None,
+    laid: Annotated[
+        str,
+        typer.Option(help="How the fiber lies: `winding`, `as-built`, or a shape such as `crossing` or `jog`."),
+    ] = "winding",
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the error as JSON; what the commands print goes to standard error.")
     ] = False,
@@ -115,14 +119,15 @@ def demo(
 
     Examples: `roadfiber demo --out runs/demo`, `roadfiber demo --hide any --seed 7 --out runs/hidden`
     """
+    from roadfiber.hidden_demo import hidden
     from solver.run.strict_json import strict
     from solver.simulator import read_scenario, route_error
 
     if hide is not None:
-        demo_hidden(out, seed, hide, as_json)
+        demo_hidden(out, read_scenario("street-filmed", seed=seed, laid=laid, effects=hidden(hide, seed)), as_json)
         return
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
-        run = run_demo(out, read_scenario("street-filmed", seed=seed))
+        run = run_demo(out, read_scenario("street-filmed", seed=seed, laid=laid))
     error, report = route_error(run / "route.csv", out / "truth.json"), run / "report.html"
     if as_json:
         told = strict({"error": {"unit": "m", **asdict(error)}, "run": str(run), "report": str(report)})
@@ -132,13 +137,12 @@ def demo(
     print(f"report: {report}")
 
 
-def demo_hidden(out: Path, seed: int, hide: str, as_json: bool) -> None:
+def demo_hidden(out: Path, scenario: "Scenario", as_json: bool) -> None:
     """The demo with something hidden in its record, and the story of how that is found."""
-    from roadfiber.hidden_demo import answer, hidden, question, told, write_story
-    from solver.simulator import read_scenario
+    from roadfiber.hidden_demo import answer, question, told, write_story
 
     with redirect_stdout(sys.stderr) if as_json else nullcontext():
-        run_demo(out, read_scenario("street-filmed", seed=seed, effects=hidden(hide, seed)))
+        run_demo(out, scenario)
         undone = question(out, run_command)
         write_story(out, undone)
     if as_json:

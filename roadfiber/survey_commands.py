@@ -18,6 +18,10 @@ def simulate(
     seed: Annotated[int | None, typer.Option(help="Another seed is another street.  [default: 0]")] = None,
     passes: Annotated[int | None, typer.Option(help="Vehicles that go by.  [default: 8]")] = None,
     snr: Annotated[float | None, typer.Option(help="Signal to noise in the passes' maps, dB.  [default: 20]")] = None,
+    laid: Annotated[
+        str | None,
+        typer.Option(help="How the fiber lies: `as-built`, a shape by chance, or one such as `crossing` or `jog`."),
+    ] = None,
     hide: Annotated[
         list[str] | None, typer.Option(help="Hide an effect or set one of its settings, NAME=AMOUNT; may be repeated.")
     ] = None,
@@ -44,7 +48,7 @@ def simulate(
     from solver.simulator import amounts
 
     hidden = amounts(hide) if hide else None
-    made = rf.simulate(out, scenario, seed=seed, passes=passes, snr_db=snr, effects=hidden, film=film)
+    made = rf.simulate(out, scenario, seed=seed, passes=passes, snr_db=snr, laid=laid, effects=hidden, film=film)
     if as_json:
         print(json.dumps(made.to_dict()))
         return

@@ -31,7 +31,7 @@ def brief(monkeypatch):
     import vision.scene.film as film
 
     scenario = read_scenario("street-filmed", seed=2, passes=2, speeds=(70.0, 78.0), headway=(4.0, 4.0))
-    monkeypatch.setattr(solver.simulator, "read_scenario", lambda name, seed: scenario)
+    monkeypatch.setattr(solver.simulator, "read_scenario", lambda name, seed, laid: scenario)
     whole = film.film
     monkeypatch.setattr(film, "film", lambda scene, folder, duration, seed: whole(scene, folder, 1.0, seed))
     return scenario

@@ -1,5 +1,6 @@
 """Where the fiber lies: a street run between two perpendicular legs, or a spline through given points."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,24 @@ STEP = 0.02  # m between the stored points of a curve
 
 
 @dataclass(frozen=True)
+class Bend:
+    """A circular bend between two straight parts.
+
+    Attributes
+    ----------
+    at : number of the point in its middle
+    turn : degrees, to the right where it lies flat, down where it is upright
+    radius : m
+    upright : whether it lies in the upright plane
+    """
+
+    at: int
+    turn: float
+    radius: float
+    upright: bool = False
+
+
+@dataclass(frozen=True)
 class Route:
     """A space curve by arc length, continued straight beyond both ends.
 
@@ -19,16 +38,26 @@ class Route:
     ----------
     arc : [k] m from the first channel
     points : [k, 3] m; x along the road, y to its right, z down
+    bends : its corners, where it was laid with any
+    chambers : numbers of the points that lie in chambers
     """
 
     arc: Array
     points: Array
+    bends: tuple[Bend, ...] = ()
+    chambers: tuple[int, ...] = ()
 
     @classmethod
-    def through(cls, points: Array) -> "Route":
+    def through(cls, points: Array, bends: Sequence[Bend] = (), chambers: Sequence[int] = ()) -> "Route":
         """Take the arc length from the points themselves, [k, 3]; they must be dense."""
         step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        return cls(np.concatenate([[0.0], np.cumsum(step)]), points)
+        return cls(np.concatenate([[0.0], np.cumsum(step)]), points, tuple(bends), tuple(chambers))
+
+    def until(self, length: float) -> "Route":
+        """The part up to `length`, m."""
+        kept = self.points[self.arc <= length]
+        bends = [bend for bend in self.bends if bend.at < len(kept)]
+        return Route.through(kept, bends, [at for at in self.chambers if at < len(kept)])
 
     @property
     def length(self) -> float:
@@ -80,17 +109,15 @@ def street_route(
     """
     first, last = view[0] - rng.uniform(14, 30), view[1] + rng.uniform(14, 30)
     radius, leg = rng.uniform(4, 8), rng.uniform(30, 55)
-    plan = _rounded_corners(
-        np.array([[first, side * leg], [first, 0.0], [last, 0.0], [last, side * 2 * length]]), radius
-    )
+    corners = np.array([[first, side * leg], [first, 0.0], [last, 0.0], [last, side * 2 * length]])
+    plan, bends = rounded(corners, [radius, radius])
     x = plan[:, 0]
     # The undulation fades out before the corners, so that these stay round.
     taper = np.clip((x - first - radius) / 12, 0, 1) * np.clip((last - radius - x) / 12, 0, 1)
     taper = taper**2 * (3 - 2 * taper)
     z = depth + depth_undulation * _waves(rng, STEP * np.arange(len(x), dtype=np.float64))
     y = lateral + plan[:, 1] + undulation * taper * _waves(rng, x)
-    points = np.stack([x, y, z], axis=1)
-    return Route.through(points[Route.through(points).arc <= length])
+    return Route.through(np.stack([x, y, z], axis=1), bends).until(length)
 
 
 def spline_route(knots: ArrayLike) -> Route:
@@ -137,22 +164,36 @@ def _blend(a: Array, b: Array, t0: float, t1: float, u: Array) -> Array:
     return ((t1 - u) * a + (u - t0) * b) / (t1 - t0)
 
 
-def _rounded_corners(corners: Array, radius: float) -> Array:
-    """Points every `STEP` along a polyline [k, 2] whose right angles are quarter circles."""
-    pieces, here = [], corners[0]
-    for before, corner, after in zip(corners[:-2], corners[1:-1], corners[2:], strict=True):
+def rounded(corners: Array, radii: Sequence[float], *, upright: bool = False) -> tuple[Array, list[Bend]]:
+    """Points every `STEP` along a polyline [k, 2], m, whose k - 2 corners are arcs; and these.
+
+    Where a bend would take more than half of a side its radius is smaller.
+
+    >>> curve, (bend,) = rounded(np.array([[0.0, 0], [10, 0], [10, 10]]), [0.8])
+    >>> round(bend.turn), round(bend.radius, 3), curve[bend.at].round(1)
+    (90, 0.8, array([9.8, 0.2]))
+    """
+    pieces, bends, here, count = list[Array](), list[Bend](), corners[0], 0
+    for before, corner, after, wanted in zip(corners[:-2], corners[1:-1], corners[2:], radii, strict=True):
         incoming, outgoing = _unit(corner - before), _unit(after - corner)
-        start = corner - radius * incoming
-        pieces.append(_straight(here, start))
-        angle = np.arange(0, np.pi / 2, STEP / radius)[:, None]
-        pieces.append(start + radius * (np.sin(angle) * incoming + (1 - np.cos(angle)) * outgoing))
-        here = corner + radius * outgoing
-    return np.concatenate([*pieces, _straight(here, corners[-1])])
+        aside = np.array([-incoming[1], incoming[0]])
+        turn = float(np.arctan2(aside @ outgoing, incoming @ outgoing))
+        half = np.tan(abs(turn) / 2)
+        room = min(np.linalg.norm(corner - before), np.linalg.norm(after - corner)) / 2
+        radius = float(min(wanted, room / half)) if half else wanted
+        start = corner - radius * half * incoming
+        angle = np.arange(0, abs(turn), STEP / radius)[:, None]
+        arc = start + radius * (np.sin(angle) * incoming + np.sign(turn) * (1 - np.cos(angle)) * aside)
+        pieces += [_straight(here, start), arc]
+        bends.append(Bend(count + len(pieces[-2]) + len(arc) // 2, float(np.degrees(turn)), radius, upright))
+        count += len(pieces[-2]) + len(arc)
+        here = corner + radius * half * outgoing
+    return np.concatenate([*pieces, _straight(here, corners[-1])]), bends
 
 
 def _straight(a: Array, b: Array) -> Array:
-    distance = np.arange(0, np.linalg.norm(b - a), STEP)[:, None]
-    return a + distance * _unit(b - a)
+    length = float(np.linalg.norm(b - a))
+    return a + np.arange(0, length, STEP)[:, None] * (b - a) / (length or 1.0)
 
 
 def _unit(v: Array) -> Array:

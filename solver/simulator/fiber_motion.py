@@ -139,4 +139,4 @@ def bend(scenario: Scenario, route: Route) -> Route:
         k = 2 * np.pi / scenario.effect(f"{name}_wavelength")
         phase = effect_rng(scenario.seed, name).uniform(0, 2 * np.pi)
         points[:, axis] += amount / k**order * taper * np.sin(k * x + phase)
-    return Route.through(points)
+    return Route.through(points, route.bends, route.chambers)

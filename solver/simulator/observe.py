@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 MILLIMETER = 1e-3  # a sigma is never 0 in a file
+BESIDE = 12.0  # m from the nearest lane up to which a camera sees: beyond stand houses
 
 
 def sample_times(scenario: Scenario, vehicles: tuple[Vehicle, ...]) -> Array:
@@ -24,9 +25,10 @@ def sample_times(scenario: Scenario, vehicles: tuple[Vehicle, ...]) -> Array:
     return np.arange(int((last + MARGIN) * scenario.sampling_rate)) / scenario.sampling_rate
 
 
-def active_channels(route: Array, view: tuple[float, float]) -> tuple[int, int]:
-    """First and last channel of `route` [channel, 3], m, in view."""
-    inside = np.flatnonzero((route[:, 0] >= view[0]) & (route[:, 0] <= view[1]))
+def active_channels(route: Array, view: tuple[float, float], lanes: tuple[float, float]) -> tuple[int, int]:
+    """First and last channel of `route` [channel, 3], m, in view, by a road with such lanes."""
+    beside = (route[:, 1] >= min(lanes) - BESIDE) & (route[:, 1] <= max(lanes) + BESIDE)
+    inside = np.flatnonzero(beside & (route[:, 0] >= view[0]) & (route[:, 0] <= view[1]))
     if not len(inside):
         raise InputError(f"route: no channel lies within the view, x from {view[0]:g} to {view[1]:g} m")
     return int(inside[0]), int(inside[-1])

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from solver.simulator.ducts import COIL, drawn_shape
 from solver.simulator.effects import amount_of, effect_rng
 from solver.simulator.scenario_checks import check
 from vision.contract import InputError, read_toml
@@ -47,9 +48,12 @@ class Scenario:
     side : "right" or "left" of the lanes seen along +x, or "either"
     depth : m; mean over the run
     undulation, depth_undulation : m; largest excursion from the mean
+    laid : "winding", a run that undulates so; or in straight ducts, see `solver.simulator.ducts`: "as-built", in a way
+        that the seed draws, or one of `ducts.SHAPES`, such as "crossing"
     route : points [x, y, z], m, of a spline, in place of the street route
     speeds : km/h
     headway : s between two passes
+    ahead : share of the vehicles that drive along +x
     classes : name -> share of the traffic
     frame_rate : fixes per second
     fix_sigma, anchor_sigma : m
@@ -89,9 +93,11 @@ class Scenario:
     depth: tuple[float, float] = (0.6, 1.2)
     undulation: tuple[float, float] = (0.0, 0.5)
     depth_undulation: tuple[float, float] = (0.0, 0.1)
+    laid: str = "winding"
     route: tuple[tuple[float, float, float], ...] | None = None
     speeds: tuple[float, float] = (30.0, 78.0)
     headway: tuple[float, float] = (16.0, 25.0)
+    ahead: float = 0.5
     classes: Mapping[str, float] = field(default_factory=lambda: {"car": 0.5, "van": 0.25, "truck": 0.15, "bus": 0.1})
     frame_rate: float = 12.5
     fix_sigma: float = 0.06
@@ -113,7 +119,12 @@ class Scenario:
         return amount_of(self.effects, self.seed, name)
 
     def drawn(self) -> "Scenario":
-        """The same with numbers drawn from the ranges of `passes` and `snr_db`."""
+        """The same with numbers drawn from the ranges of `passes` and `snr_db`, and with a shape of its ducts."""
+        if self.laid == "as-built":
+            return dataclasses.replace(self, laid=drawn_shape(effect_rng(self.seed, "laid"))).drawn()
+        if self.laid == "coil" and "slack_spool" not in self.effects:
+            coil = round(float(effect_rng(self.seed, "coil").uniform(*COIL)), 1)
+            return dataclasses.replace(self, effects={**self.effects, "slack_spool": coil}).drawn()
         if not isinstance(self.passes, tuple) and not isinstance(self.snr_db, tuple):
             return self
         rng = effect_rng(self.seed, "passes, snr_db")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from solver.simulator.ducts import SHAPES
 from solver.simulator.effects import EFFECTS, SETTINGS
 from vision.contract import InputError
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 NOISES = ("white", "colored", "street")
 TRACK_NOISES = ("white", "camera")
+LAID = ("winding", "as-built", *SHAPES)
 
 
 def check(scenario: "Scenario") -> None:
@@ -28,7 +30,7 @@ def check(scenario: "Scenario") -> None:
         _number(name, getattr(scenario, name))
     for name in ("frame_rate", "fix_sigma", "anchor_sigma", "x_azimuth", "track_wander", "track_wander_time"):
         _number(name, getattr(scenario, name))
-    for name in ("noise_drift", "noise_freedom", "signal_noise", "side_street", "rounding", "spikes"):
+    for name in ("noise_drift", "noise_freedom", "signal_noise", "side_street", "rounding", "spikes", "ahead"):
         _number(name, getattr(scenario, name))
     for name in ("passes", "snr_db"):
         value = getattr(scenario, name)
@@ -41,7 +43,7 @@ def check(scenario: "Scenario") -> None:
         value = getattr(scenario, name)
         if any(type(item) is not int for item in (value if isinstance(value, tuple) else (value,))):
             raise InputError(f"{name}: must be a whole number, not {value!r}")
-    for name in ("name", "side", "sampling", "start", "noise", "track_noise"):
+    for name in ("name", "side", "sampling", "start", "noise", "track_noise", "laid"):
         if not isinstance(getattr(scenario, name), str):
             raise InputError(f"{name}: must be text, in quotes")
     for name in ("classes", "effects"):
@@ -77,6 +79,8 @@ def _rules(s: "Scenario") -> list[tuple[bool, str]]:
         (s.undulation[0] >= 0 and s.depth_undulation[0] >= 0, "undulation, depth_undulation: 0 or above"),
         (s.depth[0] - s.depth_undulation[1] > 0, "depth: the fiber must stay below the ground"),
         (s.side in ("left", "right", "either"), f"side: left, right or either, not {s.side!r}"),
+        (s.laid in LAID, f"laid: one of {', '.join(LAID)}, not {s.laid!r}"),
+        (0 <= s.ahead <= 1, "ahead: a share of the vehicles, 0 to 1"),
         (s.sampling in ("instant", "filtered"), f"sampling: instant or filtered, not {s.sampling!r}"),
         (-90 <= s.origin[0] <= 90 and -180 <= s.origin[1] <= 180, "origin: latitude, longitude in degrees"),
         (s.route is None or isinstance(s.route, tuple), "route: a list of points [x, y, z]"),

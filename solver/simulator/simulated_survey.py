@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.simulator.buried_route import Route
 from solver.simulator.fiber_motion import arc_of
 from solver.simulator.observe import active_channels, dig, in_view, sample_times, watch
 from solver.simulator.postprocessing import processed
@@ -35,6 +36,7 @@ class Survey:
     signal : [time, channel] 1/s, before noise and processing
     distance : [channel] m along the fiber, as the file has it
     route : [channel, 3] m; the middle of each channel's gauge
+    fiber : the curve on which these lie
     vehicles : all that drove by; the last one is unseen if the scenario says so
     trajectories : table as in the contract (GPS: latitude, longitude, sigma)
     anchors : table as in the anchors file
@@ -49,6 +51,7 @@ class Survey:
     signal: Array
     distance: Array
     route: Array
+    fiber: Route
     vehicles: tuple[Vehicle, ...]
     trajectories: "pd.DataFrame"
     anchors: "pd.DataFrame"
@@ -79,7 +82,7 @@ def simulate(scenario: Scenario) -> Survey:
     ways, traffic, fixes, dust, extra = (np.random.default_rng(stream) for stream in streams)
     route, distance = lay(scenario, ways)
     points = route.position(arc_of(scenario, distance, distance))
-    active = active_channels(points, scenario.view)
+    active = active_channels(points, scenario.view, scenario.lanes)
     vehicles = drive(scenario, traffic)
     time = sample_times(scenario, vehicles)
     seen = len(vehicles)
@@ -101,6 +104,7 @@ def simulate(scenario: Scenario) -> Survey:
         signal,
         distance,
         points,
+        route,
         vehicles,
         watch(scenario, vehicles[:seen], fixes),
         dig(scenario, points, active, fixes),

@@ -111,6 +111,8 @@ class Fiber:
         self.scenario = scenario
         self.channels = len(distance)
         self.points = route.position(arc).T.copy()
+        buried = self.points[2] > 0  # no ground stretches what has come up a riser
+        self.points[2] = np.where(buried, self.points[2], 1.0)
         self.tangents = route.tangent(arc).T.copy()
         away = np.sign(self.points[1] - np.mean(scenario.lanes)) * np.array([[0.0], [1.0], [0.0]])
         self.twin = self.points + scenario.effect("unknown_twin_path_aside") * away
@@ -119,7 +121,7 @@ class Fiber:
         self.layered = Table(layers, self.points[2], self.tangents) if layers else None
         self.inertia = Inertia(scenario, self.points, self.tangents) if scenario.effect("moving_load") else None
         softness = _softness(scenario, self.points[0]) / (4 * np.pi * scenario.shear_modulus)
-        self.average = (average * softness).T.copy()
+        self.average = (average * softness * buried).T.copy()
 
     def strain(self, vehicle: Vehicle, time: Array) -> Array:
         """Strain [time, channel] under a vehicle at `time` [time], s."""

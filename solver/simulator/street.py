@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.simulator.buried_route import Route, spline_route, street_route
+from solver.simulator.ducts import duct_route
 from solver.simulator.effects import effect_rng
 from solver.simulator.fiber_motion import bend
 from solver.simulator.scenario import Scenario
@@ -24,14 +25,21 @@ def lay(scenario: Scenario, rng: np.random.Generator) -> tuple[Route, Array]:
             int(route.length / scenario.channel_spacing) + 1, dtype=np.float64
         )
     right = {"right": True, "left": False, "either": bool(rng.random() < 0.5)}[scenario.side]
-    offset = rng.uniform(*scenario.lateral)
+    offset, length = rng.uniform(*scenario.lateral), (scenario.channels - 1) * scenario.channel_spacing
+    lateral = max(scenario.lanes) + offset if right else min(scenario.lanes) - offset
+    depth, side = rng.uniform(*scenario.depth), 1.0 if right else -1.0
+    if scenario.laid != "winding":
+        across = sum(scenario.lanes) - lateral  # the same verge on the other side
+        route = duct_route(rng, scenario.laid, lateral, across, depth, length=length, view=scenario.view, side=side)
+        count = min(scenario.channels, int(route.length / scenario.channel_spacing) + 1)
+        return bend(scenario, route), scenario.channel_spacing * np.arange(count, dtype=np.float64)
     route = street_route(
         rng,
-        max(scenario.lanes) + offset if right else min(scenario.lanes) - offset,
-        rng.uniform(*scenario.depth),
-        length=(scenario.channels - 1) * scenario.channel_spacing,
+        lateral,
+        depth,
+        length=length,
         view=scenario.view,
-        side=1.0 if right else -1.0,
+        side=side,
         undulation=rng.uniform(*scenario.undulation),
         depth_undulation=rng.uniform(*scenario.depth_undulation),
     )
@@ -39,9 +47,11 @@ def lay(scenario: Scenario, rng: np.random.Generator) -> tuple[Route, Array]:
 
 
 def drive(scenario: Scenario, rng: np.random.Generator) -> tuple[Vehicle, ...]:
-    """One vehicle per pass, as evenly over the two directions as can be."""
+    """One vehicle per pass."""
     middle = sum(scenario.view) / 2
-    directions = rng.permutation(np.resize([1, -1], scenario.passes))
+    # As evenly as can be, whatever the share.
+    count = np.arange(int(np.max(scenario.passes)) + 1)
+    directions = rng.permutation(np.where(np.diff(np.ceil(scenario.ahead * count)) > 0, 1, -1))
     vehicles, time_at = [], 0.0
     for number, direction in enumerate(directions.tolist(), 1):
         speed = rng.uniform(*scenario.speeds) / 3.6

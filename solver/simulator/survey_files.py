@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.simulator.effects import EFFECTS, hidden
+from solver.simulator.fiber_motion import arc_of, coiled
 from solver.simulator.recorded_noise import color
 from solver.simulator.scenario import Scenario
 from solver.simulator.simulated_survey import Survey
@@ -133,7 +134,35 @@ def truth(survey: Survey) -> dict[str, Any]:
         "view": list(survey.scenario.view),
         "active_channels": list(survey.active),
         "route_xyz": survey.route.round(4).tolist(),
+        "laid": laid(survey),
         "vehicles": [dataclasses.asdict(vehicle) for vehicle in survey.vehicles],
+    }
+
+
+def laid(survey: Survey) -> dict[str, Any]:
+    """How the fiber lies, JSON-ready: its shape, corners, steps in depth, riser, chambers and coil.
+
+    `distance` is m along the fiber as the channels count it, `turn` degrees to the right as the fiber goes.
+    """
+    scenario, fiber = survey.scenario, survey.fiber
+    light = np.arange(survey.distance[0], survey.distance[-1], 0.01)
+    arc = arc_of(scenario, light, survey.distance)
+    coil = light[coiled(scenario, light, survey.distance)]
+
+    def there(at: int) -> dict[str, float]:
+        x, y, z = fiber.points[at].round(3).tolist()
+        return {"x": x, "y": y, "z": z, "distance": round(float(np.interp(fiber.arc[at], arc, light)), 2)}
+
+    bends = [(there(b.at) | {"turn": round(b.turn, 2), "radius": round(b.radius, 3)}, b.upright) for b in fiber.bends]
+    upright = [bend for bend, is_upright in bends if is_upright]
+    return {
+        "shape": scenario.laid if scenario.route is None else "points",
+        "corners": [bend for bend, is_upright in bends if not is_upright],
+        # A step is two bends: out of the level before it and into the next.
+        "depth_steps": [{"from": a, "to": b} for a, b in zip(upright[::2], upright[1::2], strict=False)],
+        "riser": upright[-1] if len(upright) % 2 else None,
+        "chambers": [there(at) for at in fiber.chambers],
+        "coil": {"length": scenario.effect("slack_spool"), "distance": round(float(coil[0]), 2)} if len(coil) else None,
     }
 
 
