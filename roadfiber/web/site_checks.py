@@ -11,7 +11,7 @@ import numpy as np
 
 import roadfiber as rf
 from roadfiber.web.site_draft import Draft
-from solver.survey.anchors import read_anchors
+from solver.survey.anchors import stated_anchors
 from solver.survey.das.description import Description, describe
 from solver.survey.site import Site, read_site
 from solver.survey.site_sections import CameraSection
@@ -187,7 +187,8 @@ def class_counts(table: "pd.DataFrame") -> dict[str, int]:
 def check_anchors(found: Checked, site: Site) -> None:
     """Anchors: that they are near the vehicles."""
     assert site.anchors is not None
-    anchors = read_anchors(site.anchors.file, site.frame)
+    anchors, stated = stated_anchors(site.anchors.file, site.frame)
+    found.statements += stated
     found.anchors = [(one.name, one.x, one.y) for one in anchors]
     words = f"{len(anchors)} known points, channels {anchors[0].channel:g} to {anchors[-1].channel:g}"
     every = (
@@ -199,7 +200,7 @@ def check_anchors(found: Checked, site: Site) -> None:
             "Anchors", "look", f"{words}; one is {max(off):.0f} m from all vehicles: origin, azimuth, or x and y?"
         )
         return
-    found.add("Anchors", "good", words)
+    found.add("Anchors", "look" if stated else "good", "; ".join([words, *caution_lines(stated)]))
 
 
 def check_overlap(found: Checked) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from solver.drive.coarse import WINDOW
 from solver.drive.operator_map import check_order, read_operator_map, without_repeats
 from solver.drive.quiet import Quiet, slow_record, whitened
-from solver.survey.anchors import Anchor, anchors_of, read_anchors
+from solver.survey.anchors import Anchor, anchors_of, stated_anchors
 from solver.survey.das.block import checksum
 from solver.survey.das.description import description_of
 from solver.survey.das.grid import part_of
@@ -53,7 +53,7 @@ class Drive:
     ground : what is known about it beforehand
     sources : files and tables that it was made from
     cautions : what the user should know about the tracks, a line each
-    statements : what each track file states, and what is taken of it
+    statements : what each track file states, and what is taken of it; of anchors what must be told
     effects : names of what the model takes for stated wrongly, out of `solver.drive.misstated.TOLD`
     """
 
@@ -92,7 +92,8 @@ class Drive:
         assert route is not None and site.trajectories is not None, "a drive has [route] and [trajectories]"
         files = [("trajectories", one) for one in site.trajectories.files] + [("route", route.file)]
         tracks, stated = read_tracks(site.trajectories.files, site.frame)
-        anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
+        anchors, told = stated_anchors(site.anchors.file, site.frame) if site.anchors else ([], ())
+        stated += told
         return cls(
             name=site.name,
             frame=site.frame,

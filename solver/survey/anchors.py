@@ -18,6 +18,8 @@ from vision.contract.columns import (
 )
 from vision.contract.csv_table import read_csv
 from vision.contract.geometry import SUFFIXES, read_features
+from vision.contract.statements import Statement, Statements
+from vision.contract.table import PLACES, decimals_of, with_rounding
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -88,8 +90,24 @@ def read_anchors(path: Path, frame: LocalFrame) -> list[Anchor]:
     >>> read_anchors(path, LocalFrame((32.1, 34.8), 78.0))[0].channel
     84.0
     """
-    table = point_table(path) if path.suffix.lower() in SUFFIXES else read_csv(path, ["name"])
-    return anchors_of(table, frame, path)
+    return stated_anchors(path, frame)[0]
+
+
+def stated_anchors(path: Path, frame: LocalFrame) -> tuple[list[Anchor], tuple[Statements, ...]]:
+    """Read anchors, as `read_anchors` does, and what of the file must be told; nothing where all is well."""
+    import pandas as pd
+
+    text = path.suffix.lower() not in SUFFIXES
+    table = read_csv(path, ["name"]) if text else point_table(path)
+    anchors, told = anchors_of(table, frame, path), list[Statement]()
+    if not text:
+        return anchors, ()
+    degrees = None if "x" in with_positions(table) else frame
+    for names, sigma, where in ((PLACES, "sigma_xy", degrees), (("z",), "sigma_z", None)):
+        known = pd.DataFrame(map(vars, anchors))
+        known, found = with_rounding(known, where, decimals_of(path, names) or 0, [sigma], "anchors")
+        anchors, told = [Anchor(**row) for row in known.to_dict("records")], [*told, *found]
+    return anchors, (Statements(path.name, tuple(told)),) * bool(told)
 
 
 def point_table(path: Path) -> "pd.DataFrame":

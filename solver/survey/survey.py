@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from solver.survey.anchors import Anchor, anchors_of, read_anchors
+from solver.survey.anchors import Anchor, anchors_of, stated_anchors
 from solver.survey.das.block import checksum
 from solver.survey.das.in_memory import block_of
 from solver.survey.das.lowpass import FIT_RATE
@@ -71,8 +71,8 @@ class Survey:
     camera : of a survey from a site.toml with one, else None
     sources : files and arrays that it was made from
     seconds : how long reading took
-    cautions : what the user should know about the tracks, a line each
-    statements : what each track file states, and what is taken of it
+    cautions : what the user should know about tracks and anchors, a line each
+    statements : what each track file states, and what is taken of it; of anchors what must be told
 
     Raises
     ------
@@ -179,7 +179,8 @@ class Survey:
         tracks, stated = None, tuple[Statements, ...]()
         if site.trajectories is not None:
             tracks, stated = read_tracks(site.trajectories.files, site.frame)
-        anchors = read_anchors(site.anchors.file, site.frame) if site.anchors else []
+        anchors, told = stated_anchors(site.anchors.file, site.frame) if site.anchors else ([], ())
+        stated += told
         source = opened(site.das.files, site.das.said, site.das.store)
         return cls.of(
             name=site.name,
@@ -203,8 +204,8 @@ class Survey:
         return survey
 
     def with_tracks(self, tracks: "pd.DataFrame", cautions: Sequence[str] = ()) -> "Survey":
-        """The survey with another trajectory table and its cautions."""
-        changes = {"tracks": trajectories_of(tracks, self.frame), "cautions": tuple(cautions)}
+        """The survey with another trajectory table, and its cautions beside those that there are."""
+        changes = {"tracks": trajectories_of(tracks, self.frame), "cautions": (*self.cautions, *cautions)}
         return Survey.of(**vars(self) | changes)._read()
 
     def _read(self) -> "Survey":

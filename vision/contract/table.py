@@ -228,25 +228,30 @@ def unmeasured(table: "pd.DataFrame") -> "pd.Series":
     return again & moved_on.set_axis(range(1, len(first) + 1)).reindex(run).to_numpy()
 
 
-def decimals_of(path: Path) -> int | None:
-    """Most decimals that the places of a csv are written with; None of another file, whose numbers have no digits."""
+def decimals_of(path: Path, names: Sequence[str] = PLACES) -> int | None:
+    """Most decimals that columns of a csv are written with; None of another file, whose numbers have no digits."""
     if path.suffix.lower() != ".csv":
         return None
-    text = read_csv(path, (*PLACES, *ALSO_CALLED), rows=LOOKED_AT)
-    written = with_positions(text).filter(PLACES).stack().astype(str)
+    text = read_csv(path, (*names, *ALSO_CALLED), rows=LOOKED_AT)
+    written = with_positions(text).filter(names).stack().astype(str)
     return int(written.str.extract(r"[.,](\d+)", expand=False).str.len().fillna(0).max()) if len(written) else None
 
 
 def with_rounding(
-    table: "pd.DataFrame", frame: LocalFrame | None, decimals: int
+    table: "pd.DataFrame",
+    frame: LocalFrame | None,
+    decimals: int,
+    columns: Sequence[str] = ("sigma_x", "sigma_y"),
+    of: str = "fixes",
 ) -> "tuple[pd.DataFrame, list[Statement]]":
     """Add the error of rounding to sigmas below it, and say so.
 
     Parameters
     ----------
-    table : with x, y, sigma_x, sigma_y, m
+    table : with the sigmas, m
     frame : of places in degrees; None of those in meters
     decimals : that places are written with
+    columns, of : names of the sigmas, and what they are of
 
     >>> import pandas as pd
     >>> table, (told,) = with_rounding(pd.DataFrame({"sigma_x": [0.003], "sigma_y": [0.1]}), None, 1)
@@ -258,11 +263,11 @@ def with_rounding(
         latitude, longitude = frame.origin
         step = float(np.hypot(*frame.to_local(latitude + step, longitude + step))) / 2**0.5
     error = step / 12**0.5  # the standard deviation of what is spread evenly over a step
-    sigma = table[["sigma_x", "sigma_y"]]
+    sigma = table[list(columns)]
     below = sigma < error
     if not below.any(axis=None):
         return table, []
-    caution = f"of {below.any(axis=1).sum()} fixes it is below the {error:.2g} m by which rounding alone is off"
+    caution = f"of {below.any(axis=1).sum()} {of} it is below the {error:.2g} m by which rounding alone is off"
     told = Statement("sigma", (("places", f"{decimals} decimals"),), "with rounding", f"{caution}; this is added")
     return table.assign(**sigma.mask(below, (sigma**2 + error**2) ** 0.5)), [told]
 

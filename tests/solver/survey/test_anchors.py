@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from solver.survey.anchors import Anchor, read_anchors
+from solver.survey.anchors import Anchor, read_anchors, stated_anchors
 from vision.contract import InputError, LocalFrame
 
 FRAME = LocalFrame((32.113, 34.804), 78.0)
@@ -23,6 +23,23 @@ def test_anchors_come_sorted_by_channel(tmp_path):
         Anchor("west", 84.5, 12.5, 4.75, 0.96, 0.05, 0.05),
         Anchor("east", 158.0, 87.974, 4.6, 1.0, 0.05, 0.1),
     ]
+
+
+@pytest.mark.parametrize(
+    ("names", "place", "error"),
+    [("x,y", "12.5,4.8", 0.029), ("lat,lon", "32.11301,34.80412", 0.3), ("x,y", "1.25,4", 0)],
+)
+def test_a_sigma_below_what_digits_carry_is_raised_and_told(tmp_path, names, place, error):
+    row = f"west,84,{place},1,0.01,0.05"
+    (anchor,), told = stated_anchors(written(tmp_path, HEADER.replace("x,y", names), row), FRAME)
+    assert anchor.sigma_xy == pytest.approx((0.01**2 + error**2) ** 0.5, rel=0.03)
+    assert anchor.sigma_z == pytest.approx((0.05**2 + 1 / 12) ** 0.5)
+    said = [
+        f"sigma: of 1 anchors it is below the {one:.2g} m by which rounding alone is off; this is added"
+        for one in (error, 0.29)
+        if one
+    ]
+    assert told[0].cautions == said
 
 
 @pytest.mark.parametrize("names", ["latitude,longitude", "lat,lon"])
