@@ -57,7 +57,6 @@ def read_as_is(path: Path) -> "pd.DataFrame":
     InputError
         If the suffix is unknown or the file is missing, empty or corrupt.
     """
-    import pandas as pd
     from pyarrow import ArrowException
 
     suffix = path.suffix.lower()
@@ -68,10 +67,30 @@ def read_as_is(path: Path) -> "pd.DataFrame":
     try:
         if suffix == ".csv":
             return read_csv(path, TEXT_COLUMNS)
-        return pd.read_parquet(path) if suffix == ".parquet" else read_gpx(path)
+        return read_parquet(path) if suffix == ".parquet" else read_gpx(path)
     except (OSError, ArrowException) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path}: cannot be read ({reason}); check that the file is whole") from error
+
+
+def read_parquet(path: Path) -> "pd.DataFrame":
+    """Read numbers, times and texts of a parquet file; not what pandas noted there of its own, nor lists and bytes."""
+    from pyarrow.parquet import ParquetFile
+    from pyarrow.types import is_binary, is_nested, is_string
+
+    with ParquetFile(path) as file:
+        kinds = [(one.name, one.type) for one in file.schema_arrow if not (is_nested(one.type) or is_binary(one.type))]
+        rows = file.metadata.num_rows
+    names = [name for name, _ in kinds]
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise InputError(f"{path}: two columns are called {twice[0]}; keep one")
+    if rows > path.stat().st_size:
+        raise InputError(f"{path}: states {rows} rows in fewer bytes, and no two fixes are alike; write it again")
+    # Else each row has a copy of a text that the file holds once.
+    text = [name for name, kind in kinds if is_string(kind)]
+    with ParquetFile(path, read_dictionary=text) as file:
+        table = file.read(names).replace_schema_metadata(None).to_pandas()
+    return table.astype(dict.fromkeys(text, object))
 
 
 def check_columns(table: "pd.DataFrame", path: Path) -> None:

@@ -2,11 +2,13 @@ import logging
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
+from pyarrow import parquet as pq
 
 from vision.contract import COLUMNS, InputError, LocalFrame, read_trajectories, write_trajectories
 from vision.contract.columns import with_positions
-from vision.contract.table import checked_tracks, read_tracks
+from vision.contract.table import checked_tracks, read_tracks, trajectories_of
 
 FRAME = LocalFrame((32.113, 34.804), 78.0)
 HEADER = ",".join(COLUMNS)
@@ -259,6 +261,43 @@ def test_missing_files_are_one_clear_line(tmp_path):
         read_trajectories([tmp_path / "none.csv"])
     with pytest.raises(InputError, match="no trajectory files"):
         read_trajectories([])
+
+
+def parquet(folder, columns, noted=None):
+    """A parquet file with some columns of `a_table` replaced, and with what pandas would note in it."""
+    table = pa.Table.from_pandas(a_table(), preserve_index=False)
+    for name, column in columns.items():
+        there = name in table.column_names
+        table = table.set_column(table.column_names.index(name), name, column) if there else table
+        table = table if there else table.append_column(name.strip("+"), column)
+    pq.write_table(table.replace_schema_metadata(noted or {}), folder / "a.parquet", compression="zstd")
+    return folder / "a.parquet"
+
+
+@pytest.mark.parametrize("noted", [b"\xff", b"[]", b'{"index_columns":["none"],"columns":[]}'])
+def test_what_pandas_notes_in_parquet_is_not_taken(tmp_path, noted):
+    read = read_trajectories([parquet(tmp_path, {}, {b"pandas": noted})])
+    pd.testing.assert_frame_equal(read, trajectories_of(a_table(), None))
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"track_id": [["a"]]}, "no column track_id"),
+        ({"class": [b"\xff"]}, "no column class"),
+        ({"+x": [1.0]}, "two columns are called x; keep one"),
+    ],
+)
+def test_columns_of_parquet_that_cannot_be_are_one_line(tmp_path, columns, says):
+    columns = {name: pa.array(value * len(a_table())) for name, value in columns.items()}
+    with pytest.raises(InputError, match=says):
+        read_trajectories([parquet(tmp_path, columns)])
+
+
+def test_parquet_of_alike_rows_is_not_unfolded(tmp_path):
+    pq.write_table(pa.table({"x": np.zeros(10**6)}), tmp_path / "a.parquet", compression="zstd")
+    with pytest.raises(InputError, match="states 1000000 rows in fewer bytes"):
+        read_trajectories([tmp_path / "a.parquet"])
 
 
 @pytest.mark.parametrize("zone", [None, "Asia/Jerusalem"])
