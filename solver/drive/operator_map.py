@@ -36,7 +36,7 @@ def read_operator_map(path: Path, frame: LocalFrame) -> Array:
     Parameters
     ----------
     path : GeoJSON with one LineString, or several that join end to end; KML likewise; csv with `latitude, longitude` or
-        `x, y` (m), a row per point in order; GeoPackage likewise (needs roadfiber[gis]); a line that is there twice, or
+        `x, y` (m), a row per point in order; GeoPackage likewise; a line that is there twice, or
         lies on another, counts once
     frame : the local frame
 

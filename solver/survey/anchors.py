@@ -106,7 +106,10 @@ def stated_anchors(path: Path, frame: LocalFrame) -> tuple[list[Anchor], tuple[S
     for names, sigma, where in ((PLACES, "sigma_xy", degrees), (("z",), "sigma_z", None)):
         known = pd.DataFrame(map(vars, anchors))
         known, found = with_rounding(known, where, decimals_of(path, names) or 0, [sigma], "anchors")
-        anchors, told = [Anchor(**row) for row in known.to_dict("records")], [*told, *found]
+        anchors = [
+            Anchor(**vars(one) | {sigma: float(value)}) for one, value in zip(anchors, known[sigma], strict=True)
+        ]
+        told += found
     return anchors, (Statements(path.name, tuple(told)),) * bool(told)
 
 

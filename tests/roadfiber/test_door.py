@@ -317,3 +317,13 @@ def test_every_public_name_is_documented_with_an_example(name: str) -> None:
 def test_the_package_is_typed() -> None:
     root = Path(rf.__file__).parents[1]
     assert all((root / name / "py.typed").is_file() for name in ("roadfiber", "solver", "vision", "calib"))
+
+
+@pytest.mark.parametrize("number", [0, slice(None)])
+def test_fitted_numbers_at_which_no_fit_ends_are_refused_where_the_model_is_evaluated(
+    run: rf.Run, number: object
+) -> None:
+    vector = run.result.vector.copy()
+    vector[number] = 1e6
+    with pytest.raises(rf.InputError, match="fitted numbers are farther from what was expected"):
+        rf.clock_offset(replace(run, result=replace(run.result, vector=vector)))

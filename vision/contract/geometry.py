@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from vision.contract.errors import InputError
 from vision.contract.gpx import local_name, text_of
-from vision.contract.text import read_json, read_text
+from vision.contract.text import LONGEST, read_json, read_text
 
 Array = NDArray[np.float64]
 
@@ -49,8 +49,7 @@ def read_features(path: Path) -> list[Feature]:
 
     Parameters
     ----------
-    path : GeoJSON in WGS 84 or what its member `crs` names, KML, or GeoPackage in any coordinates that it names (needs
-        roadfiber[gis])
+    path : GeoJSON in WGS 84 or what its member `crs` names, KML, or GeoPackage in any coordinates that it names
 
     Raises
     ------
@@ -161,10 +160,6 @@ def geopackage(path: Path) -> Iterator[Feature]:
 
     GDAL opens a file as what its content asks for, whatever its name: one that refers to other files and addresses.
     """
-    with_geopandas(path)
-    from shapely import from_wkb, transform
-    from shapely.geometry import mapping
-
     if not path.is_file():
         raise InputError(f"{path}: no such file; give a GeoPackage")
     # Without a log of changes beside it nobody is writing it, and none need be made to read it.
@@ -178,12 +173,47 @@ def geopackage(path: Path) -> Iterator[Feature]:
                 table = layer["table_name"].replace('"', '""')
                 for row in map(dict, file.execute(f'SELECT * FROM "{table}"')):
                     if blob := row.pop(layer["column_name"]):
-                        shape = from_wkb(blob[HEADER[blob[3] >> 1 & 7] :])
-                        yield from parts_of(mapping(transform(shape, project, include_z=shape.has_z)), row, path)
+                        for kind, vertices in wkb_parts(blob[HEADER[blob[3] >> 1 & 7] :]):
+                            yield Feature(kind, numbers(project(vertices), path), row)
     except InputError:
         raise
     except Exception as error:  # on damaged bytes a parser can raise anything
-        raise InputError(f"{path}: not a readable GeoPackage ({error}); export it again") from error
+        raise InputError(f"{path}: not a readable GeoPackage ({str(error)[:LONGEST]}); export it again") from error
+
+
+def wkb_parts(wkb: bytes) -> Iterator[tuple[str, Array]]:
+    """Kind and vertices [vertex, 2 or 3] of the points and lines of a geometry in well-known binary (ISO 13249-3).
+
+    The members of a multiple geometry or a collection follow its own header, so that one within another, however deep,
+    is read without recursion.
+
+    >>> line = bytes([1, 2, 0, 0, 0, 2, 0, 0, 0]) + np.array([[34.8, 32.1], [34.9, 32.1]]).tobytes()
+    >>> [(kind, vertices.tolist()) for kind, vertices in wkb_parts(bytes([1, 7, 0, 0, 0, 1, 0, 0, 0]) + line)]
+    [('LineString', [[34.8, 32.1], [34.9, 32.1]])]
+    """
+    at = 0
+
+    def read(kind: str, count: int) -> NDArray[Any]:
+        nonlocal at
+        found = np.frombuffer(wkb, order + kind, count, at)
+        at += found.nbytes
+        return found
+
+    while at < len(wkb):
+        order = "<" if wkb[at] else ">"
+        at += 1
+        extra, kind = divmod(int(read("u4", 1)[0]), 1000)
+        numbers_each = (2, 3, 3, 4)[extra]
+        if not 1 <= kind <= 7:
+            raise ValueError(f"a geometry of type {kind}")
+        parts = int(read("u4", 1)[0]) if kind > 1 else 1
+        if kind <= 2:
+            vertices = read("f8", parts * numbers_each).reshape(-1, numbers_each).astype(float)
+            if not np.isnan(vertices).all():  # an empty point
+                yield ("Point", "LineString")[kind - 1], vertices[:, : 3 if extra in (1, 3) else 2]
+        elif kind == 3:
+            for _ in range(parts):
+                read("f8", int(read("u4", 1)[0]) * numbers_each)
 
 
 def to_wgs84(layer: sqlite3.Row, path: Path) -> Callable[[Array], Array]:
@@ -196,13 +226,3 @@ def to_wgs84(layer: sqlite3.Row, path: Path) -> Callable[[Array], Array]:
     crs = CRS.from_epsg(layer["organization_coordsys_id"]) if epsg else CRS.from_wkt(layer["definition"])
     project = Transformer.from_crs(crs, 4326, always_xy=True).transform
     return lambda places: np.column_stack(project(*places.T))
-
-
-def with_geopandas(path: Path) -> Any:
-    """geopandas, where it is installed."""
-    try:
-        import geopandas
-        import pyogrio  # noqa: F401
-    except ImportError as error:
-        raise InputError(f"{path}: {path.suffix} files need geopandas: pip install roadfiber[gis]") from error
-    return geopandas

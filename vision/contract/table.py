@@ -252,7 +252,7 @@ def decimals_of(path: Path, names: Sequence[str] = PLACES) -> int | None:
     if path.suffix.lower() != ".csv":
         return None
     text = read_csv(path, (*names, *ALSO_CALLED), rows=LOOKED_AT)
-    written = with_positions(text).filter(names).stack().astype(str)
+    written = with_positions(text).filter(list(names)).stack().astype(str)
     return int(written.str.extract(r"[.,](\d+)", expand=False).str.len().fillna(0).max()) if len(written) else None
 
 

@@ -76,7 +76,7 @@ def accuracy_of(place: Placed) -> Accuracy:
     known = place.constrained & np.isfinite(across) & (place.grade in TRUSTED)
     within = np.full(len(z), NONE, dtype="<U8")
     for name, least, share, in_depth in reversed(PAS128):
-        met = (across <= np.maximum(least, share * z)) & ((depth <= in_depth * z) | np.isinf(in_depth))
+        met = (across <= np.maximum(least, share * z)) & (np.isinf(in_depth) or depth <= in_depth * z)
         within[known & met] = name
     alone = np.where(within == PAS128[0][0], BEST_ALONE, within)
     alone = np.where(place.constrained, alone, ASSUMED) if place.grade in TRUSTED else np.full(len(z), NONE)

@@ -13,7 +13,6 @@ from solver.run.gis.accuracy import CLAIM
 from solver.run.gis.layers import LAYERS, UNRELIABLE, Subject, channel_table
 from solver.run.gis.target import DEGREES, Target
 from vision.contract import InputError, require_writable, writing
-from vision.contract.geometry import with_geopandas
 
 logger = logging.getLogger("roadfiber")
 
@@ -62,7 +61,11 @@ def export(
 
 def tables(subject: Subject, target: Target, path: Path) -> dict[str, Any]:
     """GeoDataFrames by layer, those without a row left out."""
-    gis = with_geopandas(path)
+    try:
+        import geopandas as gis
+        import pyogrio  # noqa: F401
+    except ImportError as error:
+        raise InputError(f"{path}: {path.suffix} files need geopandas: pip install roadfiber[gis]") from error
     made = {name: layer(subject, target) for name, layer in LAYERS.items()}
     return {
         name: gis.GeoDataFrame([row for _, row in rows], geometry=[shape for shape, _ in rows], crs=target.crs)

@@ -116,7 +116,9 @@ def corridor_layer(subject: Subject, target: Target) -> list[tuple[Any, dict[str
             continue
         ring = corridor_ring(subject.place.route[part, :2], half[part])
         flat = np.column_stack([ring, np.zeros(len(ring))])
-        found.append((Polygon(target.points(subject.frame, flat)[:, :2]), described(subject, first, last)))
+        shape = Polygon(target.points(subject.frame, flat)[:, :2])
+        if shape.area:  # where channels lie at one place there is no outline
+            found.append((shape, described(subject, first, last)))
     return found
 
 

@@ -331,6 +331,24 @@ def test_a_geopackage_is_no_other_format_and_computes_nothing(subject: Subject, 
         )
     with pytest.raises(InputError, match="too big"):
         read_features(tmp_path / "a.gpkg")
+    deep = bytes([1, 7, 0, 0, 0, 1, 0, 0, 0]) * 100_000  # a recursive reader ends the process
+    with closing(sqlite3.connect(tmp_path / "a.gpkg", isolation_level=None)) as file:
+        file.execute("DROP TABLE route")
+        file.execute("CREATE TABLE route(geom)")
+        file.execute("INSERT INTO route VALUES (?)", [b"GP\0\1" + bytes(4) + deep])
+        file.execute("UPDATE gpkg_spatial_ref_sys SET organization = 'mine', definition = printf('%.*c', 9000, '(')")
+    with pytest.raises(InputError, match="not a readable GeoPackage") as error:
+        read_features(tmp_path / "a.gpkg")
+    assert len(str(error.value)) < 600
+    with closing(sqlite3.connect(tmp_path / "a.gpkg", isolation_level=None)) as file:
+        file.execute("UPDATE gpkg_spatial_ref_sys SET organization = 'EPSG'")
+    assert {one.kind for one in read_features(tmp_path / "a.gpkg")} == {"LineString", "Point"}
+
+
+def test_a_route_whose_channels_lie_at_one_place_is_exported(subject: Subject, tmp_path: Path) -> None:
+    here = replace(subject, place=replace(subject.place, route=np.zeros_like(subject.place.route)))
+    export(here, [tmp_path / "a.kml", tmp_path / "a.gpkg"])
+    assert {name for name, _ in pyogrio.list_layers(tmp_path / "a.gpkg")} >= {"channels", "anchors"}
 
 
 def test_points_without_attributes_are_no_anchors(tmp_path: Path) -> None:
