@@ -57,6 +57,17 @@ def off_its_law(survey: Survey) -> Survey:
     return replace(survey, strain_rate=survey.strain_rate + more)
 
 
+def off_and_half(place: Any, true: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How far a route is from the true one [channel, 3], and half its corridor: across and in depth, [2, channel].
+
+    All in m.
+    """
+    off = place.route - true
+    across = np.abs((off[:, :2] * normals(place.route)).sum(1))
+    deep = Z95 * np.sqrt(place.covariance[:, 2, 2])
+    return np.stack([across, np.abs(off[:, 2])]), np.stack([half_width(place.route, place.covariance), deep])
+
+
 def held(survey: Survey, run: rf.Run, when: str) -> dict[str, float]:
     """Share of points that lie in either corridor across and in depth, and its median half-width across, m.
 
@@ -65,13 +76,11 @@ def held(survey: Survey, run: rf.Run, when: str) -> dict[str, float]:
     place, known = run.place, run.result.constrained
     if not known.any():
         return {}
-    off = place.route[known] - survey.route[place.channel[known]]
-    across = np.abs((off[:, :2] * normals(place.route)[known]).sum(1))
-    facts = {}
-    for name, one in (("fit", run.result.covariance), ("full", place.covariance)):
-        half, deep = half_width(place.route, one)[known], Z95 * np.sqrt(one[known][:, 2, 2])
-        shares: dict[str, NDArray[np.bool_]] = {"across": across <= half, "deep": np.abs(off[:, 2]) <= deep}
-        shares["flat"] = np.linalg.norm(off[:, :2], axis=1) <= half
+    true, facts = survey.route[place.channel], dict[str, float]()
+    for name, one in (("fit", replace(place, covariance=run.result.covariance)), ("full", place)):
+        (across, down), (half, deep) = (both[:, known] for both in off_and_half(one, true))
+        flat = np.linalg.norm((place.route - true)[known, :2], axis=1)
+        shares: dict[str, NDArray[np.bool_]] = {"across": across <= half, "deep": down <= deep, "flat": flat <= half}
         facts |= {f"{way} {name} {when}": float(inside.mean()) for way, inside in shares.items()}
         facts[f"half {name} {when}"] = float(np.median(half))
     return facts | {f"error {when}": float(across.max())}

@@ -1,16 +1,21 @@
-"""The benchmark of a diagnosis's probabilities: what it draws, and what it counts as right."""
+"""The benchmarks of a diagnosis's probabilities and of streets as built: what they draw, and what counts as right."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
 from benchmarks import reliability
+from benchmarks.as_built import TURN, corners_of, nearest
+from benchmarks.as_built import draw as draw_as_built
 from benchmarks.judged_probabilities import binned, claims, judged, report
 from benchmarks.reliability import AS_DRAWN, KINDS, draw
-from solver.simulator import EFFECTS, Scenario
+from benchmarks.route_limit import PRIOR, limit
+from solver.simulator import EFFECTS, Scenario, simulate
 
 ECHO = {"kind": "unknown", "effects": ["generic_echo"], "stage": "interrogator", "probability": 0.2}
 GAUGE = {"kind": "effect", "effects": ["gauge_length"], "stage": "interrogator", "probability": 0.7}
@@ -137,3 +142,23 @@ def test_where_nothing_was_named_the_second_is_told_beside_what_explains_more(mo
     found: Any = SimpleNamespace(verdict="inconclusive", candidates=())
     scenario = Scenario(effects=dict.fromkeys(hidden, 1.0))
     assert reliability.looked_again(scenario, located, found, []) == (told, [])
+
+
+def test_a_fiber_is_known_best_where_it_crosses_the_road():
+    """The limit of a crossing: nothing worse than its prior, anchors held, corners known better than straight parts."""
+    survey = simulate(Scenario(seed=2, laid="crossing", passes=3, snr_db=15.0, noise="white", view=(0.0, 40.0)))
+    channel, across, depth = limit(survey)
+    corners = corners_of(survey, TURN)
+    assert len(corners) == 2 and np.isfinite([across, depth]).all() and max(across.max(), depth.max()) < PRIOR
+    anchors = np.searchsorted(channel, survey.anchors["channel"])
+    assert across[anchors].max() < survey.scenario.anchor_sigma
+    near = nearest(survey.route[channel][:, :2], corners) < 3.0
+    assert np.median(across[near]) < np.median(across[~near]) / 2
+    quieter = limit(replace(survey, noise_sd=survey.noise_sd / 10))
+    assert (quieter[1] < across).all() and (quieter[2] < depth).all()
+
+
+def test_streets_as_built_are_half_with_nothing_hidden_and_a_few_wind():
+    drawn = [draw_as_built(seed) for seed in range(60)]
+    assert 20 <= sum(not one.effects for one in drawn) <= 40 and 4 <= sum(one.laid == "winding" for one in drawn) <= 18
+    assert all(2 <= draw_as_built(seed, vary=True).gauge_length <= 20 for seed in range(20))
