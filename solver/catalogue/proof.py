@@ -1,5 +1,6 @@
 """A plugin is tried in a process of its own first: it may print, hang, go on, or end the process that runs it."""
 
+import ctypes
 import faulthandler
 import multiprocessing
 import os
@@ -25,6 +26,8 @@ from vision.contract import InputError
 
 #: Time that importing a plugin, or verifying one effect, may take, s; the slowest of our own takes three.
 LIMIT = 60.0
+#: Option of prctl by which a process takes in those whose parents have ended (PR_SET_CHILD_SUBREAPER).
+SUBREAPER = 36
 #: Files of the folder through which a trial answers.
 ANSWER, HUNG = "answer.txt", "hung.txt"
 
@@ -54,6 +57,8 @@ def prove(load: Callable[[S], Sequence[Effect]], source: S, who: str) -> None:
         try:
             trial.join()
         finally:  # processes that the plugin began, and the trial itself at Ctrl-C
+            trial.terminate()
+            trial.join()
             if trial.pid and hasattr(os, "killpg"):
                 with suppress(ProcessLookupError):
                     os.killpg(trial.pid, signal.SIGKILL)
@@ -88,6 +93,8 @@ def attempt(load: Callable[[S], Sequence[Effect]], source: S, folder: Path, limi
     """Verify effects in this process, leave in `folder` what is wrong with them, and end it."""
     if hasattr(os, "setsid"):
         os.setsid()  # one signal reaches all processes of this one
+    if sys.platform == "linux":
+        supervised()
     silence()
     torch.set_num_threads(1)
     warm()  # a forked process has this from the one before it, a spawned one has not
@@ -103,6 +110,31 @@ def attempt(load: Callable[[S], Sequence[Effect]], source: S, folder: Path, limi
             told = str(error)
     (folder / ANSWER).write_text(told, encoding="utf-8")
     os._exit(0)  # waits for no thread of the plugin
+
+
+def supervised() -> None:
+    """Go on in a child of this process, which ends as that does, after every process that was begun there.
+
+    Processes whose parents have ended become children of this one, also those that left its group.
+    """
+    ctypes.CDLL(None).prctl(SUBREAPER, 1)
+    trial = os.fork()
+    if not trial:
+        return
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))
+    status = 0
+    try:
+        _, status = os.waitpid(trial, 0)
+    finally:
+        children = Path(f"/proc/self/task/{os.getpid()}/children")
+        while found := children.read_text().split() if children.exists() else []:
+            for child in found:
+                os.kill(int(child), signal.SIGKILL)
+            os.wait()
+        if os.WIFSIGNALED(status):
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+            os.kill(os.getpid(), os.WTERMSIG(status))
+        os._exit(os.waitstatus_to_exitcode(status))
 
 
 def silence() -> None:

@@ -176,17 +176,18 @@ def test_what_is_shared_and_stays_is_not_a_fault():
 
 GOES_ON = """
 import subprocess, threading, time
-child = subprocess.Popen(["sleep", "600"])
+children = [subprocess.Popen(["sleep", "600"], start_new_session=alone) for alone in (False, True)]
 with open({name!r}, "w") as note:
-    note.write(str(child.pid))
+    note.write(" ".join(str(child.pid) for child in children))
 threading.Thread(target=time.sleep, args=(600,)).start()
 raise ValueError("no more")
 """
 
 
 def test_nothing_of_a_plugin_goes_on_after_its_trial(plugin, tmp_path):
-    """Neither a thread, which the trial would wait for, nor a process of its own."""
+    """Neither a thread, which the trial would wait for, nor a process of its own, nor one of another group."""
     with pytest.raises(InputError, match="no more"):
         catalogue([plugin(GOES_ON.format(name=str(tmp_path / "child.txt")))])
-    status = Path("/proc") / (tmp_path / "child.txt").read_text() / "status"
-    assert not status.exists() or "State:\tZ" in status.read_text()
+    for child in (tmp_path / "child.txt").read_text().split():
+        status = Path("/proc") / child / "status"
+        assert not status.exists() or "State:\tZ" in status.read_text()
