@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 import roadfiber as rf
 from benchmarks.blind import FAIR
@@ -112,6 +113,12 @@ def nearest(to: Array, places: Array) -> Array:
     return np.asarray(np.linalg.norm(to[:, None] - places, axis=2).min(1))
 
 
+def paired(true: Array, told: Array) -> Array:
+    """Distances [pair], m, of true corners [corner, 2] and those told, each of one alone, so that their sum is least."""
+    apart = np.linalg.norm(true[:, None] - told, axis=2)
+    return np.asarray(apart[linear_sum_assignment(apart)])
+
+
 def scored(survey: Survey, run: rf.Run) -> dict[str, Any]:
     """How far a route is off in view, what its corridor holds, what was said, and the corners."""
     place = run.place
@@ -122,7 +129,7 @@ def scored(survey: Survey, run: rf.Run) -> dict[str, Any]:
     true_corners, told = corners_of(survey, TURN), told_corners(run, survey)
     near = seen & (nearest(true[:, :2], corners_of(survey, TURN)) <= NEAR)
     failed = [one["name"] for one in run.facts["trust"]["gates"] if one["verdict"] == "failed"]
-    apart = nearest(true_corners, told)
+    apart = paired(true_corners, told)
     facts = {
         "shape": survey.scenario.laid,
         "located": float(known[seen].sum() / in_view(survey, np.arange(len(survey.route))).sum()),

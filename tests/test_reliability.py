@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from benchmarks import reliability
-from benchmarks.as_built import TURN, corners_of, nearest
+from benchmarks.as_built import TURN, corners_of, nearest, paired
 from benchmarks.as_built import draw as draw_as_built
 from benchmarks.judged_probabilities import binned, claims, judged, report
 from benchmarks.reliability import AS_DRAWN, KINDS, draw
@@ -156,6 +156,11 @@ def test_a_fiber_is_known_best_where_it_crosses_the_road():
     assert np.median(across[near]) < np.median(across[~near]) / 2
     quieter = limit(replace(survey, noise_sd=survey.noise_sd / 10))
     assert (quieter[1] < across).all() and (quieter[2] < depth).all()
+
+
+def test_one_corner_told_finds_one_corner():
+    dent = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 1.0], [3.0, 0.0]])
+    assert paired(dent, np.array([[1.2, 1.0]])) == pytest.approx([0.2]) and len(paired(dent, np.empty((0, 2)))) == 0
 
 
 def test_streets_as_built_are_half_with_nothing_hidden_and_a_few_wind():
