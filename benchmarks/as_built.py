@@ -114,7 +114,7 @@ def nearest(to: Array, places: Array) -> Array:
 
 
 def paired(true: Array, told: Array) -> Array:
-    """Distances [pair], m, of true corners [corner, 2] and those told, each of one alone, so that their sum is least."""
+    """Distances [pair], m, of true corners [corner, 2] and those told, each of one alone: the least sum."""
     apart = np.linalg.norm(true[:, None] - told, axis=2)
     return np.asarray(apart[linear_sum_assignment(apart)])
 
