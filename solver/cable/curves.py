@@ -66,7 +66,7 @@ def frenet_of(basis: Basis, coefficients: Array, distance: Array) -> Frenet:
     >>> from solver.cable.fiber import SplineBasis
     >>> arc = np.linspace(0.0, 60.0, 200)
     >>> circle = np.stack([30 * np.sin(arc / 30), -30 * np.cos(arc / 30), np.ones(200)], axis=1)
-    >>> basis = SplineBasis(0.0, 60.0, 3.0)
+    >>> basis = SplineBasis.even(0.0, 60.0, 3.0)
     >>> frenet_of(basis, basis.interpolate(arc, circle), np.array([20.0, 40.0])).curvature.round(4).tolist()
     [0.0333, 0.0333]
     """

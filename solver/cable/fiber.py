@@ -1,12 +1,13 @@
 """Cable stage: the fiber's route, a curve in three dimensions parametrised by its length."""
 
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from math import factorial
 from typing import Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline
 from torch import Tensor
 
@@ -22,55 +23,76 @@ class Basis(Protocol):
 
 @dataclass(frozen=True)
 class SplineBasis:
-    """Cubic B-splines on equal knots over a stretch of fiber: local support, three dimensions alike.
+    """Cubic B-splines over a stretch of fiber: local support, three dimensions alike.
 
     A route is `basis.at(s) @ coefficients` with coefficients [knot, 3] (x, y, z), m.
 
     Parameters
     ----------
-    start, stop : ends of the stretch, distance along the fiber, m
-    spacing : knot spacing wanted, m; the nearest that divides the stretch is taken
+    knots : ascending distances along the fiber, m, three of them beyond either end of the stretch
 
-    >>> basis = SplineBasis(0.0, 100.0, 10.0)
+    >>> basis = SplineBasis.even(0.0, 100.0, 10.0)
     >>> basis.size
     13
-    >>> basis.at(np.array([50.0])).sum().round(12)
+    >>> SplineBasis.of([0.0, 10.0, 12.0, 20.0]).at(np.array([11.0])).sum().round(12)
     np.float64(1.0)
     """
 
-    start: float
-    stop: float
-    spacing: float
+    knots: tuple[float, ...]
+
+    @classmethod
+    def of(cls, breaks: ArrayLike) -> "SplineBasis":
+        """On knots at the `breaks`, two at least; beyond either end they go on at the spacing there."""
+        breaks, beyond = np.asarray(breaks, float), np.arange(1, DEGREE + 1)
+        first, last = breaks[1] - breaks[0], breaks[-1] - breaks[-2]
+        return cls(
+            tuple(np.concatenate([breaks[0] - first * beyond[::-1], breaks, breaks[-1] + last * beyond]).tolist())
+        )
+
+    @classmethod
+    def even(cls, start: float, stop: float, spacing: float) -> "SplineBasis":
+        """On equal knots, of the spacing nearest to the one wanted, m, that divides the stretch."""
+        return cls.of(np.linspace(start, stop, max(1, round((stop - start) / spacing)) + 1))
+
+    @property
+    def breaks(self) -> NDArray[np.float64]:
+        """Knots from end to end of the stretch, m: between two of them a route is one cubic."""
+        return np.array(self.knots[DEGREE:-DEGREE])
+
+    @property
+    def start(self) -> float:
+        """Where the stretch begins, m."""
+        return self.knots[DEGREE]
+
+    @property
+    def stop(self) -> float:
+        """Where it ends, m."""
+        return self.knots[-1 - DEGREE]
 
     @property
     def intervals(self) -> int:
         """Number of knot intervals."""
-        return max(1, round((self.stop - self.start) / self.spacing))
+        return len(self.knots) - 2 * DEGREE - 1
 
     @property
     def size(self) -> int:
         """Number of coefficients per dimension."""
         return self.intervals + DEGREE
 
-    @property
-    def step(self) -> float:
-        """Knot spacing, m."""
-        return (self.stop - self.start) / self.intervals
-
-    @property
-    def knots(self) -> NDArray[np.float64]:
-        """Knots [intervals + 7], m, three beyond either end."""
-        return np.asarray(self.start + self.step * np.arange(-DEGREE, self.intervals + DEGREE + 1), float)
+    def interval(self, distance: ArrayLike) -> NDArray[np.int64]:
+        """Number of the interval that each distance lies in; beyond the ends that of the end."""
+        found = np.searchsorted(self.breaks, distance, side="right") - 1
+        return np.asarray(np.clip(found, 0, self.intervals - 1), np.int64)
 
     def part(self, first: int, last: int) -> "SplineBasis":
         """The same functions over the intervals `first` to `last`: of the coefficients from number `first` on.
 
-        >>> basis = SplineBasis(0.0, 100.0, 10.0)
+        >>> basis = SplineBasis.even(0.0, 100.0, 10.0)
         >>> at = np.array([37.0])
         >>> bool(np.allclose(basis.part(3, 5).at(at), basis.at(at)[:, 3:8]))
         True
         """
-        return SplineBasis(self.start + first * self.step, self.start + last * self.step, self.step)
+        return SplineBasis(self.knots[first : last + 2 * DEGREE + 1])
 
     def along(
         self, coefficients: NDArray[np.float64], distance: NDArray[np.float64], derivative: int = 0
@@ -83,24 +105,29 @@ class SplineBasis:
         spline = BSpline(self.knots, np.eye(self.size), DEGREE, extrapolate=True)
         return np.asarray(spline(distance, nu=derivative))
 
+    @cached_property
+    def cubics(self) -> Tensor:
+        """Polynomials [interval, power, function], highest power first, of the four functions on each interval."""
+        spline = BSpline(self.knots, np.eye(self.size), DEGREE)
+        powers = [spline(self.breaks[:-1], nu=power) / factorial(power) for power in range(DEGREE, -1, -1)]
+        rows = np.arange(self.intervals)[:, None]
+        return torch.from_numpy(np.stack([one[rows, rows + np.arange(DEGREE + 1)] for one in powers], 1))
+
     def weights(self, distance: Tensor, derivative: int = 0) -> Tensor:
         """The same [..., coefficient] at a tensor of distances [...], differentiable; straight on beyond the ends."""
         inside = distance.clamp(self.start, self.stop)
-        phase = ((inside - self.start) / self.step)[..., None] - torch.arange(-1, self.size - 1, dtype=distance.dtype)
-        x = phase.abs()
-        near, far = x < 1, x < 2
-
-        def pieces(center: Tensor, flank: Tensor) -> Tensor:
-            return torch.where(near, center, torch.where(far, flank, torch.zeros_like(x)))
-
+        number = torch.from_numpy(self.interval(inside.detach().numpy()))
+        u = (inside - torch.from_numpy(self.breaks)[number].to(distance.dtype))[..., None]
+        a, b, c, d = self.cubics[number].unbind(-2)
+        slope = (3 * a * u + 2 * b) * u + c
         if derivative == 2:
-            bent = pieces(3 * x - 2, 2 - x) / self.step**2
-            return torch.where((inside == distance)[..., None], bent, torch.zeros_like(bent))
-        slope = phase.sign() * pieces(1.5 * x**2 - 2 * x, -0.5 * (2 - x) ** 2) / self.step
-        if derivative == 1:
-            return slope
-        value = pieces(2 / 3 - x**2 + 0.5 * x**3, (2 - x) ** 3 / 6)
-        return value + (distance - inside)[..., None] * slope
+            values = torch.where((inside == distance)[..., None], 6 * a * u + 2 * b, 0.0)
+        elif derivative == 1:
+            values = slope
+        else:
+            values = ((a * u + b) * u + c) * u + d + (distance - inside)[..., None] * slope
+        every = torch.zeros(*values.shape[:-1], self.size, dtype=values.dtype)
+        return every.scatter(-1, number[..., None] + torch.arange(DEGREE + 1), values)
 
     def interpolate(self, distance: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coefficients [coefficient, 3] of the smoothest route near points [point, 3] at those distances, m.
@@ -110,12 +137,18 @@ class SplineBasis:
         from scipy.linalg import solveh_banded
         from scipy.sparse import diags_array, vstack
 
-        grid = np.linspace(self.start, self.stop, 4 * self.size)
+        grid = np.interp(np.linspace(0, self.intervals, 4 * self.size), np.arange(self.intervals + 1), self.breaks)
         design = BSpline.design_matrix(distance, self.knots, DEGREE, extrapolate=True)
-        # The second derivative of a cubic spline is piecewise linear between second differences of its coefficients.
-        bends = diags_array([1.0, -2.0, 1.0], offsets=[0, 1, 2], shape=(self.intervals + 1, self.size))
-        between = BSpline.design_matrix(grid, self.knots[2:-2], 1, extrapolate=True)
-        matrix = vstack([design, 1e-3 * between @ bends]).tocsr()
+        # The second derivative of a cubic spline is linear between coefficients of its own (de Boor 2001, X.15).
+        knots, differences = np.array(self.knots), None
+        for degree in (DEGREE, DEGREE - 1):
+            inner = knots[DEGREE + 1 - degree : len(knots) - (DEGREE + 1 - degree)]
+            scale = degree / (inner[degree:] - inner[:-degree])
+            count = len(scale)
+            step = diags_array([-scale, scale], offsets=[0, 1], shape=(count, count + 1))
+            differences = step if differences is None else step @ differences
+        between = BSpline.design_matrix(grid, knots[2:-2], 1, extrapolate=True)
+        matrix = vstack([design, 1e-3 * np.median(np.diff(self.breaks)) ** 2 * between @ differences]).tocsr()
         target = np.vstack([points, np.zeros((len(grid), points.shape[1]))])
         normal = (matrix.T @ matrix).todia()
         band = np.array([normal.diagonal(-k).tolist() + [0.0] * k for k in range(DEGREE + 1)])
@@ -127,13 +160,15 @@ class SplineBasis:
 PER_STATION, FEWEST_STATIONS = 2.5, 4
 
 
-def stations_within(gauge_length: float) -> int:
-    """How many stations an integral along a gauge takes.
+def stations_within(gauge_length: float, basis: Basis) -> int:
+    """How many stations an integral along a gauge takes, on a route of some basis: one per knot at least.
 
-    >>> stations_within(10.0), stations_within(50.0)
-    (4, 20)
+    >>> even, fine = SplineBasis.even(0.0, 100.0, 10.0), SplineBasis.even(0.0, 100.0, 1.0)
+    >>> stations_within(10.0, even), stations_within(50.0, even), stations_within(10.0, fine)
+    (4, 20, 10)
     """
-    return max(FEWEST_STATIONS, round(gauge_length / PER_STATION))
+    closest = float(np.diff(basis.breaks).min()) if isinstance(basis, SplineBasis) else PER_STATION
+    return max(FEWEST_STATIONS, round(gauge_length / min(PER_STATION, closest)))
 
 
 @lru_cache
@@ -220,7 +255,7 @@ class GaugeEnds(PerGauge):
         ahead, behind = distance + gauge_length / 2, distance - gauge_length / 2
         matrices = [basis.at(where, order) for order in (0, 1) for where in (ahead, behind)]
         if inner:
-            offsets, _ = stations(stations_within(gauge_length))
+            offsets, _ = stations(stations_within(gauge_length, basis))
             within = distance[:, None] + offsets.numpy() * gauge_length
             matrices += [basis.at(within, order) for order in range(3)]
         return cls(*(torch.from_numpy(matrix) for matrix in matrices))

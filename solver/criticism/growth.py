@@ -27,7 +27,7 @@ from solver.run.code import with_plugins
 from solver.run.facts import fitted_facts
 from solver.run.ladder import climbed
 from solver.run.report.report_words import told
-from solver.run.route_fits import fit_finely
+from solver.run.route_fits import fit_bends
 from solver.run.run import Run
 from solver.run.strict_json import strict
 from vision.contract import InputError
@@ -177,10 +177,10 @@ def with_growth(run: Run, grown: Grown, effects: Sequence[str], seconds: float) 
 
 
 def regrown(run: Run, grown: Grown, effects: Sequence[str], seconds: float) -> Run:
-    """The run as it is with more in its model, `effects` those of its model by name; on finer knots as `locate` has."""
+    """The run as it is with more in its model, `effects` those of its model by name; with knots as `locate` adds."""
     result, problem, unseen = grown.result(seconds), grown.fit.problem, grown.after
     result = replace(result, ambiguous_side=reopened(run.result.ambiguous_side, result, problem))
-    finer, fine = fit_finely(result, problem, "spline")
+    finer, fine = fit_bends(result, problem, "spline")
     if fine is not problem:
         result, problem, chain = finer, fine, Chain.of(fine)
         unseen = held_out(fine, at=(chain, chain.state_of(torch.from_numpy(result.vector))))

@@ -44,7 +44,7 @@ def whole_of(problems: Sequence[Problem]) -> Problem:
         traffic=Traffic.of(passes),
         anchors=list(anchors.values()),
         start=start / count,
-        knot_spacing=min(one.knot_spacing for one in problems),
+        knots=max((one.knots for one in problems), key=len),
     )
 
 

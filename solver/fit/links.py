@@ -65,8 +65,7 @@ class Link:
 def along(basis: SplineBasis, group: Sequence[Problem], stretch: int) -> Iterator[tuple[int, int, MapFit]]:
     """Number of the stretch, of its first coefficient, and the fit of each small problem on it."""
     distance, reach = group[0].distance, reach_of(group[0])
-    first = int(np.clip(np.floor((distance[0] - reach - basis.start) / basis.step), 0, basis.intervals - 1))
-    last = int(np.clip(np.ceil((distance[-1] + reach - basis.start) / basis.step), first + 1, basis.intervals))
+    first, last = basis.interval([distance[0] - reach, distance[-1] + reach]) + np.array([0, 1])
     part = basis.part(first, last)
     ends = GaugeEnds.of(part, distance, group[0].gauge_length, group[0].curved)
     for one in group:

@@ -87,7 +87,7 @@ class MapFit(ParameterSpace):
         graded = stages.ground.compliance is not None
         within = path.curved or graded or isinstance(cable.path_integral, Tensor)
         held = None if cable.loose is None else (cable.loose.begin, cable.loose.end)
-        inner = stations_within(self.problem.gauge_length) if within else 0
+        inner = stations_within(self.problem.gauge_length, self.basis) if within else 0
         return ends_at(self.basis, cable.distance, gauge, inner, held)
 
     def fiber(self, state: State, values: Values) -> Fiber:

@@ -53,6 +53,17 @@ class Banded:
         self.side[first : first + count, border] += sign * block.matrix[:count, count:]
         self.corner[np.ix_(border, border)] += sign * block.matrix[count:, count:]
 
+    @property
+    def dense(self) -> Array:
+        """The same matrix [parameter + border, parameter + border] in full."""
+        size, border = self.side.shape
+        out = np.zeros((size + border, size + border))
+        for below, diagonal in enumerate(self.band[:size]):
+            at = np.arange(size - below)
+            out[at + below, at] = out[at, at + below] = diagonal[: size - below]
+        out[:size, size:], out[size:, :size], out[size:, size:] = self.side, self.side.T, self.corner
+        return out
+
     def copy(self) -> "Banded":
         """One that may be changed."""
         return Banded(self.band.copy(), self.side.copy(), self.corner.copy())
@@ -140,8 +151,17 @@ class Normal:
         """All that the shared parameters have among themselves."""
         return Banded.of([*self.blocks, *self.known], self.size, self.border)
 
+    def without_vehicles(self) -> tuple[Banded, Array]:
+        """Matrix and right-hand side of the shared parameters, the vehicles eliminated."""
+        matrix, right, _ = self._eliminated(0.0)
+        return matrix, right
+
     def reduced(self, damping: float = 0.0) -> Reduced:
         """Eliminate the vehicles; `damping` times the diagonal is added first (Marquardt 1963)."""
+        matrix, right, lifts = self._eliminated(damping)
+        return Reduced(Factor(matrix), right, lifts)
+
+    def _eliminated(self, damping: float) -> tuple[Banded, Array, list[tuple[Array, Array]]]:
         matrix, right = self.shared.copy(), self.right.copy()
         lifts: list[tuple[Array, Array]] = []
         if len(matrix.band):
@@ -159,7 +179,7 @@ class Normal:
             lifts.append((across, alone))
         for block, less in zip(self.blocks, taken, strict=True):
             matrix.add(block.of(less), -1.0)
-        return Reduced(Factor(matrix), right, lifts)
+        return matrix, right, lifts
 
     def step(self, damping: float) -> tuple[Array, list[Array]]:
         """Step of the shared parameters [size + border], and of each part's own."""

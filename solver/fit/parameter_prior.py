@@ -156,7 +156,8 @@ class ParameterPrior:
         """First coefficient and basis of each stretch of the route that has a mean depth of its own."""
         basis = self.basis
         count = max(1, round((basis.stop - basis.start) / OWN_DEPTH))
-        cuts = np.linspace(0, basis.intervals, count + 1).round().astype(int).tolist()
+        places = np.linspace(basis.start, basis.stop, count + 1)
+        cuts = np.abs(basis.breaks[:, None] - places).argmin(0).tolist()
         return [(first, basis.part(first, last)) for first, last in pairwise(cuts)]
 
     def shape(self, coefficients: Tensor) -> list[RouteRows]:
@@ -184,7 +185,7 @@ class ParameterPrior:
         if len(self.pieces) == 1:
             return [RouteRows(0, anchor_rows(basis, self.anchors, place, by_number, state.coefficients), other)]
         for number, anchor in enumerate(self.anchors):
-            first = int(np.clip((float(place[number]) - basis.start) // basis.step, 0, basis.intervals - 1))
+            first = int(basis.interval(float(place[number])))
             part, one = basis.part(first, first + 1), slice(number, number + 1)
             near = state.coefficients[first : first + DEGREE + 1]
             found.append(RouteRows(first, anchor_rows(part, [anchor], place[one], by_number[one], near), other))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from solver.fit.chain import Chain
+from solver.fit.corners import find_corners
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Reduced
 from solver.fit.normal_parts import Block
@@ -157,7 +158,7 @@ class Posterior:
         border = self.visit.normal.size + self.chain.rank(other)
         at = place.clamp(basis.start, basis.stop).numpy()
         tangent = basis.along(state.coefficients.numpy(), at, 1)
-        interval = np.clip((at - basis.start) // basis.step, 0, basis.intervals - 1).astype(int)
+        interval = basis.interval(at)
         for first in range(0, basis.intervals, INTERVALS):
             here = (interval >= first) & (interval < first + INTERVALS)
             if not here.any():
@@ -324,4 +325,5 @@ def assemble(
         seconds=seconds,
         converged=converged,
         shared=None if shared is None else (float(shared[1]), float(shared[2])),
+        corners=find_corners(posterior, *problem.distance[[0, -1]]) if converged else (),
     )

@@ -43,6 +43,9 @@ class Prior:
 
 #: Length over which slope and curvature of a route are one independent value, m.
 PATCH = 10.0
+#: Degrees of freedom of the priors on slope and curvature: ducts lie straight and turn at corners, so that most of a
+#: route bends little and some places much.
+FREEDOM = 2.0
 #: Least depth that a route is expected to have, and sd of that limit, m.
 SHALLOW, SHALLOW_SD = 0.2, 0.02
 
@@ -83,6 +86,24 @@ class Rows:
         return cls((matrix @ coefficients[:, axis] - target) / sd, jacobian.flatten(1))
 
     @classmethod
+    def heavy_tailed(cls, matrix: Tensor, coefficients: Tensor, axes: list[int]) -> "Rows":
+        """Vectors matrix @ coefficients[:, axes] [place, axis] of a Student t density of `FREEDOM` degrees of freedom.
+
+        -2 ln of it is rho(q) = (FREEDOM + axes) ln(1 + q / FREEDOM) of the square q of a vector v. The rows are
+        v (rho(q) / q)^(1/2), whose squares sum to rho.
+        """
+        value, dims = matrix @ coefficients[:, axes], len(axes)
+        q = (value**2).sum(1, keepdim=True).clamp_min(1e-12)
+        rho, slope = (FREEDOM + dims) * torch.log1p(q / FREEDOM), (FREEDOM + dims) / (FREEDOM + q)
+        gain = (rho / q).sqrt()
+        # d gain / dq = (rho' - rho / q) / (2 q gain)
+        bent = (slope - rho / q) / (q * gain)
+        by = gain[..., None] * torch.eye(dims, dtype=value.dtype) + bent[..., None] * value[:, :, None] * value[:, None]
+        jacobian = torch.zeros(len(matrix), dims, matrix.shape[1], 3, dtype=value.dtype)
+        jacobian[..., axes] = by[:, :, None, :] * matrix[:, None, :, None]
+        return cls((gain * value).flatten(), jacobian.flatten(0, 1).flatten(1))
+
+    @classmethod
     def stack(cls, rows: Sequence["Rows"]) -> "Rows":
         """All rows, one after the other."""
         return cls(torch.cat([r.residual for r in rows]), torch.cat([r.jacobian for r in rows]))
@@ -90,7 +111,8 @@ class Rows:
 
 def shape_grid(basis: SplineBasis) -> NDArray[np.float64]:
     """Distances [place], m, along a route at which its shape is compared with the prior: twice per interval."""
-    return np.linspace(basis.start, basis.stop, 2 * basis.intervals + 1)
+    breaks = basis.breaks
+    return np.interp(np.arange(2 * basis.intervals + 1) / 2, np.arange(len(breaks)), breaks)
 
 
 def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
@@ -108,12 +130,12 @@ def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
     grid = shape_grid(basis)
     value, slope, bend = (torch.from_numpy(basis.at(grid, order)) for order in range(3))
     # The grid samples each interval twice; this keeps the weight of one value per patch.
-    density = ((basis.stop - basis.start) / PATCH / len(grid)) ** 0.5
+    edges = np.concatenate([grid[:1], (grid[1:] + grid[:-1]) / 2, grid[-1:]])
+    density = torch.from_numpy(np.diff(edges) / PATCH)[:, None] ** 0.5
     tangent = slope @ coefficients
     length = tangent.norm(dim=1)
     stretch = prior.stretch / density
-    length_rows = (tangent / length[:, None])[:, None, :] * slope[:, :, None] / stretch
-    bends = (prior.curvature, prior.curvature, prior.depth_curvature)
+    length_rows = (tangent / length[:, None])[:, None, :] * slope[:, :, None] / stretch[..., None]
     depth = value @ coefficients[:, 2]
     short_of = (SHALLOW / depth - 1) * SHALLOW / SHALLOW_SD
     burial_rows = torch.zeros_like(length_rows)
@@ -121,9 +143,10 @@ def shape_rows(basis: SplineBasis, prior: Prior, coefficients: Tensor) -> Rows:
     return Rows.stack(
         [
             Rows.linear(value.mean(0, keepdim=True), coefficients, 2, *prior.depth),
-            Rows.linear(slope * density, coefficients, 2, 0.0, prior.depth_slope),
-            *(Rows.linear(bend * density, coefficients, axis, 0.0, sd) for axis, sd in enumerate(bends)),
-            Rows((length - 1) / stretch, length_rows.flatten(1)),
+            Rows.heavy_tailed(slope * density / prior.depth_slope, coefficients, [2]),
+            Rows.heavy_tailed(bend * density / prior.curvature, coefficients, [0, 1]),
+            Rows.heavy_tailed(bend * density / prior.depth_curvature, coefficients, [2]),
+            Rows((length - 1) / stretch[:, 0], length_rows.flatten(1)),
             Rows(torch.nn.functional.softplus(short_of), burial_rows.flatten(1)),
         ]
     )

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from solver.trajectory.vehicle_pass import Pass
 
 #: Knot spacing of a route, m: roads and ducts bend slowly.
 KNOT_SPACING = 10.0
+#: Least distance of knots, m: a duct bends on a radius of half a meter at least.
+CLOSEST = 0.6
 #: How far the model is computed beyond the fitted channels where an effect mixes neighbors, m.
 MARGIN = 12.0
 #: Moments a second at which filters in time need the model: vehicles near the fiber change it faster than 5 Hz shows.
@@ -51,7 +54,7 @@ class Problem:
     effects : in the model, beyond the base
     signal_noise : how noise grows with the signal: its variance is times 1 + signal_noise (signal / noise)^2
     curved : whether strain is the integral along the fiber's path, see `SignalPath`
-    knot_spacing : of the route, m
+    knots : distances along the fiber, m, of knots of the route; what is between them has knots `KNOT_SPACING` apart
     coil : fiber that the matched filter takes to lie coiled; no model has it before it is added
     windows : row and time, s since the record's start, at which each window of the record after the first begins: where
         only some times were read, time jumps there
@@ -74,7 +77,7 @@ class Problem:
     effects: Sequence[Effect] = ()
     curved: bool = True
     signal_noise: float = 0.0
-    knot_spacing: float = KNOT_SPACING
+    knots: tuple[float, ...] = ()
     coil: Coil | None = None
     windows: tuple[tuple[int, float], ...] = ()
 
@@ -115,7 +118,10 @@ class Problem:
     @property
     def basis(self) -> SplineBasis:
         """Of the route, over the span."""
-        return SplineBasis(*self.span, self.knot_spacing)
+        start, stop = self.span
+        places = [start, *(one for one in self.knots if start + CLOSEST < one < stop - CLOSEST), stop]
+        pieces = [SplineBasis.even(*ends, KNOT_SPACING).breaks[:-1] for ends in pairwise(places)]
+        return SplineBasis.of(np.concatenate([*pieces, [stop]]))
 
     @property
     def route_channel(self) -> NDArray[np.int64]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.fit.corners import Corner
 from solver.noise.law import NoiseLaw
 
 
@@ -33,6 +34,7 @@ class Placed:
     covariance : [channel, 3, 3], m^2, of the 95 % corridor
     fit_covariance : of the fit alone, which takes its model for granted; None where no other is known
     grade, trust : what the run's checks say, see `solver.run.trust.Trust`: in a word, and in a sentence
+    corners : where the fiber turns, or goes deeper or less deep
     """
 
     channel: NDArray[np.int64]
@@ -43,6 +45,7 @@ class Placed:
     fit_covariance: NDArray[np.float64] | None = None
     grade: str = "good"
     trust: str = ""
+    corners: tuple[Corner, ...] = ()
 
     @property
     def reliable(self) -> NDArray[np.bool_]:
@@ -88,6 +91,7 @@ class FitResult:
     ambiguous_side : True where the mirror route on the other side of the traffic fits as well
     iterations, seconds, converged : how it went
     shared : shares of the variances of y and z that are common to all constrained places; None where not known
+    corners : where the fiber turns, or goes deeper or less deep, of the fitted channels
     """
 
     method: str
@@ -114,6 +118,7 @@ class FitResult:
     seconds: float
     converged: bool
     shared: tuple[float, float] | None = None
+    corners: tuple[Corner, ...] = ()
 
     @property
     def sigma(self) -> NDArray[np.float64]:

@@ -9,7 +9,6 @@ from torch import Tensor
 
 from solver.fit.acting_rows import acting
 from solver.ground.compiled import compiled
-from solver.ground.lanes import LANES, put
 from solver.signal_path.sensitivities import Sensitivities
 
 Array = NDArray[np.float64]
@@ -27,107 +26,77 @@ class RouteResponse:
     """
 
     def __init__(self, local: Sensitivities, places: Tensor, others: Tensor):
-        points = places.shape[1]
-        weights, ratios = others[:, : 3 * points].unflatten(1, (points, 3)), others[:, 3 * points :, None]
-        by_weight = torch.cat([weights, ratios], 2) if ratios.numel() else weights
-        turned = local.by_weight.permute(3, 0, 2, 1)
-        if ratios.numel():
-            turned = torch.cat([turned, local.by_ratio.permute(0, 2, 1)[None]])
-        near = places.any(1) | others.unflatten(2, (-1, 3)).any(3).any(1)
-        #: First channel that each coefficient moves, and that after the last, [coefficient, 2].
-        self._near = acting(near.T).numpy()
-        #: Derivatives by points [3, row, point, channel], by weights and ratio [3 or 4, row, point, channel], and of
-        #: these by coefficients: [coefficient, point, channel] and [coefficient, 3, 3 or 4, point, channel].
-        self._given = local.by_point.permute(3, 0, 2, 1).contiguous().numpy(), turned.contiguous().numpy()
-        factors = by_weight.unflatten(3, (-1, 3)).permute(3, 4, 2, 1, 0)
-        self._factors = places.permute(2, 1, 0).contiguous().numpy(), factors.contiguous().numpy()
+        channels, points, count = places.shape
+        moved = places.ne(0) | others[:, : 3 * points].ne(0).view(channels, points, 3, count, 3).any(-1).any(2)
+        if others.shape[1] > 3 * points:
+            moved |= others[:, 3 * points :].ne(0).view(channels, points, count, 3).any(-1)
+        #: First coefficient that moves each point, and that after the last, [channel, point, 2].
+        self._near = acting(moved.flatten(0, 1)).view(channels, points, 2).numpy()
+        #: Derivatives by points and by weights, each [3, row, point, channel], and by the ratio [row, point, channel].
+        given = local.by_point.permute(3, 0, 2, 1), local.by_weight.permute(3, 0, 2, 1), local.by_ratio.permute(0, 2, 1)
+        self._given = tuple(one.contiguous().numpy() for one in given)
+        self._factors = places.contiguous().numpy(), others.contiguous().numpy()
         self._scale = local.amplitude.contiguous().numpy()
 
     def maps(self, some: slice, sample: Tensor, samples: int) -> Tensor:
         """Derivatives [3 coefficient, sample, channel] by some coefficients; `sample` is that of each row."""
-        (point, turned), (places, factors) = self._given, self._factors
-        out = np.zeros((3 * len(places[some]), samples, point.shape[3]))
-        at = sample.contiguous().numpy()
-        add_maps(point, turned, places[some], factors[some], self._near[some], self._scale, at, out)
+        first, last, _ = some.indices(self._factors[0].shape[2])
+        out = np.zeros((3 * (last - first), samples, len(self._near)))
+        near = self._near.clip(first, last)
+        add_maps(*self._given, *self._factors, near, first, self._scale, sample.contiguous().numpy(), out)
         return torch.from_numpy(out)
 
 
 @partial(compiled, fastmath=True)
 def add_maps(
     point: Array,
-    turned: Array,
+    weight: Array,
+    ratio: Array,
     places: Array,
-    factors: Array,
+    others: Array,
     near: NDArray[np.int64],
+    base: int,
     scale: Array,
     at: NDArray[np.int64],
     out: Array,
 ) -> None:
-    """Add how maps change with coefficients.
+    """Add how maps change with coefficients from number `base` on.
 
     Parameters
     ----------
-    point, turned, places, factors, near : as in `RouteResponse`
+    point, weight, ratio, places, others, near : as in `RouteResponse`
     scale, at : [row], amplitude and sample
     out : [3 coefficient, sample, channel]
     """
-    points, channels, kinds = point.shape[2], point.shape[3], 1 + len(turned)
-    total, by = np.empty(channels), np.empty(points * kinds * LANES)
-    for number in range(len(places)):
-        for begin in range(near[number, 0], near[number, 1], LANES):
-            count = min(LANES, near[number, 1] - begin)
-            # Whole vectors of the processor: what is beyond has factors of zero.
-            count = min((count + 7) // 8 * 8, channels)
-            first = min(begin, channels - count)
-            for i in range(3):
-                for p in range(points):
-                    put(places[number, p, first:], by[p * kinds * LANES :], count)
-                    for j in range(len(turned)):
-                        put(factors[number, i, j, p, first:], by[(p * kinds + 1 + j) * LANES :], count)
-                for one in range(points * kinds):
-                    # Channels that those before began with.
-                    by[one * LANES : one * LANES + begin - first] = 0
-                by_row(point[i], turned, by, first, count, total, scale, at, out[3 * number + i])
-
-
-@partial(compiled, fastmath=True)
-def by_row(
-    point: Array,
-    turned: Array,
-    by: Array,
-    first: int,
-    count: int,
-    total: Array,
-    scale: Array,
-    at: NDArray[np.int64],
-    out: Array,
-) -> None:
-    """Add how a map [sample, channel] changes with one number of the route, from some channel on.
-
-    Parameters
-    ----------
-    point : [row, point, channel]
-    by : [point, 1 + len(turned), LANES], flat: derivatives of points and weights by it
-    total : [channel], to work in
-    """
-    rows, points = point.shape[:2]
-    kinds = 1 + len(turned)
-    for row in range(rows):
-        total[:count] = 0
+    _, rows, points, channels = point.shape
+    graded, total = others.shape[1] > 3 * points, np.zeros((channels, len(out)))
+    reached = np.empty((channels, 2), np.int64)
+    for c in range(channels):
+        begun, ended = len(out), 0
         for p in range(points):
-            factors, moved = by[p * kinds * LANES :], point[row, p, first:]
-            x, y, z = turned[0, row, p, first:], turned[1, row, p, first:], turned[2, row, p, first:]
-            for k in range(count):
-                total[k] += (
-                    moved[k] * factors[k]
-                    + x[k] * factors[LANES + k]
-                    + y[k] * factors[2 * LANES + k]
-                    + z[k] * factors[3 * LANES + k]
-                )
-            if kinds == 5:
-                ratio = turned[3, row, p, first:]
-                for k in range(count):
-                    total[k] += ratio[k] * factors[4 * LANES + k]
-        to, size = out[at[row], first:], scale[row]
-        for k in range(count):
-            to[k] += size * total[k]
+            if near[c, p, 0] < near[c, p, 1]:
+                begun, ended = min(begun, 3 * (near[c, p, 0] - base)), max(ended, 3 * (near[c, p, 1] - base))
+        reached[c, 0], reached[c, 1] = begun, ended
+    for row in range(rows):
+        for p in range(points):
+            for c in range(channels):
+                begun, ended = near[c, p]
+                if begun >= ended:
+                    continue
+                x, y, z = weight[0, row, p, c], weight[1, row, p, c], weight[2, row, p, c]
+                for k in range(3 * begun, 3 * ended):
+                    of = x * others[c, 3 * p, k] + y * others[c, 3 * p + 1, k] + z * others[c, 3 * p + 2, k]
+                    total[c, k - 3 * base] += of
+                if graded:
+                    for k in range(3 * begun, 3 * ended):
+                        total[c, k - 3 * base] += ratio[row, p, c] * others[c, 3 * points + p, k]
+                x, y, z = point[0, row, p, c], point[1, row, p, c], point[2, row, p, c]
+                for k in range(begun, ended):
+                    to = 3 * (k - base)
+                    total[c, to] += x * places[c, p, k]
+                    total[c, to + 1] += y * places[c, p, k]
+                    total[c, to + 2] += z * places[c, p, k]
+        for c in range(channels):
+            for k in range(reached[c, 0], reached[c, 1]):
+                out[k, at[row], c] += scale[row] * total[c, k]
+                total[c, k] = 0

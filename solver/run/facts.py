@@ -61,6 +61,7 @@ def fitted_facts(
         "noise_floor": floor and floor.value,
         "held_out_chi2_per_dof": held_out and held_out.chi2_per_dof,
         "shared": result.shared,
+        "corners": [asdict(one) for one in result.corners],
         "ambiguous_side": result.ambiguous_side,
         "disputed_anchors": disputed,
         "trust": asdict(trust_of(result, problem, floor, held_out, disputed)),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.fit.corners import Corner
 from solver.fit.result import Placed
 from solver.survey.anchors import Anchor
 from vision.contract import LocalFrame
@@ -129,6 +130,18 @@ def line_style(reliable: bool) -> dict[str, Any]:
     return {"stroke": "#0072b2", "stroke-width": 3} if reliable else {"stroke": "#808080", "stroke-dasharray": "4 4"}
 
 
+def corner_numbers(one: Corner) -> dict[str, float | int]:
+    """A corner's numbers, rounded to what its sigmas bear, by names with their units."""
+    unit = "degrees_right" if one.kind == "corner" else "m_deeper"
+    return {
+        "channel": one.channel,
+        unit: round(one.amount, 2),
+        f"sigma_{unit}": round(one.sigma, 2),
+        "sigma_place_m": round(one.sigma_place, 3),
+        "length_m": round(one.length, 1),
+    }
+
+
 def route_features(result: Placed, frame: LocalFrame, anchors: Sequence[Anchor], name: str) -> dict[str, Any]:
     """The route (LineString Z), its 95 % corridor and the anchors as a FeatureCollection, WGS 84.
 
@@ -154,5 +167,11 @@ def route_features(result: Placed, frame: LocalFrame, anchors: Sequence[Anchor],
     )
     points = [
         feature("Point", positions(frame, np.array([[a.x, a.y, a.z]]))[0], what="anchor", **vars(a)) for a in anchors
+    ]
+    points += [
+        feature(
+            "Point", positions(frame, np.array([[c.x, c.y, c.z]]))[0], what=c.kind, words=c.words, **corner_numbers(c)
+        )
+        for c in result.corners
     ]
     return {"type": "FeatureCollection", "features": [route, *corridor_features(result, frame), *points]}

@@ -151,10 +151,12 @@ def locate(
     start = begin(survey, warnings, timings, wheels, shown)
     passes = start.passes
 
-    def routed(problems: list[Problem], told: list[str], disputed: list[str]) -> tuple[FitResult, Problem]:
+    def routed(
+        problems: list[Problem], wider: Problem | None, told: list[str], disputed: list[str]
+    ) -> tuple[FitResult, Problem]:
         if method != "network":
             require_room_to_fit(problems[0])
-        return fit_route(problems, method, record, told, disputed)
+        return fit_route(problems, wider, method, record, told, disputed)
 
     fitting = Fitting(survey, start.heard, start.found, asked, routed, all_passes, timings)
     laid_out = list if wheels else as_points
@@ -163,6 +165,8 @@ def locate(
     warnings += fit.warnings
     if few := few_line(problem.passes):
         warnings.append(few)
+    if result.corners:
+        warnings.append(f"the fiber {'; it '.join(one.words for one in result.corners)}")
     again = shortened(problem, slice(None), result)
     rest = untaken(again, whole, choice)
     with timed(timings, "held_out"):

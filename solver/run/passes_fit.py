@@ -70,7 +70,8 @@ class Fitting:
     record : its record, rounded samples dithered
     found : channels, anchors and rough routes
     effects : of the model, parts of the base model among them
-    route : fits problems, one for each start; adds lines for the user, and sentences on anchors, to two lists
+    route : fits problems, one for each start, and if it can that of all channels that are felt; adds lines for the
+        user, and sentences on anchors, to two lists
     all_passes : fit them all; else of many those that tell most
     timings : how long steps took, s; added to
     """
@@ -79,7 +80,7 @@ class Fitting:
     record: DASRecord
     found: FirstRoutes
     effects: Sequence[Effect]
-    route: Callable[[list[Problem], list[str], list[str]], tuple[FitResult, Problem]]
+    route: Callable[[list[Problem], Problem | None, list[str], list[str]], tuple[FitResult, Problem]]
     all_passes: bool
     timings: dict[str, float]
 
@@ -94,7 +95,12 @@ class Fitting:
         whole, choice = problems[0], None if self.all_passes else choice_of(problems[0], self.timings)
         if choice is not None:
             problems = [only(one, choice.numbers) for one in problems]
-        problems = [with_slow_errors(one) for one in problems]
+        problems, wider = [with_slow_errors(one) for one in problems], None
+        if (more := self.found.whole) is not None:
+            (wider,) = problems_of(self.survey, self.record, passes, more, self.effects, [])
+            wider = with_slow_errors(wider if choice is None else only(wider, choice.numbers))
         with self.timed("fit"):
-            result, problem = self.route(problems, warnings, disputed)
+            result, problem = self.route(problems, wider, warnings, disputed)
+        if wider is None or len(problem.channel) < len(wider.channel):
+            warnings += self.found.unfitted
         return PassesFit(list(passes), whole, choice, result, problem, warnings, disputed)

@@ -21,7 +21,7 @@ from solver.survey.anchors import Anchor
 
 SCALARS = (
     *("recorded", "zero_distance", "channel_spacing", "gauge_length", "sampling_rate"),
-    *("curved", "signal_noise", "knot_spacing"),
+    *("curved", "signal_noise", "knots"),
 )
 
 
@@ -70,5 +70,5 @@ def problem_from(
         effects=tuple(look_up(name) for name in facts["added"]),
         coil=facts["coil"] and Coil(**facts["coil"]),
         windows=tuple((row, time) for row, time in facts["windows"]),
-        **{name: facts[name] for name in SCALARS},
+        **{name: facts[name] for name in SCALARS} | {"knots": tuple(facts["knots"])},
     )

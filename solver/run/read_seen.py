@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from solver.fit.corners import Corner
 from solver.fit.result import FitResult, Parameter
 from solver.noise.law import NoiseLaw
 from solver.run.arrays import Arrays, read_arrays
@@ -70,6 +71,7 @@ def parts_of(facts: dict[str, Any], arrays: Arrays) -> dict[str, Any]:
     }
     scalars = {f.name: facts[f.name] for f in fields(FitResult) if f.name in facts and f.name != "parameters"}
     scalars |= {name: number(facts[name]) for name in ("chi2", "chi2_per_dof", "cost")}
+    scalars["corners"] = tuple(Corner(**one) for one in facts["corners"])
     return {
         "result": FitResult(**maps, **scalars, parameters=parameters, law=law_from(arrays)),
         "frame": LocalFrame(tuple(facts["frame"]["origin"]), facts["frame"]["x_azimuth"]),

@@ -1,57 +1,62 @@
 """The fits that lead to a run's route.
 
-From every start, without bent ends, with turns that long gauges sense, on finer knots, without wrong anchors.
+From every start, without bent ends, with more knots where the fiber bends, without wrong anchors.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import torch
 
 from solver.fit.anchor_check import contradiction
-from solver.fit.carried import carried_with_vehicles
 from solver.fit.chain import Chain
-from solver.fit.least_squares import PATIENCE, solve
+from solver.fit.least_squares import solve
 from solver.fit.pose import bent_ends, shortened
 from solver.fit.problem import Problem
+from solver.fit.refinement import wanted
 from solver.fit.result import FitResult
-from solver.fit.sides import DECISIVE, best_of, hopeless, reopened
+from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.spline import ended, fit_spline
-from solver.fit.state import State
 from solver.fit.stretches import is_long
-from solver.fit.turned import tries, turned
+from solver.run.floor import noise_floor
 from solver.run.methods import METHODS
-from solver.start.regauge import LONG
+from solver.start.first_routes import straight_on
 from solver.survey.das.record import DASRecord
 from vision.contract import progress
 
-#: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it, and not to look
-#: for turns.
+#: Chi2 per degree of freedom up to which a model explains the data well enough to judge anchors by it.
 EXPLAINED = 1.03
-#: Chi2 per degree of freedom from which a route is tried on more knots, and the share of what is beyond 1 that they
-#: must explain: a fiber that dips under a culvert is beyond the usual knots, while most of what other physics leaves is
-#: beyond any route.
-LEFT_OVER, BY_ROUTE = 1.01, 0.6
-#: Times closer that the knots of a route are which can turn off the road within a few meters.
-FINER = 4
+#: Share of the misfit beyond that of noise that knots of the route must explain.
+BY_ROUTE = 0.6
+#: How often knots are added at most, and steps of the fit after each time but the last.
+ROUNDS, FEW = 5, 6
 
 
 def fit_route(
-    problems: Sequence[Problem], method: str, record: DASRecord, warnings: list[str], disputed: list[str]
+    problems: Sequence[Problem],
+    wider: Problem | None,
+    method: str,
+    record: DASRecord,
+    warnings: list[str],
+    disputed: list[str],
 ) -> tuple[FitResult, Problem]:
     """Fit a survey from all its starts; the best fit, and the problem that it solves.
 
     Parameters
     ----------
     problems : one for each start
+    wider : of all channels that are felt; None: of no more
     method : a key of `solver.run.methods.METHODS`
     record : that the problems are of
     warnings : lines for the user are added
     disputed : sentences on anchors that contradict the others are added
     """
     recorded = int(record.channel[0]), int(record.channel[-1])
-    result, problem = fit_straight(*fit_sides(problems, method), method, recorded, warnings)
-    result, problem = fit_turns(result, problem, method) or fit_finely(result, problem, method)
+    result, problem = fit_bends(*fit_sides(problems, method), method)
+    if wider is not None and method == "spline" and not is_long(problem):
+        result, problem = fit_beyond(result, problem, wider, method)
+    result, problem = fit_straight(result, problem, method, recorded, warnings)
     return fit_agreeing(result, problem, method, disputed)
 
 
@@ -102,56 +107,57 @@ def left_out(end: int, recorded: tuple[int, int], gauge: int) -> str:
     return f"the model does not explain the end of the record near channel {end}; the fiber is not located there"
 
 
-def fit_turns(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem] | None:
-    """Fit a record of long gauges again with knots as close as the turns off the road that they sense need them.
+def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem]:
+    """Fit again with knots where the fiber bends more sharply than the usual ones let it, until no more are wanted.
 
-    Such turns are looked for beyond the fitted channels where these do not explain the data. None where gauges are
-    not long.
+    Kept if the route alone explains most of what is beyond noise: most of what other physics leaves is beyond any
+    route, and where that shows at once no knot is tried.
     """
-    if method != "spline" or is_long(problem) or problem.gauge_length <= LONG:
-        return None
-    fine = replace(shortened(problem, slice(None), result), knot_spacing=problem.knot_spacing / FINER)
-    chain, steps = Chain.of(fine), METHODS[method][1]
-    with progress("fitting the route on finer knots", steps) as advance:
-        end = solve(chain, laid_again(chain, result, problem), advance=advance)
-    again = ended(chain, end, result.seconds)
-    if again.chi2_per_dof > EXPLAINED:
-        with progress("looking for turns off the road", tries(problem.gauge_length) + steps) as advance:
-            begun, off = turned(chain, chain.start(), advance)
-            other = solve(chain, begun, advance=advance) if off else end
-        if chain.cost(other.at) < chain.cost(end.at) - DECISIVE * max(1.0, again.chi2_per_dof):
-            again = ended(chain, other, result.seconds)
-    return replace(again, ambiguous_side=result.ambiguous_side), fine
+    if method != "spline" or is_long(problem):
+        return result, problem
+    (level, scatter), freedom = noise_level_of(problem, result), result.chi2 / result.chi2_per_dof
+    most = max(level + scatter, result.chi2_per_dof - BY_ROUTE * (result.chi2_per_dof - level))
+    chain = Chain.of(shortened(problem, slice(None), result))
+    end = chain.state_of(torch.from_numpy(result.vector))
+    solution, steps, used = None, METHODS[method][1], 0
+    with progress("fitting bends of the route", steps) as advance:
+        for _ in range(ROUNDS):
+            found = wanted(chain, end, result.chi2_per_dof, most * freedom)
+            if found is None:
+                break
+            chain = Chain.of(found[0])
+            solution = solve(chain, found[1], iterations=FEW, advance=advance)
+            end, used = solution.state, used + solution.iterations
+        if solution is None:
+            return result, problem
+        solution = solve(chain, solution, iterations=steps, advance=advance)
+    again = ended(chain, solution, result.seconds)
+    if result.converged and (not again.converged or again.chi2_per_dof > most):
+        return result, problem
+    return replace(again, ambiguous_side=result.ambiguous_side), chain.problem
 
 
-def laid_again(chain: Chain, result: FitResult, problem: Problem) -> State:
-    """The end of a fit of a problem as a start on the other knots of a chain."""
-    before = Chain.of(problem)
-    begun = carried_with_vehicles((before, before.state_of(torch.from_numpy(result.vector))), chain)
-    route = chain.basis.interpolate(problem.distance_of(result.channel), result.route)
-    return replace(begun, coefficients=torch.from_numpy(route))
+def fit_beyond(result: FitResult, problem: Problem, wider: Problem, method: str) -> tuple[FitResult, Problem]:
+    """Fit the channels beyond those that one line along the road explains, too, from where the fit ended straight on.
 
-
-def fit_finely(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem]:
-    """Fit again on twice as many knots where much is left over; kept if the route alone explains most of that.
-
-    Where the fit ended these knots say themselves how much they can explain, and mostly that is too little to try.
+    Kept if what is left is no more than before.
     """
-    if method != "spline" or is_long(problem) or not (result.converged and result.chi2_per_dof > LEFT_OVER):
+    at = np.isin(result.channel, problem.channel)
+    begun = straight_on(problem.channel, result.route[at], wider.channel)
+    chain = Chain.of(replace(wider, start=begun, knots=problem.knots))
+    with progress("fitting channels beyond", FEW) as advance:
+        first = ended(chain, solve(chain, chain.start(), iterations=FEW, advance=advance), result.seconds)
+    again, whole = fit_bends(first, chain.problem, method)
+    level, scatter = noise_level_of(whole, again)
+    if not again.converged or again.chi2_per_dof > max(level, result.chi2_per_dof) + scatter:
         return result, problem
-    fine = replace(shortened(problem, slice(None), result), knot_spacing=problem.knot_spacing / 2)
-    most = result.chi2 * (1 / result.chi2_per_dof + (1 - BY_ROUTE) * (1 - 1 / result.chi2_per_dof))
-    chain = Chain.of(fine)
-    begun = laid_again(chain, result, problem)
-    there = chain.visit(begun)
-    if there.misfit - PATIENCE * there.open.decrement**2 > most:
-        return result, problem
-    with progress("fitting the route on finer knots", METHODS[method][1]) as advance:
-        end = solve(chain, begun, advance=advance, hopeless=most)
-    again = ended(chain, end, result.seconds)
-    if not again.converged or again.chi2 > most:
-        return result, problem
-    return replace(again, ambiguous_side=result.ambiguous_side), fine
+    return replace(again, ambiguous_side=result.ambiguous_side), whole
+
+
+def noise_level_of(problem: Problem, result: FitResult) -> tuple[float, float]:
+    """Chi2 per degree of freedom that noise alone would leave, and its scatter."""
+    floor = noise_floor(problem)
+    return (1.0, 0.0) if floor is None else (floor.value, floor.scatter(result.chi2 / result.chi2_per_dof))
 
 
 def fit_agreeing(result: FitResult, problem: Problem, method: str, disputed: list[str]) -> tuple[FitResult, Problem]:

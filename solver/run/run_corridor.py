@@ -35,7 +35,8 @@ def placed(result: FitResult, added: Array | None, grade: str = "good", trust: s
     """
     own = result.covariance
     whole = own if added is None else own + added
-    return Placed(result.channel, result.distance, result.route, whole, result.constrained, own, grade, trust)
+    place = result.channel, result.distance, result.route, whole, result.constrained, own
+    return Placed(*place, grade, trust, result.corners)
 
 
 def median_half(place: FitResult | Placed) -> float:

@@ -106,6 +106,21 @@ class CoilFile(Stored):
     depth: Place
 
 
+class CornerFile(Stored):
+    """One of `corners`; fields as those of `solver.fit.corners.Corner`."""
+
+    kind: Literal["corner", "step"]
+    amount: Place
+    sigma: Size
+    length: Size
+    distance: Place
+    channel: Channel
+    x: Place
+    y: Place
+    z: Place
+    sigma_place: Size
+
+
 class ProblemFile(Stored):
     """`problem`: what of `solver.fit.problem.Problem` are not arrays; `added` are the names of its effects."""
 
@@ -116,7 +131,7 @@ class ProblemFile(Stored):
     sampling_rate: Rate
     curved: bool
     signal_noise: Size
-    knot_spacing: Annotated[float, Field(ge=0.5, le=1e4)]
+    knots: Annotated[tuple[Place, ...], Field(max_length=10**5)] = ()
     prior: PriorFile
     added: Annotated[tuple[Text, ...], Field(max_length=1000)]
     coil: CoilFile | None
@@ -124,9 +139,11 @@ class ProblemFile(Stored):
 
     @model_validator(mode="after")
     def distinct(self) -> "ProblemFile":
-        """Refuse a model that has an effect twice, and windows that are not one after the other from the start."""
+        """Refuse an effect that is there twice, and windows or knots that are not one after the other."""
         if len(set(self.added)) < len(self.added):
             raise ValueError("an effect is there twice")
+        if any(after - before < 0.1 for before, after in pairwise(self.knots)):
+            raise ValueError("knots of the route are not one after the other")
         for (first, begin), (row, time) in pairwise([(0, 0.0), *self.windows]):
             if row <= first or row - first > (time - begin + 1.0) * self.sampling_rate:
                 raise ValueError("windows are not one after the other")
@@ -234,6 +251,7 @@ class FitFile(Stored):
     held_out_chi2_per_dof : of passes that the fit has not seen; null where there are none
     active_channels : first and last that were fitted
     shared : shares of the variances of y and z that are common to all places that data decide; null where not known
+    corners : where the fiber turns, or goes deeper or less deep
     ambiguous_side : whether the mirror route on the other side of the traffic is not ruled out
     disputed_anchors : that contradict the others, a sentence each
     trust : every check of the fit, and the sentence that follows from them
@@ -271,6 +289,7 @@ class FitFile(Stored):
     held_out_chi2_per_dof: Size | None
     active_channels: tuple[Channel, Channel]
     shared: tuple[Size, Size] | None
+    corners: Annotated[tuple[CornerFile, ...], Field(max_length=10**4)]
     ambiguous_side: bool
     disputed_anchors: tuple[Text, ...]
     trust: TrustFile

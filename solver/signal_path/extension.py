@@ -104,7 +104,7 @@ class Scopes:
 
 def _smooth(start: float, stop: float, spacing: float) -> SplineBasis:
     """Splines over a stretch of at least one interval."""
-    return SplineBasis(start, max(stop, start + spacing), spacing)
+    return SplineBasis.even(start, max(stop, start + spacing), spacing)
 
 
 def _spread(at: Tensor, spacing: float) -> Tensor:

@@ -1,7 +1,7 @@
 """Where a fit begins: channels and rough routes, on a street or along kilometers."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from solver.cable.fiber import Coil
 from solver.start.initialization import Initialization, initialize
 from solver.start.joined_sections import joined, sides_of
-from solver.start.rough_route import OFF_LINE, beyond_words, silent, start_route, straight_part, view_of
+from solver.start.rough_route import OFF_LINE, beyond_words, felt_beyond, silent, start_route, straight_part, view_of
 from solver.start.sections import ONE_SECTION, Found, extent, initialize_sections
 from solver.survey.anchors import Anchor
 from solver.survey.das.record import DASRecord
@@ -17,6 +17,10 @@ from solver.trajectory.agreement import check_reach, check_together, in_record, 
 from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
+#: Share of the channels beyond the line that record vehicles, where the fiber goes on there.
+MOST = 0.5
+#: Channels at the end of a route whose mean direction is that in which it goes on.
+STRAIGHT = 10
 #: Evidence, in standard deviations per section, from which a side that the widths tell is not doubted.
 TOLD = 3.0
 
@@ -34,6 +38,9 @@ class FirstRoutes:
     coil : fiber that seems to lie coiled; None where none does
     rough : what the matched filter made of the passes; None along kilometers
     sections : what it made of them there, section by section
+    felt : first and last channel that record vehicles in view, though perhaps not where one line along the road expects
+        them; None: no others
+    unfitted : lines for the user on those beyond `channel`, where they are not fitted
     """
 
     channel: NDArray[np.int64]
@@ -43,6 +50,43 @@ class FirstRoutes:
     coil: Coil | None = None
     rough: Initialization | None = None
     sections: Sequence[Found] = ()
+    felt: NDArray[np.int64] | None = None
+    unfitted: Sequence[str] = ()
+
+    @property
+    def whole(self) -> "FirstRoutes | None":
+        """The same over all channels that are felt, straight on from both ends; None where these are no more."""
+        if self.felt is None or np.array_equal(self.felt, self.channel[[0, -1]]):
+            return None
+        channel = np.arange(self.felt[0], self.felt[1] + 1)
+        return replace(self, channel=channel, routes=[straight_on(self.channel, self.routes[0], channel)], unfitted=())
+
+
+def farthest_felt(end: int, loud: NDArray[np.int64]) -> int:
+    """The channel farthest beyond `end` up to which most record vehicles, of those `loud` that do.
+
+    >>> farthest_felt(10, np.array([11, 12, 14, 30])), farthest_felt(10, np.array([3, 8, 9]))
+    (14, 8)
+    """
+    away = np.sort(np.abs(loud - end))
+    most = away[np.arange(1, len(away) + 1) > MOST * away]
+    return end + int(most[-1] * np.sign(loud[0] - end)) if len(most) else end
+
+
+def straight_on(channel: NDArray[np.int64], route: Array, wanted: NDArray[np.int64]) -> Array:
+    """A route [channel, 3], m, over more channels [wanted]: beyond its ends straight on at the depth there.
+
+    >>> straight_on(np.arange(3), np.array([[0.0, 4.0, 1.0], [1.0, 4.0, 1.1], [2.0, 4.0, 1.2]]), np.array([2, 4]))
+    array([[2. , 4. , 1.2],
+           [4. , 4. , 1.2]])
+    """
+    out = np.column_stack([np.interp(wanted, channel, axis) for axis in route.T])
+    inner = min(STRAIGHT, len(channel) - 1)
+    for end, back in ((0, inner), (-1, -1 - inner)):
+        way = (route[end] - route[back]) * [1.0, 1.0, 0.0] / (channel[end] - channel[back])
+        beyond = wanted - channel[end] if end else channel[0] - wanted
+        out += np.clip(beyond if end else -beyond, *((0, None) if end else (None, 0)))[:, None] * way
+    return out
 
 
 def find_first_routes(
@@ -78,16 +122,19 @@ def find_first_routes(
     recorded = int(record.channel[0]), int(record.channel[-1])
     keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing), recorded)
     seen = np.clip(view_of(rough, passes), *recorded)
+    felt, unfitted = rough.channel[keep][[0, -1]], list[str]()
     for side in (0, -1):
         if (end := int(rough.channel[side])) != rough.channel[keep][side]:
-            warnings.append(beyond_words(record, passes, end, int(seen[side])))
+            loud = felt_beyond(record, passes, end, int(seen[side]))
+            unfitted.append(beyond_words(end, loud))
+            felt[side] = farthest_felt(end, loud)
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     routes = [start_route(rough, y, used)[keep] for y in sides]
     coil = coiled(rough, routes[0], record, warnings)
     # Ground of an unusual Poisson's ratio makes waves of another form, which fit best a crest away.
     if coil is None and abs(ahead := anchors_ahead(rough, used)) > OFF_LINE:
         routes.append(routes[0] + np.array([ahead, 0.0, 0.0]))
-    return FirstRoutes(rough.channel[keep], routes, used, disputed, coil, rough)
+    return FirstRoutes(rough.channel[keep], routes, used, disputed, coil, rough, felt=felt, unfitted=unfitted)
 
 
 def agreeing(

@@ -33,11 +33,15 @@ def silent(record: DASRecord, ends: np.ndarray) -> str | None:
     return f"channels {ranges(dead)} hold one value most of the time; the route there depends on their neighbors"
 
 
-def beyond_words(record: DASRecord, passes: Sequence[Pass], end: int, farthest: int) -> str:
-    """Say why the fiber is not located beyond channel `end`, though vehicles were in view out to the `farthest`."""
+def felt_beyond(record: DASRecord, passes: Sequence[Pass], end: int, farthest: int) -> np.ndarray:
+    """Numbers of channels beyond `end`, up to the `farthest`, that record vehicles while these are in view."""
     low, high = sorted((end, farthest))
     channel = record.channel[(record.channel >= low) & (record.channel <= high) & (record.channel != end)]
-    loud = recording(record, channel, np.unique(np.concatenate([one.rows[one.in_view] for one in passes])))
+    return recording(record, channel, np.unique(np.concatenate([one.rows[one.in_view] for one in passes])))
+
+
+def beyond_words(end: int, loud: np.ndarray) -> str:
+    """Say why the fiber is not located beyond channel `end`, where the channels `loud` record vehicles in view."""
     if not len(loud):
         return (
             f"vehicles are not recorded beyond channel {end}, though the view and the record go on: the fiber leaves "

@@ -19,7 +19,7 @@ logger = logging.getLogger("roadfiber")
 #: Color (alpha, blue, green, red) and width, px, of lines in KML, by layer.
 LINES = {"route": ("ffb27200", "3"), UNRELIABLE: ("ff808080", "1.5")}
 #: Layers that a KML viewer can bear.
-DRAWN = ("route", UNRELIABLE, "corridor", "anchors")
+DRAWN = ("route", UNRELIABLE, "corridor", "anchors", "corners")
 #: Units of a drawing, by the header $INSUNITS.
 DRAWING_UNITS = {"m": 6, "ft": 2, "ftUS": 21}
 
@@ -158,7 +158,7 @@ def write_dxf(subject: Subject, target: Target, path: Path) -> None:
     drawing.header.custom_vars.append("DATUM", target.datum(subject.frame))
     space = drawing.modelspace()
     drawing.header.custom_vars.append("TRUST", f"{subject.place.grade}: {subject.place.trust}")
-    for name, color in (("route", 1), (UNRELIABLE, 8), ("corridor", 30), ("anchors", 5)):
+    for name, color in (("route", 1), (UNRELIABLE, 8), ("corridor", 30), ("anchors", 5), ("corners", 6)):
         dashes = "DASHED" if name == UNRELIABLE else "CONTINUOUS"
         drawing.layers.add(f"FIBER_{name.upper()}", color=color, linetype=dashes)
     for name in ("route", UNRELIABLE):
@@ -170,10 +170,11 @@ def write_dxf(subject: Subject, target: Target, path: Path) -> None:
     height = 0.5 / target.horizontal.axis_info[0].unit_conversion_factor
     for shape, _ in LAYERS["corridor"](subject, target):
         space.add_lwpolyline(list(shape.exterior.coords), close=True, dxfattribs={"layer": "FIBER_CORRIDOR"})
-    for shape, row in LAYERS["anchors"](subject, target):
-        at, layer = tuple(shape.coords[0]), {"layer": "FIBER_ANCHORS"}
-        space.add_point(at, dxfattribs=layer)
-        space.add_text(str(row["name"]), height=height, dxfattribs=layer).set_placement(at)
+    for kind, label in (("anchors", "name"), ("corners", "words")):
+        for shape, row in LAYERS[kind](subject, target):
+            at, layer = tuple(shape.coords[0]), {"layer": f"FIBER_{kind.upper()}"}
+            space.add_point(at, dxfattribs=layer)
+            space.add_text(str(row[label]), height=height, dxfattribs=layer).set_placement(at)
     drawing.saveas(path)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solver.fit.result import Placed
-from solver.run.geojson import corridor_ring, half_width
+from solver.run.geojson import corner_numbers, corridor_ring, half_width
 from solver.run.gis.accuracy import Accuracy, accuracy_of
 from solver.run.gis.target import Target
 from solver.survey.anchors import Anchor
@@ -164,10 +164,23 @@ def anchor_layer(subject: Subject, target: Target) -> list[tuple[Any, dict[str, 
     return found
 
 
+def corner_layer(subject: Subject, target: Target) -> list[tuple[Any, dict[str, Any]]]:
+    """A point per corner and per step in depth."""
+    from shapely import Point
+
+    found = []
+    for one in subject.place.corners:
+        place = target.points(subject.frame, np.array([[one.x, one.y, one.z]]))[0]
+        numbers = {"degrees_right": None, "m_deeper": None, "sigma_degrees_right": None, "sigma_m_deeper": None}
+        found.append((Point(place), {"what": one.kind, "words": one.words} | numbers | corner_numbers(one)))
+    return found
+
+
 LAYERS = {
     "route": route_layer,
     UNRELIABLE: unreliable_layer,
     "corridor": corridor_layer,
     "channels": channel_layer,
     "anchors": anchor_layer,
+    "corners": corner_layer,
 }

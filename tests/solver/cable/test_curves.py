@@ -49,7 +49,9 @@ def test_the_frame_does_not_depend_on_the_parameter():
 def test_a_straight_route_has_no_normal():
     points = np.linspace([0.0, 4.0, 0.9], [90.0, 4.0, 0.9], 30)
     frame = frenet_of(
-        SplineBasis(0.0, 90.0, 10.0), SplineBasis(0.0, 90.0, 10.0).interpolate(points[:, 0], points), points[:, 0]
+        SplineBasis.even(0.0, 90.0, 10.0),
+        SplineBasis.even(0.0, 90.0, 10.0).interpolate(points[:, 0], points),
+        points[:, 0],
     )
     assert np.isnan(frame.normal).all() and np.isnan(frame.torsion).all()
     assert frame.curvature.max() < 1e-9
@@ -58,7 +60,7 @@ def test_a_straight_route_has_no_normal():
 def test_spline_and_points_of_the_same_route_agree():
     s = np.linspace(0, 100, 101)
     points = np.stack([s, 4 + 0.5 * np.sin(s / 15), 0.9 + 0.1 * np.cos(s / 20)], axis=1)
-    basis = SplineBasis(0.0, 100.0, 2.0)
+    basis = SplineBasis.even(0.0, 100.0, 2.0)
     of_spline = frenet_of(basis, basis.interpolate(s, points), s).curvature
     of_points = frenet_of_points(points).curvature
     np.testing.assert_allclose(of_spline[10:-10], of_points[10:-10], atol=2e-5)

@@ -6,7 +6,7 @@ import torch
 from solver.cable.fiber import GaugeEnds, SplineBasis
 from solver.cable.known_ends import ends_at
 
-BASIS, DISTANCE = SplineBasis(0.0, 100.0, 10.0), torch.tensor([30.0, 40.0, 50.0], dtype=torch.float64)
+BASIS, DISTANCE = SplineBasis.even(0.0, 100.0, 10.0), torch.tensor([30.0, 40.0, 50.0], dtype=torch.float64)
 
 
 @pytest.mark.parametrize("gauge", [10.0, torch.tensor([8.0, 10.0, 12.0], dtype=torch.float64)])

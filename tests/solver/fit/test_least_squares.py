@@ -48,7 +48,7 @@ def test_a_glance_has_the_derivatives_that_weights_need(case, monkeypatch) -> No
 
 @pytest.mark.parametrize("rows", ["shape", "anchors"])
 def test_prior_rows_by_finite_differences(case, rows: str) -> None:
-    basis = SplineBasis(0.0, 60.0, 10.0)
+    basis = SplineBasis.even(0.0, 60.0, 10.0)
     rng = np.random.default_rng(1)
     aside, depth = rng.normal(4, 1, basis.size), rng.uniform(0.1, 0.4, basis.size)
     route = torch.from_numpy(np.column_stack([np.linspace(-10, 70, basis.size), aside, depth]))

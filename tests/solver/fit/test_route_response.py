@@ -6,14 +6,13 @@ import pytest
 import torch
 
 from solver.fit.route_response import RouteResponse
-from solver.ground.lanes import LANES
 
 ROWS, POINTS, COEFFICIENTS, SAMPLES = 5, 3, 4, 4
 
 
 @pytest.mark.parametrize("ratio", [False, True])
 @pytest.mark.parametrize("reach", ["near", "all"])
-@pytest.mark.parametrize("channels", [1, 30, LANES + 61])
+@pytest.mark.parametrize("channels", [1, 30, 197])
 def test_sums_of_all_that_a_coefficient_moves(channels: int, reach: str, ratio: bool) -> None:
     """Of few channels and of many, each moved by one coefficient or by all, with the ground's local ratio or not."""
     random = torch.Generator().manual_seed(7)

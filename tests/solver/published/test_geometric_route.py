@@ -22,7 +22,11 @@ from vision.contract import InputError
 
 S = np.arange(0.0, 101.0, 2.0)
 NODES = np.linspace(0.0, 100.0, 21)
-BASES = {"points": Polyline(NODES), "polynomial": PolynomialBasis(0.0, 100.0, 5), "spline": SplineBasis(0, 100, 20)}
+BASES = {
+    "points": Polyline(NODES),
+    "polynomial": PolynomialBasis(0.0, 100.0, 5),
+    "spline": SplineBasis.even(0, 100, 20),
+}
 
 
 def truth(s: np.ndarray) -> np.ndarray:

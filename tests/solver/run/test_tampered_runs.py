@@ -123,7 +123,7 @@ def acceptable(place: tuple, now, wrong) -> bool:
     [
         ("problem", "sampling_rate", 0.011),
         ("problem", "sampling_rate", 5e-9),
-        ("problem", "knot_spacing", 1e-9),
+        ("problem", "knots", [10.0, 10.0]),
         ("problem", "gauge_length", 9e3),
         ("problem", "channel_spacing", 0),
         ("problem", "added", ["grip", "grip"]),

@@ -32,7 +32,7 @@ def scene() -> tuple[SignalPath, Fiber, Vehicles, SplineBasis, torch.Tensor]:
         straight_pass("2", "bus", -9.0, -3.5, 90.0, np.arange(12, 40)),
         straight_pass("3", "vehicle", 15.0, 0.2, -5.0, np.arange(15, 30)),
     ]
-    basis = SplineBasis(20.0, 80.0, 10.0)
+    basis = SplineBasis.even(20.0, 80.0, 10.0)
     along = np.linspace(20.0, 80.0, 40)
     bent = np.column_stack([along, 4 + np.sin(along / 12), 0.9 + 0.1 * np.cos(along / 9)])
     coefficients = torch.from_numpy(basis.interpolate(along, bent))
@@ -88,7 +88,7 @@ def test_against_brute_force(scene: tuple) -> None:
 
 def test_a_long_gauge_is_the_mean_of_the_short_ones_along_it_even_around_a_corner() -> None:
     """Twenty gauges of 2.5 m, end to end, are one of 50 m; the fiber turns by a right angle at a radius of 4 m."""
-    long, short, basis = 50.0, 2.5, SplineBasis(0.0, 100.0, 1.25)
+    long, short, basis = 50.0, 2.5, SplineBasis.even(0.0, 100.0, 1.25)
     along = np.arange(0.0, 101.0, 0.5)
     angle = np.clip((along - 52.0) / 4.0, 0, np.pi / 2)
     steps = np.column_stack([np.cos(angle), np.sin(angle), 0 * along]) * 0.5

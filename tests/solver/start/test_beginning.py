@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from solver.start.first_routes import anchors_ahead
-from solver.start.rough_route import beyond_words, straight_part
+from solver.start.rough_route import beyond_words, felt_beyond, straight_part
 from solver.survey.anchors import Anchor
 
 
@@ -48,6 +48,8 @@ def test_where_the_record_ends_the_fiber_does_not_leave_the_road(
 
 def test_channels_that_record_vehicles_are_not_said_to_record_nothing(survey) -> None:
     """The loudest channels of a street, where no line expects its vehicles, "record nothing"."""
-    loud, quiet = (beyond_words(survey.record, survey.passes, *ends) for ends in ((75, 40), (110, 140)))
+    loud, quiet = (
+        beyond_words(end, felt_beyond(survey.record, survey.passes, end, to)) for end, to in ((75, 40), (110, 140))
+    )
     assert loud.startswith("vehicles are recorded beyond channel 75, too (channels 53-69, 71-74)")
     assert quiet.startswith("vehicles are not recorded beyond channel 110, though the view and the record go on")
