@@ -107,7 +107,7 @@ def find_corners(posterior: "Posterior", first: float, last: float) -> tuple[Cor
         for sign, ((x, y, _), change) in ((-1, before), (1, after)):
             angle += sign * np.arctan2(y, x)
             by += sign * (x * change[1] - y * change[0]) / (x**2 + y**2)
-        return float(np.degrees((angle + np.pi) % (2 * np.pi) - np.pi)), np.degrees(by)
+        return float(np.degrees((angle + np.pi) % (2 * np.pi) - np.pi)), 180 / np.pi * by
 
     def deeper(parts: Sequence[slice], number: int) -> tuple[float, Array]:
         """How much deeper the fiber is after a step than before, m."""

@@ -117,15 +117,15 @@ def wanted(chain: Chain, state: State, chi2_per_dof: float, most: float = np.inf
     change = np.zeros((len(right), old + normal.border + AXES * len(new)))
     change[: normal.size, :old] = np.kron(into, np.eye(AXES))
     change[normal.size :, old : old + normal.border] = np.eye(normal.border)
-    # The function of a knot is two after those that begin before it.
-    for number, knot in enumerate(new):
+    # The functions of a cubic basis are numbered from the one that peaks a knot before the first.
+    for number, function in enumerate(new + 1):
         for axis in range(AXES):
-            change[AXES * (knot + 1) + axis, old + normal.border + AXES * number + axis] = 1.0
+            change[AXES * function + axis, old + normal.border + AXES * number + axis] = 1.0
     left = Equations(
         change.T @ matrix.dense @ change, change.T @ (prior + NONE * np.eye(len(prior))) @ change, change.T @ right
     )
     left.eliminate(np.arange(old + normal.border))
-    groups = {knot: old + normal.border + AXES * number + np.arange(AXES) for number, knot in enumerate(new.tolist())}
+    groups = {knot: old + normal.border + AXES * n + np.arange(AXES) for n, knot in enumerate(new.tolist())}
     # Where the model lacks something else, every knot explains a part of it: one that is worth having explains more.
     scale = max(1.0, chi2_per_dof, float(np.median([left.gain(one) for one in groups.values()])) / BY_CHANCE)
     chosen = list[int]()

@@ -33,17 +33,17 @@ class RouteResponse:
         #: First coefficient that moves each point, and that after the last, [channel, point, 2].
         self._near = acting(moved.flatten(0, 1)).view(channels, points, 2).numpy()
         #: Derivatives by points and by weights, each [3, row, point, channel], and by the ratio [row, point, channel].
-        given = local.by_point.permute(3, 0, 2, 1), local.by_weight.permute(3, 0, 2, 1), local.by_ratio.permute(0, 2, 1)
-        self._given = tuple(one.contiguous().numpy() for one in given)
-        self._factors = places.contiguous().numpy(), others.contiguous().numpy()
+        point, weight = (one.permute(3, 0, 2, 1).contiguous().numpy() for one in (local.by_point, local.by_weight))
+        self._given: tuple[Array, Array, Array] = point, weight, local.by_ratio.permute(0, 2, 1).contiguous().numpy()
+        self._factors: tuple[Array, Array] = places.contiguous().numpy(), others.contiguous().numpy()
         self._scale = local.amplitude.contiguous().numpy()
 
     def maps(self, some: slice, sample: Tensor, samples: int) -> Tensor:
         """Derivatives [3 coefficient, sample, channel] by some coefficients; `sample` is that of each row."""
         first, last, _ = some.indices(self._factors[0].shape[2])
         out = np.zeros((3 * (last - first), samples, len(self._near)))
-        near = self._near.clip(first, last)
-        add_maps(*self._given, *self._factors, near, first, self._scale, sample.contiguous().numpy(), out)
+        near, at = self._near.clip(first, last), sample.contiguous().numpy()
+        add_maps(*self._given, *self._factors, near, first, self._scale, at, out)
         return torch.from_numpy(out)
 
 

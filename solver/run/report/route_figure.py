@@ -132,8 +132,10 @@ def draw_plan(axes: Axes, run: Run, window: Limits) -> None:
         axes.fill(ring[:, 0], ring[:, 1], color=ROUTE, alpha=WIDE_ALPHA, lw=0, zorder=2)
     draw_line(axes, result.route[:, 0], result.route[:, 1], run.place.reliable)
     draw_anchors(axes, np.array([a.x for a in run.anchors]), np.array([a.y for a in run.anchors]))
-    for one in result.corners:
-        axes.plot(one.x, one.y, "D" if one.kind == "corner" else "v", ms=7, mfc="none", mec=INK, mew=1.2, zorder=5)
+    for corner in result.corners:
+        axes.plot(
+            corner.x, corner.y, "D" if corner.kind == "corner" else "v", ms=7, mfc="none", mec=INK, mew=1.2, zorder=5
+        )
     traffic = np.median(np.concatenate([one.position[:, 1] for one in run.passes]))
     for anchor in run.anchors:
         away = (0, -11 if anchor.y > traffic else 11)
