@@ -94,7 +94,9 @@ def find_corners(posterior: "Posterior", first: float, last: float) -> tuple[Cor
 
     def moved(begin: int, end: int) -> tuple[Array, Array]:
         """Way [3] between two places, and its derivative [3, coefficient x axis]."""
-        return place[end] - place[begin], np.kron(basis.at(s[end]) - basis.at(s[begin]), np.eye(AXES))
+        return place[end] - place[begin], np.asarray(
+            np.kron(basis.at(s[end]) - basis.at(s[begin]), np.eye(AXES)), float
+        )
 
     def turned(parts: Sequence[slice], number: int) -> tuple[float, Array]:
         """Angle between the fiber before and after a corner, as far as the next ones, degrees."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from solver.fit.carried import carried
 from solver.fit.chain import Chain
@@ -20,6 +21,10 @@ from solver.fit.stretches import FIRST, parts, some
 MISLED, DELAYS = 1.0, np.arange(-10, 11) / 10
 #: Distances from the traffic, m, at which a route may be laid instead.
 BESIDE = np.arange(0.0, 12.5, 1.0)
+#: Distances along the fiber, m, between places at which it may cross the road.
+CROSS_EVERY = 4.0
+#: Shares of the way across by which a route may be farther along than the best of those.
+NEARBY = (-0.2, -0.1, 0.0, 0.1, 0.2)
 #: Way to the side, m, that no camera is off by; and Poisson's ratios to begin at where a fit ends in what cannot be.
 ASIDE, RATIOS = 3.0, (0.05, 0.15, 0.25, 0.35, 0.4, 0.45)
 
@@ -76,6 +81,68 @@ def laid_elsewhere(chain: Chain, state: State) -> State | None:
     )
     laid = (chain.basis.interpolate(problem.distance, route) for route in routes)
     return better_start(chain, begun, (replace(begun, coefficients=torch.from_numpy(one)) for one in laid))
+
+
+def crossing(problem: Problem, place: float, side: float, ahead: float) -> NDArray[np.float64] | None:
+    """A route [channel, 3], m, that crosses the road at a right angle; None where it would lie on one side.
+
+    Where anchors tell on which side the fiber lies before or after, that holds.
+
+    Parameters
+    ----------
+    place : distance along the fiber of the middle of the road, m
+    side : y before it where no anchor tells, m
+    ahead : share of the way across by which the route is farther along than rough route or anchors say
+    """
+    rough, distance = problem.start, problem.distance
+    traffic = float(np.median(np.concatenate([one.position[one.in_view, 1] for one in problem.passes])))
+    known = sorted(zip(problem.anchor_distance.tolist(), [one.y for one in problem.anchors], strict=True))
+    first = next((y for at, y in reversed(known) if at < place), side)
+    last = next((y for at, y in known if at >= place), 2 * traffic - first)
+    across = abs(last - first)
+    if across < ASIDE:
+        return None
+    ends = [place - across / 2, place + across / 2]
+
+    def along(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.sign(rough[-1, 0] - rough[0, 0]) * (at - np.interp(at, ends, [0.0, across]))
+
+    apart = np.array([one.x for one in problem.anchors]) - along(problem.anchor_distance)
+    begin = float(np.median(apart if len(apart) else rough[:, 0] - along(distance)))
+    x = begin + along(distance) + ahead * across
+    return np.column_stack([x, np.interp(distance, ends, [first, last]), rough[:, 2]])
+
+
+def crossing_start(chain: Chain) -> State | None:
+    """Where to begin if the fiber crosses the road: as it fits best; None where no crossing beats the rough route.
+
+    Parameters
+    ----------
+    chain : on knots that can follow a corner
+    """
+    problem, begun = chain.problem, chain.start()
+    distance, here = problem.distance, float(np.median(problem.start[:, 1]))
+    traffic = float(np.median(np.concatenate([one.position[one.in_view, 1] for one in problem.passes])))
+
+    def best(tried: Iterable[tuple[float, float, float]]) -> tuple[float, tuple[float, float, float], State] | None:
+        ends = []
+        for one in tried:
+            if (route := crossing(problem, *one)) is not None:
+                laid = torch.from_numpy(chain.basis.interpolate(distance, route))
+                state, cost = chain.settled(replace(begun, coefficients=laid))
+                ends.append((cost, one, state))
+        return min(ends, key=lambda end: end[0], default=None)
+
+    every = np.arange(distance[0] + CROSS_EVERY, distance[-1], CROSS_EVERY)
+    found = best(
+        (float(at), side, ahead) for at in every for side in (here, 2 * traffic - here) for ahead in (0.0, 1.0)
+    )
+    if found is None or found[0] > chain.settled(begun)[1]:
+        return None
+    place, side, _ = found[1]
+    near = place + np.arange(-CROSS_EVERY, CROSS_EVERY + 1)
+    again = best((float(at), side, float(ahead)) for at in near for ahead in found[1][2] + np.array(NEARBY))
+    return min(found, again or found, key=lambda end: end[0])[2]
 
 
 def better_start(chain: Chain, begun: State, others: Iterable[State]) -> State | None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from solver.cable.fiber import SplineBasis
 from solver.fit.anchor_check import contradiction
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
@@ -17,7 +18,7 @@ from solver.fit.problem import Problem
 from solver.fit.refinement import wanted
 from solver.fit.result import FitResult
 from solver.fit.sides import best_of, hopeless, reopened
-from solver.fit.spline import ended, fit_spline
+from solver.fit.spline import crossing_start, ended, fit_spline
 from solver.fit.stretches import is_long
 from solver.run.floor import noise_floor
 from solver.run.methods import METHODS
@@ -31,6 +32,8 @@ EXPLAINED = 1.03
 BY_ROUTE = 0.6
 #: How often knots are added at most, and steps of the fit after each time but the last.
 ROUNDS, FEW = 5, 6
+#: Spacing of knots, m, on which a crossing of the road is looked for.
+CORNER_KNOTS = 2.5
 
 
 def fit_route(
@@ -54,6 +57,7 @@ def fit_route(
     """
     recorded = int(record.channel[0]), int(record.channel[-1])
     result, problem = fit_bends(*fit_sides(problems, method), method)
+    result, problem = fit_crossing(result, problem, problems, method)
     if wider is not None and method == "spline" and not is_long(problem):
         result, problem = fit_beyond(result, problem, wider, method)
     result, problem = fit_straight(result, problem, method, recorded, warnings)
@@ -135,6 +139,33 @@ def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResu
     if result.converged and (not again.converged or again.chi2_per_dof > most):
         return result, problem
     return replace(again, ambiguous_side=result.ambiguous_side), chain.problem
+
+
+def fit_crossing(
+    result: FitResult, problem: Problem, begun: Sequence[Problem], method: str
+) -> tuple[FitResult, Problem]:
+    """Fit again from a route that crosses the road, where more than noise is left and such a start fits better.
+
+    A fit that began on one side does not find its way to the other half way along.
+
+    Parameters
+    ----------
+    begun : the problem at its starts
+    """
+    level, scatter = noise_level_of(problem, result)
+    if method != "spline" or is_long(problem) or (result.converged and result.chi2_per_dof <= level + scatter):
+        return result, problem
+    for one in begun:
+        even = SplineBasis.even(*one.span, CORNER_KNOTS).breaks[1:-1]
+        chain = Chain.of(replace(one, knots=tuple(even.tolist())))
+        if (start := crossing_start(chain)) is None:
+            continue
+        with progress("fitting a crossing of the road", FEW) as advance:
+            first = ended(chain, solve(chain, start, iterations=FEW, advance=advance), result.seconds)
+        again, there = fit_bends(first, chain.problem, method)
+        if again.converged and (again.chi2_per_dof < result.chi2_per_dof or not result.converged):
+            result, problem = replace(again, ambiguous_side=False), there
+    return result, problem
 
 
 def fit_beyond(result: FitResult, problem: Problem, wider: Problem, method: str) -> tuple[FitResult, Problem]:

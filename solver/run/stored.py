@@ -131,7 +131,7 @@ class ProblemFile(Stored):
     sampling_rate: Rate
     curved: bool
     signal_noise: Size
-    knots: Annotated[tuple[Place, ...], Field(max_length=10**5)] = ()
+    knots: Annotated[tuple[Place, ...], Field(max_length=10**5)]
     prior: PriorFile
     added: Annotated[tuple[Text, ...], Field(max_length=1000)]
     coil: CoilFile | None

@@ -58,6 +58,7 @@ def test_route_table_has_the_documented_columns_and_values(survey, tmp_path, qui
         "constrained",
         "trust",
         "reason",
+        "corner",
     ]
     assert list(table) == expected
     assert table["channel"].tolist() == survey.result.channel.tolist()
