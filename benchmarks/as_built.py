@@ -101,7 +101,7 @@ def corners_of(survey: Survey, least: float) -> Array:
 
 def told_corners(run: rf.Run, survey: Survey) -> Array:
     """Places [corner, 2], m, where a run says that the fiber turns in view; none where it says nothing of corners."""
-    told = [one for one in getattr(run, "corners", ()) if one.kind == "corner" and abs(one.amount) > TURN]
+    told = [one for one in run.corners if one.kind == "corner" and abs(one.amount) > TURN]
     inside = in_view(survey, np.array([one.channel for one in told], dtype=np.int64))
     return np.array([[one.x, one.y] for one in told]).reshape(-1, 2)[inside]
 

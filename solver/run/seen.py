@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.fit.longest import ONE_STRETCH, is_one_stretch
+from solver.fit.corners import Corner
 from solver.fit.result import FitResult, Placed
 from solver.run.located_fiber import LocatedFiber
 from solver.run.run_corridor import corridor_sentence, placed
@@ -55,6 +56,11 @@ class Seen(LocatedFiber):
         """The route with the covariance of its 95 % corridor, which every file and picture shows."""
         trust = self.facts["trust"]
         return placed(self.result, self.added, trust["grade"], trust["sentence"])
+
+    @property
+    def corners(self) -> tuple[Corner, ...]:
+        """Where the fiber turns, or goes deeper or less deep."""
+        return self.result.corners
 
     @property
     def too_long(self) -> str:
