@@ -24,8 +24,8 @@ from solver.trajectory.vehicle_pass import Pass
 
 #: Knot spacing of a route, m: roads and ducts bend slowly.
 KNOT_SPACING = 10.0
-#: Least distance of knots, m: a duct bends on a radius of half a meter at least.
-CLOSEST = 0.6
+#: Least distance of knots, m: ducts bend on a radius of 0.3 m at least (TIA-569).
+CLOSEST = 0.3
 #: How far the model is computed beyond the fitted channels where an effect mixes neighbors, m.
 MARGIN = 12.0
 #: Moments a second at which filters in time need the model: vehicles near the fiber change it faster than 5 Hz shows.

@@ -115,7 +115,7 @@ def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResu
     """Fit again with knots where the fiber bends more sharply than the usual ones let it, until no more are wanted.
 
     Kept if the route alone explains most of what is beyond noise: most of what other physics leaves is beyond any
-    route, and where that shows at once no knot is tried.
+    route, and where that shows no more knots are tried.
     """
     if method != "spline" or is_long(problem):
         return result, problem
@@ -125,8 +125,9 @@ def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResu
     end = chain.state_of(torch.from_numpy(result.vector))
     solution, steps, used = None, METHODS[method][1], 0
     with progress("fitting bends of the route", steps) as advance:
-        for _ in range(ROUNDS):
-            found = wanted(chain, end, result.chi2_per_dof, most * freedom)
+        for number in range(ROUNDS):
+            # Far from its end a fit tells too little of what knots would explain.
+            found = wanted(chain, end, result.chi2_per_dof, most * freedom if number else np.inf)
             if found is None:
                 break
             chain = Chain.of(found[0])
