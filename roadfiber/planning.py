@@ -45,7 +45,7 @@ def plan(
     >>> section = {"length": 40.0, "offset": 4.0, "snr_db": 15.0, "lanes": lanes, "sampling_rate": 5.0}
     >>> planned = rf.plan({"das": {"gauge_length": 10.0}, "plan": section}, wanted=0.06, effects=[])
     >>> planned.advice[0].partition(":")[0]
-    '3 passes of a truck in the lane (y 0 m, toward +x)'
+    '2 passes of a truck in the lane (y 0 m, toward +x) and one pass of a car in the lane (y 0 m, toward +x)'
     """
     chosen = None if effects is None else list(effects)
     return plan_survey(site, wanted=wanted, wanted_depth=wanted_depth, effects=chosen)

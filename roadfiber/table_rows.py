@@ -123,6 +123,7 @@ class RouteRow(Row):
     constrained : whether data and anchors decide the place, and not the prior alone
     trust : grade of the run's checks: good, fair, weak or poor
     reason : why the place is not to be relied on; empty where it may be
+    corner : where the fiber turns there, or goes deeper or less deep, in words; empty elsewhere
     """
 
     channel: int
@@ -141,6 +142,7 @@ class RouteRow(Row):
     constrained: bool
     trust: str
     reason: str | None = None
+    corner: str | None = None
 
 
 class ChannelRow(Row):

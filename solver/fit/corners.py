@@ -1,13 +1,13 @@
 """Corners and steps in depth of a located fiber, as numbers with standard deviations."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.fit.parameter_layout import AXES
+from solver.fit.result import Corner
 
 if TYPE_CHECKING:
     from solver.fit.posterior import Posterior
@@ -23,48 +23,6 @@ TURN, STEP, SHOWN = 25.0, 0.25, 3.0
 LEG = 3.0
 #: m between the places that are looked at, and between which two parts of one corner lie.
 EVERY, APART = 0.1, 1.0
-
-
-@dataclass(frozen=True)
-class Corner:
-    """A place where a fiber turns, or goes deeper or less deep.
-
-    Parameters
-    ----------
-    kind : "corner" (in plan) or "step" (in depth)
-    amount, sigma : degrees to the right of one who looks toward higher channels, or m deeper; and its sd
-    length : of fiber over which it does so, m
-    distance, channel : along the fiber, m, and of the nearest channel
-    x, y, z : m
-    sigma_place : sd of the place in plan, m
-    """
-
-    kind: Literal["corner", "step"]
-    amount: float
-    sigma: float
-    length: float
-    distance: float
-    channel: int
-    x: float
-    y: float
-    z: float
-    sigma_place: float
-
-    @property
-    def words(self) -> str:
-        """What a user reads.
-
-        >>> Corner("corner", -88.4, 1.0, 1.6, 140.0, 134, 52.0, 3.1, 0.9, 0.2).words
-        'turns 88 degrees to the left at x = 52.0, y = 3.1 m (channel 134), within 0.4 m'
-        >>> Corner("step", 0.88, 0.02, 2.5, 140.0, 125, 45.0, 3.1, 0.9, 0.1).words
-        'goes 0.9 m deeper within 2.5 m of fiber at x = 45.0, y = 3.1 m (channel 125)'
-        """
-        where = f"at x = {self.x:.1f}, y = {self.y:.1f} m (channel {self.channel})"
-        if self.kind == "corner":
-            side = "right" if self.amount > 0 else "left"
-            return f"turns {abs(self.amount):.0f} degrees to the {side} {where}, within {2 * self.sigma_place:.1f} m"
-        way = "deeper" if self.amount > 0 else "less deep"
-        return f"goes {abs(self.amount):.1f} m {way} within {self.length:.1f} m of fiber {where}"
 
 
 def stretches_of(there: NDArray[np.bool_], sign: Array) -> Iterator[slice]:

@@ -1,12 +1,11 @@
 """What every fit gives back."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.fit.corners import Corner
 from solver.noise.law import NoiseLaw
 
 
@@ -18,6 +17,48 @@ class Parameter:
     sigma: float
     unit: str
     free: bool
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A place where a fiber turns, or goes deeper or less deep.
+
+    Parameters
+    ----------
+    kind : "corner" (in plan) or "step" (in depth)
+    amount, sigma : degrees to the right of one who looks toward higher channels, or m deeper; and its sd
+    length : of fiber over which it does so, m
+    distance, channel : along the fiber, m, and of the nearest channel
+    x, y, z : m
+    sigma_place : sd of the place in plan, m
+    """
+
+    kind: Literal["corner", "step"]
+    amount: float
+    sigma: float
+    length: float
+    distance: float
+    channel: int
+    x: float
+    y: float
+    z: float
+    sigma_place: float
+
+    @property
+    def words(self) -> str:
+        """What a user reads.
+
+        >>> Corner("corner", -88.4, 1.0, 1.6, 140.0, 134, 52.0, 3.1, 0.9, 0.2).words
+        'turns 88 degrees to the left at x = 52.0, y = 3.1 m (channel 134), within 0.4 m'
+        >>> Corner("step", 0.88, 0.02, 2.5, 140.0, 125, 45.0, 3.1, 0.9, 0.1).words
+        'goes 0.9 m deeper within 2.5 m of fiber at x = 45.0, y = 3.1 m (channel 125)'
+        """
+        where = f"at x = {self.x:.1f}, y = {self.y:.1f} m (channel {self.channel})"
+        if self.kind == "corner":
+            side = "right" if self.amount > 0 else "left"
+            return f"turns {abs(self.amount):.0f} degrees to the {side} {where}, within {2 * self.sigma_place:.1f} m"
+        way = "deeper" if self.amount > 0 else "less deep"
+        return f"goes {abs(self.amount):.1f} m {way} within {self.length:.1f} m of fiber {where}"
 
 
 #: Grades of a run, see `solver.run.trust.Trust`, that may be relied on.

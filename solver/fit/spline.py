@@ -21,8 +21,8 @@ from solver.fit.stretches import FIRST, parts, some
 MISLED, DELAYS = 1.0, np.arange(-10, 11) / 10
 #: Distances from the traffic, m, at which a route may be laid instead.
 BESIDE = np.arange(0.0, 12.5, 1.0)
-#: Distances along the fiber, m, between places at which it may cross the road.
-CROSS_EVERY = 4.0
+#: Distance along the fiber, m, between places at which it may cross the road: a right angle fits there or not at all.
+CROSS_EVERY = 1.0
 #: Shares of the way across by which a route may be farther along than the best of those.
 NEARBY = (-0.2, -0.1, 0.0, 0.1, 0.2)
 #: Way to the side, m, that no camera is off by; and Poisson's ratios to begin at where a fit ends in what cannot be.
@@ -133,15 +133,15 @@ def crossing_start(chain: Chain) -> State | None:
                 ends.append((cost, one, state))
         return min(ends, key=lambda end: end[0], default=None)
 
-    every = np.arange(distance[0] + CROSS_EVERY, distance[-1], CROSS_EVERY)
-    found = best(
-        (float(at), side, ahead) for at in every for side in (here, 2 * traffic - here) for ahead in (0.0, 1.0)
-    )
+    shifts = (0.0,) if problem.anchors else (-0.5, 0.0, 0.5)
+    step = len(shifts) * CROSS_EVERY
+    every = np.arange(distance[0] + step, distance[-1], step)
+    found = best((float(at), side, shift) for at in every for side in (here, 2 * traffic - here) for shift in shifts)
     if found is None or found[0] > chain.settled(begun)[1]:
         return None
-    place, side, _ = found[1]
-    near = place + np.arange(-CROSS_EVERY, CROSS_EVERY + 1)
-    again = best((float(at), side, float(ahead)) for at in near for ahead in found[1][2] + np.array(NEARBY))
+    place, side, shift = found[1]
+    near = place + np.arange(-step, step + CROSS_EVERY, CROSS_EVERY)
+    again = best((float(at), side, shift + more) for at in near for more in NEARBY)
     return min(found, again or found, key=lambda end: end[0])[2]
 
 

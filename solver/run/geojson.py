@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.fit.corners import Corner
-from solver.fit.result import Placed
+from solver.fit.result import Corner, Placed
 from solver.survey.anchors import Anchor
 from vision.contract import LocalFrame
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from solver.fit.corners import Corner
-from solver.fit.result import FitResult, Parameter
+from solver.fit.result import Corner, FitResult, Parameter
 from solver.noise.law import NoiseLaw
 from solver.run.arrays import Arrays, read_arrays
 from solver.run.ladder_file import read_ladder

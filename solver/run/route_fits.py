@@ -56,8 +56,9 @@ def fit_route(
     disputed : sentences on anchors that contradict the others are added
     """
     recorded = int(record.channel[0]), int(record.channel[-1])
-    result, problem = fit_bends(*fit_sides(problems, method), method)
-    result, problem = fit_crossing(result, problem, problems, method)
+    result, problem = fit_crossing(*fit_sides(problems, method), problems, method)
+    if not problem.knots:
+        result, problem = fit_bends(result, problem, method)
     if wider is not None and method == "spline" and not is_long(problem):
         result, problem = fit_beyond(result, problem, wider, method)
     result, problem = fit_straight(result, problem, method, recorded, warnings)

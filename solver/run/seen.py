@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.fit.corners import Corner
 from solver.fit.longest import ONE_STRETCH, is_one_stretch
-from solver.fit.result import FitResult, Placed
+from solver.fit.result import Corner, FitResult, Placed
 from solver.run.located_fiber import LocatedFiber
 from solver.run.run_corridor import corridor_sentence, placed
 from solver.run.rung import Rung

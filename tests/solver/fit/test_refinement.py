@@ -1,0 +1,83 @@
+"""Knots where a fiber bends, and the corners that a fit tells."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from solver.cable.fiber import SplineBasis
+from solver.fit.chain import Chain
+from solver.fit.least_squares import solve
+from solver.fit.prior import Prior, shape_rows
+from solver.fit.problem import CLOSEST, KNOT_SPACING
+from solver.fit.refinement import embedded, finer, wanted
+from solver.run.locate import locate
+from solver.run.run import Run
+from solver.simulator import Scenario, Survey, simulate, write_survey
+from solver.survey.survey import Survey as Read
+
+UNEVEN = SplineBasis.of([0.0, 10.0, 12.0, 13.0, 20.0, 30.0])
+
+
+def located(shape: str, seed: int, folder: Path) -> tuple[Survey, Run]:
+    survey = simulate(Scenario(seed=seed, passes=6, snr_db=18.0, laid=shape))
+    return survey, locate(Read.read(write_survey(survey, folder / "s")))
+
+
+def test_functions_on_uneven_knots_are_those_of_a_part_and_of_tensors() -> None:
+    at = np.linspace(0.0, 30.0, 61)
+    for order in range(3):
+        np.testing.assert_allclose(UNEVEN.weights(torch.from_numpy(at), order), UNEVEN.at(at, order), atol=1e-12)
+    inside = at[(at > 12.0) & (at < 20.0)]
+    np.testing.assert_allclose(UNEVEN.part(2, 4).at(inside), UNEVEN.at(inside)[:, 2:7], atol=1e-12)
+
+
+def test_a_finer_basis_holds_the_functions_of_the_coarser_one() -> None:
+    fine, at = finer(UNEVEN), np.linspace(0.0, 30.0, 50)
+    np.testing.assert_allclose(fine.at(at) @ embedded(UNEVEN, fine), UNEVEN.at(at), atol=1e-10)
+    assert np.diff(fine.breaks).min() >= CLOSEST
+
+
+def test_the_prior_bends_by_its_jacobian_and_pulls_less_on_a_corner() -> None:
+    random = torch.Generator().manual_seed(1)
+    route = torch.randn(UNEVEN.size, 3, generator=random, dtype=torch.float64) * 0.3
+    route += torch.stack(
+        [torch.linspace(-10, 40, UNEVEN.size), torch.full((UNEVEN.size,), 4.0), torch.ones(UNEVEN.size)], 1
+    )
+    numeric = torch.autograd.functional.jacobian(
+        lambda x: shape_rows(UNEVEN, Prior(), x.reshape(-1, 3)).residual, route.flatten()
+    )
+    torch.testing.assert_close(shape_rows(UNEVEN, Prior(), route).jacobian, numeric)
+
+
+def test_a_corner_gets_knots_and_is_told_and_a_straight_fiber_gets_none(tmp_path: Path) -> None:
+    survey, run = located("jog", 31, tmp_path)
+    channel = run.result.channel
+    seen = (channel >= survey.active[0]) & (channel <= survey.active[1])
+    off = np.linalg.norm((run.result.route - survey.route[channel])[seen], axis=1)
+    assert off.max() < 0.4 and np.diff(run.problem.basis.breaks).min() < 1.0
+    assert np.diff(run.problem.basis.breaks).max() > 0.9 * KNOT_SPACING
+    turns = [one for one in run.corners if one.kind == "corner"]
+    assert len(turns) >= 3 and abs(sum(one.amount for one in turns)) < 15.0
+    assert any(turns[0].words in note for note in run.facts["notes"])
+    chain = Chain.of(run.problem)
+    assert wanted(chain, solve(chain, chain.start()).state, run.result.chi2_per_dof) is None
+
+
+def test_a_fiber_that_crosses_the_road_is_begun_there(tmp_path: Path) -> None:
+    survey, run = located("crossing", 2, tmp_path)
+    channel = run.result.channel
+    seen = (channel >= survey.active[0]) & (channel <= survey.active[1])
+    assert np.linalg.norm((run.result.route - survey.route[channel])[seen], axis=1).max() < 0.4
+    assert sorted(round(abs(one.amount), -1) for one in run.corners if one.kind == "corner") == [90.0, 90.0]
+
+
+@pytest.mark.parametrize("seed", [34])
+def test_a_step_in_depth_is_told(seed: int, tmp_path: Path) -> None:
+    survey, run = located("step", seed, tmp_path)
+    steps = [one for one in run.corners if one.kind == "step"]
+    assert len(steps) == 1
+    channel = run.result.channel
+    seen = (channel >= survey.active[0]) & (channel <= survey.active[1])
+    assert np.abs((run.result.route - survey.route[channel])[seen]).max() < 0.3
