@@ -120,14 +120,17 @@ def find_first_routes(
     if nothing := silent(record, view_of(rough, passes)):
         warnings.append(nothing)
     recorded = int(record.channel[0]), int(record.channel[-1])
-    keep = straight_part(rough, passes, round(record.gauge_length / record.channel_spacing), recorded)
+    gauge = round(record.gauge_length / record.channel_spacing)
+    keep = straight_part(rough, passes, gauge, recorded)
     seen = np.clip(view_of(rough, passes), *recorded)
     felt, unfitted = rough.channel[keep][[0, -1]], list[str]()
     for side in (0, -1):
         if (end := int(rough.channel[side])) != rough.channel[keep][side]:
             loud = felt_beyond(record, passes, end, int(seen[side]))
             unfitted.append(beyond_words(end, loud))
-            felt[side] = farthest_felt(end, loud)
+            # Within a gauge of the end all that is felt may be what a bend there senses.
+            if abs((farthest := farthest_felt(end, loud)) - end) > gauge:
+                felt[side] = farthest
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     routes = [start_route(rough, y, used)[keep] for y in sides]
     coil = coiled(rough, routes[0], record, warnings)
