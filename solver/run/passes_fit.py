@@ -101,6 +101,8 @@ class Fitting:
             wider = with_slow_errors(wider if choice is None else only(wider, choice.numbers))
         with self.timed("fit"):
             result, problem = self.route(problems, wider, warnings, disputed)
+        if problem.coil is not None:
+            warnings.append(self.found.coil_line)
         if wider is None or len(problem.channel) < len(wider.channel):
             warnings += self.found.unfitted
         return PassesFit(list(passes), whole, choice, result, problem, warnings, disputed)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from solver.cable.fiber import SplineBasis
+from solver.cable.fiber import Coil, SplineBasis
 from solver.fit.anchor_check import contradiction
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
@@ -61,8 +61,18 @@ def fit_route(
         result, problem = fit_bends(result, problem, method)
     if wider is not None and method == "spline" and not is_long(problem):
         result, problem = fit_beyond(result, problem, wider, method)
+    if problem.coil is not None and explains_coil(result, problem, problem.coil):
+        problem = replace(problem, coil=None)
     result, problem = fit_straight(result, problem, method, recorded, warnings)
     return fit_agreeing(result, problem, method, disputed)
+
+
+def explains_coil(result: FitResult, problem: Problem, coil: Coil) -> bool:
+    """Whether corners take the fiber that seems to lie coiled, as at a crossing, and noise alone is left."""
+    level, scatter = noise_level_of(problem, result)
+    reach = coil.length + problem.gauge_length
+    near = [one for one in result.corners if abs(one.distance - coil.place) < reach]
+    return len(near) > 1 and result.chi2_per_dof <= level + scatter
 
 
 def fit_sides(problems: Sequence[Problem], method: str) -> tuple[FitResult, Problem]:

@@ -54,6 +54,17 @@ class FirstRoutes:
     unfitted: Sequence[str] = ()
 
     @property
+    def coil_line(self) -> str:
+        """What a user should read of a coil that no corner of the route explains; empty where none is seen."""
+        if self.rough is None or self.rough.coil is None:
+            return ""
+        channel, length = self.rough.coil
+        return (
+            f"about {length:.0f} m of fiber seem to lie coiled near channel {channel}: beyond it vehicles appear that "
+            "much later. The base model has no coil, so do not rely on this route: roadfiber add RUN slack_spool"
+        )
+
+    @property
     def whole(self) -> "FirstRoutes | None":
         """The same over all channels that are felt, straight on from both ends; None where these are no more."""
         if self.felt is None or np.array_equal(self.felt, self.channel[[0, -1]]):
@@ -133,7 +144,7 @@ def find_first_routes(
                 felt[side] = farthest
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]
     routes = [start_route(rough, y, used)[keep] for y in sides]
-    coil = coiled(rough, routes[0], record, warnings)
+    coil = coiled(rough, routes[0], record)
     # Ground of an unusual Poisson's ratio makes waves of another form, which fit best a crest away.
     if coil is None and abs(ahead := anchors_ahead(rough, used)) > OFF_LINE:
         routes.append(routes[0] + np.array([ahead, 0.0, 0.0]))
@@ -177,15 +188,11 @@ def anchors_ahead(rough: Initialization, anchors: Sequence[Anchor]) -> float:
     return float(miss.mean()) if len(miss) > 1 and np.ptp(miss) < OFF_LINE else 0.0
 
 
-def coiled(rough: Initialization, route: Array, record: DASRecord, warnings: list[str]) -> Coil | None:
-    """The coil that the matched filter sees, beside a rough route; a warning for the user is added."""
+def coiled(rough: Initialization, route: Array, record: DASRecord) -> Coil | None:
+    """The coil that the matched filter sees, beside a rough route."""
     if rough.coil is None:
         return None
     channel, length = rough.coil
-    warnings.append(
-        f"about {length:.0f} m of fiber seem to lie coiled near channel {channel}: beyond it vehicles appear that "
-        "much later. The base model has no coil, so do not rely on this route: roadfiber add RUN slack_spool"
-    )
     zero = float(record.distance[0] - record.channel[0] * record.channel_spacing)
     x0, slope = rough.x_of_channel[0], rough.x_of_channel[1] / record.channel_spacing
     y, z = np.median(route[:, 1:], axis=0).tolist()
