@@ -50,36 +50,36 @@ def find_corners(posterior: "Posterior", first: float, last: float) -> tuple[Cor
     curvature = (slope[:, 0] * bend[:, 1] - slope[:, 1] * bend[:, 0]) / np.linalg.norm(slope[:, :2], axis=1) ** 3
     steep = slope[:, 2] / np.linalg.norm(slope, axis=1)
 
-    def moved(begin: int, end: int) -> tuple[Array, Array]:
+    def way(begin: int, end: int) -> tuple[Array, Array]:
         """Way [3] between two places, and its derivative [3, coefficient x axis]."""
         return place[end] - place[begin], np.asarray(
             np.kron(basis.at(s[end]) - basis.at(s[begin]), np.eye(AXES)), float
         )
 
-    def turned(parts: Sequence[slice], number: int) -> tuple[float, Array]:
+    def turn(parts: Sequence[slice], number: int) -> tuple[float, Array]:
         """Angle between the fiber before and after a corner, as far as the next ones, degrees."""
         leg, part = round(LEG / EVERY), parts[number]
         begin = max([part.start - leg, 0, *(one.stop for one in parts[:number])])
         end = min([part.stop + leg, len(s) - 1, *(one.start for one in parts[number + 1 :])])
-        before = moved(min(begin, part.start - 1), part.start) if part.start else (slope[0], 0 * moved(0, 1)[1])
-        after = moved(part.stop - 1, max(end, part.stop)) if part.stop < len(s) else (slope[-1], 0 * moved(0, 1)[1])
+        before = way(min(begin, part.start - 1), part.start) if part.start else (slope[0], 0 * way(0, 1)[1])
+        after = way(part.stop - 1, max(end, part.stop)) if part.stop < len(s) else (slope[-1], 0 * way(0, 1)[1])
         angle, by = 0.0, np.zeros(before[1].shape[1])
         for sign, ((x, y, _), change) in ((-1, before), (1, after)):
             angle += sign * np.arctan2(y, x)
             by += sign * (x * change[1] - y * change[0]) / (x**2 + y**2)
         return float(np.degrees((angle + np.pi) % (2 * np.pi) - np.pi)), 180 / np.pi * by
 
-    def deeper(parts: Sequence[slice], number: int) -> tuple[float, Array]:
+    def step(parts: Sequence[slice], number: int) -> tuple[float, Array]:
         """How much deeper the fiber is after a step than before, m."""
-        way, change = moved(parts[number].start, parts[number].stop - 1)
-        return float(way[2]), change[2]
+        path, change = way(parts[number].start, parts[number].stop - 1)
+        return float(path[2]), change[2]
 
     found = list[Corner]()
     kinds: Sequence[
         tuple[Literal["corner", "step"], Array, float, float, float, Callable[..., tuple[float, Array]]]
     ] = (
-        ("corner", curvature, SHARP, TURN, 180 / np.pi, turned),
-        ("step", steep, STEEP, STEP, 1.0, deeper),
+        ("corner", curvature, SHARP, TURN, 180 / np.pi, turn),
+        ("step", steep, STEEP, STEP, 1.0, step),
     )
     for kind, rate, sharp, least, unit, measured in kinds:
         every = stretches_of(np.abs(rate) > sharp, rate)

@@ -153,15 +153,15 @@ class Normal:
 
     def without_vehicles(self) -> tuple[Banded, Array]:
         """Matrix and right-hand side of the shared parameters, the vehicles eliminated."""
-        matrix, right, _ = self._eliminated(0.0)
+        matrix, right, _ = self._eliminate(0.0)
         return matrix, right
 
     def reduced(self, damping: float = 0.0) -> Reduced:
         """Eliminate the vehicles; `damping` times the diagonal is added first (Marquardt 1963)."""
-        matrix, right, lifts = self._eliminated(damping)
+        matrix, right, lifts = self._eliminate(damping)
         return Reduced(Factor(matrix), right, lifts)
 
-    def _eliminated(self, damping: float) -> tuple[Banded, Array, list[tuple[Array, Array]]]:
+    def _eliminate(self, damping: float) -> tuple[Banded, Array, list[tuple[Array, Array]]]:
         matrix, right = self.shared.copy(), self.right.copy()
         lifts: list[tuple[Array, Array]] = []
         if len(matrix.band):

@@ -41,15 +41,15 @@ def finer(basis: SplineBasis) -> SplineBasis:
     return SplineBasis.of(np.concatenate([*cuts, basis.breaks[-1:]]))
 
 
-def embedded(coarse: SplineBasis, fine: SplineBasis) -> Array:
-    """Coefficients [fine, coarse] of the functions of a basis in another, whose knots are among its own."""
+def knot_insertion(coarse: SplineBasis, fine: SplineBasis) -> Array:
+    """Matrix [fine, coarse] from a route's coefficients to those of the same route on more knots (Boehm 1980)."""
     at = np.interp(np.linspace(0, fine.intervals, 4 * fine.size), np.arange(fine.intervals + 1), fine.breaks)
     return np.asarray(np.linalg.lstsq(fine.at(at), coarse.at(at), rcond=None)[0])
 
 
 def on_knots(problem: Problem, state: State, basis: SplineBasis) -> tuple[Problem, State]:
     """A problem, and the same state of it, on a basis whose knots have those of its own among them."""
-    coefficients = embedded(problem.basis, basis) @ state.coefficients.numpy()
+    coefficients = knot_insertion(problem.basis, basis) @ state.coefficients.numpy()
     return replace(problem, knots=tuple(basis.breaks[1:-1].tolist())), replace(
         state, coefficients=torch.from_numpy(coefficients)
     )
@@ -91,7 +91,7 @@ class Equations:
         return 0.5 * (self.gain(some) / scale - wider)
 
 
-def wanted(chain: Chain, state: State, chi2_per_dof: float, most: float = np.inf) -> tuple[Problem, State] | None:
+def add_knots(chain: Chain, state: State, chi2_per_dof: float, most: float = np.inf) -> tuple[Problem, State] | None:
     """A problem with the knots that the data ask for near the end of a fit, and the same state of it; None: no more.
 
     Parameters
@@ -113,7 +113,7 @@ def wanted(chain: Chain, state: State, chi2_per_dof: float, most: float = np.inf
     matrix, right = normal.without_vehicles()
     prior = Banded.of(normal.known, normal.size, normal.border).dense
     # Numbers of the old knots, of what is beside the route, and of the new knots.
-    into, old = embedded(basis, fine), AXES * basis.size
+    into, old = knot_insertion(basis, fine), AXES * basis.size
     change = np.zeros((len(right), old + normal.border + AXES * len(new)))
     change[: normal.size, :old] = np.kron(into, np.eye(AXES))
     change[normal.size :, old : old + normal.border] = np.eye(normal.border)

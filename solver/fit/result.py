@@ -56,7 +56,8 @@ class Corner:
         where = f"at x = {self.x:.1f}, y = {self.y:.1f} m (channel {self.channel})"
         if self.kind == "corner":
             side = "right" if self.amount > 0 else "left"
-            return f"turns {abs(self.amount):.0f} degrees to the {side} {where}, within {2 * self.sigma_place:.1f} m"
+            within = max(2 * self.sigma_place, 0.1)
+            return f"turns {abs(self.amount):.0f} degrees to the {side} {where}, within {within:.1f} m"
         way = "deeper" if self.amount > 0 else "less deep"
         return f"goes {abs(self.amount):.1f} m {way} within {self.length:.1f} m of fiber {where}"
 

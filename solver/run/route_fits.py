@@ -15,7 +15,7 @@ from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.pose import bent_ends, shortened
 from solver.fit.problem import Problem
-from solver.fit.refinement import wanted
+from solver.fit.refinement import add_knots
 from solver.fit.result import FitResult
 from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.spline import crossing_start, ended, fit_spline
@@ -134,11 +134,11 @@ def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResu
     most = max(level + scatter, result.chi2_per_dof - BY_ROUTE * (result.chi2_per_dof - level))
     chain = Chain.of(shortened(problem, slice(None), result))
     end = chain.state_of(torch.from_numpy(result.vector))
-    solution, steps, used = None, METHODS[method][1], 0
+    solution, steps, used = None, METHODS[method][1], result.iterations
     with progress("fitting bends of the route", steps) as advance:
         for number in range(ROUNDS):
             # Far from its end a fit tells too little of what knots would explain.
-            found = wanted(chain, end, result.chi2_per_dof, most * freedom if number else np.inf)
+            found = add_knots(chain, end, result.chi2_per_dof, most * freedom if number else np.inf)
             if found is None:
                 break
             chain = Chain.of(found[0])
@@ -147,7 +147,7 @@ def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResu
         if solution is None:
             return result, problem
         solution = solve(chain, solution, iterations=steps, advance=advance)
-    again = ended(chain, solution, result.seconds)
+    again = ended(chain, replace(solution, iterations=used + solution.iterations), result.seconds)
     if result.converged and (not again.converged or again.chi2_per_dof > most):
         return result, problem
     return replace(again, ambiguous_side=result.ambiguous_side), chain.problem
@@ -164,8 +164,10 @@ def fit_crossing(
     ----------
     begun : the problem at its starts
     """
+    if method != "spline" or is_long(problem):
+        return result, problem
     level, scatter = noise_level_of(problem, result)
-    if method != "spline" or is_long(problem) or (result.converged and result.chi2_per_dof <= level + scatter):
+    if result.converged and result.chi2_per_dof <= level + scatter:
         return result, problem
     for one in begun:
         even = SplineBasis.even(*one.span, CORNER_KNOTS).breaks[1:-1]
@@ -176,7 +178,7 @@ def fit_crossing(
             first = ended(chain, solve(chain, start, iterations=FEW, advance=advance), result.seconds)
         again, there = fit_bends(first, chain.problem, method)
         if again.converged and (again.chi2_per_dof < result.chi2_per_dof or not result.converged):
-            result, problem = replace(again, ambiguous_side=False), there
+            result, problem = replace(again, ambiguous_side=result.ambiguous_side), there
     return result, problem
 
 

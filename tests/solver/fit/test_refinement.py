@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 import torch
 
 from solver.cable.fiber import SplineBasis
@@ -11,7 +10,7 @@ from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.prior import Prior, shape_rows
 from solver.fit.problem import CLOSEST, KNOT_SPACING
-from solver.fit.refinement import embedded, finer, wanted
+from solver.fit.refinement import add_knots, finer, knot_insertion
 from solver.run.locate import locate
 from solver.run.run import Run
 from solver.simulator import Scenario, Survey, simulate, write_survey
@@ -35,7 +34,7 @@ def test_functions_on_uneven_knots_are_those_of_a_part_and_of_tensors() -> None:
 
 def test_a_finer_basis_holds_the_functions_of_the_coarser_one() -> None:
     fine, at = finer(UNEVEN), np.linspace(0.0, 30.0, 50)
-    np.testing.assert_allclose(fine.at(at) @ embedded(UNEVEN, fine), UNEVEN.at(at), atol=1e-10)
+    np.testing.assert_allclose(fine.at(at) @ knot_insertion(UNEVEN, fine), UNEVEN.at(at), atol=1e-10)
     assert np.diff(fine.breaks).min() >= CLOSEST
 
 
@@ -51,7 +50,7 @@ def test_the_prior_bends_by_its_jacobian_and_pulls_less_on_a_corner() -> None:
     torch.testing.assert_close(shape_rows(UNEVEN, Prior(), route).jacobian, numeric)
 
 
-def test_a_corner_gets_knots_and_is_told_and_a_straight_fiber_gets_none(tmp_path: Path) -> None:
+def test_corners_get_knots_and_are_told_and_no_more_knots_are_asked_for(tmp_path: Path) -> None:
     survey, run = located("jog", 31, tmp_path)
     channel = run.result.channel
     seen = (channel >= survey.active[0]) & (channel <= survey.active[1])
@@ -62,7 +61,7 @@ def test_a_corner_gets_knots_and_is_told_and_a_straight_fiber_gets_none(tmp_path
     assert len(turns) >= 3 and abs(sum(one.amount for one in turns)) < 15.0
     assert any(turns[0].words in note for note in run.facts["notes"])
     chain = Chain.of(run.problem)
-    assert wanted(chain, solve(chain, chain.start()).state, run.result.chi2_per_dof) is None
+    assert add_knots(chain, solve(chain, chain.start()).state, run.result.chi2_per_dof) is None
 
 
 def test_a_fiber_that_crosses_the_road_is_begun_there(tmp_path: Path) -> None:
@@ -73,9 +72,8 @@ def test_a_fiber_that_crosses_the_road_is_begun_there(tmp_path: Path) -> None:
     assert sorted(round(abs(one.amount), -1) for one in run.corners if one.kind == "corner") == [90.0, 90.0]
 
 
-@pytest.mark.parametrize("seed", [34])
-def test_a_step_in_depth_is_told(seed: int, tmp_path: Path) -> None:
-    survey, run = located("step", seed, tmp_path)
+def test_a_step_in_depth_is_told(tmp_path: Path) -> None:
+    survey, run = located("step", 34, tmp_path)
     steps = [one for one in run.corners if one.kind == "step"]
     assert len(steps) == 1
     channel = run.result.channel
