@@ -71,6 +71,9 @@ def legend(run: Run) -> str:
         items.append('<i style="border-color: var(--backward); border-top-style: dotted"></i>extrapolated, not seen')
     if run.anchors:
         items.append('<i class="box"></i>anchor, with its 95 % bar')
+    signs = {"corner": ("◇", "the fiber turns"), "step": ("▽", "it goes deeper, △ less deep")}
+    for sign, told in (signs[kind] for kind in sorted({one.kind for one in result.corners})):
+        items.append(f"<b>{sign}</b> {told}")
     return "".join(f"<span>{item}</span>" for item in items)
 
 

@@ -1,12 +1,14 @@
 """The map: the road from above, the fiber's sideways position and its depth."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from solver.fit.result import Corner
 from solver.run.geojson import Z95, corridor_ring, half_width, normals, runs
 from solver.run.run import Run
 from solver.trajectory.vehicle_pass import Pass
@@ -88,6 +90,13 @@ def draw_anchors(
     axes.errorbar(x, y, yerr=half, fmt="s", ms=6, mfc=PAPER, mec=INK, mew=1.4, ecolor=INK, elinewidth=1.2, zorder=5)
 
 
+def draw_corners(axes: Axes, corners: Sequence[Corner], x: ArrayLike, y: ArrayLike) -> None:
+    """Corners of the fiber as diamonds; steps in depth as triangles that point the way it goes."""
+    for corner, *at in zip(corners, np.asarray(x), np.asarray(y), strict=True):
+        marker = "D" if corner.kind == "corner" else "v" if corner.amount > 0 else "^"
+        axes.plot(*at, marker, ms=7, mfc="none", mec=INK, mew=1.2, zorder=5)
+
+
 def draw_north(axes: Axes, x_azimuth: float) -> None:
     """Arrow to the north above the upper right corner; +x points right, x_azimuth degrees clockwise from north."""
     angle = np.deg2rad(x_azimuth)
@@ -132,10 +141,7 @@ def draw_plan(axes: Axes, run: Run, window: Limits) -> None:
         axes.fill(ring[:, 0], ring[:, 1], color=ROUTE, alpha=WIDE_ALPHA, lw=0, zorder=2)
     draw_line(axes, result.route[:, 0], result.route[:, 1], run.place.reliable)
     draw_anchors(axes, np.array([a.x for a in run.anchors]), np.array([a.y for a in run.anchors]))
-    for corner in result.corners:
-        axes.plot(
-            corner.x, corner.y, "D" if corner.kind == "corner" else "v", ms=7, mfc="none", mec=INK, mew=1.2, zorder=5
-        )
+    draw_corners(axes, result.corners, [one.x for one in result.corners], [one.y for one in result.corners])
     traffic = np.median(np.concatenate([one.position[:, 1] for one in run.passes]))
     for anchor in run.anchors:
         away = (0, -11 if anchor.y > traffic else 11)
@@ -206,6 +212,10 @@ def draw_profile(axes: Axes, run: Run, profile: Profile, straight: bool | None =
     draw_line(axes, x, profile.value, profile.sure)
     at = np.interp([a.channel for a in run.anchors], run.result.channel, x)
     draw_anchors(axes, at, profile.known, profile.known_half)
+    corners = [one.distance for one in run.result.corners]
+    draw_corners(
+        axes, run.result.corners, *(np.interp(corners, run.result.distance, one) for one in (x, profile.value))
+    )
     axes.grid(axis="y", color=MUTED, lw=0.4, alpha=0.35)
 
 

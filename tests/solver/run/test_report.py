@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from solver.catalogue.catalogue import built_in
-from solver.fit.result import Parameter
+from solver.fit.result import Corner, Parameter
 from solver.run.facts import facts_of
 from solver.run.report import misfit as misfit_module
 from solver.run.report import report_words as words
@@ -20,7 +20,7 @@ from solver.run.report.fit_tables import gauge_words, parameter_tables
 from solver.run.report.misfit import misfit_of, nearest_channel
 from solver.run.report.misfit_figure import failure_figure, pictures_of, wave_figure, wave_pictures
 from solver.run.report.pass_panes import waves
-from solver.run.report.report_page import render
+from solver.run.report.report_page import legend, render
 from solver.run.report.report_words import told
 from solver.run.report.route_figure import along_x, route_figure, same_scale
 from solver.run.run import Run
@@ -314,6 +314,20 @@ def test_plan_is_true_to_scale_and_holds_everything(survey, width):
     assert y[1] < -3.5 < 4.5 < y[0], "y to the right of +x points down the page"
     assert depth.get_ylim()[0] > 1.1 > depth.get_ylim()[1]
     assert lateral.get_xlim() == depth.get_xlim() == x
+
+
+def test_corners_are_marked_in_each_panel_and_told_in_the_legend(survey):
+    result, middle = survey.result, len(survey.result.channel) // 2
+    at = float(result.distance[middle]), int(result.channel[middle]), *result.route[middle].tolist()
+    turn, rise = Corner("corner", 90.0, 1.0, 1.6, *at, 0.2), Corner("step", -0.9, 0.02, 2.5, *at, 0.1)
+    run = made_run(survey, corners=(turn, rise))
+    for panel in route_figure(run, 960).axes:
+        marks = {line.get_marker(): line for line in panel.lines if line.get_marker() in "Dv^"}
+        assert set(marks) == {"D", "^"}
+        value = at[4] if panel.get_label() == "depth" else at[3]
+        np.testing.assert_allclose(np.ravel(marks["D"].get_data()), (at[2], value), atol=1e-6)
+    assert "◇</b> the fiber turns" in legend(run) and "△ less deep" in legend(run)
+    assert "the fiber turns" not in legend(made_run(survey, corners=(rise,)))
 
 
 def test_same_scale_widens_what_would_be_too_high():
