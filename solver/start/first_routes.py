@@ -138,8 +138,7 @@ def find_first_routes(
     for side in (0, -1):
         if (end := int(rough.channel[side])) != rough.channel[keep][side]:
             loud = felt_beyond(record, passes, end, int(seen[side]))
-            unfitted.append(beyond_words(end, loud))
-            # Within a gauge of the end all that is felt may be what a bend there senses.
+            unfitted.append(beyond_words(end, loud, gauge))
             if abs((farthest := farthest_felt(end, loud)) - end) > gauge:
                 felt[side] = farthest
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]

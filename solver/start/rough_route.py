@@ -40,16 +40,24 @@ def felt_beyond(record: DASRecord, passes: Sequence[Pass], end: int, farthest: i
     return recording(record, channel, np.unique(np.concatenate([one.rows[one.in_view] for one in passes])))
 
 
-def beyond_words(end: int, loud: np.ndarray) -> str:
-    """Say why the fiber is not located beyond channel `end`, where the channels `loud` record vehicles in view."""
-    if not len(loud):
+def beyond_words(end: int, loud: np.ndarray, gauge: int) -> str:
+    """Say why the fiber is not located beyond channel `end`, where the channels `loud` record vehicles in view.
+
+    Within a `gauge`, channels, of the end all that is felt may be what a bend there senses.
+
+    >>> beyond_words(120, np.array([124]), gauge=10)[:59]
+    'vehicles are hardly recorded beyond channel 120 (on 124), t'
+    """
+    if len(loud) > gauge:
         return (
-            f"vehicles are not recorded beyond channel {end}, though the view and the record go on: the fiber leaves "
-            "the road there, or records nothing; it is not located beyond"
+            f"vehicles are recorded beyond channel {end}, too (channels {ranges(loud)}), but not where one line along "
+            "the road expects them: the fiber turns or lies coiled there, or the tracks are off; it is not located "
+            "beyond"
         )
+    much, where = ("hardly", f" (on {ranges(loud)})") if len(loud) else ("not", "")
     return (
-        f"vehicles are recorded beyond channel {end}, too (channels {ranges(loud)}), but not where one line along the "
-        "road expects them: the fiber turns or lies coiled there, or the tracks are off; it is not located beyond"
+        f"vehicles are {much} recorded beyond channel {end}{where}, though the view and the record go on: the fiber "
+        "leaves the road there, or records nothing; it is not located beyond"
     )
 
 

@@ -48,8 +48,10 @@ def test_where_the_record_ends_the_fiber_does_not_leave_the_road(
 
 def test_channels_that_record_vehicles_are_not_said_to_record_nothing(survey) -> None:
     """The loudest channels of a street, where no line expects its vehicles, "record nothing"."""
-    loud, quiet = (
-        beyond_words(end, felt_beyond(survey.record, survey.passes, end, to)) for end, to in ((75, 40), (110, 140))
+    loud, hardly, quiet = (
+        beyond_words(end, felt_beyond(survey.record, survey.passes, end, to), gauge=10)
+        for end, to in ((75, 40), (75, 65), (110, 140))
     )
     assert loud.startswith("vehicles are recorded beyond channel 75, too (channels 53-69, 71-74)")
+    assert hardly.startswith("vehicles are hardly recorded beyond channel 75 (on 65-69, 71-74), though the view")
     assert quiet.startswith("vehicles are not recorded beyond channel 110, though the view and the record go on")
