@@ -12,10 +12,10 @@ from solver.survey.das.ingest import ingest as ingest_record
 from solver.survey.das.lowpass import FIT_RATE
 from solver.survey.das.opened import Raw, opened, plain
 from solver.survey.das.store import FILE, Store
-from solver.survey.site import read_site
-from solver.survey.site_sections import DASSection
+from solver.survey.site import Site, read_site
 from vision.contract import InputError
-from vision.contract.statements import Statements
+from vision.contract.statements import Statement, Statements
+from vision.contract.table import read_tracks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +39,7 @@ class Ingested:
     bytes : that the store takes, and `raw_bytes` that its files do
     gaps : how many
     cautions : what is left out and why, and what else must be known, a line each
-    statements : what each file states, and what was taken of it
+    statements : what each file of the record and of the tracks states, and what was taken of it
     seconds : that this call took
     """
 
@@ -94,7 +94,8 @@ def ingest(site: Path | str, out: Path | str | None = None, *, rate: float = FIT
     (5.0, 0, 21)
     """
     begun = clock.perf_counter()
-    das = das_of(Path(site))
+    described = site_of(Path(site))
+    das = described.das
     if not rate > 0:
         raise InputError(f"rate {rate:g} Hz; give one above 0")
     folder = das.store if out is None else Path(out)
@@ -112,14 +113,24 @@ def ingest(site: Path | str, out: Path | str | None = None, *, rate: float = FIT
         raw_bytes=sum(max(0, one.bytes) for one in store.said.files),
         gaps=len(store.said.gaps),
         cautions=store.said.cautions,
-        statements=store.statements,
+        statements=(*store.statements, *tracks_stated(described)),
         seconds=clock.perf_counter() - begun,
     )
 
 
-def das_of(site: Path) -> DASSection:
-    """`[das]` of a site.toml or of the one in a folder."""
-    return read_site(site / "site.toml" if site.is_dir() else site, moving=False).das
+def site_of(path: Path) -> Site:
+    """A site.toml, or the one in a folder; it need not name trajectories."""
+    return read_site(path / "site.toml" if path.is_dir() else path, moving=False)
+
+
+def tracks_stated(site: Site) -> tuple[Statements, ...]:
+    """What each track file states, where there are any; of files that cannot be read, why not."""
+    if site.trajectories is None:
+        return ()
+    try:
+        return read_tracks(site.trajectories.files, site.frame)[1]
+    except InputError as error:
+        return (Statements("trajectories", (Statement("tracks", (), "", str(error)),)),)
 
 
 def moment(text: str | float, start: np.datetime64) -> np.datetime64:
@@ -187,15 +198,27 @@ def view(
 
 
 def stated(site: Path | str) -> tuple[Statements, ...]:
-    """What each file of a record states, and what is taken of it; `site` as of `view`."""
-    return source_of(Path(site)).statements
+    """What each file of a record, and of a survey's tracks, states, and what is taken of it; `site` as of `view`."""
+    path = Path(site)
+    of_survey = not (is_store(path) or is_record(path))
+    return (*source_of(path).statements, *(tracks_stated(site_of(path)) if of_survey else ()))
+
+
+def is_store(path: Path) -> bool:
+    """Whether a path is that of a store."""
+    return (path / FILE).is_file()
+
+
+def is_record(path: Path) -> bool:
+    """Whether a path is that of one DAS file."""
+    return path.is_file() and path.suffix.lower() != ".toml"
 
 
 def source_of(site: Path) -> Store | Raw:
     """Open the record of a survey, a store, or one DAS file."""
-    if (site / FILE).is_file():
+    if is_store(site):
         return Store.open(site)
-    if site.is_file() and site.suffix.lower() != ".toml":
+    if is_record(site):
         return Raw(describe([site]))
-    das = das_of(site)
+    das = site_of(site).das
     return opened(das.files, das.said, das.store)

@@ -42,6 +42,7 @@ def test_a_store_is_made_used_and_renewed(survey, caplog):
     words = run("ingest", survey).output
     assert "channels 0 to 240 at 5 Hz" in words and "no gap; noise" in words
     assert "5 Hz (Raw OutputDataRate 5 Hz, PartStartTime to PartEndTime 5 Hz, RawDataTime 5 Hz)" in words
+    assert "  start     2025-08-11T06:" in words.partition("trajectories.csv states, and taken is:")[2]
     assert record.statements == raw.statements
     site = survey / "site.toml"
     text = site.read_text()
@@ -77,6 +78,10 @@ def test_a_waterfall_needs_no_trajectories(survey, tmp_path):
     assert (left, low, high) == (0, 29.5, 90.5)
     assert right == pytest.approx(30.2, abs=0.3)
     assert noise.lines[0].get_ydata().tolist() == list(range(30, 91))
+    assert "trajectories" not in told.output
+    (tmp_path / "tracks.csv").write_text("no tracks")
+    (tmp_path / "site.toml").write_text(text.replace("trajectories.csv", "tracks.csv").replace("[anchors]\nfile", "#"))
+    assert "no column time" in " ".join(run("view", tmp_path, "--out", tmp_path / "a.png").output.split())
     # Of a store, or one file, likewise.
     assert rf.view(next((survey / "das").glob("*.h5")), 0, 5).axes
     done = rf.ingest(tmp_path, tmp_path / "kept", rate=4.0)

@@ -171,15 +171,28 @@ def caution_lines(files: Sequence[Statements]) -> list[str]:
 
 
 def told_once(files: Sequence[Statements]) -> tuple[list[Statements], str]:
-    """The table of the first file, of others what they state differently but for their times, and how many do not."""
-    usual = {one.what: one for one in files[0].rows} if files else {}
-    others = [
-        Statements(file.file, tuple(one for one in file.rows if one.what not in TIMES and one != usual.get(one.what)))
-        for file in files[1:]
-    ]
-    alike = sum(not one.rows for one in others)
+    """The table of the first file of each kind, of others what they state differently but for their times, and a count.
+
+    Files of one kind have a statement in common: those of a record do, and those of tracks.
+
+    >>> das, tracks = (statement("rate", (), rate, unit="Hz") for rate in (5.0, 12.5))
+    >>> files = [Statements(name, (das,)) for name in ("a.h5", "b.h5")] + [Statements("t.csv", (tracks,))]
+    >>> [one.file for one in told_once(files)[0]], told_once(files)[1]
+    (['a.h5', 't.csv'], '1 more of the files state the same but for their times')
+    """
+    firsts, shown, alike = list[Statements](), list[Statements](), 0
+    for file in files:
+        rows = [one for one in file.rows if one.what not in TIMES]
+        usual = next((one.rows for one in firsts if not set(rows).isdisjoint(one.rows)), None)
+        if usual is None:
+            firsts.append(file)
+            shown.append(file)
+        elif odd := tuple(one for one in rows if one not in usual):
+            shown.append(Statements(file.file, odd))
+        else:
+            alike += 1
     line = f"{alike} more of the files state the same but for their times" if alike else ""
-    return [*files[:1], *(one for one in others if one.rows)], line
+    return shown, line
 
 
 def table_lines(files: Sequence[Statements]) -> list[str]:
