@@ -22,7 +22,7 @@ export PYTHONDONTWRITEBYTECODE =
 demo: .venv/installed
 	$(BIN)/roadfiber demo --out runs/demo
 
-SEED ?= 4
+SEED ?= 5
 demo-hidden: .venv/installed
 	$(BIN)/roadfiber demo --hide any --seed $(SEED) --out runs/demo-hidden
 

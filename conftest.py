@@ -11,7 +11,7 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     import roadfiber as rf
 
     folder = tmp_path_factory.mktemp("example")
-    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 3}
+    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 3, "laid": "winding"}
     survey = rf.read(rf.simulate(folder / "survey", "street-paper", **small).site)
     run = rf.locate(survey, effects=[], corridor="fit")
     return {"rf": rf, "folder": folder, "survey": survey, "run": run, "table": survey.tracks}

@@ -33,28 +33,28 @@ import roadfiber as rf
 from benchmarks.blind import FAIR
 from benchmarks.corridor import off_and_half
 from benchmarks.judged_probabilities import judged
-from benchmarks.reliability import added, drawn_survey, known_to
+from benchmarks.reliability import added, drawn_survey, known_to, laid
 from benchmarks.route_limit import limit
-from solver.simulator import Scenario, Survey, simulate, write_survey
-from solver.simulator.survey_files import laid
+from solver.simulator import Scenario, Survey, simulate, survey_files, write_survey
 
 Array = NDArray[np.float64]
-#: Share of streets with nothing hidden, and of those whose fiber winds.
-NOTHING, WINDING = 1 / 2, 1 / 6
+#: Share of streets with nothing hidden.
+NOTHING = 1 / 2
 #: Degrees from which on a corner counts; m within which of the true one it is found, and placed; and m within which of
 #: one places are judged besides.
 TURN, FOUND, PLACED, NEAR = 30.0, 3.0, 1.0, 6.0
 #: m that a place may be off without a word.
 SILENT = 0.5
+#: Least height of a picture's map, m.
+LEAST_SHOWN = 3.0
 
 
 def draw(seed: int, vary: bool = False) -> Scenario:
     """A street as it is built, or one of a few that winds, with nothing or one effect hidden."""
     rng = np.random.default_rng([seed, zlib.crc32(b"as built")])
     names = [] if rng.uniform() < NOTHING else [str(rng.choice(FAIR))]
-    scenario = drawn_survey(seed, "one" if names else "null", names, rng)
-    winding, length = rng.uniform() < WINDING, float(rng.uniform(50, 90))
-    scenario = replace(scenario, laid="winding" if winding else "as-built", view=(0.0, length))
+    scenario = laid(drawn_survey(seed, "one" if names else "null", names, rng), rng)
+    scenario = replace(scenario, view=(0.0, float(rng.uniform(50, 90))))
     return varied(scenario, rng) if vary else replace(scenario, passes=9, snr_db=15.0, noise="white")
 
 
@@ -95,7 +95,11 @@ def in_view(survey: Survey, channel: NDArray[np.int64]) -> NDArray[np.bool_]:
 def corners_of(survey: Survey, least: float) -> Array:
     """Places [corner, 2], m, in view where the fiber turns by more than `least` degrees."""
     first, last = survey.distance[list(survey.active)]
-    seen = [one for one in laid(survey)["corners"] if first <= one["distance"] <= last and abs(one["turn"]) > least]
+    seen = [
+        one
+        for one in survey_files.laid(survey)["corners"]
+        if first <= one["distance"] <= last and abs(one["turn"]) > least
+    ]
     return np.array([[one["x"], one["y"]] for one in seen]).reshape(-1, 2)
 
 
@@ -166,7 +170,7 @@ def tried(seed: int, vary: bool, diagnose: bool, pictures: Path | None) -> dict[
         with located(scenario) as (survey, run, cpu):
             facts |= scored(survey, run) | {"cpu locate": cpu}
             if pictures is not None:
-                draw_street(survey, run, pictures / f"street-{seed:04}.png")
+                draw_street(survey, run, facts, pictures / f"street-{seed:04}.png")
             if diagnose:
                 begun = time.process_time()
                 finding = rf.diagnose(run).finding
@@ -180,8 +184,8 @@ def tried(seed: int, vary: bool, diagnose: bool, pictures: Path | None) -> dict[
     return facts
 
 
-def draw_street(survey: Survey, run: rf.Run, path: Path) -> None:
-    """A picture of the truth, the route, its corridor and the corners, on the map and in depth."""
+def draw_street(survey: Survey, run: rf.Run, facts: Mapping[str, Any], path: Path) -> None:
+    """A picture of the truth, the route, its corridor and the corners, on the map and in depth, as `scored` has it."""
     from matplotlib.figure import Figure
 
     from solver.run.geojson import Z95, half_width, normals
@@ -189,7 +193,7 @@ def draw_street(survey: Survey, run: rf.Run, path: Path) -> None:
     place, active = run.place, slice(survey.active[0], survey.active[1] + 1)
     seen = in_view(survey, place.channel)
     route, covariance, true = place.route[seen], place.covariance[seen], survey.route[active]
-    figure = Figure(figsize=(10, 6), layout="constrained")
+    figure = Figure(figsize=(7.6, 4.4), layout="constrained")
     plan, deep = figure.subplots(2, 1, height_ratios=[2, 1])
     aside = normals(route) * half_width(route, covariance)[:, None]
     edge = np.concatenate([route[:, :2] + aside, (route[:, :2] - aside)[::-1]])
@@ -199,17 +203,22 @@ def draw_street(survey: Survey, run: rf.Run, path: Path) -> None:
     plan.plot(*corners_of(survey, TURN).T, "kx", label="corners")
     plan.plot(*told_corners(run, survey).T, "o", mec="C3", mfc="none", label="corners found")
     plan.plot(survey.anchors["x"], survey.anchors["y"], "k^", ms=4, label="anchors")
-    plan.invert_yaxis()
-    plan.set(xlabel="x, m", ylabel="y, m", title=f"{survey.scenario.laid}, seed {survey.scenario.seed}")
-    plan.legend(loc="best", fontsize="small")
+    said = ", ".join(facts["failed"]) + " failed" if facts["failed"] else "no check failed"
+    title = f"{survey.scenario.laid}, seed {survey.scenario.seed}: at most {facts['largest']:.2f} m off; {said}"
+    plan.set(xlabel="x, m", ylabel="y, m")
+    plan.set_title(title, fontsize="medium")
+    figure.legend(loc="outside lower center", ncols=6, fontsize="small", frameon=False)
     along, sd = survey.distance[place.channel[seen]], Z95 * np.sqrt(covariance[:, 2, 2])
     deep.fill_between(along, route[:, 2] - sd, route[:, 2] + sd, color="C0", alpha=0.25, lw=0)
     deep.plot(survey.distance[active], true[:, 2], "k-", lw=1)
     deep.plot(along, route[:, 2], "C0-", lw=1.2)
-    deep.invert_yaxis()
+    for axes, least in ((plan, LEAST_SHOWN), (deep, LEAST_SHOWN / 2)):
+        low, high = axes.get_ylim()
+        middle, half = (low + high) / 2, max(high - low, least) / 2
+        axes.set_ylim(middle + half, middle - half)
     deep.set(xlabel="along the fiber, m", ylabel="depth, m")
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=90)
 
 
 def line(row: Mapping[str, Any]) -> str:

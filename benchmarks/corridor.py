@@ -4,9 +4,10 @@
     python -m benchmarks.corridor --first 7000 --trials 20 --out corridor.jsonl --add    # put in what was hidden, too
     python -m benchmarks.corridor --table corridor.jsonl
 
-Each seed draws a survey of 4 to 8 passes as `benchmarks/reliability.py` does, with nothing hidden or one effect. One
-file may be filled by several runs; seeds that are in it already are left out. `--add` hides an effect by another law:
-its signal is that of the simulator times one plus `LAW_OFF` of a smooth random field, along the fiber and in time.
+Each seed draws a survey as `benchmarks/reliability.py` does, its street as it is built or one of six that winds (in the
+figures of the documentation all wind: their seeds were other streets), with nothing hidden or one effect. One file may
+be filled by several runs; seeds that are in it already are left out. `--add` hides an effect by another law: its signal
+is that of the simulator times one plus `LAW_OFF` of a smooth random field, along the fiber and in time.
 """
 
 import argparse
@@ -26,7 +27,7 @@ from scipy.ndimage import gaussian_filter
 
 import roadfiber as rf
 from benchmarks.blind import FAIR
-from benchmarks.reliability import drawn_survey
+from benchmarks.reliability import drawn_survey, laid
 from roadfiber.widening import with_corridor
 from solver.run.geojson import Z95, half_width, normals
 from solver.simulator import Scenario, Survey, simulate, write_survey
@@ -41,7 +42,7 @@ def draw(seed: int) -> Scenario:
     """A survey with nothing or one effect hidden, of plausible size or of less than half of that."""
     rng = np.random.default_rng([seed, zlib.crc32(b"corridor")])
     names = [] if rng.uniform() < NOTHING else [str(rng.choice(FAIR))]
-    return drawn_survey(seed, "one" if names else "null", names, rng)
+    return laid(drawn_survey(seed, "one" if names else "null", names, rng), rng)
 
 
 def off_its_law(survey: Survey) -> Survey:

@@ -52,7 +52,9 @@ def main() -> None:
     options = parser.parse_args()
     rows = []
     for seed in range(options.surveys):
-        survey = simulate(read_scenario(options.scenario, seed=seed, passes=options.passes, snr_db=options.snr))
+        survey = simulate(
+            read_scenario(options.scenario, seed=seed, passes=options.passes, snr_db=options.snr, laid="winding")
+        )
         with tempfile.TemporaryDirectory() as folder:
             site = Read.read(write_survey(survey, Path(folder) / "survey"))
             for method in options.methods:

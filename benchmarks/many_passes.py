@@ -46,7 +46,7 @@ def measured(site: Path, out: Path, all_passes: bool, corridor: str) -> None:
 
 def row_of(passes: int, options: argparse.Namespace) -> dict[str, object]:
     """Make, locate and compare one survey."""
-    survey = simulate(read_scenario(options.scenario, seed=options.seed, passes=passes))
+    survey = simulate(read_scenario(options.scenario, seed=options.seed, passes=passes, laid="winding"))
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         site, truth, active = write_survey(survey, folder / "survey"), survey.route, survey.active

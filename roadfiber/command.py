@@ -93,7 +93,7 @@ def demo(
     out: Annotated[Path, typer.Option("--out", help="Folder to write; an earlier demo there is replaced.")] = Path(
         "roadfiber-demo"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Another seed is another street.")] = 4,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another street.")] = 5,
     hide: Annotated[
         str | None,
         typer.Option(
@@ -103,8 +103,8 @@ def demo(
     ] = None,
     laid: Annotated[
         str,
-        typer.Option(help="How the fiber lies: `winding`, `as-built`, or a shape such as `crossing` or `jog`."),
-    ] = "winding",
+        typer.Option(help="How the fiber lies: `as-built`, a shape by chance; one, such as `crossing`; or `winding`."),
+    ] = "as-built",
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the error as JSON; what the commands print goes to standard error.")
     ] = False,

@@ -64,7 +64,8 @@ def simulate(
         `clock_drift`, `channel_stretch` and `gauge_length`
     film : render the street's camera in place of trajectories: `street.mp4` and the control points to calibrate it by;
         of `street-filmed`, whose vehicles drive where it looks
-    **changes : further fields of `solver.simulator.Scenario`, such as seed, passes, snr_db; of a drive those of
+    **changes : further fields of `solver.simulator.Scenario`, such as seed, passes, snr_db, laid ("as-built" where the
+        file does not say; "winding"); of a drive those of
         `solver.simulator.drive_scenario.DriveScenario`, such as seed, length, snr_db
 
     Raises

@@ -20,7 +20,9 @@ def simulate(
     snr: Annotated[float | None, typer.Option(help="Signal to noise in the passes' maps, dB.  [default: 20]")] = None,
     laid: Annotated[
         str | None,
-        typer.Option(help="How the fiber lies: `as-built`, a shape by chance, or one such as `crossing` or `jog`."),
+        typer.Option(
+            help="How the fiber lies: a shape by chance; one, such as `crossing`; or `winding`.  [default: as-built]"
+        ),
     ] = None,
     hide: Annotated[
         list[str] | None, typer.Option(help="Hide an effect or set one of its settings, NAME=AMOUNT; may be repeated.")

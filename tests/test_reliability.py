@@ -27,6 +27,7 @@ def test_every_kind_is_drawn_and_a_seed_is_a_survey():
     drawn = [draw(seed) for seed in range(120)]
     assert {kind for kind, _ in drawn} == set(KINDS)
     assert draw(7) == drawn[7]
+    assert 10 < sum(scenario.laid == "winding" for _, scenario in drawn) < 30
     for kind, scenario in drawn:
         assert len(scenario.effects) == {"null": 0, "two": 2}.get(kind, 1)
         assert 4 <= scenario.passes <= 12 and 5 <= scenario.snr_db <= 25

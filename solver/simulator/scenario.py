@@ -49,7 +49,8 @@ class Scenario:
     depth : m; mean over the run
     undulation, depth_undulation : m; largest excursion from the mean
     laid : "winding", a run that undulates so; or in straight ducts, see `solver.simulator.ducts`: "as-built", in a way
-        that the seed draws, or one of `ducts.SHAPES`, such as "crossing"
+        that the seed draws, or one of `ducts.SHAPES`, such as "crossing"; `read_scenario` has "as-built" where nothing
+        else is said
     route : points [x, y, z], m, of a spline, in place of the street route
     speeds : km/h
     headway : s between two passes
@@ -176,8 +177,8 @@ def read_scenario(source: str | Path, **overrides: Any) -> Scenario:
     >>> read_scenario("street-gps", seed=3, passes=None).gps
     True
     """
-    table = dict(BUILT_IN[str(source)], name=str(source)) if str(source) in BUILT_IN else _from_file(Path(source))
-    table |= {key: value for key, value in overrides.items() if value is not None}
+    named = {**BUILT_IN[str(source)], "name": str(source)} if str(source) in BUILT_IN else _from_file(Path(source))
+    table = {"laid": "as-built"} | named | {key: value for key, value in overrides.items() if value is not None}
     known = {f.name: f for f in dataclasses.fields(Scenario)}
     for key in table:
         if key not in known:

@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 def sites(tmp_path_factory) -> Path:
     """Two surveys, and one whose site.toml has a wrong key."""
     folder = tmp_path_factory.mktemp("sites")
-    small = {"view": (0.0, 30.0), "channels": 101, "passes": 3}
+    small = {"view": (0.0, 30.0), "channels": 101, "passes": 3, "laid": "winding"}
     for number, name in enumerate(("broken", "east", "west")):
         rf.simulate(folder / name, "street-paper", seed=number, **small)
     site = folder / "broken" / "site.toml"

@@ -29,7 +29,7 @@ from vision.tracked import Speed
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A survey of four passes: gauges are 15 % longer than told."""
     made = tmp_path_factory.mktemp("door")
-    small = {"view": (0.0, 30.0), "channels": 111, "passes": 2, "seed": 11}
+    small = {"view": (0.0, 30.0), "channels": 111, "passes": 2, "seed": 11, "laid": "winding"}
     rf.simulate(made / "survey", "street-paper", effects={"gauge_length": 0.15, "point_load": 1.0}, **small)
     return made
 
@@ -50,7 +50,7 @@ def test_the_lines_of_the_readme_run_as_written(tmp_path: Path, monkeypatch) -> 
     monkeypatch.setattr(plugins, "built_in", lambda: some)
     text = (Path(rf.__file__).parents[1] / "README.md").read_text(encoding="utf-8")
     (lines,) = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "rf.read" in block]
-    small = {"view": (0.0, 30.0), "channels": 111, "passes": 3, "seed": 5}
+    small = {"view": (0.0, 30.0), "channels": 111, "passes": 3, "seed": 5, "laid": "winding"}
     rf.simulate(tmp_path / "survey", effects={"gauge_length": 0.12}, **small)
     monkeypatch.chdir(tmp_path / "survey")
     names: dict = {}
@@ -90,7 +90,7 @@ def test_every_result_has_a_table_a_picture_and_a_page(survey: rf.Survey, run: r
 
 def test_the_corridor_of_a_run_holds_what_its_model_lacks(tmp_path: Path) -> None:
     """An AC coupling that the model lacks bends the route: the fit's own corridor is too narrow, the run's is not."""
-    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 11}
+    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 11, "laid": "winding"}
     rf.simulate(tmp_path / "survey", "street", effects={"highpass": 0.07}, **small)
     with pytest.raises(rf.InputError, match="corridor wide: not known; give full or fit"):
         rf.locate(tmp_path / "survey", corridor="wide")

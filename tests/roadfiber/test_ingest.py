@@ -18,7 +18,7 @@ from solver.simulator.survey_files import write_survey
 def survey(tmp_path_factory):
     """A street whose site.toml says nothing of vehicles."""
     folder = tmp_path_factory.mktemp("ingest") / "street"
-    write_survey(simulate(read_scenario("street", seed=1, passes=2)), folder)
+    write_survey(simulate(read_scenario("street", seed=1, passes=2, laid="winding")), folder)
     return folder
 
 

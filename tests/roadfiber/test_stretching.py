@@ -35,7 +35,7 @@ def short() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def run(short: None, tmp_path_factory: pytest.TempPathFactory) -> rf.Run:
     """Of forty meters whose gauges are 15 % longer than told."""
-    small = {"view": (0.0, 40.0), "channels": 121, "passes": 2, "seed": 11}
+    small = {"view": (0.0, 40.0), "channels": 121, "passes": 2, "seed": 11, "laid": "winding"}
     site = rf.simulate(tmp_path_factory.mktemp("long") / "survey", effects={"gauge_length": 0.15}, **small).site
     return rf.locate(site, corridor="fit")
 

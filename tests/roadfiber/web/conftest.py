@@ -17,7 +17,7 @@ MARKUP = "<i id='injected'>9</i>"
 def hidden(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The run folder."""
     folder = tmp_path_factory.mktemp("hidden")
-    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 3}
+    small = {"view": (0.0, 40.0), "channels": 121, "passes": 4, "seed": 3, "laid": "winding"}
     site = rf.simulate(folder / "survey", "street", effects={"gauge_length": 0.15}, **small).site
     text = site.read_text().replace('name = "street"', f'name = "Elm {MARKUP}"')
     assert MARKUP in text

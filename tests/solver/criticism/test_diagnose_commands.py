@@ -43,7 +43,7 @@ def located(folder: Path, effects: dict[str, float]) -> Path:
     scenario = folder / "street.toml"
     lines = "\n".join(f"{name} = {amount}" for name, amount in effects.items())
     scenario.write_text(STREET.format(effects=lines), encoding="utf-8")
-    run("simulate", scenario, "--seed", 11, "--out", folder / "survey")
+    run("simulate", scenario, "--seed", 11, "--laid", "winding", "--out", folder / "survey")
     run("locate", folder / "survey", "--corridor", "fit", "--out", folder / "run")
     return folder / "run"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solver.simulator import Scenario, simulate
+from solver.simulator import BUILT_IN, Scenario, read_scenario, simulate
 from solver.simulator.ducts import SHAPES
 from solver.simulator.street import lay
 from solver.simulator.survey_files import laid
@@ -53,6 +53,7 @@ def test_nothing_stretches_a_fiber_above_the_ground():
 def test_as_built_draws_a_shape_and_says_which():
     drawn = {Scenario(seed=seed, laid="as-built").drawn().laid for seed in range(60)}
     assert drawn == {shape for shape, share in SHAPES.items() if share}
+    assert {read_scenario(name).laid for name in BUILT_IN} == {"as-built"} and Scenario().laid == "winding"
     with pytest.raises(InputError, match="laid: one of winding, as-built, straight"):
         Scenario(laid="bent")
 

@@ -117,7 +117,7 @@ def test_what_has_no_weight_is_no_vehicle() -> None:
 def test_vehicles_close_behind_louder_ones_are_heard_in_what_a_fit_leaves(tmp_path: Path) -> None:
     """Twelve vehicles 2 to 7 s apart, every second of them not in the trajectories: one was heard before."""
     small = {"view": (0.0, 80.0), "channels": 201, "passes": 12, "headway": (2.0, 7.0), "snr_db": 18.0}
-    made = simulator.simulate(read_scenario("street", seed=901, **small))
+    made = simulator.simulate(read_scenario("street", seed=901, laid="winding", **small))
     survey = Survey.read(simulator.write_survey(made, tmp_path / "survey"))
     assert survey.tracks is not None
     gone = made.vehicles[1::2]
@@ -137,7 +137,7 @@ def test_vehicles_close_behind_louder_ones_are_heard_in_what_a_fit_leaves(tmp_pa
 def test_a_fit_carries_vehicles_that_nobody_listed(tmp_path: Path) -> None:
     """On a street of seven vehicles, close together, of which three are not in the trajectories."""
     small = {"view": (0.0, 80.0), "channels": 201, "passes": 7, "headway": (4.0, 9.0), "snr_db": 18.0}
-    made = simulator.simulate(read_scenario("street", seed=801, **small))
+    made = simulator.simulate(read_scenario("street", seed=801, laid="winding", **small))
     survey = Survey.read(simulator.write_survey(made, tmp_path / "survey"))
     assert survey.tracks is not None
     gone = {made.vehicles[i].track_id for i in (1, 3, 5)}

@@ -20,7 +20,7 @@ LATE = 0.8
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[simulator.Survey, Path]:
     """Five vehicles, of which the camera missed the second; its clock is behind by 0.8 s."""
-    survey = simulator.simulate(read_scenario("street-blind", seed=4, passes=5))
+    survey = simulator.simulate(read_scenario("street-blind", seed=4, passes=5, laid="winding"))
     site = simulator.write_survey(survey, tmp_path_factory.mktemp("heard") / "survey")
     path = site.parent / "trajectories.csv"
     table = pd.read_csv(path, dtype={"track_id": str})
@@ -93,7 +93,7 @@ def test_a_survey_without_tracks_is_told_to_track_first(made) -> None:
 def test_a_run_takes_apart_vehicles_that_hide_each_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Twelve vehicles 2 to 7 s apart, every second of them not in the trajectories."""
     small = {"view": (0.0, 80.0), "channels": 201, "passes": 12, "headway": (2.0, 7.0), "snr_db": 18.0}
-    made = simulator.simulate(read_scenario("street", seed=902, **small))
+    made = simulator.simulate(read_scenario("street", seed=902, laid="winding", **small))
     survey = rf.read(simulator.write_survey(made, tmp_path / "survey"))
     gone = {one.track_id for one in made.vehicles[1::2]}
     some = survey.with_tracks(survey.tracks[~survey.tracks["track_id"].isin(gone)])
@@ -109,6 +109,6 @@ def test_a_run_takes_apart_vehicles_that_hide_each_other(tmp_path: Path, capsys:
     run.save(tmp_path / "run")
     listed(tmp_path / "survey", run=tmp_path / "run")
     assert "heard 12 vehicles; 12 of them are in the trajectories" in capsys.readouterr().out
-    other = simulator.simulate(read_scenario("street-short", seed=1))
+    other = simulator.simulate(read_scenario("street-short", seed=1, laid="winding"))
     with pytest.raises(InputError, match="the run is of another record"):
         rf.vehicles(rf.read(simulator.write_survey(other, tmp_path / "other")), run)
