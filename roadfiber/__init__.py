@@ -131,6 +131,7 @@ _HOMES = {
     "stretch": "roadfiber.stretching",
     "study": "roadfiber.studying",
     "track": "roadfiber.cameras",
+    "turn": "roadfiber.growing",
     "vehicles": "roadfiber.listening",
     "view": "roadfiber.ingesting",
 }

@@ -1,12 +1,15 @@
 """`roadfiber compare`, `diagnose`, `stretch`, `add`, `clock`, `ladder` and `explain`."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from solver.run.run import Run
 
 app = typer.Typer()
 
@@ -14,6 +17,10 @@ RunFolder = Annotated[Path, typer.Argument(help="A run folder that `roadfiber lo
 Plugins = Annotated[list[Path] | None, typer.Option("--plugin", help="File with effects of your own; may be repeated.")]
 Changed = Annotated[
     bool, typer.Option("--plugin-changed", help="Go on with a plugin that is not the file the run was made with.")
+]
+Corridor = Annotated[
+    str,
+    typer.Option(help="full: with what the model may still lack; fit: as if it lacked nothing, which is faster."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")]
 
@@ -158,10 +165,7 @@ def add(
     plugin: Plugins = None,
     changed: Changed = False,
     force: Annotated[bool, typer.Option("--force", help="Keep it even if held-out passes fit no better.")] = False,
-    corridor: Annotated[
-        str,
-        typer.Option(help="full: with what the model may still lack; fit: as if it lacked nothing, which is faster."),
-    ] = "full",
+    corridor: Corridor = "full",
     as_json: AsJson = False,
 ) -> None:
     """Add effects to the model of a run, fit everything again, and extend the error ladder.
@@ -173,7 +177,6 @@ def add(
     import roadfiber as rf
     from roadfiber.locating import open_street
     from solver.criticism.diagnosis_files import check_out
-    from solver.run.rung import route_moved
 
     opened = open_street(run, plugins=plugin or (), changed=changed)
     check_out(out, opened)
@@ -183,8 +186,15 @@ def add(
     if as_json:
         print(json.dumps(rf.ladder(open_street(out)).facts, allow_nan=False, indent=1))
         return
+    print("\n".join(grown_lines(after, out, said)))
+
+
+def grown_lines(after: "Run", out: Path, said: Sequence[str] = ()) -> list[str]:
+    """What is printed of a run one rung up its ladder, in the folder `out`; `said` after the verdict."""
+    from solver.run.rung import route_moved
+
     before, last = after.rungs[-2:]
-    lines = [
+    return [
         *last.words,
         after.trust.replace("RUN", str(out)),
         *said,
@@ -193,7 +203,37 @@ def add(
         *([after.corridor.replace("RUN", str(out))] if after.corridor else []),
         f"page: {out / 'ladder.html'}",
     ]
-    print("\n".join(lines))
+
+
+@app.command()
+def turn(
+    run: RunFolder,
+    channels: Annotated[list[int], typer.Argument(help="Channels at which it turns, as the DAS file counts.")],
+    out: Annotated[Path, typer.Option("--out", help="Run folder to write.")],
+    plugin: Plugins = None,
+    changed: Changed = False,
+    corridor: Corridor = "full",
+    as_json: AsJson = False,
+) -> None:
+    """Let the fiber turn at channels where you know that it does, and fit everything again.
+
+    `locate` finds most corners by itself. The run you start from stays as it is.
+
+    Example: `roadfiber turn runs/main-street 82 88 --out runs/main-street-2`
+    """
+    import roadfiber as rf
+    from roadfiber.locating import open_street
+    from solver.criticism.diagnosis_files import check_out
+
+    opened = open_street(run, plugins=plugin or (), changed=changed)
+    check_out(out, opened)
+    after = rf.turn(opened, *channels, corridor=corridor)
+    after.save(out)
+    if as_json:
+        print(json.dumps(rf.ladder(open_street(out)).facts, allow_nan=False, indent=1))
+        return
+    corners = [f"the fiber {one.words}" for one in after.corners]
+    print("\n".join(grown_lines(after, out, corners)))
 
 
 @app.command()

@@ -14,7 +14,10 @@ from solver.criticism.growth import Grown, check_names, fitted_with, grow, held_
 from solver.criticism.pages import Chapter, story_page
 from solver.criticism.verdict_words import left_open
 from solver.effect import Effect
-from solver.fit.held_out import FOLDS
+from solver.fit.held_out import FOLDS, held_out
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit
+from solver.fit.refinement import knots_around
 from solver.fit.track_trust import strict_tracks
 from solver.run.fitted import fitted
 from solver.run.ladder import climbed, rungs_of
@@ -93,6 +96,48 @@ def add(
     if step is None:
         raise InputError("no effect to add; name one of `roadfiber effects`")
     return with_corridor(with_growth(run, step, held, time.perf_counter() - begun), corridor)
+
+
+def turn(run: Run, *channels: int, corridor: str = FULL) -> Run:
+    """Let the fiber turn at some channels as sharply as ducts do, and fit everything again.
+
+    `locate` finds most corners by itself; this is for one that you know of.
+
+    Parameters
+    ----------
+    run : to start from; it stays as it is
+    channels : within the fitted ones
+    corridor : as of `locate`
+
+    Returns
+    -------
+    run : one rung up the error ladder, its effects as before
+
+    Raises
+    ------
+    InputError
+        If a channel was not fitted, or the run is of a long fiber.
+
+    Examples
+    --------
+    >>> turned = rf.turn(run, 100, corridor="fit")
+    >>> turned.problem.basis.size - run.problem.basis.size, len(turned.rungs)
+    (11, 2)
+    """
+    check_corridor(corridor)
+    begun = time.perf_counter()
+    fit, state = fitted(run)
+    first, last = fit.problem.channel[[0, -1]].tolist()
+    for one in channels or (None,):
+        if one is None or not first <= one <= last:
+            raise InputError(
+                f"channel {one}: channels {first} to {last} are fitted; give the one where the fiber turns"
+            )
+    problem, state = knots_around(fit.problem, state, fit.problem.distance_of(channels).tolist())
+    fit = MapFit(problem)
+    end = solve(fit, state)
+    grown = Grown(fit, end, None, held_out(problem, at=(fit, end.state)))
+    return with_corridor(with_growth(run, grown, run.effects, time.perf_counter() - begun), corridor)
 
 
 @dataclass(frozen=True, repr=False)

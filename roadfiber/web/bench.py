@@ -105,7 +105,7 @@ class Bench:
         asked = free and not self.refused
         up, down = self.at + 1 < len(self.runs), self.at > 0
         moves = {"undo": free and down, "redo": free and up}
-        return {"add": free, "cancel": not free, "diagnose": asked, "check": asked} | moves
+        return {"add": free, "cancel": not free, "diagnose": asked, "check": asked, "turn": asked} | moves
 
     def watch(self, called: Callable[[], None]) -> Callable[[], None]:
         """Have a function called, in any thread, whenever something changes; what is returned ends that."""
@@ -220,10 +220,24 @@ class Bench:
 
     def add(self, effect: str, title: str, force: bool = False) -> None:
         """Put an effect into the model and fit everything again, in the background; a rung of its own folder."""
+        self.grow(f"adding {lower(title)}", f"added: {lower(title)}", "add", effect, force)
+
+    def turn(self, channel: int) -> None:
+        """Let the fiber turn at a channel and fit everything again, likewise."""
+        self.grow(f"fitting a turn at channel {channel}", f"the fiber may turn at channel {channel}", "turn", channel)
+
+    def grow(self, title: str, done: str, task: str, what: Any, *more: Any) -> None:
+        """Have a run with more in its model made in the background.
+
+        Parameters
+        ----------
+        title, done : of the work, under way and when it is done
+        task : of `roadfiber.web.tasks`, given `what`, the folder to write and `more`
+        """
         try:
             out = reserved(self.first)
         except OSError as error:
-            self.changed(f"not added: {lower(title)}; {machine_words(error)}")
+            self.changed(f"{title}: not begun; {machine_words(error)}")
             return
         below = self.at
 
@@ -234,14 +248,14 @@ class Bench:
                 self.runs, self.at = [*self.runs[: below + 1], better], below + 1
             was, now = better.rungs[-2].chi2_per_dof, rung.chi2_per_dof
             moved = f"misfit {was:.3f} -> {now:.3f}, {route_moved(rung.route_change)}"
-            self.changed(f"added: {lower(title)}; {moved}; {folder}")
+            self.changed(f"{done}; {moved}; {folder}")
             self.look()
 
         def unused(words: str) -> None:
             with suppress(OSError):  # where the worker has removed it, which may have been killed before
                 out.rmdir()
 
-        if self.begin(f"adding {lower(title)}", "add", effect, out, force, then=grown, unless=unused) is None:
+        if self.begin(title, task, what, out, *more, then=grown, unless=unused) is None:
             unused("")
 
     def diagnose(self) -> None:

@@ -15,6 +15,7 @@ LISTED: dict[str, Any] = WIDE | {"stylesheets": ["option { white-space: normal; 
 #: Buttons: name in the code, and what is written on it.
 BUTTONS = {
     "add": "Add to the model",
+    "turn": "The fiber turns here",
     "undo": "Undo",
     "redo": "Redo",
     "diagnose": "Diagnose",

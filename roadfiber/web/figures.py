@@ -3,10 +3,11 @@
 Each class holds the models of one figure and changes what they show; none knows of the bench.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from bokeh.events import Tap
 from bokeh.models import (
     Arrow,
     ColumnDataSource,
@@ -77,14 +78,20 @@ class North:
 
 
 class RouteMap:
-    """The street from above: route with its corridor, tracks, anchors, where a preview or the rung below puts it."""
+    """The street from above: route with its corridor, tracks, anchors, where a preview or the rung below puts it.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    tapped : called with x and y, m, where somebody clicked
+    """
+
+    def __init__(self, tapped: Callable[[float, float], None]):
         self.ground = ColumnDataSource(table(image=[], x=[], y=[], dw=[], dh=[]))
         self.corridor = ColumnDataSource(table(xs=[], ys=[]))
         self.tracks = ColumnDataSource(table(xs=[], ys=[], color=[], name=[]))
         self.other, self.route = (ColumnDataSource(table(x=[], y=[])) for _ in range(2))
         self.anchors = ColumnDataSource(table(x=[], y=[], name=[]))
+        self.corners = ColumnDataSource(table(x=[], y=[], words=[]))
         self.place = ColumnDataSource(table(x=[], y=[]))
         self.vehicle = ColumnDataSource(table(x=[], y=[], fill=[]))
         self.plot = plain(
@@ -100,6 +107,9 @@ class RouteMap:
         route = self.plot.line("x", "y", source=self.route, color=ROUTE, line_width=2.5)
         marks = self.plot.scatter("x", "y", source=self.anchors, marker="square", size=9, color=INK, fill_alpha=0)
         self.plot.add_tools(HoverTool(renderers=[marks], tooltips=[("anchor", "@name")]))
+        turns = self.plot.scatter("x", "y", source=self.corners, marker="diamond", size=13, color=INK, fill_alpha=0)
+        self.plot.add_tools(HoverTool(renderers=[turns], tooltips=[("the fiber", "@words")]))
+        self.plot.on_event(Tap, lambda event: tapped(event.x, event.y))
         self.plot.scatter("x", "y", source=self.vehicle, marker="circle", size=9, color=FORWARD, fill_alpha="fill")
         self.plot.scatter("x", "y", source=self.place, marker="diamond", size=12, color=ROUTE, line_color="white")
         self.plot.add_layout(scale_bar(self.plot))
@@ -130,6 +140,10 @@ class RouteMap:
         anchors = run.anchors
         self.anchors.data = table(
             x=[one.x for one in anchors], y=[one.y for one in anchors], name=[one.name for one in anchors]
+        )
+        corners = result.corners
+        self.corners.data = table(
+            x=[one.x for one in corners], y=[one.y for one in corners], words=[one.words for one in corners]
         )
         self.north.point(run.frame.x_azimuth)
 

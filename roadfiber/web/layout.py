@@ -36,7 +36,7 @@ def laid_out(page: Page, ground: Beneath | None = None) -> Any:
         drawn(page.map),
         pn.Row(*(pn.pane.Bokeh(plot, **WIDE) for plot in page.maps.plots), **WIDE),
         drawn(page.depth),
-        pn.Row(controls.channel, controls.second, **WIDE),
+        pn.Row(controls.channel, button["turn"], controls.second, **WIDE),
         pn.Row(drawn(page.traces), pn.Column(controls.picture, width=VIDEO), **WIDE),
         page.by_channel.place,
         pn.Row(page.stack.place, pn.Column(controls.by, page.by_property.place, **WIDE), **WIDE),

@@ -103,8 +103,20 @@ def add(tell: Tell, folder: Path, plugins: tuple[Path, ...], effect: str, out: P
     ----------
     out : an empty folder, which is removed where nothing is written
     """
+    return saved(
+        tell, out, lambda: rf.add(opened(folder, plugins), effect, force=force, tell=lambda line: tell(("line", line)))
+    )
+
+
+def turn(tell: Tell, folder: Path, plugins: tuple[Path, ...], channel: int, out: Path) -> Path:
+    """Let a run's fiber turn at a channel, and write the run as `add` does."""
+    return saved(tell, out, lambda: rf.turn(opened(folder, plugins), channel))
+
+
+def saved(tell: Tell, out: Path, make: Callable[[], Run]) -> Path:
+    """Write a run that is made into an empty folder, which is removed where nothing is written."""
     try:
-        better = rf.add(opened(folder, plugins), effect, force=force, tell=lambda line: tell(("line", line)))
+        better = make()
         tell(("line", "writing"))
         better.save(out)
     finally:

@@ -47,7 +47,9 @@ def head(bench: Bench) -> str:
 def news_of(bench: Bench) -> str:
     """What happened, the last first."""
     if not bench.messages:
-        return "<small>Choose what may be missing, move its size, add it.</small>"
+        return (
+            "<small>Choose what may be missing, move its size, add it; or click the map where the fiber turns.</small>"
+        )
     *before, last = bench.messages
     older = "".join(f"<br><small>{escape(one)}</small>" for one in reversed(before[-2:]))
     return f"<span id='said'>{escape(last)}</span>{older}"

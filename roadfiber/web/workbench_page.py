@@ -42,7 +42,7 @@ class Page:
         self.listed: list[dict[str, Any]] = []
         self.zoomed, self.seen, self.frame = False, -1, -1
         self.browser = Browser()
-        self.map, self.traces = RouteMap(), Traces()
+        self.map, self.traces = RouteMap(self.pointed), Traces()
         self.maps = StrainMaps(self.tapped, self.moved)
         self.depth = DepthProfile(self.maps.channels)
         self.by_channel = Late(lambda: ByChannel(self.maps.channels))
@@ -67,6 +67,7 @@ class Page:
         controls.heard(controls.by, self.show_property)
         controls.pressed("add", self.add)
         controls.pressed("check", self.check)
+        controls.pressed("turn", lambda: bench.turn(int(controls.channel.value)))
         for name in ("cancel", "undo", "redo", "diagnose"):
             controls.pressed(name, getattr(bench, name))
         self.maps.under.on_change("data", lambda attr, old, new: self.at(new["channel"][0], float(new["second"][0])))
@@ -183,6 +184,12 @@ class Page:
         controls.set(controls.channel, value=int(np.clip(round(channel), controls.channel.start, controls.channel.end)))
         controls.set(controls.second, value=float(np.clip(second, controls.second.start, controls.second.end)))
         self.show_trace()
+
+    def pointed(self, x: float, y: float) -> None:
+        """Somebody clicked the map: choose the channel of the route that is nearest."""
+        result = self.run.result
+        apart = np.linalg.norm(result.route[:, :2] - (x, y), axis=1)
+        self.tapped(result.channel[apart.argmin()], self.controls.second.value)
 
     def at(self, channel: float, second: float) -> None:
         """Mark a channel and the pass's vehicle on the map, and show the video's frame of the moment."""

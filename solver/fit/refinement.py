@@ -5,6 +5,7 @@ everywhere tell how much each new knot would explain beside what all others and 
 whose Bayes factor is strong (Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773), and the fit goes on from there.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from solver.fit.chain import Chain
 from solver.fit.least_squares import PATIENCE
 from solver.fit.normal import Banded
 from solver.fit.parameter_layout import AXES
-from solver.fit.problem import CLOSEST, Problem
+from solver.fit.problem import CLOSEST, KNOT_SPACING, Problem
 from solver.fit.state import State
 
 Array = NDArray[np.float64]
@@ -53,6 +54,23 @@ def on_knots(problem: Problem, state: State, basis: SplineBasis) -> tuple[Proble
     return replace(problem, knots=tuple(basis.breaks[1:-1].tolist())), replace(
         state, coefficients=torch.from_numpy(coefficients)
     )
+
+
+def knots_around(problem: Problem, state: State, places: Sequence[float]) -> tuple[Problem, State]:
+    """A problem whose route may turn at some places as sharply as ducts do, and the same state of it.
+
+    Knots lie twice as far apart with each step away, up to those that are there.
+
+    Parameters
+    ----------
+    places : distances along the fiber, m
+    """
+    breaks = problem.basis.breaks
+    steps = CLOSEST * 2.0 ** np.arange(int(np.log2(KNOT_SPACING / CLOSEST)))
+    for one in np.add.outer(places, np.concatenate([[0.0], steps, -steps])).ravel():
+        if breaks[0] + CLOSEST < one < breaks[-1] - CLOSEST and np.abs(breaks - one).min() >= CLOSEST / 2:
+            breaks = np.sort(np.append(breaks, one))
+    return on_knots(problem, state, SplineBasis.of(breaks))
 
 
 @dataclass

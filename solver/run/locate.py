@@ -165,8 +165,6 @@ def locate(
     warnings += fit.warnings
     if few := few_line(problem.passes):
         warnings.append(few)
-    if result.corners:
-        warnings.append(f"the fiber {'; it '.join(one.words for one in result.corners)}")
     again = shortened(problem, slice(None), result)
     rest = untaken(again, whole, choice)
     with timed(timings, "held_out"):

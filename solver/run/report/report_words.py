@@ -222,6 +222,8 @@ def cautions(run: Run) -> list[str]:
     missing = set(range(result.fitted_channel[0], result.fitted_channel[-1] + 1)) - set(result.fitted_channel.tolist())
     if missing:
         lines.append(f"{counted(len(missing), 'channel')} within the range gave no data.")
+    if result.corners:
+        lines.append(f"The fiber {'; it '.join(one.words for one in result.corners)}.")
     return lines
 
 

@@ -1,15 +1,19 @@
 """What happens on the bench, with workers that answer as they are told."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
+import roadfiber as rf
 from roadfiber.web import tasks
 from roadfiber.web.bench import Bench
 from roadfiber.web.own_effect import NAME, TEMPLATE
+from roadfiber.web.run_folders import reserved
 from roadfiber.web.words import work_words
 from roadfiber.web.workbench_page import Page
+from solver.run.read_seen import read_seen
 from vision.contract import InputError
 
 ROW = {"effect": "gauge_length", "told": {"title": "Gauge length"}, "evidence": 9.0, "delta_chi2": 30.0}
@@ -82,6 +86,24 @@ def test_rungs_are_gone_up_and_down_and_their_folders_stay(bench):
     assert bench.run is first, "there is nothing below"
     bench.redo()
     assert bench.at == 1
+
+
+def test_the_fiber_turns_where_the_map_was_clicked(bench, monkeypatch):
+    page = Page(bench, "no film")
+    channel = int(bench.run.result.fitted_channel[7])
+    x, y, _ = bench.run.result.route[list(bench.run.result.channel).index(channel)]
+    page.pointed(x + 0.2, y + 3.0)
+    assert page.controls.channel.value == channel
+    page.controls.button["turn"].clicks += 1
+    (asked,) = bench.adder.asked
+    folder, plugins, *given = asked.given
+    assert asked.task == "turn" and given == [channel, bench.first.parent / "run-2"] and bench.busy
+    with pytest.raises(InputError, match=r"channel 7: channels \d+ to \d+ are fitted"):
+        tasks.turn(lambda step: None, folder, plugins, 7, given[1])
+    monkeypatch.setattr(rf, "turn", lambda run, channel: replace(run, facts=run.facts | {"name": f"{channel}"}))
+    assert (
+        read_seen(tasks.turn(lambda step: None, folder, plugins, channel, reserved(bench.first))).name == f"{channel}"
+    )
 
 
 def test_a_rung_is_scored_once_and_again_with_other_effects(bench):

@@ -65,7 +65,7 @@ def test_tiles_lie_where_they_belong_however_the_frame_is_turned(server, azimuth
 def test_the_map_says_whose_tiles_it_shows(server):
     route = np.column_stack([np.arange(50.0), np.full(50, 4.0), np.ones(50)])
     result = SimpleNamespace(route=route, constrained=np.ones(50, bool))
-    drawn = RouteMap()
+    drawn = RouteMap(lambda x, y: None)
     drawn.beneath(around(SimpleNamespace(frame=LocalFrame(server.origin, 90.0), result=result), server.address))
     assert drawn.plot.title.text == f"From above, on map tiles of 127.0.0.1:{server.server_port}"
     assert drawn.ground.data["x"] == [-tiles.MARGIN] and drawn.ground.data["dw"] == [49 + 2 * tiles.MARGIN]

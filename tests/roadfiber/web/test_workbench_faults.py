@@ -80,6 +80,6 @@ def test_a_run_that_is_gone_is_said_and_the_rung_stays(run, monkeypatch):
     bench = Bench(rf.open(run))
     shutil.rmtree(run.parent)
     bench.add("gauge_length", "Gauge length")
-    assert bench.messages[-1].startswith("not added: gauge length; ") and not bench.busy
+    assert bench.messages[-1].startswith("adding gauge length: not begun; ") and not bench.busy
     bench.looker.asked[-1].failed(f"{run}: no run folder")
     assert bench.messages[-1].endswith("no run folder") and bench.run.folder == run

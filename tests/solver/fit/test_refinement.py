@@ -59,7 +59,7 @@ def test_corners_get_knots_and_are_told_and_no_more_knots_are_asked_for(tmp_path
     assert np.diff(run.problem.basis.breaks).max() > 0.9 * KNOT_SPACING
     turns = [one for one in run.corners if one.kind == "corner"]
     assert len(turns) >= 3 and abs(sum(one.amount for one in turns)) < 15.0
-    assert any(turns[0].words in note for note in run.facts["notes"])
+    assert any(turns[0].words in note for note in run.facts["warnings"])
     chain = Chain.of(run.problem)
     assert add_knots(chain, solve(chain, chain.start()).state, run.result.chi2_per_dof) is None
 
