@@ -125,6 +125,13 @@ class Chain(ChainLayout):
             trusted += float(weight[used].log().sum()) - HUBER * SPIKE * int((~used).sum())
         return visit.misfit - trusted + self.prior.total(visit.state)
 
+    def misfits(self, visit: Visit) -> tuple[np.ndarray, np.ndarray]:
+        """Chi2 [stretch] at a visit, and the weights [stretch] of all samples together."""
+        stretch = [link.stretch for link in self.links]
+        chi2 = [float((one**2).sum()) for one in visit.residuals]
+        weight = [float((one.good * one.soft).sum()) for one in visit.weights]
+        return np.bincount(stretch, chi2), np.bincount(stretch, weight)
+
     def stopped(self, state: State, where: Tensor, push: np.ndarray) -> np.ndarray:
         """Which of some parameters [where] of a state are at a bound that they are pushed [where] against."""
         lower, upper = (one[where].numpy() for one in self.prior.bounds)

@@ -37,6 +37,12 @@ class ChainLayout(ParameterSpace):
         """Whether the route is fitted stretch by stretch: vehicles, weights and noise of each are its own."""
         return len(self.links) > 1 and is_long(self.problem)
 
+    @property
+    def edges(self) -> np.ndarray:
+        """Distances [stretch + 1] along the fiber, m, at which each stretch begins and the last ends."""
+        first = {link.stretch: float(link.fit.problem.distance[0]) for link in self.links}
+        return np.array([self.basis.start, *list(first.values())[1:], self.basis.stop])
+
     @cached_property
     def convoys(self) -> list[list[int]]:
         """Links whose noise hangs together."""

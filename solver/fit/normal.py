@@ -64,6 +64,10 @@ class Banded:
         out[:size, size:], out[size:, :size], out[size:, size:] = self.side, self.side.T, self.corner
         return out
 
+    def part(self, some: slice) -> "Banded":
+        """The same of consecutive parameters and the border alone."""
+        return Banded(self.band[:, some], self.side[some], self.corner)
+
     def copy(self) -> "Banded":
         """One that may be changed."""
         return Banded(self.band.copy(), self.side.copy(), self.corner.copy())

@@ -2,7 +2,8 @@
 
 A spline on knots 10 m apart cannot follow a bend of one meter's radius. Near a fit, normal equations on finer knots
 everywhere tell how much each new knot would explain beside what all others and all vehicles explain. Those are added
-whose Bayes factor is strong (Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773), and the fit goes on from there.
+whose Bayes factor is strong (Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773), and the fit goes on from there. Those
+of a long fiber are chosen stretch by stretch.
 """
 
 from collections.abc import Sequence
@@ -10,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from solver.cable.fiber import SplineBasis
+from solver.cable.fiber import DEGREE, SplineBasis
 from solver.fit.chain import Chain
 from solver.fit.least_squares import PATIENCE
 from solver.fit.normal import Banded
-from solver.fit.parameter_layout import AXES
+from solver.fit.parameter_layout import AXES, of_route
 from solver.fit.problem import CLOSEST, KNOT_SPACING, Problem
 from solver.fit.state import State
 
@@ -32,25 +33,31 @@ BY_CHANCE = 2.366
 NONE = 1e-6
 
 
-def finer(basis: SplineBasis) -> SplineBasis:
-    """The basis with every interval cut in parts, none shorter than knots may be."""
-    counts = np.clip(np.diff(basis.breaks) // CLOSEST, 1, PARTS).astype(int)
+def finer(basis: SplineBasis, within: Sequence[tuple[float, float]] = ((-np.inf, np.inf),)) -> SplineBasis:
+    """The basis with every interval within some ends, m, cut in parts, none shorter than knots may be."""
+    breaks = basis.breaks
+    middle = (breaks[1:] + breaks[:-1]) / 2
+    wanted = np.any([(a < middle) & (middle < b) for a, b in within], axis=0)
+    counts = np.where(wanted, np.clip(np.diff(breaks) // CLOSEST, 1, PARTS), 1).astype(int)
     counts = 2 ** np.log2(counts).astype(int)
-    cuts = [
-        np.linspace(a, b, n, endpoint=False) for a, b, n in zip(basis.breaks, basis.breaks[1:], counts, strict=False)
-    ]
-    return SplineBasis.of(np.concatenate([*cuts, basis.breaks[-1:]]))
+    cuts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(breaks, breaks[1:], counts, strict=False)]
+    return SplineBasis.of(np.concatenate([*cuts, breaks[-1:]]))
 
 
-def knot_insertion(coarse: SplineBasis, fine: SplineBasis) -> Array:
-    """Matrix [fine, coarse] from a route's coefficients to those of the same route on more knots (Boehm 1980)."""
-    at = np.interp(np.linspace(0, fine.intervals, 4 * fine.size), np.arange(fine.intervals + 1), fine.breaks)
-    return np.asarray(np.linalg.lstsq(fine.at(at), coarse.at(at), rcond=None)[0])
+def insert_knots(coefficients: Array, coarse: SplineBasis, fine: SplineBasis) -> Array:
+    """Coefficients [fine, ...] of the same route on more knots, from those [coarse, ...] on its own.
+
+    The route is interpolated: banded equations, linear in length.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    at = np.interp(np.linspace(0, fine.intervals, fine.size), np.arange(fine.intervals + 1), fine.breaks)
+    return np.asarray(make_interp_spline(at, coarse.along(coefficients, at), DEGREE, np.array(fine.knots)).c)
 
 
 def on_knots(problem: Problem, state: State, basis: SplineBasis) -> tuple[Problem, State]:
     """A problem, and the same state of it, on a basis whose knots have those of its own among them."""
-    coefficients = knot_insertion(problem.basis, basis) @ state.coefficients.numpy()
+    coefficients = insert_knots(state.coefficients.numpy(), problem.basis, basis)
     return replace(problem, knots=tuple(basis.breaks[1:-1].tolist())), replace(
         state, coefficients=torch.from_numpy(coefficients)
     )
@@ -71,6 +78,14 @@ def knots_around(problem: Problem, state: State, places: Sequence[float]) -> tup
         if breaks[0] + CLOSEST < one < breaks[-1] - CLOSEST and np.abs(breaks - one).min() >= CLOSEST / 2:
             breaks = np.sort(np.append(breaks, one))
     return on_knots(problem, state, SplineBasis.of(breaks))
+
+
+def without_knots(chain: Chain, state: State, out: ArrayLike) -> tuple[Chain, State]:
+    """The fit without some knots, and the state of it nearest to one with them."""
+    kept = tuple(np.setdiff1d(chain.problem.knots, out).tolist())
+    fewer, at = Chain.of(replace(chain.problem, knots=kept)), np.linspace(*chain.problem.span, 4 * chain.basis.size)
+    route = fewer.basis.interpolate(at, chain.basis.along(state.coefficients.numpy(), at))
+    return fewer, replace(state, coefficients=torch.from_numpy(route))
 
 
 @dataclass
@@ -109,41 +124,76 @@ class Equations:
         return 0.5 * (self.gain(some) / scale - wider)
 
 
-def add_knots(chain: Chain, state: State, chi2_per_dof: float, most: float = np.inf) -> tuple[Problem, State] | None:
+def add_knots(
+    chain: Chain, state: State, chi2_per_dof: float, most: ArrayLike = np.inf
+) -> tuple[Problem, State] | None:
     """A problem with the knots that the data ask for near the end of a fit, and the same state of it; None: no more.
 
     Parameters
     ----------
     chain, state : the fit
     chi2_per_dof : that it leaves
-    most : chi2; where all knots together would not come near it, none is wanted
+    most : of all stretches or [stretch], chi2; where all knots together would not come near it, none is wanted
     """
-    problem, basis = chain.problem, chain.basis
-    fine = finer(basis)
+    problem, basis, edges = chain.problem, chain.basis, chain.edges
+    most = np.broadcast_to(most, len(edges) - 1)
+    wanted = np.flatnonzero(most > -np.inf).tolist()
+    fine = finer(basis, [(edges[number], edges[number + 1]) for number in wanted])
     new = np.flatnonzero(~np.isin(fine.breaks, basis.breaks))
     if not len(new):
         return None
     all_over, begun = on_knots(problem, state, fine)
-    there = Chain.of(all_over).visit(begun)
-    normal = there.open
-    if there.misfit - PATIENCE * normal.decrement**2 > most:
-        return None
+    finely = Chain.of(all_over)
+    there = finely.visit(begun)
+    normal, (misfit, _) = there.open, finely.misfits(there)
     matrix, right = normal.without_vehicles()
-    prior = Banded.of(normal.known, normal.size, normal.border).dense
-    # Numbers of the old knots, of what is beside the route, and of the new knots.
-    into, old = knot_insertion(basis, fine), AXES * basis.size
-    change = np.zeros((len(right), old + normal.border + AXES * len(new)))
-    change[: normal.size, :old] = np.kron(into, np.eye(AXES))
-    change[normal.size :, old : old + normal.border] = np.eye(normal.border)
-    # The functions of a cubic basis are numbered from the one that peaks a knot before the first.
-    for number, function in enumerate(new + 1):
-        for axis in range(AXES):
-            change[AXES * function + axis, old + normal.border + AXES * number + axis] = 1.0
-    left = Equations(
-        change.T @ matrix.dense @ change, change.T @ (prior + NONE * np.eye(len(prior))) @ change, change.T @ right
-    )
-    left.eliminate(np.arange(old + normal.border))
-    groups = {knot: old + normal.border + AXES * n + np.arange(AXES) for n, knot in enumerate(new.tolist())}
+    prior = Banded.of(normal.known, normal.size, normal.border)
+    chosen = list[int]()
+    for number in wanted:
+        # The stretch and those beside it: little of the route farther away shows here, so that it counts as known.
+        beside = edges[max(number - 1, 0)], edges[min(number + 2, len(edges) - 1)]
+        low, high = (basis.interval(beside) + np.array([0, 1])).tolist()
+        begin, end = np.searchsorted(fine.breaks, [basis.breaks[low], basis.breaks[high]]).tolist()
+        coarse, part = basis.part(low, high), fine.part(begin, end)
+        mine = new[(fine.breaks[new] > edges[number]) & (fine.breaks[new] <= edges[number + 1])].tolist()
+        if not mine:
+            continue
+        knots = [*(one for one in chosen if begin < one < end), *mine]
+        # Numbers of the old knots, of what is beside the route, and of the new knots.
+        old, route = AXES * coarse.size, of_route(begin, part.size)
+        count = old + normal.border
+        change = np.zeros((AXES * part.size + normal.border, count + AXES * len(knots)))
+        change[: AXES * part.size, :old] = np.kron(insert_knots(np.eye(coarse.size), coarse, part), np.eye(AXES))
+        change[AXES * part.size :, old:count] = np.eye(normal.border)
+        # The functions of a cubic basis are numbered from the one that peaks a knot before the first.
+        for at, knot in enumerate(knots):
+            for axis in range(AXES):
+                change[AXES * (knot + 1 - begin) + axis, count + AXES * at + axis] = 1.0
+        known = prior.part(route).dense
+        left = Equations(
+            change.T @ matrix.part(route).dense @ change,
+            change.T @ (known + NONE * np.eye(len(known))) @ change,
+            change.T @ np.concatenate([right[route], right[normal.size :]]),
+        )
+        every = np.arange(len(left.right))
+        if misfit[number] - PATIENCE * left.gain(every) > most[number]:
+            continue
+        count += AXES * (len(knots) - len(mine))
+        left.eliminate(every[:count])
+        chosen += worth_adding(left, dict(zip(mine, every[count:].reshape(-1, AXES), strict=True)), chi2_per_dof)
+    if not chosen:
+        return None
+    return on_knots(problem, state, SplineBasis.of(np.sort(np.concatenate([basis.breaks, fine.breaks[chosen]]))))
+
+
+def worth_adding(left: Equations, groups: dict[int, NDArray[np.int64]], chi2_per_dof: float) -> list[int]:
+    """Knots whose numbers the data ask for, the best first and each beside those before.
+
+    Parameters
+    ----------
+    left : equations of these numbers alone, or of those among them that `groups` holds by knot
+    chi2_per_dof : that the fit leaves
+    """
     # Where the model lacks something else, every knot explains a part of it: one that is worth having explains more.
     scale = max(1.0, chi2_per_dof, float(np.median([left.gain(one) for one in groups.values()])) / BY_CHANCE)
     chosen = list[int]()
@@ -153,6 +203,4 @@ def add_knots(chain: Chain, state: State, chi2_per_dof: float, most: float = np.
             break
         chosen.append(knot)
         left.eliminate(groups.pop(knot))
-    if not chosen:
-        return None
-    return on_knots(problem, state, SplineBasis.of(np.sort(np.concatenate([basis.breaks, fine.breaks[chosen]]))))
+    return chosen

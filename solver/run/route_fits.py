@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from solver.cable.fiber import Coil, SplineBasis
 from solver.fit.anchor_check import contradiction
@@ -15,7 +16,7 @@ from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.pose import bent_ends, shortened
 from solver.fit.problem import Problem
-from solver.fit.refinement import add_knots
+from solver.fit.refinement import add_knots, without_knots
 from solver.fit.result import FitResult
 from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.spline import crossing_start, ended, fit_spline
@@ -125,32 +126,59 @@ def left_out(end: int, recorded: tuple[int, int], gauge: int) -> str:
 def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResult, Problem]:
     """Fit again with knots where the fiber bends more sharply than the usual ones let it, until no more are wanted.
 
-    Kept if the route alone explains most of what is beyond noise: most of what other physics leaves is beyond any
-    route, and where that shows no more knots are tried.
+    Kept in each stretch if the route alone explains most of what is beyond noise there: most of what other physics
+    leaves is beyond any route, and where that shows no more knots are tried.
     """
-    if method != "spline" or is_long(problem):
+    if method != "spline":
         return result, problem
     (level, scatter), freedom = noise_level_of(problem, result), result.chi2 / result.chi2_per_dof
-    most = max(level + scatter, result.chi2_per_dof - BY_ROUTE * (result.chi2_per_dof - level))
-    chain = Chain.of(shortened(problem, slice(None), result))
-    end = chain.state_of(torch.from_numpy(result.vector))
+    chain = Chain.of(problem)
+    end, edges, old = chain.state_of(torch.from_numpy(result.vector)), chain.edges, problem.basis.breaks
+    if chain.long:
+        chi2, weight = chain.misfits(chain.visit(end))
+    else:
+        chi2, weight = np.array([result.chi2]), np.array([result.weight.sum()])
+    # By stretch, per degree of freedom.
+    every, share = freedom / weight.sum(), weight / weight.sum()
+    left = chi2 / weight / every
+    most = np.maximum(level + scatter / share**0.5, left - BY_ROUTE * (left - level))
     solution, steps, used = None, METHODS[method][1], result.iterations
     with progress("fitting bends of the route", steps) as advance:
-        for number in range(ROUNDS):
-            # Far from its end a fit tells too little of what knots would explain.
-            found = add_knots(chain, end, result.chi2_per_dof, most * freedom if number else np.inf)
+        # Far from its end a fit tells too little of what knots would explain.
+        near = np.full(len(most), np.inf)
+        for _ in range(ROUNDS):
+            found = add_knots(chain, end, result.chi2_per_dof, near)
             if found is None:
                 break
+            fresh = stretch_of(np.setdiff1d(found[0].knots, chain.basis.breaks), edges)
+            near = np.where(np.isin(np.arange(len(most)), fresh), most * freedom * share, -np.inf)
             chain = Chain.of(found[0])
             solution = solve(chain, found[1], iterations=FEW, advance=advance)
             end, used = solution.state, used + solution.iterations
         if solution is None:
             return result, problem
         solution = solve(chain, solution, iterations=steps, advance=advance)
-    again = ended(chain, replace(solution, iterations=used + solution.iterations), result.seconds)
-    if result.converged and (not again.converged or again.chi2_per_dof > most):
+        used += solution.iterations
+        chi2, weight = chain.misfits(solution.at)
+        more = np.setdiff1d(chain.problem.knots, old)
+        good = (chi2 / weight / every <= most)[stretch_of(more, edges)]
+        if result.converged and good.any() and not good.all():
+            chain, begun = without_knots(chain, solution.state, more[~good])
+            solution = solve(chain, begun, iterations=steps, advance=advance)
+            used += solution.iterations
+    if result.converged and not (good.any() and solution.converged):
         return result, problem
+    again = ended(chain, replace(solution, iterations=used), result.seconds)
     return replace(again, ambiguous_side=result.ambiguous_side), chain.problem
+
+
+def stretch_of(distance: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Numbers of the stretches between `edges`, m, in which places [place] along the fiber lie.
+
+    >>> stretch_of(np.array([5.0, 60.0, 61.0]), np.array([0.0, 60.0, 120.0])).tolist()
+    [0, 0, 1]
+    """
+    return np.searchsorted(edges[1:-1], distance)
 
 
 def fit_crossing(

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 
 from solver.cable.fiber import SplineBasis
@@ -10,7 +11,8 @@ from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.prior import Prior, shape_rows
 from solver.fit.problem import CLOSEST, KNOT_SPACING
-from solver.fit.refinement import add_knots, finer, knot_insertion
+from solver.fit.refinement import add_knots, finer, insert_knots
+from solver.fit.stretches import is_long
 from solver.run.locate import locate
 from solver.run.run import Run
 from solver.simulator import Scenario, Survey, simulate, write_survey
@@ -34,7 +36,7 @@ def test_functions_on_uneven_knots_are_those_of_a_part_and_of_tensors() -> None:
 
 def test_a_finer_basis_holds_the_functions_of_the_coarser_one() -> None:
     fine, at = finer(UNEVEN), np.linspace(0.0, 30.0, 50)
-    np.testing.assert_allclose(fine.at(at) @ knot_insertion(UNEVEN, fine), UNEVEN.at(at), atol=1e-10)
+    np.testing.assert_allclose(fine.at(at) @ insert_knots(np.eye(UNEVEN.size), UNEVEN, fine), UNEVEN.at(at), atol=1e-10)
     assert np.diff(fine.breaks).min() >= CLOSEST
 
 
@@ -79,3 +81,18 @@ def test_a_step_in_depth_is_told(tmp_path: Path) -> None:
     channel = run.result.channel
     seen = (channel >= survey.active[0]) & (channel <= survey.active[1])
     assert np.abs((run.result.route - survey.route[channel])[seen]).max() < 0.3
+
+
+@pytest.mark.usefixtures("cut_short")
+def test_a_long_fiber_gets_knots_where_it_turns_alone(tmp_path: Path) -> None:
+    scenario = Scenario(seed=32, passes=4, snr_db=18.0, laid="jog", view=(0.0, 60.0), channels=140)
+    survey = simulate(scenario)
+    run = locate(Read.read(write_survey(survey, tmp_path / "s")))
+    channel = run.result.channel
+    seen = (channel >= survey.active[0]) & (channel <= survey.active[1])
+    off = np.linalg.norm((run.result.route - survey.route[channel])[seen], axis=1)
+    breaks = run.problem.basis.breaks
+    assert is_long(run.problem) and off.max() < 0.4
+    turns = [one.distance for one in run.corners if one.kind == "corner"]
+    close = breaks[1:][np.diff(breaks) < 0.4 * KNOT_SPACING]
+    assert len(turns) >= 3 and close.min() > min(turns) - KNOT_SPACING and close.max() < max(turns) + KNOT_SPACING
