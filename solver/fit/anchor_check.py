@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.problem import Problem
-from solver.fit.result import FitResult
+from solver.fit.result import Corner, FitResult
 from solver.survey.anchors import Anchor
 from solver.trajectory.agreement import WHERE_FROM
 
@@ -49,6 +49,12 @@ def misses(problem: Problem, result: FitResult) -> np.ndarray:
     return np.asarray((((known - route) / sigma) ** 2).sum(1))
 
 
+def disagree(problem: Problem, result: FitResult) -> bool:
+    """Whether anchors are off a fit by more than good ones are in all but one of 10,000 surveys."""
+    square = misses(problem, result)
+    return bool(len(square) and square.sum() >= chdtri(3 * len(square), ALARM))
+
+
 def without(problem: Problem, result: FitResult, anchor: Anchor) -> LeftOut:
     """Fit again without an anchor, from where the fit with it ended."""
     rest = replace(problem, anchors=[a for a in problem.anchors if a is not anchor])
@@ -71,11 +77,13 @@ class Contradiction:
     suspects : the one that is wrong, or those of which one is
     distance : m, of the first from where all else puts the fiber
     others : whether there are anchors that are not suspected
+    corner : of the fiber, by these, nearest to it; None where there is none
     """
 
     suspects: tuple[Anchor, ...]
     distance: float
     others: bool = True
+    corner: Corner | None = None
 
     @property
     def sentence(self) -> str:
@@ -88,8 +96,9 @@ class Contradiction:
                 f"which is wrong; check their channels and coordinates{else_}"
             )
         rest = "the other anchors and the tracks put" if self.others else "the tracks put"
+        turning = f", which {self.corner.words}" if self.corner else ""
         return (
-            f"anchor {names} is {self.distance:.2f} m from where {rest} the fiber; check its channel and "
+            f"anchor {names} is {self.distance:.2f} m from where {rest} the fiber{turning}; check its channel and "
             f"coordinates{else_}"
         )
 
@@ -107,14 +116,15 @@ def contradiction(
     problem, result : the survey and its fit
     advance : called with 1 after each fit
     """
-    square = misses(problem, result)
-    if not len(square) or square.sum() < chdtri(3 * len(square), ALARM):
+    if not disagree(problem, result):
         return None
-    fits = []
+    square, fits = misses(problem, result), []
     for anchor, share in zip(problem.anchors, square / square.sum(), strict=True):
         if share > SUSPECT:
             fits.append(without(problem, result, anchor))
         advance(1)
     fits.sort(key=lambda one: one.cost)
     suspects = tuple(one.anchor for one in fits if one.cost - fits[0].cost < DECISIVE)
-    return Contradiction(suspects, fits[0].distance, len(suspects) < len(problem.anchors))
+    turns = [one for one in result.corners if one.kind == "corner"]
+    corner = min(turns, key=lambda one: abs(one.channel - suspects[0].channel), default=None)
+    return Contradiction(suspects, fits[0].distance, len(suspects) < len(problem.anchors), corner)

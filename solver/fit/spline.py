@@ -113,8 +113,8 @@ def crossing(problem: Problem, place: float, side: float, ahead: float) -> NDArr
     return np.column_stack([x, np.interp(distance, ends, [first, last]), rough[:, 2]])
 
 
-def crossing_start(chain: Chain) -> State | None:
-    """Where to begin if the fiber crosses the road: as it fits best; None where no crossing beats the rough route.
+def crossing_start(chain: Chain) -> tuple[State, float] | None:
+    """Where to begin if the fiber crosses the road, and the cost there; None where no crossing beats the rough route.
 
     Parameters
     ----------
@@ -142,7 +142,8 @@ def crossing_start(chain: Chain) -> State | None:
     place, side, shift = found[1]
     near = place + np.arange(-step, step + CROSS_EVERY, CROSS_EVERY)
     again = best((float(at), side, shift + more) for at in near for more in NEARBY)
-    return min(found, again or found, key=lambda end: end[0])[2]
+    cost, _, state = min(found, again or found, key=lambda end: end[0])
+    return state, cost
 
 
 def better_start(chain: Chain, begun: State, others: Iterable[State]) -> State | None:

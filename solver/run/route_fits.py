@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from solver.cable.fiber import Coil, SplineBasis
-from solver.fit.anchor_check import contradiction
+from solver.fit.anchor_check import contradiction, disagree
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.pose import bent_ends, shortened
@@ -20,6 +20,7 @@ from solver.fit.refinement import add_knots, without_knots
 from solver.fit.result import FitResult
 from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.spline import crossing_start, ended, fit_spline
+from solver.fit.state import State
 from solver.fit.stretches import is_long
 from solver.run.floor import noise_floor
 from solver.run.methods import METHODS
@@ -65,7 +66,7 @@ def fit_route(
     if problem.coil is not None and explains_coil(result, problem, problem.coil):
         problem = replace(problem, coil=None)
     result, problem = fit_straight(result, problem, method, recorded, warnings)
-    return fit_agreeing(result, problem, method, disputed)
+    return fit_agreeing(result, replace(problem, anchors=problems[0].anchors), method, disputed)
 
 
 def explains_coil(result: FitResult, problem: Problem, coil: Coil) -> bool:
@@ -186,28 +187,48 @@ def fit_crossing(
 ) -> tuple[FitResult, Problem]:
     """Fit again from a route that crosses the road, where more than noise is left and such a start fits better.
 
-    A fit that began on one side does not find its way to the other half way along.
+    A fit that began on one side does not find its way to the other half way along; nor does any while an anchor holds
+    it on the wrong side. So that is tried without one of several anchors, too, and `fit_agreeing` judges that one.
 
     Parameters
     ----------
     begun : the problem at its starts
     """
-    if method != "spline" or is_long(problem):
-        return result, problem
-    level, scatter = noise_level_of(problem, result)
-    if result.converged and result.chi2_per_dof <= level + scatter:
+    if method != "spline" or is_long(problem) or is_explained(problem, result):
         return result, problem
     for one in begun:
-        even = SplineBasis.even(*one.span, CORNER_KNOTS).breaks[1:-1]
-        chain = Chain.of(replace(one, knots=tuple(even.tolist())))
-        if (start := crossing_start(chain)) is None:
+        start = with_crossing(one)
+        if start is not None:
+            again, there = fit_from(start, result, method)
+            if again.converged and (again.chi2_per_dof < result.chi2_per_dof or not result.converged):
+                result, problem = again, there
+        if is_explained(problem, result) or len(one.anchors) < 2:
             continue
-        with progress("fitting a crossing of the road", FEW) as advance:
-            first = ended(chain, solve(chain, start, iterations=FEW, advance=advance), result.seconds)
-        again, there = fit_bends(first, chain.problem, method)
-        if again.converged and (again.chi2_per_dof < result.chi2_per_dof or not result.converged):
-            result, problem = replace(again, ambiguous_side=result.ambiguous_side), there
+        fewer = (with_crossing(replace(one, anchors=[a for a in one.anchors if a is not out])) for out in one.anchors)
+        best = min((each for each in fewer if each is not None), key=lambda each: each[2], default=None)
+        if best is None or (start is not None and start[2] <= best[2]):
+            continue
+        again, there = fit_from(best, result, method)
+        if is_explained(there, again) and disagree(replace(there, anchors=one.anchors), again):
+            result, problem = again, there
     return result, problem
+
+
+def with_crossing(problem: Problem) -> tuple[Chain, State, float] | None:
+    """A problem on knots that can follow a corner, where it begins if the fiber crosses the road, and its cost."""
+    even = SplineBasis.even(*problem.span, CORNER_KNOTS).breaks[1:-1]
+    chain = Chain.of(replace(problem, knots=tuple(even.tolist())))
+    start = crossing_start(chain)
+    return None if start is None else (chain, *start)
+
+
+def fit_from(start: tuple[Chain, State, float], before: FitResult, method: str) -> tuple[FitResult, Problem]:
+    """Fit a route that crosses the road; what was known before of the side stays open or not."""
+    chain, state, _ = start
+    with progress("fitting a crossing of the road", FEW) as advance:
+        first = ended(chain, solve(chain, state, iterations=FEW, advance=advance), before.seconds)
+    again, there = fit_bends(first, chain.problem, method)
+    return replace(again, ambiguous_side=before.ambiguous_side), there
 
 
 def fit_beyond(result: FitResult, problem: Problem, wider: Problem, method: str) -> tuple[FitResult, Problem]:
@@ -217,7 +238,7 @@ def fit_beyond(result: FitResult, problem: Problem, wider: Problem, method: str)
     """
     at = np.isin(result.channel, problem.channel)
     begun = straight_on(problem.channel, result.route[at], wider.channel)
-    chain = Chain.of(replace(wider, start=begun, knots=problem.knots))
+    chain = Chain.of(replace(wider, start=begun, knots=problem.knots, anchors=problem.anchors))
     with progress("fitting channels beyond", FEW) as advance:
         first = ended(chain, solve(chain, chain.start(), iterations=FEW, advance=advance), result.seconds)
     again, whole = fit_bends(first, chain.problem, method)
@@ -225,6 +246,12 @@ def fit_beyond(result: FitResult, problem: Problem, wider: Problem, method: str)
     if not again.converged or again.chi2_per_dof > max(level, result.chi2_per_dof) + scatter:
         return result, problem
     return replace(again, ambiguous_side=result.ambiguous_side), whole
+
+
+def is_explained(problem: Problem, result: FitResult) -> bool:
+    """Whether a fit came to an end at which noise alone is left."""
+    level, scatter = noise_level_of(problem, result)
+    return result.converged and result.chi2_per_dof <= level + scatter
 
 
 def noise_level_of(problem: Problem, result: FitResult) -> tuple[float, float]:

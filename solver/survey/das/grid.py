@@ -80,7 +80,8 @@ class Placed:
     def values(self, begin: int, end: int, columns: slice) -> NDArray[Any]:
         """Stored numbers [row, column] at rows `begin` to `end` of the grid.
 
-        Numbers that are off the grid by more than `ALIGNED` are interpolated onto it by a cubic spline.
+        Numbers that are off the grid by more than `ALIGNED` are interpolated onto it by a cubic spline; beside one that
+        is not finite they are NaN.
         """
         if not self.ahead:
             offset = self.first - self.row
@@ -97,8 +98,13 @@ class Placed:
                 continue
             for some in range(0, stored.shape[1], 64):
                 part = slice(some, some + 64)
-                spline = CubicSpline(np.arange(run.start, run.stop) + low, stored[run, part], axis=0)
-                moved[inside, part] = spline(wanted[inside])
+                at, told = np.arange(run.start, run.stop) + low, np.isfinite(stored[run, part])
+                for column in np.flatnonzero(~told.all(0)):
+                    there, numbers = told[:, column], stored[run, some + column]
+                    numbers[~there] = np.interp(at[~there], at[there], numbers[there]) if there.any() else 0.0
+                before = np.minimum(wanted[inside].astype(int), at[-1] - 1) - at[0]
+                spline = CubicSpline(at, stored[run, part], axis=0)(wanted[inside])
+                moved[inside, part] = np.where(told[before] & told[before + 1], spline, np.nan)
         return moved
 
 

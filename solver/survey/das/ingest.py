@@ -256,11 +256,8 @@ def finish(known: Description, said: StoreFile, folder: Path) -> Store:
     if dead.all():
         raise InputError(f"{known.where}: no channel holds a signal; check channels and exclude in [das] of site.toml")
     step = np.zeros(len(dead)) if rounding is None else rounding.step
-    spoilt = ~whole.paired(watch.bad == 0) & ~whole.excluded
     cautions = [line for line in [watch.clipped(), *(line for one in parts for line in one.faults)] if line]
     cautions += filled_line(known.channel[np.any([one.filled for one in parts], 0) & ~dead])
-    if spoilt.any():
-        cautions.append(f"{spoilt.sum()} channels hold NaN or infinite samples; those are left out")
     write_tables(known, folder, noise, step, dead, watch)
     said = said.model_copy(
         update={

@@ -83,7 +83,5 @@ class Lowpass:
         for done in range(0, count, TOGETHER):
             some = min(TOGETHER, count - done)
             begin, width = first + done * self.factor, (some - 1) * self.factor + len(self.taps)
-            # NaN and infinite numbers affect their own channel only; they are counted elsewhere.
-            with np.errstate(invalid="ignore"):
-                np.matmul(self.product[:some, :width], values[begin : begin + width], out=out[done : done + some])
+            np.matmul(self.product[:some, :width], values[begin : begin + width], out=out[done : done + some])
         return out

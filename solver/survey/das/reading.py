@@ -42,16 +42,6 @@ def without_dead(strain_rate: NDArray[Any], still: NDArray[np.bool_], told: Sequ
     strain_rate[:, still] = np.nan
 
 
-def check_finite(bad: NDArray[np.int64], channel: NDArray[np.int64], where: Path) -> None:
-    """Raise InputError if channels [channel] hold `bad` numbers, NaN or infinite."""
-    if bad.any():
-        names = ranges(channel[bad > 0])
-        raise InputError(
-            f"{where}: NaN or infinite samples in {(bad > 0).sum()} of {len(channel)} channels ({names}); "
-            "give channels = [first, last] without them, or exclude = [...], in [das] of site.toml"
-        )
-
-
 @dataclass(frozen=True)
 class Found:
     """The result: strain rate [row, channel] at windows of every `factor`-th row of the grid.
@@ -106,7 +96,7 @@ class Reading:
         # In double precision, and a derivative takes ten times the memory of its input: few channels at once.
         for first in range(0, rate.shape[1], AT_ONCE):
             some = self.narrowed(values[:, first : first + AT_ONCE + 2 * n].astype(np.float64))
-            some[~np.isfinite(some)] = 0.0  # of an excluded channel; else `checked` refuses the record
+            some[~np.isfinite(some)] = 0.0  # `clear` makes a gap of it
             rate[:, first : first + AT_ONCE] = to_strain_rate(some, self.stored(), sampling_rate, gauge_length)[own]
 
     def empty(self, rows: int, factor: int = 1) -> tuple[NDArray[np.float32], Watch]:
@@ -167,7 +157,9 @@ class Reading:
         reach : rows of the grid that influence one on either side
         watch : of the same rows; velocity that never changes is that of a fixed end
         """
-        fixed = watch.still if self.known.pair else np.zeros(self.columns.stop - self.columns.start, bool)
+        fixed = np.zeros(self.columns.stop - self.columns.start, bool)
+        if self.known.pair:
+            fixed |= watch.still & (watch.bad == 0)
         gone = np.zeros(len(self.channel), bool)
         for first, last, columns in lost.cells:
             measured = np.ones(len(fixed), bool)
@@ -181,12 +173,10 @@ class Reading:
         self, rate: NDArray[np.float32], watch: Watch, lost: Lost, filled: NDArray[np.bool_]
     ) -> tuple[Rounding | None, tuple[str, ...]]:
         """Refuse numbers that no fiber makes, and set dead channels of `rate` to NaN; its rounding, and cautions."""
-        known, stored, n = self.known, self.stored(), self.known.pair
+        known, stored = self.known, self.stored()
         if watch.bad is None or not len(watch.kept):
             nothing = "no channel holds a signal in any sample" if lost.rows else "no samples; check the clocks"
             raise InputError([*lost.faults, *known.lines, f"{known.where}: {nothing}"][0])
-        bad = watch.bad[n : len(watch.bad) - n] + (watch.bad[2 * n :] + watch.bad[: len(watch.bad) - 2 * n]) * (n > 0)
-        check_finite(np.where(self.excluded, 0, bad), self.channel, known.where)
         if not np.isfinite(rate).any():
             raise InputError(f"{known.where}: too few samples without a gap; give a longer record")
         cut_off = watch.clipped()

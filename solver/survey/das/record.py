@@ -130,12 +130,12 @@ def filled_line(channel: NDArray[np.int64]) -> list[str]:
     """Say that some channels [channel] were not measured all the time; nothing where there are none.
 
     >>> filled_line(np.array([4, 5]))[0][:64]
-    'channels 4-5 hold one number for a while in which others change:'
+    'channels 4-5 hold no number, one and the same, or a straight lin'
     """
     if not len(channel):
         return []
     left = "nothing was measured there then, and that is left out"
-    return [f"channels {ranges(channel)} hold one number for a while in which others change: {left}"]
+    return [f"channels {ranges(channel)} hold no number, one and the same, or a straight line for a while: {left}"]
 
 
 def unmeasured_line(lost: Sequence[tuple[int, int]], interval: float) -> list[str]:

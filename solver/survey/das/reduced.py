@@ -135,6 +135,8 @@ def reduce(grid: Grid, columns: slice, low: Lowpass, span: tuple[int, int], look
     for row, values in slabs(grid, columns, span[0] * q - half, (span[1] - 1) * q + half + 1, lost):
         look(row, values)
         values = values.astype(low.dtype, copy=False)
+        if not (there := np.isfinite(values)).all():
+            values = np.where(there, values, 0)  # `Reading.clear` makes gaps of what they reach.
         if row == start + len(held) and len(held):
             held = np.concatenate([held, values])
         else:

@@ -1,5 +1,6 @@
 """Numbers that no fiber produces: too large, too small, clipped at the end of a range, or written without measuring."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ CLIPPED_CHANNELS = 2
 ALARM = 1e-3
 #: Channels by which rows are looked through first, and rows by which channels that never change are left aside.
 FIRST, SAMPLED = 16, 256
+#: Roundings of a number by which three on a straight line may miss it: one each, the middle one counted twice.
+DIGITS = 4
 
 
 def check_size(swing: Array, where: Path) -> None:
@@ -97,44 +100,96 @@ def measured_runs(values: NDArray[Any]) -> list[slice]:
     return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
 
 
-def filled_cells(values: NDArray[Any]) -> list[tuple[int, int, NDArray[np.int64]]]:
-    """Stretches of stored numbers [time, channel] in which some channels hold one number while most change.
+def straight(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Where numbers [time, channel] repeat the one before, or go on the straight line of the two before.
 
-    Rounded numbers repeat, too. A number repeats with the chance that makes the longest run of the median channel the
-    longest of its rows, or as often as the channel repeats its numbers elsewhere if that is more; a run that such
-    chance makes more rarely than `ALARM` among all channels is filled. Of a rounded record, channels that hold one
-    number for half of the rows may be quiet ones.
+    Of numbers with a fraction: what is interpolated is straight to within their digits, which noise never is.
+
+    >>> straight(np.array([[1.0, 3.0, 3.0, 4.0, 5.0, 9.0]]).T).ravel().tolist()
+    [False, False, True, False, True, False]
+    """
+    found = np.zeros(values.shape, bool)
+    found[1:] = values[1:] == values[:-1]
+    if values.dtype.kind == "f":
+        with np.errstate(invalid="ignore", over="ignore"):
+            bend = np.abs(values[2:] - 2 * values[1:-1] + values[:-2])
+            size = np.abs(values).max(0, where=np.isfinite(values), initial=0.0)
+            found[2:] |= bend <= DIGITS * np.finfo(values.dtype).eps * size
+    return found
+
+
+def not_finite(values: NDArray[Any]) -> Iterator[tuple[int, int, int]]:
+    """First and last row, and column, of each run of NaN or infinite numbers [time, channel]."""
+    if values.dtype.kind != "f":
+        return
+    for column in np.flatnonzero(~np.isfinite(values).all(0)).tolist():
+        bad = ~np.isfinite(values[:, column])
+        edges = np.flatnonzero(np.diff(bad.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+        yield from ((first, stop - 1, column) for first, stop in edges.tolist())
+
+
+def filled_cells(values: NDArray[Any]) -> list[tuple[int, int, NDArray[np.int64]]]:
+    """Stretches of stored numbers [time, channel] in which some channels were not measured while others were.
+
+    They hold NaN, or one number, or lie on a straight line, while most change. Rounded numbers repeat, too. A number
+    repeats with the chance that makes the longest run of the median channel the longest of its rows, or as often as the
+    channel repeats its numbers elsewhere if that is more; a run that such chance makes more rarely than `ALARM` among
+    all channels is filled. Of a rounded record, channels that hold one number for half of the rows may be quiet ones.
+    Runs that most channels have over the very same rows tell nothing of that chance; it is then no less than the share
+    of a channel's other numbers that are not new.
 
     Returns
     -------
     stretches : first and last row, and the channels that were not measured in between
 
     >>> values = np.random.default_rng(0).normal(size=(90, 4))
-    >>> values[20:60, 2] = 0
+    >>> values[20:60, 2], values[70:80, :2] = 0, np.nan
     >>> filled_cells(values)
-    [(20, 59, array([2]))]
+    [(70, 79, array([0, 1])), (20, 59, array([2]))]
     """
+    found: dict[tuple[int, int], list[int]] = {}
+    for first, last, column in not_finite(values):
+        found.setdefault((first, last), []).append(column)
     step = max(1, len(values) // SAMPLED)
     some = values[::step]
-    if len(some) < 3:
-        return []
-    held = np.asarray(some[1:] == some[:-1])
-    if not held.any():
-        return []
-    run = np.zeros(some.shape, np.int64)
-    for row, again in enumerate(held, 1):
-        run[row] = np.where(again, run[row - 1] + 1, 0)
-    longest = run.max(0)
-    usual = float(np.median(longest)) + 1
-    elsewhere = (held.sum(0) - longest) / np.maximum(len(held) - longest, 1)
-    chance = np.minimum(np.maximum(len(some) ** (-1 / usual), elsewhere), 1 - 1 / len(some))
-    rare = np.log(some.size / ALARM) / -np.log(chance)
-    ends = (run + 1 > rare) & ~np.vstack([held, np.zeros(held.shape[1], bool)])
-    ends &= (usual == 1) | (2 * longest < len(held))
-    found: dict[tuple[int, int], list[int]] = {}
-    for row, column in np.argwhere(ends).tolist():
-        first, last = int(row - run[row, column]) * step, row * step
-        if (values[first : last + 1, column] == values[first, column]).all():
-            rows = max(0, first - step + 1), min(len(values) - 1, last + step - 1)
-            found.setdefault(rows, []).append(column)
+    held = straight(some)
+    if len(some) > 2 and held.any():
+        run = np.zeros(some.shape, np.int64)
+        for row in range(1, len(some)):
+            run[row] = np.where(held[row], run[row - 1] + 1, 0)
+        ends = held & ~np.vstack([held[1:], np.zeros(held.shape[1], bool)])
+        shared = together(run, ends)
+        alone = np.where(shared, 0, run)
+        longest = alone.max(0)
+        usual = float(np.median(longest)) + 1
+        elsewhere = ((alone > 0).sum(0) - longest) / np.maximum(len(some) - 1 - longest, 1)
+        for column in np.flatnonzero(shared.any(0)).tolist():
+            others = some[~shared[:, column], column]
+            elsewhere[column] = max(elsewhere[column], 1 - len(np.unique(others)) / max(len(others), 1))
+        chance = np.minimum(np.maximum(len(some) ** (-1 / usual), elsewhere), 1 - 1 / len(some))
+        rare = np.log(some.size / ALARM) / -np.log(chance)
+        ends &= (run + 1 > rare) & ((usual == 1) | (2 * longest < len(some) - 1))
+        for row, column in np.argwhere(ends).tolist():
+            first, last = int(row - run[row, column]) * step, row * step
+            if straight(values[first : last + 1, column : column + 1])[2:].all():
+                rows = max(0, first - step + 1), min(len(values) - 1, last + step - 1)
+                found.setdefault(rows, []).append(column)
     return [(*rows, np.array(columns)) for rows, columns in found.items()]
+
+
+def together(run: NDArray[np.int64], ends: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which cells [row, channel] are of runs that begin and end as those of most channels do.
+
+    Parameters
+    ----------
+    run : how many cells of the run lie before each [row, channel]
+    ends : whether a run ends there
+    """
+    found = np.zeros(run.shape, bool)
+    row, column = np.nonzero(ends)
+    first = row - run[row, column]
+    spans, which, count = np.unique(np.stack([first, row]), axis=1, return_inverse=True, return_counts=True)
+    for number in np.flatnonzero(2 * count > run.shape[1]).tolist():
+        begin, end = spans[:, number].tolist()
+        found[begin : end + 1, column[which.ravel() == number]] = True
+    return found

@@ -95,8 +95,10 @@ class Watch:
 
     @property
     def still(self) -> NDArray[np.bool_]:
-        """Channels [channel] that never changed."""
-        return np.asarray(self.smallest == self.largest)
+        """Channels [channel] that never changed, or held no number."""
+        if self.smallest is None or self.largest is None:
+            return np.asarray(True)
+        return np.asarray(self.smallest >= self.largest)
 
     def clipped(self) -> str | None:
         """Say how many numbers are clipped at the ends of a range; None if none are.

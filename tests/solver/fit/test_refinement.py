@@ -1,18 +1,24 @@
 """Knots where a fiber bends, and the corners that a fit tells."""
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
 from solver.cable.fiber import SplineBasis
+from solver.fit.anchor_check import contradiction
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.prior import Prior, shape_rows
-from solver.fit.problem import CLOSEST, KNOT_SPACING
+from solver.fit.problem import CLOSEST, KNOT_SPACING, Problem
 from solver.fit.refinement import add_knots, finer, insert_knots
+from solver.fit.result import FitResult
 from solver.fit.stretches import is_long
+from solver.run import route_fits
 from solver.run.locate import locate
 from solver.run.run import Run
 from solver.simulator import Scenario, Survey, simulate, write_survey
@@ -66,12 +72,45 @@ def test_corners_get_knots_and_are_told_and_no_more_knots_are_asked_for(tmp_path
     assert add_knots(chain, solve(chain, chain.start()).state, run.result.chi2_per_dof) is None
 
 
-def test_a_fiber_that_crosses_the_road_is_begun_there(tmp_path: Path) -> None:
-    survey, run = located("crossing", 2, tmp_path)
+@pytest.fixture(scope="module")
+def crossed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Survey, Run]:
+    return located("crossing", 2, tmp_path_factory.mktemp("crossing"))
+
+
+def test_a_fiber_that_crosses_the_road_is_begun_there(crossed: tuple[Survey, Run]) -> None:
+    survey, run = crossed
     channel = run.result.channel
     seen = (channel >= survey.active[0]) & (channel <= survey.active[1])
     assert np.linalg.norm((run.result.route - survey.route[channel])[seen], axis=1).max() < 0.4
     assert sorted(round(abs(one.amount), -1) for one in run.corners if one.kind == "corner") == [90.0, 90.0]
+
+
+def test_an_anchor_that_a_crossing_contradicts_is_named(
+    crossed: tuple[Survey, Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It kept the fit from the crossing, so that all anchors and the tracks were blamed."""
+    _, run = crossed
+    last = max(run.problem.anchors, key=lambda one: one.channel)
+    wrong = replace(last, y=-last.y)
+    anchors = [one if one is not last else wrong for one in run.problem.anchors]
+    begun = replace(run.problem, anchors=anchors)
+
+    def with_crossing(problem: Problem) -> Any:
+        return SimpleNamespace(problem=problem), None, float(wrong in problem.anchors)
+
+    def is_explained(problem: Problem, result: FitResult) -> bool:
+        return result is run.result and wrong not in problem.anchors
+
+    monkeypatch.setattr(route_fits, "with_crossing", with_crossing)
+    monkeypatch.setattr(route_fits, "fit_from", lambda start, *_: (run.result, start[0].problem))
+    monkeypatch.setattr(route_fits, "is_explained", is_explained)
+    found, problem = route_fits.fit_crossing(replace(run.result, chi2_per_dof=1.3), begun, [begun], "spline")
+    assert found is run.result and wrong not in problem.anchors
+    told = contradiction(replace(run.problem, anchors=anchors), run.result)
+    assert told is not None and told.corner in run.corners
+    assert told.sentence.startswith(f"anchor {wrong.name} is ")
+    assert told.distance == pytest.approx(2 * abs(last.y), abs=0.2)
+    assert ", which turns 90 degrees to the " in told.sentence
 
 
 def test_a_step_in_depth_is_told(tmp_path: Path) -> None:

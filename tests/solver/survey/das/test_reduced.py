@@ -15,7 +15,6 @@ from solver.survey.das.reader import record_from
 from solver.survey.das.reduced import SLAB
 from solver.survey.das.samples import InHDF5, OnDisk
 from solver.survey.das.units import strain_per_radian
-from vision.contract import InputError
 
 START = np.datetime64("2025-08-11T06:00:00", "ns")
 SCALES = {"1/s": 1e-8, "strain": 1e-9, "rad": 1.0, "rad/s": 1e-2, "m/s": 1e-7}
@@ -110,15 +109,21 @@ def test_stored_integers_show_their_steps_and_where_they_are_cut_off(tmp_path):
     assert "stand at the same" in found.cautions[0]
 
 
-def test_nan_samples_are_named_as_they_go_by(tmp_path):
-    (path,) = array_files(tmp_path, "1/s", [0])
+@pytest.mark.parametrize("unit", ["1/s", "strain", "m/s"])
+def test_nan_samples_are_gaps_of_their_channels_and_told(tmp_path, unit):
+    (path,) = array_files(tmp_path, unit, [0])
+    whole = record_from(describe([path]), rate=20.0)
     values = np.load(path)
-    values[300, 3:6] = np.nan
+    values[300, 13:16] = np.nan
+    values[500:, 15], values[:, 22] = np.inf, np.nan
     np.save(path, values)
-    with pytest.raises(InputError, match=r"NaN or infinite samples in 3 of 30 channels \(3-5\); give channels"):
-        record_from(describe([path]), rate=20.0)
-    assert record_from(describe([path], exclude=[3, 4, 5]), rate=20.0).dead.nonzero()[0].tolist() == [3, 4, 5]
-    assert not record_from(describe([path]), rate=20.0, channels=(6, 20)).dead.any()
+    for record in (record_from(describe([path]), rate=20.0), decimated(read_das([path]))):
+        lost = ~np.isfinite(record.strain_rate)
+        assert lost[60, 14] and not lost[30, 14] and not lost[90, 14] and lost[-5, 15] and not lost[30, 15]
+        assert not lost[15:-15, :8].any() and record.dead[22]
+        assert any("hold no number, one and the same, or a straight line for a while" in one for one in record.cautions)
+        off = np.abs(record.strain_rate - whole.strain_rate[: len(lost)])[~lost]
+        assert np.nanmax(off) < 1e-5 * np.nanmax(np.abs(whole.strain_rate))
 
 
 def test_headers_tell_all_but_the_numbers(tmp_path, monkeypatch):

@@ -73,7 +73,7 @@ def test_channels_that_are_filled_for_a_while_are_not_measured_there_and_told(tm
     rate[300:420, 3:5] = rate[800:, 7] = 2e-8
     path = tmp_path / "a.h5"
     write_prodml(path, rate, start=START, sampling_rate=40.0, gauge_length=10.0, channel_spacing=1.0)
-    known, said = describe([path]), "channels 3-4, 7 hold one number for a while in which others change"
+    known, said = describe([path]), "channels 3-4, 7 hold no number, one and the same, or a straight line for a while"
     store = ingest(known, [path], {}, tmp_path / "store", 20.0)
     for record, wide, half in (
         (read_das([path]), 1, 4),
@@ -87,11 +87,28 @@ def test_channels_that_are_filled_for_a_while_are_not_measured_there_and_told(tm
         assert not lost[:, [0, 1, 2, 5, 6, 8]][half:-half].any() and lost[-half - 10, 7] and not record.gaps
 
 
+LINE = np.linspace(0, 1, 600, dtype=np.float32)[:, None]
+
+
+@pytest.mark.parametrize("channels", [2, 30, 40])
+@pytest.mark.parametrize("filled", ["interpolated", "held", "zero", "none"])
+def test_what_fills_few_channels_or_most_is_found(channels, filled):
+    values = np.random.default_rng(3).normal(size=(3000, 40)).astype(np.float32)
+    first, last, part = values[800], values[1400], values[800:1400, :channels]
+    lines = {"interpolated": first + (last - first) * LINE, "held": first, "zero": 0.0, "none": np.nan}
+    part[:] = np.broadcast_to(lines[filled], (600, 40))[:, :channels]
+    ((begin, end, which),) = filled_cells(values)
+    assert 780 < begin <= 805 and 1399 <= end < 1420 and which.tolist() == list(range(channels))
+
+
 def test_numbers_that_repeat_are_measured():
-    coarse = np.rint(0.4 * np.random.default_rng(2).normal(size=(3000, 40)))
+    random = np.random.default_rng(2).normal(size=(3000, 40))
+    coarse = np.rint(0.4 * random)
+    burst = 2 * random[:, :1] * (np.random.default_rng(3).random((3000, 1)) < 0.05)  # on all channels at once
     quiet = coarse * (np.arange(40) != 7)  # of a channel that is far from the road
     quiet[::200, 7] = 1
-    for values in (coarse, quiet, np.repeat(NOISE, 9, axis=0), NOISE):
+    upsampled = np.stack([np.interp(np.arange(3000) / 10, np.arange(301), one) for one in random[:301].T], 1)
+    for values in (coarse, quiet, np.rint(0.15 * random + burst), upsampled, np.repeat(NOISE, 9, axis=0), NOISE):
         assert filled_cells(values) == []
 
 
@@ -100,6 +117,12 @@ def test_dropouts_off_the_common_grid_do_not_spread(dropouts):
     (one,) = describe([dropouts[0]]).grid.placed
     moved = replace(one, row=1, rows=len(rate) - 1, ahead=0.5).values(1, 1200, slice(0, 9))
     assert np.isnan(moved[300:419]).all() and np.isfinite(moved[:298]).all() and np.isfinite(moved[421:998]).all()
+    spoilt = np.array(one.block.data[:298, :])
+    spoilt[100:110, 4] = np.nan
+    half = replace(one, block=replace(one.block, data=spoilt), count=298, row=1, rows=297, ahead=0.5)
+    again = half.values(1, 298, slice(0, 9))
+    assert np.flatnonzero(np.isnan(again[:, 4])).tolist() == list(range(99, 110)) and not np.isnan(again[:, 3]).any()
+    assert np.allclose(again[:90, 4], moved[:90, 4], rtol=1e-3) and np.isnan(again).sum() == 11
 
 
 def virtual(folder, sources):
