@@ -1,7 +1,7 @@
 """Pictures of pages in README.md, drawn anew from two demos, and in the tutorial, from the run that it makes.
 
-    roadfiber demo --out runs/demo
-    roadfiber demo --hide any --seed 7 --out runs/demo-hidden
+    roadfiber demo --laid crossing --out runs/demo
+    roadfiber demo --hide any --out runs/demo-hidden
     python docs/pictures.py --demos runs/demo runs/demo-hidden
     python docs/pictures.py --tutorial run
 
