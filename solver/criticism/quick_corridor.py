@@ -72,7 +72,8 @@ def widened(run: Run, advance: Advance = lambda n: None) -> Run:
     if run.result.method != "spline":
         return plain(run, f"what it may lack is not looked for with --method {run.result.method}")
     if is_long(run.problem):
-        return plain(run, "what it may lack is not looked for over a long fiber")
+        why = "what it may lack is not looked at on a fiber this long; where it lacks something, that is too narrow"
+        return plain(run, why)
     if not run.result.converged:
         return plain(run, "the fit has not converged, so what it may lack cannot be told")
     at, effects = np.isin(run.result.channel, run.problem.channel), list(run.known.values())

@@ -119,5 +119,8 @@ def car_of(tracks: "pd.DataFrame", start: np.datetime64) -> Car:
     way = [float(np.hypot(*np.ptp(one.value, axis=0))) for one in found]
     if not way or max(way) < TRAVEL:
         farthest = max(way, default=0.0)
-        raise InputError(f"trajectories: no track goes farther than {farthest:.0f} m; a drive needs {TRAVEL:.0f} m")
+        raise InputError(
+            f"trajectories: no track goes farther than {farthest:.0f} m, and [route] in site.toml says that one car "
+            f"drove along the fiber, for {TRAVEL:.0f} m or more; leave [route] out to locate a street"
+        )
     return smoothed_car(found[int(np.argmax(way))])

@@ -28,7 +28,7 @@ from solver.start.regauge import shorter_gauges
 from solver.survey.das.record import DASRecord
 from solver.survey.das.rounding import dithered
 from solver.survey.survey import Survey
-from solver.trajectory.agreement import check_apart, check_gauge
+from solver.trajectory.agreement import check_apart, check_gauge, unseen_crossings
 from solver.trajectory.vehicle_pass import Pass
 from vision.contract import InputError, progress
 
@@ -165,6 +165,7 @@ def locate(
     warnings += fit.warnings
     if few := few_line(problem.passes):
         warnings.append(few)
+    warnings += unseen_crossings(survey.anchors, problem.passes, result.channel, result.route)
     again = shortened(problem, slice(None), result)
     rest = untaken(again, whole, choice)
     with timed(timings, "held_out"):

@@ -154,6 +154,32 @@ def from_tracks(anchor: Anchor, passes: "Sequence[Pass]") -> float:
     return nearest
 
 
+def unseen_crossings(
+    anchors: Sequence[Anchor], passes: "Sequence[Pass]", channel: NDArray[np.int64], route: Array
+) -> list[str]:
+    """Say which anchors beyond the located channels [channel] lie across the traffic from the end of the route.
+
+    Parameters
+    ----------
+    route : of these channels [channel, 3], m
+    """
+    y = np.concatenate([one.position[one.in_view, 1] for one in passes])
+
+    def side(place: float) -> int:
+        return int(place > y.max()) - int(place < y.min())
+
+    said = []
+    for one in anchors:
+        end = 0 if one.channel < channel[0] else -1
+        if not channel[0] <= one.channel <= channel[-1] and side(one.y) * side(route[end, 1]) < 0:
+            said.append(
+                f"anchor {one.name} lies on the other side of the road than the fiber at channel {channel[end]}: the "
+                f"fiber crosses the road between channels {channel[end]} and {one.channel:g}, beyond what was tracked "
+                "and recorded, so that nothing tells where; or the road bends, or the anchor is wrong"
+            )
+    return said
+
+
 def check_reach(anchors: Sequence[Anchor], passes: "Sequence[Pass]", active: tuple[int, int], spacing: float) -> None:
     """Raise InputError where an anchor is too far from all tracks for its channel to sense a vehicle.
 

@@ -231,6 +231,16 @@ def test_what_is_not_a_record_is_reported_in_a_line(das, more, message) -> None:
         in_memory.block_of(das, **more)
 
 
+@pytest.mark.parametrize(("time", "is_of"), [(TIMES - TIMES[0], "timedelta64"), (np.arange(4) * 0.2, "float64")])
+def test_a_patch_without_dates_is_reported(time, is_of) -> None:
+    """It was read as one of 1970."""
+    import dascore as dc
+
+    patch = dc.Patch(np.ones((4, 3)), coords={"time": time, "distance": np.arange(3.0)}, dims=("time", "distance"))
+    with pytest.raises(rf.InputError, match=rf"time is {is_of}.*; give datetime64 in UTC"):
+        in_memory.block_of(patch)
+
+
 def test_an_effect_of_one_s_own_is_an_object(run: rf.Run, folder: Path) -> None:
     """It is verified, added, told on opening where it is missing, and found again where it is given."""
 

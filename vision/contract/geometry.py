@@ -74,6 +74,7 @@ def read_features(path: Path) -> list[Feature]:
         found = list(kml(read_text(path, "a KML file"), path))
     else:
         found = list(parts_of(read_json(path, "a GeoJSON file"), {}, path))
+    found = [one for one in found if len(one.coordinates)]
     if not found:
         raise InputError(f"{path}: holds neither a point nor a line; export the layer again")
     return found
@@ -112,7 +113,7 @@ def parts_of(value: Any, properties: dict[str, Any], path: Path, move: Any = Non
     for many in ("features", "geometries"):
         for one in value.get(many) or ():
             yield from parts_of(one, properties, path, move)
-    if kind in ("Point", "LineString"):
+    if kind in ("Point", "LineString") and inside != []:
         yield Feature(kind, numbers([inside] if kind == "Point" else inside, path, move), properties)
     elif kind in ("MultiPoint", "MultiLineString"):
         for one in inside or ():

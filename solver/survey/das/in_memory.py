@@ -55,6 +55,7 @@ def block_of(
     if is_a(das, "dascore", "Patch"):
         if set(das.dims) != {"time", "distance"}:
             raise InputError(f"das: a patch over {', '.join(das.dims)}; give one over time and distance")
+        require_moments(das.get_coord("time").dtype)
         block = patch_block(das, NAME, "DASCore patch")
     elif is_a(das, "xarray", "DataArray"):
         block = data_array_block(das)
@@ -63,6 +64,12 @@ def block_of(
     if not block.data.size:
         raise InputError("das: no samples; give a record of time and channel")
     return block if first_channel is None else replace(block, first_channel=first_channel)
+
+
+def require_moments(dtype: np.dtype[Any]) -> None:
+    """Raise InputError where times are durations, or numbers, whose start nothing tells."""
+    if not np.issubdtype(dtype, np.datetime64):
+        raise InputError(f"das: time is {dtype}; give datetime64 in UTC, start + seconds as timedelta64")
 
 
 def data_array_block(das: Any) -> Block:
@@ -93,8 +100,7 @@ def array_block(data: NDArray[Any], time: ArrayLike | None, distance: ArrayLike 
     if time is None:
         raise InputError("das: an array alone has no times; give time=, datetime64 in UTC [time]")
     moments = np.asarray(time)
-    if not np.issubdtype(moments.dtype, np.datetime64):
-        raise InputError(f"das: time is {moments.dtype}; give datetime64 in UTC, start + seconds as timedelta64")
+    require_moments(moments.dtype)
     meters = None if distance is None else np.asarray(distance, float)
     for name, axis, count in (("time", moments, len(data)), ("distance", meters, data.shape[1])):
         if axis is not None and axis.shape != (count,):

@@ -17,6 +17,7 @@ from solver.trajectory.agreement import (
     near,
     slow_line,
     suspicions,
+    unseen_crossings,
 )
 from solver.trajectory.tracks import Track
 from vision.contract import InputError
@@ -36,6 +37,15 @@ def test_an_anchor_on_a_channel_that_is_not_in_the_record_is_said_to_be(survey) 
     assert [one.name for one in in_record(anchors, survey.record, said)] == ["b", "c"]
     assert [line.partition(",")[0] for line in said] == ["anchor a is on channel 900", "anchor d is on channel -60"]
     assert "which is not in the record (0 to 149)" in said[0]
+
+
+def test_a_crossing_beyond_what_is_located_is_told(survey) -> None:
+    """Of an anchor on the other side it was said that it is far, and that it is not used."""
+    route = np.column_stack([X, np.full(len(X), 5.0), np.ones(len(X))])
+    beyond = [anchor("a", 20, -30.0), anchor("b", 150, 100.0, -5.0), anchor("c", 80, 30.0, -5.0)]
+    (said,) = unseen_crossings(beyond, survey.passes, CHANNEL, route)
+    assert said.startswith("anchor b lies on the other side of the road than the fiber at channel 110: the fiber ")
+    assert "crosses the road between channels 110 and 150, beyond what was tracked" in said
 
 
 def test_anchors_far_along_the_fiber_are_named_with_their_channels() -> None:

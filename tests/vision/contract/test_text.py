@@ -1,5 +1,6 @@
 """TOML and JSON are read as editors save them; what is not UTF-8 is named as what it is."""
 
+import json
 import os
 from functools import partial
 
@@ -86,3 +87,15 @@ def test_what_has_no_end_is_not_read(tmp_path):
         sparse.truncate(1 << 40)
     with pytest.raises(InputError, match=r"b\.toml: not a file of at most 256 MiB; give text"):
         read_text(tmp_path / "b.toml", "text")
+
+
+def test_geometries_without_a_position_are_left_out(tmp_path):
+    """Programs write them for what has no place; `locate` ended in a traceback."""
+    path, line = tmp_path / "a.geojson", {"type": "LineString", "coordinates": [[34.8, 32.1], [34.9, 32.1]]}
+    empty = [{"type": kind, "coordinates": []} for kind in ("Point", "LineString", "MultiLineString")]
+    empty.append({"type": "MultiLineString", "coordinates": [[]]})
+    path.write_text(json.dumps({"type": "GeometryCollection", "geometries": [*empty, line]}))
+    assert [one.kind for one in read_features(path)] == ["LineString"]
+    path.write_text(json.dumps({"type": "GeometryCollection", "geometries": empty}))
+    with pytest.raises(InputError, match="holds neither a point nor a line"):
+        read_features(path)
