@@ -7,6 +7,9 @@ discrepancy models, the best few are fitted in full, a posterior weighs all expl
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from solver.cable.fiber import SplineBasis
 from solver.criticism.audit import NoiseAudit, audit_of
 from solver.criticism.bench import Advance, Asked, Bench, Tell, racers, scorable
 from solver.criticism.beside import Beside, akin, shown
@@ -25,13 +28,21 @@ from solver.criticism.repairs import mended
 from solver.criticism.route_change import route_of, with_moves
 from solver.criticism.verdict_words import fault_words
 from solver.effect import Effect, Recorded
+from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
+from solver.fit.posterior import Posterior as FitPosterior
 from solver.fit.problem import Problem
+from solver.fit.refinement import on_knots, with_bends
 from solver.fit.side_by_side import side_by_side
 from solver.fit.state import State
 from solver.fit.track_trust import strict_tracks, track_spread
 from solver.noise.quiet_windows import quiet
+from solver.run.route_fits import most_left, noise_level_of
+from solver.run.run_corridor import BENDS
+
+#: What a user does about a bend that a route does not follow.
+TURN_ADVICE = "let it turn there (`roadfiber turn RUN CHANNEL`)"
 
 
 def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
@@ -86,8 +97,12 @@ def diagnose(
     return replace(found, candidates=spoken(found.candidates, problem, effects))
 
 
-def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diagnosis:
-    """Rank what a converged fit may lack, race the best, and weigh the explanations."""
+def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked, bent: bool = False) -> Diagnosis:
+    """Rank what a converged fit may lack, race the best, and weigh the explanations.
+
+    Where the best of them asks for knots that the route lacks, all are tried on those: what a route can explain is no
+    effect, and corners that it cannot follow hide one. `bent` says that the route has such knots already.
+    """
     bench = Bench.of(fit, state, check, asked.effects, asked.advance)
     variance = bench.scorer.variance
     faults = [fault_candidate(fault, variance) for fault in bench.faults]
@@ -103,6 +118,8 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     tried |= stood_for(bench, tried, asked)
     tried |= from_far(bench.scorer, tried)
     tried = with_slow_errors(bench.scorer, tried)
+    if not bent and (knots := knots_beside(tried)) is not None:
+        return on_knots_of(bench, knots, asked)
     ranked = side_by_side(lambda s: score_candidate(s, tried.get(s.effect.name)), bench.table) + faults
     ranked = by_evidence(ranked)
     if tried:
@@ -121,6 +138,40 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked) -> Diag
     listed = {c.effect for c in found.candidates[:LISTED]} - set(fits)
     predicted = {s.effect.name: bench.scorer.changed(s).numpy() for s in bench.table if s.effect.name in listed}
     return replace(found, corridor=corridor, fits=fits, predicted=predicted)
+
+
+def knots_beside(tried: Mapping[str, Refit]) -> SplineBasis | None:
+    """The knots that the best of some effects asks for once it is in the model; None where it asks for no more."""
+    best = max(tried.values(), key=lambda one: one.evidence, default=None)
+    if best is None or best.evidence < POLICY.found or not best.solution.converged:
+        return None
+    chain, at = Chain.of(best.fit.problem), best.solution.at
+    left = FitPosterior(chain, at).chi2_per_dof
+    level, scatter = noise_level_of(best.fit.problem, at.misfit / left)
+    most = at.misfit / left * most_left(np.array([left]), level, np.array([scatter]))
+    found = with_bends(chain, at.state, left, most)
+    if found is None or found[1].at.misfit > most[0]:
+        return None
+    return found[0].basis
+
+
+def on_knots_of(bench: Bench, basis: SplineBasis, asked: Asked) -> Diagnosis:
+    """The verdict once the route has more knots."""
+    fit, state = bench.scorer.fit, bench.scorer.state
+    problem, begun = on_knots(fit.problem, state, basis)
+    bent = MapFit(problem)
+    end = solve(bent, begun).state
+    found = examined(bent, end, bench.audit, asked, bent=True)
+    if found.corridor is None:
+        return found
+    at = found.corridor.channel
+    move = route_of(bent, end, at) - route_of(fit, state, at)
+    found = replace(found, corridor=found.corridor.with_move(BENDS, move))
+    if found.verdict != "adequate":
+        return found
+    where = int(at[np.linalg.norm(move, axis=1).argmax()])
+    words = f"the fiber bends more sharply near channel {where} than the route follows; {TURN_ADVICE}. Besides, "
+    return replace(found, words=words + found.words)
 
 
 def by_evidence(listed: Sequence[Candidate]) -> list[Candidate]:

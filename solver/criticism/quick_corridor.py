@@ -39,7 +39,7 @@ from solver.fit.stretches import is_long
 from solver.fit.track_trust import strict_tracks, track_spread
 from solver.run.fitted import fitted
 from solver.run.run import Run
-from solver.run.run_corridor import DISAGREE, DISAGREEMENT, TOLD, corridor_facts, median_half
+from solver.run.run_corridor import BEND, BENDS, DISAGREE, DISAGREEMENT, TOLD, corridor_facts, median_half
 from solver.run.strict_json import strict
 from solver.run.titles import lower
 from solver.run.trust import DIAGNOSIS, Gate, with_gate
@@ -141,7 +141,7 @@ def told(
     mended : what narrows a corridor that an effect widens which shows
     """
     titles = {name: one.title for name, one in FAULTS.items()} | {one.name: one.title for one in effects}
-    titles[DISAGREEMENT] = DISAGREE
+    titles |= {DISAGREEMENT: DISAGREE, BENDS: BEND}
     families = {one.name: one.families for one in effects}
     widest, added = corridor.widest, corridor.at(run.result.channel)
     advice = [ADVICE[kind] for kind in families.get(widest, ()) if kind in ADVICE] or [MORE]

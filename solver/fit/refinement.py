@@ -6,7 +6,7 @@ whose Bayes factor is strong (Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773
 of a long fiber are chosen stretch by stretch.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from solver.cable.fiber import DEGREE, SplineBasis
 from solver.fit.chain import Chain
-from solver.fit.least_squares import PATIENCE
+from solver.fit.least_squares import PATIENCE, Solution, solve
 from solver.fit.normal import Banded
 from solver.fit.parameter_layout import AXES, of_route
 from solver.fit.problem import CLOSEST, KNOT_SPACING, Problem
@@ -25,10 +25,14 @@ Array = NDArray[np.float64]
 
 #: ln Bayes factor from which a knot is added.
 STRONG = 3.0
+#: How often knots are added at most, and steps of the fit after each time.
+ROUNDS, FEW = 5, 6
 #: How many parts an interval is cut into at a time.
 PARTS = 4
 #: Median of chi2 of three degrees of freedom: what a knot that explains nothing brings.
 BY_CHANCE = 2.366
+#: m: so far from an added knot, to either side, knots lie so close: where exactly the fiber bends is not known.
+AROUND, CLOSE = 5.0, 1.0
 #: Precision that stands for none, 1/m^2.
 NONE = 1e-6
 
@@ -44,15 +48,25 @@ def finer(basis: SplineBasis, within: Sequence[tuple[float, float]] = ((-np.inf,
     return SplineBasis.of(np.concatenate([*cuts, breaks[-1:]]))
 
 
+def close_around(basis: SplineBasis, added: Array) -> SplineBasis:
+    """The basis with knots close to each other around some [place], m; the prior on curvature chooses among them."""
+    cuts = [basis.breaks[:1]]
+    for a, b in zip(basis.breaks, basis.breaks[1:], strict=False):
+        near = ((added > a - AROUND) & (added < b + AROUND)).any()
+        cuts.append(np.linspace(a, b, int(np.ceil((b - a) / CLOSE)) + 1 if near else 2)[1:])
+    return SplineBasis.of(np.concatenate(cuts))
+
+
 def insert_knots(coefficients: Array, coarse: SplineBasis, fine: SplineBasis) -> Array:
     """Coefficients [fine, ...] of the same route on more knots, from those [coarse, ...] on its own.
 
-    The route is interpolated: banded equations, linear in length.
+    Banded least squares at four places for each coefficient, linear in length: at as many places as coefficients
+    rounding would grow with every knot.
     """
-    from scipy.interpolate import make_interp_spline
+    from scipy.interpolate import make_lsq_spline
 
-    at = np.interp(np.linspace(0, fine.intervals, fine.size), np.arange(fine.intervals + 1), fine.breaks)
-    return np.asarray(make_interp_spline(at, coarse.along(coefficients, at), DEGREE, np.array(fine.knots)).c)
+    at = np.interp(np.linspace(0, fine.intervals, 4 * fine.size), np.arange(fine.intervals + 1), fine.breaks)
+    return np.asarray(make_lsq_spline(at, coarse.along(coefficients, at), np.array(fine.knots), DEGREE).c)
 
 
 def on_knots(problem: Problem, state: State, basis: SplineBasis) -> tuple[Problem, State]:
@@ -204,3 +218,39 @@ def worth_adding(left: Equations, groups: dict[int, NDArray[np.int64]], chi2_per
         chosen.append(knot)
         left.eliminate(groups.pop(knot))
     return chosen
+
+
+def stretch_of(distance: Array, edges: Array) -> NDArray[np.int64]:
+    """Numbers of the stretches between `edges`, m, in which places [place] along the fiber lie.
+
+    >>> stretch_of(np.array([5.0, 60.0, 61.0]), np.array([0.0, 60.0, 120.0])).tolist()
+    [0, 0, 1]
+    """
+    return np.searchsorted(edges[1:-1], distance)
+
+
+def with_bends(
+    chain: Chain, state: State, chi2_per_dof: float, most: Array, advance: Callable[[int], None] = lambda n: None
+) -> tuple[Chain, Solution] | None:
+    """A fit, on its way, with knots where the fiber bends more sharply than those it has let it; None: none are wanted.
+
+    Parameters
+    ----------
+    chain, state, chi2_per_dof : the fit
+    most : [stretch], chi2; where all knots together would not come near it, no more are tried after the first
+    advance : called with 1 before each step
+    """
+    freedom, solution, used = chain.visit(state).misfit / chi2_per_dof, None, 0
+    # Far from its end a fit tells too little of what knots would explain.
+    near, edges = np.full(len(most), np.inf), chain.edges
+    for _ in range(ROUNDS):
+        left = chi2_per_dof if solution is None else solution.at.misfit / freedom
+        found = add_knots(chain, state, left, near)
+        if found is None:
+            break
+        fresh = stretch_of(np.setdiff1d(found[0].knots, chain.basis.breaks), edges)
+        near = np.where(np.isin(np.arange(len(most)), fresh), most, -np.inf)
+        chain = Chain.of(found[0])
+        solution = solve(chain, found[1], iterations=FEW, advance=advance)
+        state, used = solution.state, used + solution.iterations
+    return None if solution is None else (chain, replace(solution, iterations=used))

@@ -163,6 +163,11 @@ class FitResult:
     corners: tuple[Corner, ...] = ()
 
     @property
+    def freedom(self) -> float:
+        """Degrees of freedom: samples less parameters that they decide."""
+        return self.chi2 / self.chi2_per_dof
+
+    @property
     def sigma(self) -> NDArray[np.float64]:
         """Standard deviation [channel, 3] of x, y, z, m."""
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))

@@ -16,7 +16,7 @@ from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
 from solver.fit.pose import bent_ends, shortened
 from solver.fit.problem import Problem
-from solver.fit.refinement import add_knots, without_knots
+from solver.fit.refinement import FEW, close_around, on_knots, stretch_of, with_bends, without_knots
 from solver.fit.result import FitResult
 from solver.fit.sides import best_of, hopeless, reopened
 from solver.fit.spline import crossing_start, ended, fit_spline
@@ -32,8 +32,6 @@ from vision.contract import progress
 EXPLAINED = 1.03
 #: Share of the misfit beyond that of noise that knots of the route must explain.
 BY_ROUTE = 0.6
-#: How often knots are added at most, and steps of the fit after each time but the last.
-ROUNDS, FEW = 5, 6
 #: Spacing of knots, m, on which a crossing of the road is looked for.
 CORNER_KNOTS = 2.5
 
@@ -71,7 +69,7 @@ def fit_route(
 
 def explains_coil(result: FitResult, problem: Problem, coil: Coil) -> bool:
     """Whether corners take the fiber that seems to lie coiled, as at a crossing, and noise alone is left."""
-    level, scatter = noise_level_of(problem, result)
+    level, scatter = noise_level_of(problem, result.freedom)
     reach = coil.length + problem.gauge_length
     near = [one for one in result.corners if abs(one.distance - coil.place) < reach]
     return len(near) > 1 and result.chi2_per_dof <= level + scatter
@@ -132,33 +130,27 @@ def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResu
     """
     if method != "spline":
         return result, problem
-    (level, scatter), freedom = noise_level_of(problem, result), result.chi2 / result.chi2_per_dof
-    chain = Chain.of(problem)
+    level, scatter = noise_level_of(problem, result.freedom)
+    chain = Chain.of(shortened(problem, slice(None), result))
     end, edges, old = chain.state_of(torch.from_numpy(result.vector)), chain.edges, problem.basis.breaks
     if chain.long:
         chi2, weight = chain.misfits(chain.visit(end))
     else:
         chi2, weight = np.array([result.chi2]), np.array([result.weight.sum()])
     # By stretch, per degree of freedom.
-    every, share = freedom / weight.sum(), weight / weight.sum()
-    left = chi2 / weight / every
-    most = np.maximum(level + scatter / share**0.5, left - BY_ROUTE * (left - level))
-    solution, steps, used = None, METHODS[method][1], result.iterations
+    every, share = result.freedom / weight.sum(), weight / weight.sum()
+    most = most_left(chi2 / weight / every, level, scatter / share**0.5)
+    steps = METHODS[method][1]
     with progress("fitting bends of the route", steps) as advance:
-        # Far from its end a fit tells too little of what knots would explain.
-        near = np.full(len(most), np.inf)
-        for _ in range(ROUNDS):
-            found = add_knots(chain, end, result.chi2_per_dof, near)
-            if found is None:
-                break
-            fresh = stretch_of(np.setdiff1d(found[0].knots, chain.basis.breaks), edges)
-            near = np.where(np.isin(np.arange(len(most)), fresh), most * freedom * share, -np.inf)
-            chain = Chain.of(found[0])
-            solution = solve(chain, found[1], iterations=FEW, advance=advance)
-            end, used = solution.state, used + solution.iterations
-        if solution is None:
+        found = with_bends(chain, end, result.chi2_per_dof, most * result.freedom * share, advance)
+        if found is None:
             return result, problem
-        solution = solve(chain, solution, iterations=steps, advance=advance)
+        chain, solution = found
+        used = result.iterations + solution.iterations
+        wanted = close_around(chain.basis, np.setdiff1d(chain.basis.breaks, old))
+        everywhere, end = on_knots(chain.problem, solution.state, wanted)
+        chain = Chain.of(everywhere)
+        solution = solve(chain, end, iterations=steps, advance=advance)
         used += solution.iterations
         chi2, weight = chain.misfits(solution.at)
         more = np.setdiff1d(chain.problem.knots, old)
@@ -173,13 +165,13 @@ def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResu
     return replace(again, ambiguous_side=result.ambiguous_side), chain.problem
 
 
-def stretch_of(distance: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Numbers of the stretches between `edges`, m, in which places [place] along the fiber lie.
+def most_left(chi2_per_dof: NDArray[np.float64], level: float, scatter: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Chi2 per degree of freedom [stretch] that knots must come to: most of what is beyond noise of that level is gone.
 
-    >>> stretch_of(np.array([5.0, 60.0, 61.0]), np.array([0.0, 60.0, 120.0])).tolist()
-    [0, 0, 1]
+    >>> most_left(np.array([1.5, 1.01]), 1.0, np.array([0.02, 0.02])).round(3).tolist()
+    [1.2, 1.02]
     """
-    return np.searchsorted(edges[1:-1], distance)
+    return np.maximum(level + scatter, chi2_per_dof - BY_ROUTE * (chi2_per_dof - level))
 
 
 def fit_crossing(
@@ -242,7 +234,7 @@ def fit_beyond(result: FitResult, problem: Problem, wider: Problem, method: str)
     with progress("fitting channels beyond", FEW) as advance:
         first = ended(chain, solve(chain, chain.start(), iterations=FEW, advance=advance), result.seconds)
     again, whole = fit_bends(first, chain.problem, method)
-    level, scatter = noise_level_of(whole, again)
+    level, scatter = noise_level_of(whole, again.freedom)
     if not again.converged or again.chi2_per_dof > max(level, result.chi2_per_dof) + scatter:
         return result, problem
     return replace(again, ambiguous_side=result.ambiguous_side), whole
@@ -250,14 +242,14 @@ def fit_beyond(result: FitResult, problem: Problem, wider: Problem, method: str)
 
 def is_explained(problem: Problem, result: FitResult) -> bool:
     """Whether a fit came to an end at which noise alone is left."""
-    level, scatter = noise_level_of(problem, result)
+    level, scatter = noise_level_of(problem, result.freedom)
     return result.converged and result.chi2_per_dof <= level + scatter
 
 
-def noise_level_of(problem: Problem, result: FitResult) -> tuple[float, float]:
-    """Chi2 per degree of freedom that noise alone would leave, and its scatter."""
+def noise_level_of(problem: Problem, freedom: float) -> tuple[float, float]:
+    """Chi2 per degree of freedom that noise alone would leave, and its scatter, of so many degrees."""
     floor = noise_floor(problem)
-    return (1.0, 0.0) if floor is None else (floor.value, floor.scatter(result.chi2 / result.chi2_per_dof))
+    return (1.0, 0.0) if floor is None else (floor.value, floor.scatter(freedom))
 
 
 def fit_agreeing(result: FitResult, problem: Problem, method: str, disputed: list[str]) -> tuple[FitResult, Problem]:

@@ -20,6 +20,8 @@ NOT_LOOKED = "what it may lack was not looked at"
 NOTED = 1.1
 #: Name and title of what widens a corridor where parts of the record disagree about the route.
 DISAGREEMENT, DISAGREE = "disagreement", "How far vehicles disagree about the route"
+#: What is added where the route bends more sharply than it was fitted.
+BENDS, BEND = "bends", "Bends of the fiber that were not followed"
 #: Probability from which an explanation is told of.
 TOLD = 0.05
 

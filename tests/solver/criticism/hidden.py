@@ -13,10 +13,12 @@ from solver.fit.pose import with_slow_errors
 from solver.fit.problem import Problem
 
 
-def posed(effects: Mapping[str, float], *, passes: int = 2, seed: int = 11, end: float = 30.0) -> Problem:
+def posed(
+    effects: Mapping[str, float], *, passes: int = 2, seed: int = 11, end: float = 30.0, laid: str = "winding"
+) -> Problem:
     """A street that the camera sees up to `end`, m, stated as `locate` states it, with effects hidden in its record."""
     street = simulator.Scenario(
-        seed=seed, passes=passes, snr_db=25.0, noise="street", view=(0.0, end), effects=dict(effects)
+        seed=seed, passes=passes, snr_db=25.0, noise="street", view=(0.0, end), effects=dict(effects), laid=laid
     )
     return with_slow_errors(replace(case_of(simulator.simulate(street)).problem, curved=True))
 

@@ -1,9 +1,18 @@
 """Effects hidden by other code than their own are found; what is in no catalogue is called unknown."""
 
+import numpy as np
 import pytest
 from hidden import diagnosed, posed
 
+from solver.catalogue.catalogue import built_in
+from solver.criticism.diagnosis import converged, knots_beside
 from solver.criticism.policy import POLICY
+from solver.criticism.race import race
+from solver.criticism.refit import Refit
+from solver.criticism.scorer import Scorer, score_all
+from solver.fit.least_squares import solve
+from solver.fit.map_fit import MapFit
+from solver.fit.refinement import on_knots
 
 IN_TIME = ("generic_time_filter", "generic_delay")
 IN_SPACE = ("generic_neighbors", "generic_kernel", "generic_softening")
@@ -116,3 +125,18 @@ def test_a_bias_of_all_tracks_is_told_from_chance() -> None:
     first = found.candidates[0]
     assert found.verdict == "missing-effect", found.words
     assert "track_bias" in {first.effect, *first.confounded_with}, found.words
+
+
+def test_an_effect_is_tried_on_the_knots_that_corners_ask_for_beside_it() -> None:
+    """A dent beside a chamber, of a route that begins too stiff, is no coil of slack."""
+    fit, state = converged(posed({"highpass": 0.1}, passes=4, seed=5, end=40.0, laid="dent"), None)
+    names = ("highpass", "slack_spool")
+
+    def raced(scorer: Scorer) -> dict[str, Refit]:
+        return race(scorer, score_all(scorer, [built_in()[name] for name in names]))
+
+    basis = knots_beside(raced(Scorer(fit, state)))
+    assert basis is not None and np.isin(fit.basis.breaks, basis.breaks).all()
+    bent, begun = on_knots(fit.problem, state, basis)
+    found = raced(Scorer(MapFit(bent), solve(MapFit(bent), begun).state))
+    assert found["highpass"].evidence > POLICY.found > found["slack_spool"].evidence
