@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.special import ndtri, stdtrit
 from torch import Tensor
 
 from solver.fit.chain import Chain
@@ -17,6 +18,7 @@ from solver.fit.map_fit import MapFit
 from solver.fit.normal import Reduced
 from solver.fit.normal_parts import Block
 from solver.fit.parameter_layout import PER_PASS, of_route
+from solver.fit.prior import FREEDOM
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult, Parameter
 from solver.fit.state import State
@@ -26,6 +28,9 @@ from solver.trajectory.vehicle_pass import Pass
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+#: By how much the prior's part of a place's variance is wider than the Gaussian that is as sharp at its mode: slope and
+#: curvature are Student t, and 95 % of that lie within its own quantile.
+TAILS = float(stdtrit(FREEDOM, 0.975) / ndtri(0.975)) ** 2 * (FREEDOM + 1) / FREEDOM
 UNITS = {"amplitude": "m^2", "along": "m", "across": "m", "wheelbase": "m", "front_share": "1"}
 
 
@@ -305,7 +310,7 @@ def assemble(
         distance=distance,
         route=route,
         # Where a fit has not ended its sigmas say nothing, so that it has none, and no place counts as decided by data.
-        covariance=total if converged else np.full_like(total, np.nan),
+        covariance=total + (TAILS - 1) * shape if converged else np.full_like(total, np.nan),
         constrained=constrained,
         data_share=share,
         parameters=parameters(posterior, known=converged),

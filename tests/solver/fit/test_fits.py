@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import t as student_t
 from simulated import case_of
 
 from solver.catalogue.catalogue import built_in
 from solver.fit.held_out import held_out
+from solver.fit.posterior import TAILS
+from solver.fit.prior import FREEDOM
 from solver.fit.result import FitResult
 from solver.fit.spline import fit_spline
 from solver.published.network import fit_network
@@ -52,6 +55,12 @@ def test_uncertainty_is_honest() -> None:
         squares.append((((result.route[keep] - case.truth) / result.sigma[keep]) ** 2).mean(0))
     rms = np.sqrt(np.mean(squares, axis=0))
     assert (rms > 0.4).all() and (rms < 2.0).all()
+
+
+def test_what_the_prior_alone_decides_is_as_wide_as_its_tails() -> None:
+    """The Gaussian that is as sharp at the mode of a Student t holds 95 % of it once it is so much wider."""
+    sharp = FREEDOM / (FREEDOM + 1)
+    assert student_t(FREEDOM).cdf(1.96 * (TAILS * sharp) ** 0.5) == pytest.approx(0.975, abs=1e-4)
 
 
 def test_network_finds_the_fiber(case) -> None:
