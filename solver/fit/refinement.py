@@ -152,7 +152,9 @@ def add_knots(
     problem, basis, edges = chain.problem, chain.basis, chain.edges
     most = np.broadcast_to(most, len(edges) - 1)
     wanted = np.flatnonzero(most > -np.inf).tolist()
-    fine = finer(basis, [(edges[number], edges[number + 1]) for number in wanted])
+    # A stretch and those beside it: little of the route farther away shows there, so that it counts as known.
+    ends = {n: (edges[max(n - 1, 0)], edges[min(n + 2, len(edges) - 1)]) for n in wanted}
+    fine = finer(basis, list(ends.values()))
     new = np.flatnonzero(~np.isin(fine.breaks, basis.breaks))
     if not len(new):
         return None
@@ -164,15 +166,14 @@ def add_knots(
     prior = Banded.of(normal.known, normal.size, normal.border)
     chosen = list[int]()
     for number in wanted:
-        # The stretch and those beside it: little of the route farther away shows here, so that it counts as known.
-        beside = edges[max(number - 1, 0)], edges[min(number + 2, len(edges) - 1)]
-        low, high = (basis.interval(beside) + np.array([0, 1])).tolist()
+        low, high = (basis.interval(ends[number]) + np.array([0, 1])).tolist()
         begin, end = np.searchsorted(fine.breaks, [basis.breaks[low], basis.breaks[high]]).tolist()
         coarse, part = basis.part(low, high), fine.part(begin, end)
         mine = new[(fine.breaks[new] > edges[number]) & (fine.breaks[new] <= edges[number + 1])].tolist()
         if not mine:
             continue
-        knots = [*(one for one in chosen if begin < one < end), *mine]
+        taken = [one for one in chosen if begin < one < end]
+        knots = [*taken, *mine, *sorted(set(new[(new > begin) & (new < end)].tolist()).difference(taken, mine))]
         # Numbers of the old knots, of what is beside the route, and of the new knots.
         old, route = AXES * coarse.size, of_route(begin, part.size)
         count = old + normal.border
@@ -189,34 +190,38 @@ def add_knots(
             change.T @ (known + NONE * np.eye(len(known))) @ change,
             change.T @ np.concatenate([right[route], right[normal.size :]]),
         )
-        every = np.arange(len(left.right))
-        if misfit[number] - PATIENCE * left.gain(every) > most[number]:
+        every, count = np.arange(len(left.right)), count + AXES * len(taken)
+        if misfit[number] - PATIENCE * left.gain(every[: count + AXES * len(mine)]) > most[number]:
             continue
-        count += AXES * (len(knots) - len(mine))
         left.eliminate(every[:count])
-        chosen += worth_adding(left, dict(zip(mine, every[count:].reshape(-1, AXES), strict=True)), chi2_per_dof)
+        groups = dict(zip(knots[len(taken) :], every[count:].reshape(-1, AXES), strict=True))
+        chosen += worth_adding(left, groups, mine, chi2_per_dof)
     if not chosen:
         return None
     return on_knots(problem, state, SplineBasis.of(np.sort(np.concatenate([basis.breaks, fine.breaks[chosen]]))))
 
 
-def worth_adding(left: Equations, groups: dict[int, NDArray[np.int64]], chi2_per_dof: float) -> list[int]:
-    """Knots whose numbers the data ask for, the best first and each beside those before.
+def worth_adding(
+    left: Equations, groups: dict[int, NDArray[np.int64]], wanted: list[int], chi2_per_dof: float
+) -> list[int]:
+    """Those of the knots `wanted` that the data ask for, the best first and each beside those before.
 
     Parameters
     ----------
-    left : equations of these numbers alone, or of those among them that `groups` holds by knot
+    left : equations
+    groups : numbers of each knot that may be added there
     chi2_per_dof : that the fit leaves
     """
     # Where the model lacks something else, every knot explains a part of it: one that is worth having explains more.
     scale = max(1.0, chi2_per_dof, float(np.median([left.gain(one) for one in groups.values()])) / BY_CHANCE)
-    chosen = list[int]()
-    while groups:
-        best, knot = max((left.bayes_factor(one, scale), knot) for knot, one in groups.items())
+    chosen, open_to = list[int](), set(wanted)
+    while open_to:
+        best, knot = max((left.bayes_factor(groups[one], scale), one) for one in open_to)
         if best < STRONG:
             break
         chosen.append(knot)
-        left.eliminate(groups.pop(knot))
+        open_to.remove(knot)
+        left.eliminate(groups[knot])
     return chosen
 
 
