@@ -141,7 +141,10 @@ def examined(fit: MapFit, state: State, check: NoiseAudit, asked: Asked, bent: b
 
 
 def knots_beside(tried: Mapping[str, Refit]) -> SplineBasis | None:
-    """The knots that the best of some effects asks for once it is in the model; None where it asks for no more."""
+    """The knots that the best of some effects asks for once it is in the model; None where they would decide nothing.
+
+    What lowers the misfit by less changes no odds from which on effects are looked beside of.
+    """
     best = max(tried.values(), key=lambda one: one.evidence, default=None)
     if best is None or best.evidence < POLICY.found or not best.solution.converged:
         return None
@@ -150,7 +153,7 @@ def knots_beside(tried: Mapping[str, Refit]) -> SplineBasis | None:
     level, scatter = noise_level_of(best.fit.problem, at.misfit / left)
     most = at.misfit / left * most_left(np.array([left]), level, np.array([scatter]))
     found = with_bends(chain, at.state, left, most)
-    if found is None or found[1].at.misfit > most[0]:
+    if found is None or found[1].at.misfit > min(most[0], at.misfit - 2 * POLICY.far * best.score.variance):
         return None
     return found[0].basis
 
