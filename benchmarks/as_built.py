@@ -103,9 +103,9 @@ def corners_of(survey: Survey, least: float) -> Array:
     return np.array([[one["x"], one["y"]] for one in seen]).reshape(-1, 2)
 
 
-def told_corners(run: rf.Run, survey: Survey) -> Array:
-    """Places [corner, 2], m, where a run says that the fiber turns in view; none where it says nothing of corners."""
-    told = [one for one in run.corners if one.kind == "corner" and abs(one.amount) > TURN]
+def told_corners(run: rf.Run, survey: Survey, least: float = 0.0) -> Array:
+    """Places [corner, 2], m, where a run says that the fiber turns in view, by more than `least` degrees."""
+    told = [one for one in run.corners if one.kind == "corner" and abs(one.amount) > least]
     inside = in_view(survey, np.array([one.channel for one in told], dtype=np.int64))
     return np.array([[one.x, one.y] for one in told]).reshape(-1, 2)[inside]
 
@@ -146,7 +146,7 @@ def scored(survey: Survey, run: rf.Run) -> dict[str, Any]:
         "corners": len(true_corners),
         "found": int((apart <= FOUND).sum()),
         "placed": int((apart <= PLACED).sum()),
-        "made up": int((nearest(told, corners_of(survey, TURN / 2)) > FOUND).sum()),
+        "made up": int((nearest(told_corners(run, survey, TURN), corners_of(survey, TURN / 2)) > FOUND).sum()),
     }
     if survey.scenario.effects:
         return facts
