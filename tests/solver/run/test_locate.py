@@ -260,13 +260,6 @@ def shuffle_channels(folder: Path) -> None:
             data[...] = np.random.default_rng(0).permuted(data[...], axis=0)
 
 
-def nan_channel(folder: Path) -> None:
-    import h5py
-
-    with h5py.File(next(folder.glob("das/*.h5")), "r+") as file:
-        file["Acquisition/Raw[0]/RawData"][:, 100] = np.nan
-
-
 BROKEN = {
     break_clock: "overlap",
     clock_an_hour_off: "do not overlap in time; they are 1 h apart: a clock in local time, a zone that",
@@ -283,7 +276,6 @@ BROKEN = {
     unknown_key: "gage_length",
     no_site: "site.toml",
     shuffle_channels: "DAS record",
-    nan_channel: "100",
 }
 #: Records in which nothing follows the trajectories: a picture shows what was seen.
 PICTURED = (in_feet, spacing_in_feet, half_a_minute_late, across_the_road, shuffle_channels)
