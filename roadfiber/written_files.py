@@ -46,6 +46,7 @@ class DiagnosisFile(Written):
     stress : largest residual along what was fitted, posterior sigmas; far below 1 where the fit converged
     separate : what survey would tell the confounded apart; empty where nothing is confounded
     left : ln of the Bayes factor of the best effect beside the first candidate
+    bend : where the fiber bends more sharply than the route follows; empty where nothing shows of that
     explanations : nothing that would show, each effect or fault, something unknown at each stage, most probable first;
         their probabilities sum to 1; empty where the noise is not understood
     corridor : what the route's corridor is wider by; absent where the noise is not understood
@@ -60,6 +61,7 @@ class DiagnosisFile(Written):
     stress: float
     separate: str
     left: float
+    bend: str = ""
     explanations: tuple[Weighed, ...]
     corridor: CorridorFile | None = None
 

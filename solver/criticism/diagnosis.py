@@ -26,7 +26,7 @@ from solver.criticism.race import elsewhere, race, with_slow_errors
 from solver.criticism.refit import Refit
 from solver.criticism.repairs import mended
 from solver.criticism.route_change import route_of, with_moves
-from solver.criticism.verdict_words import fault_words
+from solver.criticism.verdict_words import TURN, fault_words
 from solver.effect import Effect, Recorded
 from solver.fit.chain import Chain
 from solver.fit.least_squares import solve
@@ -40,9 +40,6 @@ from solver.fit.track_trust import strict_tracks, track_spread
 from solver.noise.quiet_windows import quiet
 from solver.run.route_fits import most_left, noise_level_of
 from solver.run.run_corridor import BENDS
-
-#: What a user does about a bend that a route does not follow.
-TURN_ADVICE = "let it turn there (`roadfiber turn RUN CHANNEL`)"
 
 
 def converged(problem: Problem, state: State | None) -> tuple[MapFit, State]:
@@ -150,9 +147,10 @@ def knots_beside(tried: Mapping[str, Refit]) -> SplineBasis | None:
         return None
     chain, at = Chain.of(best.fit.problem), best.solution.at
     left = FitPosterior(chain, at).chi2_per_dof
-    level, scatter = noise_level_of(best.fit.problem, at.misfit / left)
-    most = at.misfit / left * most_left(np.array([left]), level, np.array([scatter]))
-    found = with_bends(chain, at.state, left, most)
+    freedom = at.misfit / left
+    level, scatter = noise_level_of(best.fit.problem, freedom)
+    most = freedom * most_left(np.array([left]), level, np.array([scatter]))
+    found = with_bends(chain, at.state, left, freedom, most)
     if found is None or found[1].at.misfit > min(most[0], at.misfit - 2 * POLICY.far * best.score.variance):
         return None
     return found[0].basis
@@ -173,8 +171,8 @@ def on_knots_of(bench: Bench, basis: SplineBasis, asked: Asked) -> Diagnosis:
     if found.verdict != "adequate":
         return found
     where = int(at[np.linalg.norm(move, axis=1).argmax()])
-    words = f"the fiber bends more sharply near channel {where} than the route follows; {TURN_ADVICE}. Besides, "
-    return replace(found, words=words + found.words)
+    bend = f"the fiber bends more sharply near channel {where} than the route follows"
+    return replace(found, bend=bend, words=f"{bend}; let it turn there ({TURN}). Besides, {found.words}")
 
 
 def by_evidence(listed: Sequence[Candidate]) -> list[Candidate]:

@@ -34,6 +34,7 @@ class Diagnosis:
     stress : residual along what was fitted, sigmas
     separate : what survey would tell the confounded apart; "" where nothing is confounded
     left : ln of the Bayes factor of the best effect beside the first candidate
+    bend : where the fiber bends more sharply than the route follows, as a clause, where that is all that is missing
     explanations : nothing, each effect or fault, something unknown at each stage, with their probabilities, which sum
         to 1, most probable first; () where the noise is not understood
     corridor : what is added to the route's corridor by what the model may lack; None where nothing was weighed
@@ -48,6 +49,7 @@ class Diagnosis:
     stress: float
     separate: str = ""
     left: float = 0.0
+    bend: str = ""
     explanations: tuple[Weighed, ...] = ()
     corridor: "Corridor | None" = field(default=None, repr=False, compare=False)
     fits: Mapping[str, tuple[MapFit, State]] = field(default_factory=dict, repr=False, compare=False)

@@ -58,6 +58,8 @@ def headline(diagnosis: "Diagnosis") -> str:
     """The verdict in a sentence."""
     listed = diagnosis.candidates
     first = listed[0] if listed else None
+    if diagnosis.bend:
+        return f"{diagnosis.bend[0].upper()}{diagnosis.bend[1:]}; nothing else is missing that this survey could show."
     if diagnosis.verdict == "adequate" and first is not None and first.shows_small and first.told:
         small = f"{first.title} shows, too small to matter: {lower(first.told.sentence)}"
         return f"{small} Nothing else is missing that shows."

@@ -26,7 +26,7 @@ from solver.criticism.repairs import mended
 from solver.criticism.route_change import moved_by, moves, route_of
 from solver.criticism.score import Score
 from solver.criticism.scorer import Scorer
-from solver.criticism.verdict_words import ADVICE, MORE
+from solver.criticism.verdict_words import ADVICE, MORE, TURN
 from solver.criticism.wandering import Wander, explains_best, wander_of
 from solver.effect import Effect
 from solver.fit.carried import carried_with_vehicles
@@ -177,7 +177,7 @@ def with_diagnosis(run: Run, found: Diagnosis) -> Run:
 def lack_words(found: Diagnosis) -> str:
     """What a diagnosis finds, as a clause without sizes."""
     if found.verdict == "adequate":
-        return "the diagnosis finds nothing missing that this survey could show"
+        return found.bend or "the diagnosis finds nothing missing that this survey could show"
     first = found.candidates[0] if found.candidates else None
     if found.verdict == "inconclusive" or first is None:
         return "the diagnosis cannot tell what the model may lack"
@@ -191,7 +191,7 @@ def diagnosis_gate(found: Diagnosis, half_width: float) -> Gate:
     name, words = DIAGNOSIS, lack_words(found)
     first = found.candidates[0] if found.candidates else None
     if found.verdict == "adequate":
-        return Gate(name, "passed", words)
+        return Gate(name, "failed", words, (TURN,)) if found.bend else Gate(name, "passed", words)
     if found.verdict == "inconclusive" or first is None:
         return Gate(name, "open", words)
     if found.verdict == "unknown-effect":

@@ -23,6 +23,8 @@ ADVICE = {
 }
 #: Where something shows too weakly.
 MORE = "more passes, heavier vehicles, and a second lane"
+#: What mends a bend that the route does not follow.
+TURN = "`roadfiber turn RUN CHANNEL --out RUN-2`"
 
 
 def size_words(first: Candidate) -> str:

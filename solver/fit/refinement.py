@@ -25,13 +25,15 @@ Array = NDArray[np.float64]
 
 #: ln Bayes factor from which a knot is added.
 STRONG = 3.0
-#: How often knots are added at most, and steps of the fit after each time.
+#: How often knots are added at most, and steps of the fit after each time. After three times a jog is 0.12 m off, after
+#: five 0.09 m, and no more knots are wanted.
 ROUNDS, FEW = 5, 6
 #: How many parts an interval is cut into at a time.
 PARTS = 4
 #: Median of chi2 of three degrees of freedom: what a knot that explains nothing brings.
 BY_CHANCE = 2.366
-#: m: so far from an added knot, to either side, knots lie so close: where exactly the fiber bends is not known.
+#: m: so far from an added knot, to either side, knots lie so close: where exactly the fiber bends is not known. Within
+#: 10 m, or 0.6 m apart, three streets came out alike, the latter at two to three times the CPU.
 AROUND, CLOSE = 5.0, 1.0
 #: Precision that stands for none, 1/m^2.
 NONE = 1e-6
@@ -235,17 +237,22 @@ def stretch_of(distance: Array, edges: Array) -> NDArray[np.int64]:
 
 
 def with_bends(
-    chain: Chain, state: State, chi2_per_dof: float, most: Array, advance: Callable[[int], None] = lambda n: None
+    chain: Chain,
+    state: State,
+    chi2_per_dof: float,
+    freedom: float,
+    most: Array,
+    advance: Callable[[int], None] = lambda n: None,
 ) -> tuple[Chain, Solution] | None:
     """A fit, on its way, with knots where the fiber bends more sharply than those it has let it; None: none are wanted.
 
     Parameters
     ----------
-    chain, state, chi2_per_dof : the fit
+    chain, state, chi2_per_dof, freedom : the fit, its misfit and degrees of freedom
     most : [stretch], chi2; where all knots together would not come near it, no more are tried after the first
     advance : called with 1 before each step
     """
-    freedom, solution, used = chain.visit(state).misfit / chi2_per_dof, None, 0
+    solution, used = None, 0
     # Far from its end a fit tells too little of what knots would explain.
     near, edges = np.full(len(most), np.inf), chain.edges
     for _ in range(ROUNDS):

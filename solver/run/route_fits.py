@@ -142,7 +142,7 @@ def fit_bends(result: FitResult, problem: Problem, method: str) -> tuple[FitResu
     most = most_left(chi2 / weight / every, level, scatter / share**0.5)
     steps = METHODS[method][1]
     with progress("fitting bends of the route", steps) as advance:
-        found = with_bends(chain, end, result.chi2_per_dof, most * result.freedom * share, advance)
+        found = with_bends(chain, end, result.chi2_per_dof, result.freedom, most * result.freedom * share, advance)
         if found is None:
             return result, problem
         chain, solution = found

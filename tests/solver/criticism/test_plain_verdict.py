@@ -117,6 +117,15 @@ def test_what_a_diagnosis_finds_is_a_check_of_its_run(verdict: str, move: float,
     assert gate.verdict == checked and gate.words.startswith(words)
 
 
+def test_a_bend_that_a_route_does_not_follow_is_told_everywhere() -> None:
+    """The headline and the check said that nothing is missing, over words of a bend."""
+    bend = "the fiber bends more sharply near channel 90 than the route follows"
+    found = replace(diagnosis("adequate", candidate("gauge_length")), bend=bend)
+    gate = diagnosis_gate(found, half_width=0.2)
+    assert gate.verdict == "failed" and gate.words == bend and "roadfiber turn" in gate.mend[0]
+    assert headline(found).startswith("The fiber bends more sharply near channel 90")
+
+
 def judged_run(gates: list[Gate], half: float = 0.1) -> Any:
     """A run with checks and a corridor."""
     covariance = np.tile(np.diag([0.01, (half / Z95) ** 2, 0.01]), (3, 1, 1))
