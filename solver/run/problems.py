@@ -18,7 +18,7 @@ from solver.start.alignment import NotFollowingError
 from solver.start.first_routes import FirstRoutes, find_first_routes
 from solver.start.initialization import ClocksApartError, initialize
 from solver.survey.anchors import Anchor
-from solver.survey.das.record import DASRecord, ranges
+from solver.survey.das.record import DASRecord, channel_ranges
 from solver.survey.das.rounding import told
 from solver.survey.dead_channels import dead_channels
 from solver.survey.survey import Survey
@@ -156,7 +156,7 @@ def problems_of(
     dead = dead_channels(record, found.channel)
     if len(dead):
         warnings.append(
-            f"channels {ranges(dead)} are nearly silent where their neighbors record vehicles; they are left out, and "
+            f"{channel_ranges(dead)} left out, nearly silent where their neighbors record vehicles; "
             "the route there depends on their neighbors"
         )
     begun = pose(raw, passes, found.anchors, found.routes[0], found.channel, prior, dead)

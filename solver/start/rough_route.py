@@ -6,7 +6,7 @@ import numpy as np
 
 from solver.start.initialization import Initialization
 from solver.survey.anchors import Anchor
-from solver.survey.das.record import DASRecord, ranges
+from solver.survey.das.record import DASRecord, channel_ranges
 from solver.survey.dead_channels import recording, repeating
 from solver.trajectory.vehicle_pass import Pass
 
@@ -30,7 +30,7 @@ def silent(record: DASRecord, ends: np.ndarray) -> str | None:
     dead = repeating(record, record.channel[inside])
     if not len(dead):
         return None
-    return f"channels {ranges(dead)} hold one value most of the time; the route there depends on their neighbors"
+    return f"one value most of the time on {channel_ranges(dead)}; the route there depends on their neighbors"
 
 
 def felt_beyond(record: DASRecord, passes: Sequence[Pass], end: int, farthest: int) -> np.ndarray:
@@ -45,16 +45,16 @@ def beyond_words(end: int, loud: np.ndarray, gauge: int) -> str:
 
     Within a `gauge`, channels, of the end all that is felt may be what a bend there senses.
 
-    >>> beyond_words(120, np.array([124]), gauge=10)[:59]
-    'vehicles are hardly recorded beyond channel 120 (on 124), t'
+    >>> beyond_words(120, np.array([124]), gauge=10)[:68]
+    'vehicles are hardly recorded beyond channel 120 (on channel 124), th'
     """
     if len(loud) > gauge:
         return (
-            f"vehicles are recorded beyond channel {end}, too (channels {ranges(loud)}), but not where one line along "
+            f"vehicles are recorded beyond channel {end}, too ({channel_ranges(loud)}), but not where one line along "
             "the road expects them: the fiber turns or lies coiled there, or the tracks are off; it is not located "
             "beyond"
         )
-    much, where = ("hardly", f" (on {ranges(loud)})") if len(loud) else ("not", "")
+    much, where = ("hardly", f" (on {channel_ranges(loud)})") if len(loud) else ("not", "")
     return (
         f"vehicles are {much} recorded beyond channel {end}{where}, though the view and the record go on: the fiber "
         "leaves the road there, or records nothing; it is not located beyond"

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from solver.survey.das.record import ranges
+from solver.survey.das.record import channel_ranges
 from vision.contract.drawing import canvas, coarse, color_map, color_scale, place
 from vision.contract.figures import INK, MUTED, PAPER, styled, svg
 from vision.contract.palette import BACKWARD, FORWARD, ROUTE
@@ -59,7 +59,7 @@ def left_out(survey: "Survey") -> list[str]:
     """Parts of the record that cannot be used, and why; a line each."""
     record = survey.record
     dead = record.channel[record.dead]
-    lines = [f"channels {ranges(dead)} hold no signal (excluded, or they never change)"] if len(dead) else []
+    lines = [f"no signal (excluded, or never changing) on {channel_ranges(dead)}"] if len(dead) else []
     return [*lines, *record.cautions, *record.provenance["notes"]]
 
 

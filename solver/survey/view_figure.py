@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solver.survey.das.record import ranges
+from solver.survey.das.record import channel_ranges
 from solver.survey.survey_figure import draw_record, in_sigmas
 from vision.contract.drawing import canvas, place
 from vision.contract.figures import INK, styled
@@ -34,7 +34,7 @@ def waterfall(record: "DASRecord") -> "Figure":
         is left out and why
     """
     dead = record.channel[record.dead]
-    lines = [f"channels {ranges(dead)} hold no signal (excluded, or they never change)"] if len(dead) else []
+    lines = [f"no signal (excluded, or never changing) on {channel_ranges(dead)}"] if len(dead) else []
     lines = [line if len(line) < LETTERS else f"{line[:LETTERS]} ..." for line in (*lines, *record.cautions)]
     figure = canvas(WIDTH, TOP + HEIGHT + UNDER + LINE * len(lines))
     left = place(figure, "record", LEFT, TOP, WIDTH - LEFT - BESIDE - 60, HEIGHT)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from solver.survey.das.description import Description
 from solver.survey.das.grid import FELT, merged
 from solver.survey.das.lowpass import taps_of
-from solver.survey.das.record import filled_line, ranges
+from solver.survey.das.record import channel_ranges, filled_line
 from solver.survey.das.reduced import DERIVED, Lost, Values, filter_of, gain_of, overlapping, reduce, slabs
 from solver.survey.das.rounding import Rounding, rounding_of
 from solver.survey.das.setting import logger
@@ -36,9 +36,7 @@ def without_dead(strain_rate: NDArray[Any], still: NDArray[np.bool_], told: Sequ
     swing = np.fmax.reduce(strain_rate, axis=0) - np.fmin.reduce(strain_rate, axis=0)
     check_size(swing[~still].astype(np.float64), where)
     if len(told):
-        logger.warning(
-            "%s: %d channels never change, so they are left out: %s", where, len(told), ranges(np.asarray(told))
-        )
+        logger.warning("%s: left out, since they never change: %s", where, channel_ranges(np.asarray(told)))
     strain_rate[:, still] = np.nan
 
 

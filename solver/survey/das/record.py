@@ -92,14 +92,15 @@ class DASRecord:
         return np.asarray(~np.isfinite(self.strain_rate).any(axis=0))
 
 
-def ranges(numbers: NDArray[np.int64]) -> str:
+def channel_ranges(numbers: NDArray[np.int64]) -> str:
     """Write sorted channel numbers as ranges.
 
-    >>> ranges(np.array([3, 4, 5, 9]))
-    '3-5, 9'
+    >>> channel_ranges(np.array([3, 4, 5, 9])), channel_ranges(np.array([9]))
+    ('channels 3-5, 9', 'channel 9')
     """
     runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
-    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
+    listed = ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs)
+    return f"channel{'s' * (len(numbers) > 1)} {listed}"
 
 
 def gap_line(start: np.datetime64, first: float, last: float, interval: float) -> str:
@@ -130,12 +131,12 @@ def filled_line(channel: NDArray[np.int64]) -> list[str]:
     """Say that some channels [channel] were not measured all the time; nothing where there are none.
 
     >>> filled_line(np.array([4, 5]))[0][:64]
-    'channels 4-5 hold no number, one and the same, or a straight lin'
+    'no number, one and the same, or a straight line for a while on c'
     """
     if not len(channel):
         return []
     left = "nothing was measured there then, and that is left out"
-    return [f"channels {ranges(channel)} hold no number, one and the same, or a straight line for a while: {left}"]
+    return [f"no number, one and the same, or a straight line for a while on {channel_ranges(channel)}: {left}"]
 
 
 def unmeasured_line(lost: Sequence[tuple[int, int]], interval: float) -> list[str]:

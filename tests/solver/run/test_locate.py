@@ -316,7 +316,7 @@ def test_a_wrong_anchor_and_dead_channels_are_named(
     status, _, error = command(*LOCATE, tmp_path / "s", "--out", tmp_path / "run")
     assert status == 0, error
     said = json.loads((tmp_path / "run" / "fit.json").read_text())["warnings"]
-    assert any(f"channels {middle}-{middle + 3} hold one value most of the time" in line for line in said)
+    assert any(f"one value most of the time on channels {middle}-{middle + 3};" in line for line in said)
     assert any(line.startswith(f"anchor {table.loc[0, 'name']} is 1.") and "left out" in line for line in said)
     assert largest_error(tmp_path / "run", street) < 0.25
 

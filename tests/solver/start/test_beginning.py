@@ -53,5 +53,7 @@ def test_channels_that_record_vehicles_are_not_said_to_record_nothing(survey) ->
         for end, to in ((75, 40), (75, 65), (110, 140))
     )
     assert loud.startswith("vehicles are recorded beyond channel 75, too (channels 53-69, 71-74)")
-    assert hardly.startswith("vehicles are hardly recorded beyond channel 75 (on 65-69, 71-74), though the view")
+    assert hardly.startswith(
+        "vehicles are hardly recorded beyond channel 75 (on channels 65-69, 71-74), though the view"
+    )
     assert quiet.startswith("vehicles are not recorded beyond channel 110, though the view and the record go on")

@@ -9,7 +9,7 @@ import pytest
 
 from solver.survey.das.prodml import write_prodml
 from solver.survey.das.reader import read_das
-from solver.survey.das.record import DASRecord, ranges
+from solver.survey.das.record import DASRecord, channel_ranges
 from solver.survey.das.size import require_room_for_file
 from solver.survey.das.units import dascore, strain_per_radian
 from solver.survey.das.unreadable import why_unreadable
@@ -115,7 +115,7 @@ def test_constant_channels_are_dead(tmp_path, caplog):
     array[:, 2:4] = 7e-9
     record = read_das([array_file(tmp_path, array, unit="1/s")])
     assert record.dead.nonzero()[0].tolist() == [2, 3]
-    assert "2 channels never change, so they are left out: 2-3" in caplog.text
+    assert "left out, since they never change: channels 2-3" in caplog.text
     with pytest.raises(InputError, match="no channel holds a signal"):
         read_das([array_file(tmp_path, np.zeros((40, 12)), unit="1/s")])
 
@@ -386,9 +386,9 @@ def test_no_files(tmp_path):
         read_das([])
 
 
-def test_ranges():
-    assert ranges(np.array([1])) == "1"
-    assert ranges(np.array([1, 2, 3, 7, 9, 10])) == "1-3, 7, 9-10"
+def test_channel_ranges():
+    assert channel_ranges(np.array([1])) == "channel 1"
+    assert channel_ranges(np.array([1, 2, 3, 7, 9, 10])) == "channels 1-3, 7, 9-10"
 
 
 def test_energies_beside_the_samples_are_left_out(tmp_path):

@@ -261,7 +261,7 @@ def test_the_health_tables_say_what_is_left_out_and_why(files, tmp_path):
         "2.h5": "an empty file, 0 bytes; copy it again"
     }
     assert record.cautions[0] == "of 4 files this is left out: 2.h5 (an empty file, 0 bytes; copy it again)"
-    assert record.cautions[1].startswith("channels 12 hold no number, one and the same, or a straight line")
+    assert record.cautions[1].startswith("no number, one and the same, or a straight line for a while on channel 12:")
     assert "gap of 20.0 s" in record.cautions[2]
 
 

@@ -73,7 +73,7 @@ def test_channels_that_are_filled_for_a_while_are_not_measured_there_and_told(tm
     rate[300:420, 3:5] = rate[800:, 7] = 2e-8
     path = tmp_path / "a.h5"
     write_prodml(path, rate, start=START, sampling_rate=40.0, gauge_length=10.0, channel_spacing=1.0)
-    known, said = describe([path]), "channels 3-4, 7 hold no number, one and the same, or a straight line for a while"
+    known, said = describe([path]), "no number, one and the same, or a straight line for a while on channels 3-4, 7"
     store = ingest(known, [path], {}, tmp_path / "store", 20.0)
     for record, wide, half in (
         (read_das([path]), 1, 4),
