@@ -125,9 +125,11 @@ def crossing_start(chain: Chain) -> tuple[State, float] | None:
     traffic = float(np.median(np.concatenate([one.position[one.in_view, 1] for one in problem.passes])))
 
     def best(tried: Iterable[tuple[float, float, float]]) -> tuple[float, tuple[float, float, float], State] | None:
-        ends = []
+        ends, known = [], set[bytes]()
         for one in tried:
-            if (route := crossing(problem, *one)) is not None:
+            # Where anchors tell the side, the other is the same.
+            if (route := crossing(problem, *one)) is not None and route.tobytes() not in known:
+                known.add(route.tobytes())
                 laid = torch.from_numpy(chain.basis.interpolate(distance, route))
                 state, cost = chain.settled(replace(begun, coefficients=laid))
                 ends.append((cost, one, state))

@@ -111,13 +111,15 @@ def test_an_anchor_that_a_crossing_contradicts_is_named(
     def with_crossing(problem: Problem) -> Any:
         return SimpleNamespace(problem=problem), None, float(wrong in problem.anchors)
 
-    def is_explained(problem: Problem, result: FitResult) -> bool:
+    def is_explained(result: FitResult, problem: Problem) -> bool:
         return result is run.result and wrong not in problem.anchors
 
     monkeypatch.setattr(route_fits, "with_crossing", with_crossing)
     monkeypatch.setattr(route_fits, "fit_from", lambda start, *_: (run.result, start[0].problem))
     monkeypatch.setattr(route_fits, "is_explained", is_explained)
-    found, problem = route_fits.fit_crossing(replace(run.result, chi2_per_dof=1.3), begun, [begun], "spline")
+    monkeypatch.setattr(route_fits, "fit_bends", lambda result, problem, method: (result, problem))
+    before = replace(run.result, chi2_per_dof=1.3), begun
+    found, problem = route_fits.without_anchor(before, begun, with_crossing(begun), "spline")
     assert found is run.result and wrong not in problem.anchors
     told = contradiction(replace(run.problem, anchors=anchors), run.result)
     assert told is not None and told.corner in run.corners
