@@ -226,11 +226,6 @@ def lateral_share(route: NDArray[np.float64], total: NDArray[np.float64], prior:
     return np.asarray(1 - across[1] / across[0])
 
 
-def with_tails(total: NDArray[np.float64], shape: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariances [channel, 3, 3] of places, their part by the prior on the shape as wide as its tails, see `TAILS`."""
-    return total + (TAILS - 1) * shape
-
-
 def names_of(chain: Chain) -> list[tuple[str, str]]:
     """Name and unit of every fitted number but the route's."""
     passes = legs(chain.passes)
@@ -305,6 +300,7 @@ def assemble(
     state, channel = posterior.visit.state, problem.route_channel
     distance = problem.distance_of(channel)
     route, total, prior, shape = posterior.route(distance)
+    tails = (TAILS - 1) * shape
     share = 1 - np.diagonal(prior, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
     constrained = (lateral_share(route, total, shape) > 0.5) & converged
     shared = posterior.shared(distance[constrained], total[constrained]) if constrained.any() else None
@@ -315,7 +311,8 @@ def assemble(
         distance=distance,
         route=route,
         # Where a fit has not ended its sigmas say nothing, so that it has none, and no place counts as decided by data.
-        covariance=with_tails(total, shape) if converged else np.full_like(total, np.nan),
+        covariance=total + tails if converged else np.full_like(total, np.nan),
+        tails=tails,
         constrained=constrained,
         data_share=share,
         parameters=parameters(posterior, known=converged),

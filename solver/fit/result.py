@@ -117,6 +117,7 @@ class FitResult:
     channel, distance : [channel], number and distance along the fiber (m) of the route's points
     route : [channel, 3], x, y, z, m
     covariance : [channel, 3, 3], m^2; NaN where the method gives none
+    tails : [channel, 3, 3], m^2, what of it the tails of the prior on the shape add to the fit's own
     constrained : [channel] bool, False where only the smoothness of routes decides the lateral position
     data_share : [channel, 3], share of the posterior variance that data and anchors, not priors, decide; NaN likewise
     parameters : name -> Parameter
@@ -141,6 +142,7 @@ class FitResult:
     distance: NDArray[np.float64]
     route: NDArray[np.float64]
     covariance: NDArray[np.float64]
+    tails: NDArray[np.float64]
     constrained: NDArray[np.bool_]
     data_share: NDArray[np.float64]
     parameters: dict[str, Parameter]

@@ -56,6 +56,7 @@ EXPECTED: dict[str, tuple[str, tuple[str | int, ...]]] = {
     "distance": ("number", ("channel",)),
     "route": ("number", ("channel", 3)),
     "covariance": ("number", ("channel", 3, 3)),
+    "tails": ("number", ("channel", 3, 3)),
     "added": ("number", ("channel", 3, 3)),
     "constrained": ("flag", ("channel",)),
     "data_share": ("number", ("channel", 3)),

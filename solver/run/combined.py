@@ -14,7 +14,7 @@ from pydantic import Field
 from solver.effect import Effect
 from solver.fit.joint import joint_fit
 from solver.fit.pose import shortened
-from solver.fit.posterior import Posterior, lateral_share, with_tails
+from solver.fit.posterior import TAILS, Posterior, lateral_share
 from solver.fit.problem import Problem
 from solver.fit.result import Placed
 from solver.run import arrays
@@ -345,7 +345,7 @@ def combine(*runs: Run) -> Combined:
     channel, posterior = whole.route_channel, Posterior(chain, end.at)
     route, covariance, _, shape = posterior.route(whole.distance_of(channel))
     sure = lateral_share(route, covariance, shape) > 0.5
-    covariance = with_tails(covariance, shape)
+    covariance = covariance + (TAILS - 1) * shape
     agreement = tuple(agreed(run, channel, route, covariance) for run in runs)
     z = np.array([(one.across_z, one.depth_z) for one in agreement])
     widened = max(1.0, float(np.sqrt((z**2).mean())))

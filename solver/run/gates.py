@@ -134,7 +134,9 @@ def left_of(result: FitResult, anchors: Sequence[Anchor]) -> tuple[Array, Array]
     """
     miss, sigma = misses(result, anchors)
     near = np.abs(result.channel[:, None] - np.array([one.channel for one in anchors])).argmin(0)
-    followed = result.covariance[near] / birge(result, anchors) / (sigma[:, :, None] * sigma[:, None, :])
+    # Tails of the prior on the shape are no part of the fit: with them a route follows an anchor more than wholly.
+    fitted = (result.covariance - result.tails)[near]
+    followed = fitted / birge(result, anchors) / (sigma[:, :, None] * sigma[:, None, :])
     values, axes = np.linalg.eigh(np.eye(3) - np.nan_to_num(followed))
     turned = np.einsum("aji,aj->ai", axes, miss / sigma)
     # Never exactly zero: a route may follow an anchor to within rounding.

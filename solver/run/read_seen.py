@@ -22,7 +22,7 @@ from vision.contract import InputError, LocalFrame
 
 # What of a FitResult are arrays, and so goes into data.npz; maps are stored in single precision, 1e-7 of their value.
 # What was measured is in the problem's record.
-ROUTE = ("channel", "distance", "route", "covariance", "constrained", "data_share")
+ROUTE = ("channel", "distance", "route", "covariance", "tails", "constrained", "data_share")
 ARRAYS = (*ROUTE, "vector", "samples", "fitted_channel", "noise")
 MAPS = ("model", "weight")
 

@@ -45,6 +45,7 @@ WITHIN: dict[str, tuple[float, float]] = {
 #: Those that have numbers or NaN, which says that a number is not known.
 PARTLY: dict[str, tuple[float, float]] = {
     "covariance": (-1e16, 1e16),
+    "tails": (-1e16, 1e16),
     "added": (-1e16, 1e16),
     "data_share": (-1e6, 1e6),
     "model": (-1e30, 1e30),

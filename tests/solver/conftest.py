@@ -136,6 +136,7 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Survey:
         distance=channel * 1.0,
         route=route,
         covariance=np.tile(np.diag([0.01, 0.0025, 0.0016]), (len(channel), 1, 1)),
+        tails=np.zeros((len(channel), 3, 3)),
         constrained=(channel >= 52) & (channel <= 108),
         data_share=np.full((len(channel), 3), 0.9),
         parameters={

@@ -24,7 +24,8 @@ def long_run(run):
     measured[row, 6543] = 9.0
     drawn_out = replace(
         result, channel=channel, distance=1.021 * channel, route=route, fitted_channel=channel, noise=np.ones(CHANNELS),
-        covariance=np.broadcast_to(0.01 * np.eye(3), (CHANNELS, 3, 3)), constrained=np.ones(CHANNELS, bool),
+        covariance=np.broadcast_to(0.01 * np.eye(3), (CHANNELS, 3, 3)), tails=np.zeros((CHANNELS, 3, 3)),
+        constrained=np.ones(CHANNELS, bool),
         data_share=np.ones((CHANNELS, 3)), measured=measured, model=zeros, weight=zeros + 1,
     )  # fmt: skip
     return replace(run, result=drawn_out, added=None, problem=SimpleNamespace(distance=drawn_out.distance))

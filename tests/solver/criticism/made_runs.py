@@ -100,6 +100,7 @@ class Maker:
             distance=(FIRST + np.arange(CHANNELS)) * SPACING,
             route=route,
             covariance=np.tile(np.diag([0.01, 0.0025, 0.0016]), (CHANNELS, 1, 1)),
+            tails=np.zeros((CHANNELS, 3, 3)),
             constrained=np.ones(CHANNELS, bool),
             data_share=np.ones((CHANNELS, 3)),
             parameters={},

@@ -105,6 +105,8 @@ def test_a_route_that_follows_an_anchor_hides_how_far_it_is_off(survey, trust):
     assert failed(trust(problem=with_anchor(survey, 0.16))) == []
     covariance = np.tile(np.eye(3) * 0.75 * 0.05**2, (61, 1, 1)) * (0.16 / 0.05) ** 2 / 3
     assert failed(trust(problem=with_anchor(survey, 0.16), covariance=covariance)) == ["anchors"]
+    # What the tails of the prior add to the corridor was not taken up.
+    assert failed(trust(problem=with_anchor(survey, 0.16), covariance=covariance, tails=0.9 * covariance)) == []
 
 
 def test_an_anchor_that_checks_nothing_is_not_counted_as_a_check(survey, trust):
