@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib.posterior import FAR, posterior_covariance, scatter
+from calib.posterior import FAR, MISREAD, posterior_covariance, scatter
 
 
 def line(places):
@@ -54,3 +54,31 @@ def test_a_point_that_others_contradict_widens_what_it_moved():
 def test_what_is_known_beforehand_is_not_scattered():
     slope, nothing = np.zeros((4, 2, 1)), np.full((4, 2), 9.0)
     assert posterior_covariance(nothing, slope, np.zeros(1), np.eye(1)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("off", [0.0, 4.0, 12.0], ids=["good", "doubtful", "misread"])
+def test_the_covariance_is_that_of_the_mixture_written_out(off):
+    """Fits of every model, all points good or one of them `FAR` times as uncertain, weighed by their evidence."""
+    places, rng = np.array([-1.0, -0.6, 0.1, 0.5, 1.0]), np.random.default_rng(3)
+    slope, data = line(places), 0.5 * rng.normal(size=(5, 2))
+    data[4, 0] += off
+    design, flat = slope.reshape(-1, 4), data.ravel()
+    least = np.linalg.lstsq(design, flat, rcond=None)[0]
+    left = (flat - design @ least).reshape(5, 2)
+    noise = scatter(float((left**2).sum()), 10 - 4)
+    means, covariances, weights = [], [], []
+    for misread in (None, *range(5)):
+        variance = np.full((5, 2), noise)
+        if misread is not None:
+            variance[misread] *= 1 + FAR**2
+        whitened = design / np.sqrt(variance.ravel())[:, None]
+        covariances.append(np.linalg.inv(whitened.T @ whitened))
+        means.append(covariances[-1] @ whitened.T @ (flat / np.sqrt(variance.ravel())))
+        chi2 = ((flat - design @ means[-1]) ** 2 / variance.ravel()).sum()
+        evidence = -chi2 / 2 - np.log(variance).sum() / 2 + np.linalg.slogdet(covariances[-1])[1] / 2
+        weights.append(evidence + (0.0 if misread is None else np.log(MISREAD / (1 - MISREAD))))
+    weight = np.exp(np.array(weights) - max(weights))
+    away = np.array(means) - least
+    wanted = np.einsum("m,mpq->pq", weight / weight.sum(), covariances + away[:, :, None] * away[:, None, :])
+    found = posterior_covariance(-left, slope, np.zeros(0), np.zeros((0, 4)))
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)

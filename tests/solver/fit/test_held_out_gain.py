@@ -1,6 +1,8 @@
 """Whether passes that were not fitted are explained better with an effect than without."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -8,13 +10,18 @@ from simulated import case_of
 
 from solver.catalogue.catalogue import built_in
 from solver.criticism.growth import fitted_with
-from solver.fit.held_out import held_out
+from solver.fit.held_out import blur, held_out
 from solver.fit.held_out_gain import HeldOutGain, held_out_gain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
+from solver.fit.normal import Normal
+from solver.fit.normal_parts import Block, Part
 from solver.fit.problem import Problem
 from solver.fit.state import State
 from solver.simulator import Scenario, simulate
+
+#: Draws of a sampled test: a share of 4 % scatters by half a percent.
+DRAWS = 2000
 
 
 def ended(problem: Problem) -> tuple[MapFit, State]:
@@ -65,3 +72,73 @@ def test_passes_without_a_long_vehicle_say_nothing_of_how_long_one_is() -> None:
     assert refit.estimate.round(1).tolist() == [1.0, 0.0, 0.0]
     assert every is not None and gain is not None
     assert gain.freedom < 0.7 * every.freedom and gain.fall > 0 and not gain.refuses(1.0)
+
+
+def gains(true: np.ndarray, held_true: np.ndarray) -> list[HeldOutGain]:
+    """Gains of 3 numbers that a linear model of 2 lacks, fitted to 12 samples and judged by 400.
+
+    Parameters
+    ----------
+    true, held_true : [3], what the numbers are in the fitted samples, and in those held out
+    """
+    random = np.random.default_rng(1)
+    fitted, held = random.normal(size=(12, 5)), random.normal(size=(400, 5))
+    data = fitted[:, 2:] @ true + random.normal(size=(DRAWS, 12))
+    unseen = held[:, 2:] @ held_true + random.normal(size=(DRAWS, 400))
+    predicted, added = [], []
+    for count in (2, 5):
+        seen, other = fitted[:, :count], held[:, :count]
+        predicted.append(data @ np.linalg.pinv(seen).T @ other.T)
+        # What the fitted samples leave uncertain adds to the misfit of the others, see `held_out.blur`.
+        share = other.T @ other @ np.linalg.inv(seen.T @ seen)
+        added.append((np.trace(share), 2 * np.trace(share @ share) + 4 * np.trace(share)))
+    fall = ((unseen - predicted[0]) ** 2).sum(1) - ((unseen - predicted[1]) ** 2).sum(1)
+    change = ((predicted[0] - predicted[1]) ** 2).sum(1)
+    (less, narrow), (more, wide) = added
+    return [HeldOutGain(f, 400.0, more - less, wide - narrow, c) for f, c in zip(fall, change, strict=True)]
+
+
+def test_an_effect_that_few_samples_leave_uncertain_is_not_refused_for_that() -> None:
+    """Its numbers are 0, so that fitting them to a few samples makes the misfit of others larger by chance alone."""
+    none = np.zeros(3)
+    found = gains(none, none)
+    assert np.mean([one.fall for one in found]) < -50, "held-out samples are explained worse with it"
+    assert np.mean([one.refuses(1.0) for one in found]) < 0.08
+    there = np.full(3, 2.0)
+    assert not any(one.refuses(1.0) for one in gains(there, there))
+    assert np.mean([one.refuses(1.0) for one in gains(there, -there)]) > 0.99, "it is another in the samples held out"
+
+
+@pytest.mark.parametrize("variance", [1.0, 4.0])
+def test_of_two_models_that_are_equally_wrong_the_larger_is_refused_by_chance_alone(variance: float) -> None:
+    """Where the truth lies midway between two predictions chi2 differs by 2 |d| sigmas (Vuong 1989)."""
+    random = np.random.default_rng(2)
+    change = random.normal(size=50)
+    noise = np.sqrt(variance) * random.normal(size=(DRAWS, 50))
+    fall = ((noise + change / 2) ** 2).sum(1) - ((noise - change / 2) ** 2).sum(1)
+    refused = [HeldOutGain(one, 50.0, 0.0, 0.0, float(change @ change)).refuses(variance) for one in fall]
+    # Beyond two sigmas to one side lie 2.3 %.
+    assert np.mean(refused) == pytest.approx(0.023, abs=0.012)
+
+
+def test_the_misfit_that_an_uncertain_ground_adds_is_that_of_draws_from_its_covariance() -> None:
+    """Mean and variance of chi2 of samples whose vehicle is fitted anew on a ground that others left uncertain."""
+    random = np.random.default_rng(3)
+    seen, ground, own = random.normal(size=(9, 4)), random.normal(size=(30, 4)), random.normal(size=(30, 2))
+    every = np.arange(4)
+
+    def equations(design: np.ndarray, *parts: Part) -> Any:
+        normal = Normal(0, 4, [Block(0, 0, every, design.T @ design)], [], list(parts), np.zeros(4))
+        return SimpleNamespace(normal=normal)
+
+    vehicle = Part(own.T @ own, own.T @ ground, np.zeros(2), np.zeros(2), 0)
+    free = SimpleNamespace(visit=lambda at: equations(ground, vehicle))
+    mean, variance = blur(
+        cast(Any, SimpleNamespace(at=equations(seen))), cast(Any, None), cast(Any, free), cast(Any, None)
+    )
+    off = random.multivariate_normal(np.zeros(4), np.linalg.inv(seen.T @ seen), size=20 * DRAWS)
+    data = off @ ground.T + random.normal(size=(20 * DRAWS, 30))
+    chi2 = ((data - data @ np.linalg.pinv(own).T @ own.T) ** 2).sum(1)
+    freedom = 30 - 2
+    assert chi2.mean() - freedom == pytest.approx(mean, rel=0.03)
+    assert chi2.var() - 2 * freedom == pytest.approx(variance, rel=0.1)

@@ -12,10 +12,11 @@ import torch
 from solver.cable.fiber import SplineBasis
 from solver.fit.anchor_check import contradiction
 from solver.fit.chain import Chain
+from solver.fit.corners import find_corners
 from solver.fit.least_squares import solve
 from solver.fit.prior import Prior, shape_rows
 from solver.fit.problem import CLOSEST, KNOT_SPACING, Problem
-from solver.fit.refinement import add_knots, close_around, finer, insert_knots
+from solver.fit.refinement import Equations, add_knots, close_around, finer, insert_knots, worth_adding
 from solver.fit.result import FitResult
 from solver.fit.stretches import is_long
 from solver.run import route_fits
@@ -69,6 +70,76 @@ def test_the_prior_bends_by_its_jacobian_and_pulls_less_on_a_corner() -> None:
         lambda x: shape_rows(UNEVEN, Prior(), x.reshape(-1, 3)).residual, route.flatten()
     )
     torch.testing.assert_close(shape_rows(UNEVEN, Prior(), route).jacobian, numeric)
+
+
+def log_evidence(data: np.ndarray, design: np.ndarray, precision: np.ndarray) -> float:
+    """Ln density of data of unit noise, of a linear model whose numbers have a prior about 0."""
+    spread = np.eye(len(data)) + design @ np.linalg.solve(precision, design.T)
+    return float(-data @ np.linalg.solve(spread, data) - np.linalg.slogdet(spread)[1]) / 2
+
+
+def test_the_bayes_factor_of_more_numbers_is_the_ratio_of_the_evidences() -> None:
+    """Beside others that are free as well, and that the prior ties to them."""
+    random = np.random.default_rng(4)
+    design, root, data = random.normal(size=(40, 7)), random.normal(size=(7, 9)), random.normal(size=40)
+    known = root @ root.T
+    left = Equations(design.T @ design + known, known.copy(), design.T @ data)
+    left.eliminate(np.arange(4))
+    wanted = log_evidence(data, design, known) - log_evidence(data, design[:, :4], known[:4, :4])
+    assert left.bayes_factor(np.arange(4, 7), 1.0) == pytest.approx(wanted, rel=1e-9)
+
+
+def asked_for(gains: list[float], chi2_per_dof: float) -> list[int]:
+    """Knots that are added, of some that each bring so much; the data are 10 times as sharp as the prior."""
+    groups = {knot: np.arange(3 * knot, 3 * knot + 3) for knot in range(len(gains))}
+    right = np.repeat(np.sqrt(np.array(gains) * 100.0 / 3), 3)
+    left = Equations(100.0 * np.eye(len(right)), np.eye(len(right)), right)
+    return worth_adding(left, groups, list(groups), chi2_per_dof)
+
+
+def test_knots_are_added_where_they_explain_more_than_noise_and_more_than_others_do() -> None:
+    """Three numbers that the data sharpen 100 times cost 3 ln 100; half of what they bring must exceed that by 6."""
+    enough = 6.0 + 3 * np.log(100.0)
+    others = [2.0] * 7
+    assert asked_for([0.95 * enough, *others], 1.0) == []
+    assert asked_for([1.05 * enough, *others], 1.0) == [0]
+    # Where four times as much as noise is left, a knot must bring four times as much.
+    assert asked_for([3.8 * enough, *others], 4.0) == []
+    assert asked_for([4.2 * enough, *others], 4.0) == [0]
+    # Where every knot explains a part of what the model lacks, none stands out but one that explains far more.
+    assert asked_for([4.0 * enough] * 8, 1.0) == []
+    assert asked_for([100.0 * enough, *[4.0 * enough] * 7], 1.0) == [0]
+
+
+def test_what_is_told_of_a_corner_is_as_uncertain_as_the_coefficients_are() -> None:
+    """Routes drawn from the covariance, which the misfit widens, turn and step by amounts that scatter so."""
+    basis, random = SplineBasis.even(0.0, 40.0, 1.0), np.random.default_rng(6)
+    s = np.linspace(0.0, 40.0, 400)
+    bent = np.clip((s - 14.0) / 2, 0.0, 1.0) * np.pi / 2
+    deep = 1.0 + np.clip((s - 29.0) / 2, 0.0, 1.0) * 0.8
+    way = np.cumsum(np.column_stack([np.cos(bent), np.sin(bent)]), 0) * (s[1] - s[0])
+    made = basis.interpolate(s, np.column_stack([way, deep]))
+    root = 0.01 * random.normal(size=(made.size, made.size)) / made.size**0.5 + 0.01 * np.eye(made.size)
+    covariance = root @ root.T
+
+    def corners(coefficients: np.ndarray) -> Any:
+        fit = SimpleNamespace(basis=basis, problem=SimpleNamespace(zero_distance=0.0, channel_spacing=1.0))
+        state = SimpleNamespace(coefficients=torch.from_numpy(coefficients))
+        posterior: Any = SimpleNamespace(
+            chain=fit,
+            visit=SimpleNamespace(state=state),
+            scale=4.0,
+            columns=lambda where: covariance[:, where],
+        )
+        return find_corners(posterior, 0.0, 40.0)
+
+    told = corners(made)
+    assert [one.kind for one in told] == ["corner", "step"]
+    assert [one.amount for one in told] == pytest.approx([90.0, 0.8], rel=0.05)
+    drawn = [corners(made + 2.0 * (root @ random.normal(size=made.size)).reshape(made.shape)) for _ in range(60)]
+    amounts = np.array([[one.amount for one in each] for each in drawn])
+    # The sd of 60 draws scatters by 9 %; parts of a corner begin and end elsewhere in each.
+    np.testing.assert_allclose(amounts.std(0), [one.sigma for one in told], rtol=0.3)
 
 
 def test_corners_get_knots_and_are_told_and_no_more_knots_are_asked_for(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.fit.chain import Chain
-from solver.fit.sides import reopened
+from solver.fit.sides import is_open, reopened
 from solver.fit.state import Weights
 from solver.run import route_fits
 
@@ -78,3 +78,36 @@ def test_a_later_fit_without_anchors_must_have_converged(survey):
     assert reopened(False, lost, bare)
     assert not reopened(False, survey.result, bare)
     assert reopened(True, survey.result, bare)
+
+
+@pytest.mark.parametrize("understated", [1.0, 2.0, 5.0])
+def test_what_rules_a_side_out_does_not_hang_on_how_large_the_noise_was_said_to_be(survey, understated):
+    """Noise that is said to be k times smaller than it is makes every chi2 and cost k^2 times larger, and no surer."""
+    square, problem = understated**2, survey.problem
+    best = replace(survey.result, chi2=1000.0 * square, cost=1000.0 * square, chi2_per_dof=square)
+
+    def left_open(chi2, cost, **changes):
+        rival = mirrored(best, chi2=best.chi2 + square * chi2, cost=best.cost + square * cost, **changes)
+        return is_open((best, problem), (rival, problem), 40)
+
+    assert left_open(8.0, 8.0) and not left_open(10.0, 10.0)
+    # The posterior counts, not the misfit, which a fit lowers by trusting its samples less.
+    assert left_open(30.0, 8.0) and not left_open(-30.0, 10.0)
+    # One that was given up is ruled out where it was beyond hope in this noise.
+    given_up = {"converged": False, "iterations": 6}
+    route = problem.start * [1, -1, 1]
+    rival = mirrored(best, chi2=best.chi2 + 90.0 * square, cost=best.cost + 90.0 * square, **given_up)
+    assert is_open((best, problem), (rival, replace(problem, start=route)), 40)
+    assert not left_open(110.0, 110.0, **given_up)
+
+
+def test_noise_that_was_overstated_rules_no_side_out_more_easily(survey):
+    best = replace(survey.result, chi2=250.0, cost=250.0, chi2_per_dof=0.25)
+    assert is_open((best, survey.problem), (mirrored(best, chi2=255.0, cost=255.0), survey.problem), 40)
+
+
+@pytest.mark.parametrize(("sigmas", "two"), [(2.5, False), (3.5, True)])
+def test_routes_within_their_uncertainty_are_on_one_side(survey, sigmas, two):
+    best = replace(survey.result, covariance=400 * survey.result.covariance)
+    aside = replace(best, route=best.route + sigmas * best.sigma * [0, 1, 0])
+    assert is_open((best, survey.problem), (aside, survey.problem), 40) is two

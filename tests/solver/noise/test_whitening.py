@@ -141,6 +141,25 @@ def test_vehicles_and_gaps_are_not_noise():
     np.testing.assert_allclose(law.own[:5], plain.own[:5], atol=0.03)
 
 
+def test_spikes_are_not_noise():
+    """Samples 30 sds away, one in two hundred, would make the noise's variance five times as large."""
+    noise = street_noise(seed=10, common=0.0)
+    spiky = noise.copy()
+    spiky[::200] += 30.0
+    np.testing.assert_allclose(law_of(spiky).own[:5], law_of(noise).own[:5], atol=0.03)
+
+
+def test_noise_that_is_rounded_to_zero_is_as_large_as_its_level_near_vehicles():
+    """Noise of 0.3 steps is mostly rounded to 0; where a vehicle lifts it, it and its rounding errors are there."""
+    level = (0.3**2 + 1 / 12) ** 0.5
+    record = np.rint(np.random.default_rng(11).normal(0, 0.3, (SAMPLES, CHANNELS))) / level
+    rounding = np.array([1 / 12]) / level**2
+    law = noise_law(record, np.ones(record.shape, bool), 5.0, rounding=rounding)
+    assert record.var() < 0.6
+    assert law.own[0] == pytest.approx(1.0, abs=0.02)
+    assert law.hidden[0] == pytest.approx(1 - record.var(), abs=0.01)
+
+
 def test_too_few_samples_tell_nothing():
     noise = street_noise()[:20, :3]
     assert noise_law(noise, np.ones(noise.shape, bool), 5.0).own.tolist() == [1.0]

@@ -7,6 +7,7 @@ import pytest
 
 from solver.survey.anchors import Anchor
 from solver.trajectory.agreement import (
+    check_apart,
     check_clocks,
     check_gauge,
     check_reach,
@@ -187,3 +188,13 @@ def test_clocks_a_time_zone_apart(survey, late: float, says: str) -> None:
     track = Track("1", "car", time, np.zeros((60, 2)), np.ones((60, 2)))
     with pytest.raises(InputError, match=f"do not overlap in time; {says}"):
         check_clocks([track], survey.record)
+
+
+@pytest.mark.parametrize("sigmas", [(2.0, 0.1), (0.1, 2.0)])
+def test_anchors_are_too_far_apart_only_beyond_what_both_sigmas_allow(sigmas) -> None:
+    """From channel 60 to 100 it is 40 m; spacings may be off by 5 %, a channel is anywhere within its meter."""
+    most = 1.05 * 41 + 5 * float(np.hypot(*sigmas))
+    one, other = (replace(anchor("a", 60, 0.0), sigma_xy=sigmas[0]), replace(anchor("b", 100, 0.0), sigma_xy=sigmas[1]))
+    check_apart([one, replace(other, x=most - 0.1)], 1.0)
+    with pytest.raises(InputError, match=r"are 53\.2 m apart"):
+        check_apart([one, replace(other, x=most + 0.1)], 1.0)

@@ -3,6 +3,7 @@ import pytest
 from scipy.linalg import expm
 
 from solver.trajectory.kalman import (
+    GATE,
     MANEUVER,
     Fixes,
     between,
@@ -128,3 +129,32 @@ def test_first_guess_survives_wrong_fixes():
     guess, spread = first_guess(time, value, np.full((9, 2), 0.06))
     assert np.allclose(guess, [[-3.0, 12.0]] * 2, atol=0.3)
     assert (spread > [0.5, 0.5]).all()
+
+
+def test_a_first_guess_adds_little_to_what_the_fixes_say():
+    """Of nine fixes within a fifth of a second: place and speed guessed scatter by far less than is allowed for."""
+    time, rng = np.linspace(0.0, 0.2, 9), np.random.default_rng(4)
+    sigma = np.full((9, 1), 0.5)
+    guesses = [first_guess(time, 12 * time[:, None] + sigma * rng.normal(size=(9, 1)), sigma)[0] for _ in range(200)]
+    spread = first_guess(time, 12 * time[:, None], sigma)[1][0]
+    assert (spread > 6 * np.std(guesses, axis=0)[0]).all()
+
+
+@pytest.mark.parametrize("off", [0.9 * GATE, 3.0 * GATE])
+def test_a_fix_beyond_the_gate_counts_as_one_at_the_gate_with_a_wider_sigma(off):
+    """The likelihood of one fix is Gaussian; beyond the gate, of the variance that puts it at the gate."""
+    variance = 2.0**2 + 0.1**2  # of the first guess and of the fix
+    innovation = off * variance**0.5
+    one = Fixes(
+        time=np.zeros((1, 1)),
+        value=np.full((1, 1, 1), innovation),
+        sigma=np.full((1, 1, 1), 0.1),
+        valid=np.ones((1, 1), bool),
+        prior=np.zeros((1, 1, 2)),
+        prior_sigma=np.array([[[2.0, 3.0]]]),
+    )
+    wide = max(variance, innovation**2 / GATE**2)
+    wanted = -(np.log(wide) + innovation**2 / wide) / 2
+    settings = np.array([[0.8]]), np.array([[MEMORY]])
+    assert likelihood(one, *settings)[0, 0] == pytest.approx(wanted)
+    assert smooth(one, *settings).mean[0, 0, 0, 0] == pytest.approx(innovation * 2.0**2 / wide)

@@ -1,13 +1,15 @@
 import logging
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from drives import START, a_record, fixes
 
-from solver.trajectory.passes import likeliest, padded, smooth_passes
+from solver.trajectory.kalman import process_noise
+from solver.trajectory.passes import UNSEEN_ACCELERATION, likeliest, padded, smooth_passes
 from solver.trajectory.tracks import tracks_of
-from solver.trajectory.vehicle_pass import Pass
+from solver.trajectory.vehicle_pass import Pass, track_sigma
 from vision.contract import InputError
 
 FINE = np.arange(0.0, 60.0, 0.002)
@@ -253,3 +255,28 @@ def test_speed_of_a_pass_out_of_view():
         "1", "car", np.arange(3), np.arange(6.0).reshape(3, 2), np.full((3, 2), [2.0, 0.0]), still, np.zeros(3, bool)
     )
     assert one.speed == 2.0
+
+
+def test_out_of_sight_a_driver_may_do_what_drivers_do_however_steady_the_drive_was():
+    """Sigma out of view is at least what unseen accelerations add to a drive that is known exactly."""
+    seen = 20 + np.arange(100) * 0.08
+    (one,) = smooth_passes(fixes(seen, 10 * (seen - 20), -3.4, sigma=1e-3), a_record())
+    after = one.rows / 5.0 - seen[-1]
+    last = after > 1.0
+    added = process_noise(after[last], np.array(UNSEEN_ACCELERATION), np.array(1.0))[:, 0, 0] ** 0.5
+    assert last.any() and (one.sigma[last, 0] > 0.99 * added).all()
+
+
+def test_long_gauges_follow_a_vehicle_farther():
+    seen = 20 + np.arange(50) * 0.1
+    table = fixes(seen, 10 * (seen - 20), 0.0)
+    (usual,), (long,) = (smooth_passes(table, replace(a_record(), gauge_length=gauge)) for gauge in (10.0, 50.0))
+    # 30 m farther at 10 m/s and 5 samples a second, before and after.
+    assert len(long.rows) - len(usual.rows) == pytest.approx(2 * 30.0 / 10 * 5, abs=2)
+
+
+def test_a_track_is_as_uncertain_as_the_square_mean_of_its_sigmas_in_view():
+    sigma = np.array([[0.3, 0.4], [0.3, 0.4], [9.0, 9.0]])
+    one = Pass("1", "car", np.arange(3), np.zeros((3, 2)), np.ones((3, 2)), sigma, np.array([True, True, False]))
+    wild = replace(one, sigma=100 * sigma)
+    assert track_sigma([one, one, wild]) == pytest.approx((0.5 * (0.3**2 + 0.4**2)) ** 0.5)
