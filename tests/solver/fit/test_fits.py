@@ -46,15 +46,21 @@ def test_spline_says_what_it_knows(spline: FitResult, case) -> None:
 
 
 def test_uncertainty_is_honest() -> None:
-    """Errors in units of their sigma have an rms near 1 over several surveys."""
+    """Errors in units of their sigma have an rms near 1 over many short surveys.
+
+    Over 110 of them it is 0.86 (0.78, 0.90 and 0.89 along x, y and z): sigmas are somewhat wide. One survey's mean
+    square scatters by 0.51, that of one axis by 0.65 to 1.1, so that 98 % of samples of 20 surveys have an rms of 0.71
+    to 1.01, and one of 0.53 to 1.22 along an axis. Sigmas an eighth wider, or a quarter smaller, would fail.
+    """
     squares = []
-    for seed in range(11, 15):
-        case = case_of(simulate(Scenario(seed=seed, passes=4, snr_db=15.0)))
+    for seed in range(11, 31):
+        case = case_of(simulate(Scenario(seed=seed, passes=3, snr_db=15.0, view=(0.0, 30.0), channels=101)))
         result = fit_spline(case.problem)
         keep = np.isin(result.channel, case.problem.channel)
         squares.append((((result.route[keep] - case.truth) / result.sigma[keep]) ** 2).mean(0))
     rms = np.sqrt(np.mean(squares, axis=0))
-    assert (rms > 0.4).all() and (rms < 2.0).all()
+    assert (rms > 0.55).all() and (rms < 1.2).all()
+    assert 0.7 < np.sqrt(np.mean(squares)) < 1.03
 
 
 def test_what_the_prior_alone_decides_is_as_wide_as_its_tails() -> None:

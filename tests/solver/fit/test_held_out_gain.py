@@ -6,18 +6,19 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import torch
 from simulated import case_of
 
 from solver.catalogue.catalogue import built_in
 from solver.criticism.growth import fitted_with
-from solver.fit.held_out import blur, held_out
+from solver.fit.held_out import Fold, blur, held_out
 from solver.fit.held_out_gain import HeldOutGain, held_out_gain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
 from solver.fit.normal import Normal
 from solver.fit.normal_parts import Block, Part
 from solver.fit.problem import Problem
-from solver.fit.state import State
+from solver.fit.state import State, Weights
 from solver.simulator import Scenario, simulate
 
 #: Draws of a sampled test: a share of 4 % scatters by half a percent.
@@ -142,3 +143,23 @@ def test_the_misfit_that_an_uncertain_ground_adds_is_that_of_draws_from_its_cova
     freedom = 30 - 2
     assert chi2.mean() - freedom == pytest.approx(mean, rel=0.03)
     assert chi2.var() - 2 * freedom == pytest.approx(variance, rel=0.1)
+
+
+def test_held_out_samples_are_those_of_one_vehicle_and_what_it_was_moved_by_is_misfit(survey, monkeypatch) -> None:
+    """By hand: 60 rows of a car, in 10 of which a fitted vehicle is near; 2 channels of residual 2, at half weight."""
+    car = survey.passes[0]
+    other = replace(car, rows=car.rows[:10], position=car.position[:10])
+    samples = SimpleNamespace(samples=car.rows)
+    problem = SimpleNamespace(gauge_length=10.0, passes=[car], traffic=samples, start=survey.problem.start)
+    link = SimpleNamespace(fit=SimpleNamespace(problem=problem))
+    prior, half = SimpleNamespace(cost=lambda state: 7.0), torch.full((60, 2), 0.5, dtype=torch.float64)
+    held: Any = SimpleNamespace(prior=prior, free=torch.ones(4, dtype=torch.bool), links=[link])
+    at = SimpleNamespace(residuals=[4 * half], weights=[Weights(2 * half, half)])
+    monkeypatch.setattr("solver.fit.held_out.blur", lambda *_: (12.0, 30.0))
+    fold = Fold(cast(Any, None), held, cast(Any, None), [other])
+    found = fold.judged(cast(Any, None), cast(Any, SimpleNamespace(state=None, at=at)))
+    assert found.chi2 == 7.0 + 50 * 2 * 2.0**2
+    assert found.freedom == 50 * 2 * 0.5 - 4
+    # The ground's uncertainty adds to all samples alike: to those that count their share.
+    share = found.freedom / (60 * 2 * 0.5)
+    assert (found.blurred, found.blur) == pytest.approx((12.0 * share, 30.0 * share))
