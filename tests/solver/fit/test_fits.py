@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from scipy.stats import t as student_t
 from simulated import case_of
 
 from solver.catalogue.catalogue import built_in
+from solver.fit.chain import Chain
 from solver.fit.held_out import held_out
-from solver.fit.posterior import TAILS
+from solver.fit.posterior import TAILS, Posterior
 from solver.fit.prior import FREEDOM
 from solver.fit.result import FitResult
 from solver.fit.spline import fit_spline
@@ -67,6 +69,17 @@ def test_what_the_prior_alone_decides_is_as_wide_as_its_tails() -> None:
     """The Gaussian that is as sharp at the mode of a Student t holds 95 % of it once it is so much wider."""
     sharp = FREEDOM / (FREEDOM + 1)
     assert student_t(FREEDOM).cdf(1.96 * (TAILS * sharp) ** 0.5) == pytest.approx(0.975, abs=1e-4)
+
+
+def test_what_the_prior_decides_of_a_place_s_variance_counts_with_its_tails(spline: FitResult, case) -> None:
+    """Where the prior on its shape decides all of a Gaussian's variance, it is wider by `TAILS`; where none, by 1."""
+    chain = Chain.of(case.problem)
+    posterior = Posterior(chain, chain.visit(chain.state_of(torch.from_numpy(spline.vector))))
+    _, total, _, shape = posterior.route(spline.distance)
+    variance, share = (np.diagonal(one, axis1=1, axis2=2) for one in (total, shape))
+    share = share / variance
+    assert share.max() > 0.1 and share.min() < 0.05
+    np.testing.assert_allclose(spline.sigma**2 / variance, 1 - share + TAILS * share, rtol=1e-3)
 
 
 def test_network_finds_the_fiber(case) -> None:

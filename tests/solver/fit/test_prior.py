@@ -10,7 +10,7 @@ import torch
 from solver.cable.fiber import SplineBasis
 from solver.fit.numbers import Numbers
 from solver.fit.parameter_prior import OWN_DEPTH, ParameterPrior
-from solver.fit.prior import FREEDOM, PATCH, SHALLOW, Prior, anchor_rows, shape_rows
+from solver.fit.prior import FREEDOM, PATCH, SHALLOW, SHALLOW_SD, Prior, anchor_rows, shape_rows
 from solver.fit.state import State
 from solver.load.wheel_layout import layout_of
 from solver.signal_path.traffic import Vehicles
@@ -70,13 +70,17 @@ def test_a_sharp_bend_costs_by_the_logarithm_of_a_student_t() -> None:
 
 def test_the_surface_pushes_and_a_fiber_as_deep_as_usual_does_not_feel_it() -> None:
     basis = KNOTS["far apart"]
-    costs = []
-    for depth in (2 * SHALLOW, SHALLOW, 0.01 * SHALLOW):
-        route = of_route(basis, lambda s, depth=depth: places(s, z=depth - DEEP))
-        costs.append(float((shape_rows(basis, NOTHING, route).residual ** 2).sum()))
     count = 2 * basis.intervals + 1
-    assert costs[0] < 1e-3 and costs[2] > 1e5
-    assert costs[1] == pytest.approx(count * np.log(2.0) ** 2, rel=1e-3)
+
+    def pushed(depth: float) -> float:
+        route = of_route(basis, lambda s: places(s, z=depth - DEEP))
+        return float((shape_rows(basis, NOTHING, route).residual ** 2).sum() / count) ** 0.5
+
+    assert pushed(2 * SHALLOW) < 0.01 and pushed(0.01 * SHALLOW) > 100
+    # At the least depth half of what one is short of it counts, in its standard deviations.
+    assert pushed(SHALLOW) == pytest.approx(np.log(2.0), rel=1e-3)
+    step = 0.1 * SHALLOW_SD
+    assert pushed(SHALLOW - step) - pushed(SHALLOW + step) == pytest.approx(0.1, rel=0.02)
 
 
 def test_an_anchor_counts_each_axis_by_its_own_sigma() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from solver.fit.robust import HUBER, huber, scale_of, solved_amplitudes
+from solver.fit.robust import HUBER, huber, near_noise, scale_of, solved_amplitudes
 
 
 def test_the_scale_is_the_noise_s_though_some_samples_are_bad() -> None:
@@ -25,6 +25,8 @@ def test_no_sample_pulls_harder_than_so_many_sigmas_of_the_record_s_own_noise(no
     weight = huber(residual, torch.ones_like(residual, dtype=torch.bool))
     np.testing.assert_allclose(weight[:10] * residual[:10], HUBER * noise, rtol=0.05)
     assert float((weight[10:] == 1).double().mean()) > 0.999
+    good = near_noise(residual, scale_of(residual, torch.ones_like(residual, dtype=torch.bool)))
+    assert not bool(good[:10].any()) and bool(good[10:].all()), "spikes are so by the record's own noise"
 
 
 def test_amplitudes_are_least_squares_and_that_of_a_vehicle_that_no_channel_records_is_none() -> None:
