@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from drives import START, fixes
 
-from solver.trajectory.tracks import Track, driven, during, moves, numbered, to_and_fro, tracks_of, turns
+from solver.trajectory.tracks import Track, driven, during, leaps, moves, numbered, to_and_fro, tracks_of, turns
 
 
 def a_track(time, x, sigma=0.1):
@@ -116,3 +118,12 @@ def test_driving_is_kept_whole():
 )
 def test_turns(x, expected):
     assert turns(np.array(x, float)) == expected
+
+
+def test_what_fixes_scatter_is_no_leap_however_often_they_are_taken():
+    """Ten a second, each 5 m off: from one to the next it is farther than any vehicle goes in that time."""
+    time = np.arange(200) / 10
+    value = np.column_stack([10 * time, 0 * time]) + 5.0 * np.random.default_rng(5).normal(size=(200, 2))
+    track = Track("1", "car", time, value, np.full((200, 2), 5.0))
+    assert not leaps(track).any()
+    assert np.flatnonzero(leaps(replace(track, value=value + 200.0 * (time > 9.95)[:, None]))).tolist() == [99]
