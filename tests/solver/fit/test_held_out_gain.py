@@ -11,7 +11,7 @@ from simulated import case_of
 
 from solver.catalogue.catalogue import built_in
 from solver.criticism.growth import fitted_with
-from solver.fit.held_out import Fold, blur, held_out
+from solver.fit.held_out import Fold, HeldOut, blur, held_out
 from solver.fit.held_out_gain import HeldOutGain, held_out_gain
 from solver.fit.least_squares import solve
 from solver.fit.map_fit import MapFit
@@ -163,3 +163,34 @@ def test_held_out_samples_are_those_of_one_vehicle_and_what_it_was_moved_by_is_m
     # The ground's uncertainty adds to all samples alike: to those that count their share.
     share = found.freedom / (60 * 2 * 0.5)
     assert (found.blurred, found.blur) == pytest.approx((12.0 * share, 30.0 * share))
+
+
+def test_what_is_more_uncertain_with_an_effect_counts_in_its_favor(survey, monkeypatch) -> None:
+    """With it the seen passes leave a misfit of 30 in the others, without it of 10: 20 of its rise are no fault."""
+    by_effects = [HeldOut(100.0, 80.0, 10.0, 4.0), HeldOut(115.0, 80.0, 30.0, 9.0)]
+
+    def fold(problem: Problem) -> Any:
+        judged = by_effects[len(problem.effects)]
+        return SimpleNamespace(fitted=lambda _: None, ended=lambda *_: None, judged=lambda *_: judged)
+
+    stand_ins = {
+        "chained": lambda fit: fit,
+        "track_spread": lambda *_: 0.1,
+        "strict_tracks": lambda problem, _: problem,
+        "dealt": lambda _: [fold],
+        "side_by_side": lambda work, makes: [work(make) for make in makes],
+        "shown": lambda make, problem, _: (make(problem), None, []),
+        "residuals": lambda *_: {},
+    }
+    for name, one in stand_ins.items():
+        monkeypatch.setattr(f"solver.fit.held_out_gain.{name}", one)
+    state: Any = SimpleNamespace(vehicles=SimpleNamespace(along=torch.zeros(2)))
+    fits: list[Any] = [
+        SimpleNamespace(problem=one, passes=one.passes)
+        for one in (survey.problem, with_effect(survey.problem, "gauge_length"))
+    ]
+    gain = held_out_gain((fits[0], state), (fits[1], state))
+    assert gain == HeldOutGain(-15.0, 80.0, 20.0, 5.0, 0.0) and not gain.refuses(1.0)
+    by_effects[1] = HeldOut(145.0, 80.0, 30.0, 9.0)
+    rise = held_out_gain((fits[0], state), (fits[1], state))
+    assert rise is not None and rise.refuses(1.0)
