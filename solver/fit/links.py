@@ -17,6 +17,7 @@ from solver.fit.parameter_prior import ParameterPrior
 from solver.fit.problem import Problem
 from solver.fit.stretches import is_long, looked_back_at, reach_of
 from solver.noise.whitening import Whitener
+from solver.trajectory.trajectory_effects import COMMON
 
 
 @dataclass(frozen=True)
@@ -75,14 +76,16 @@ def along(basis: SplineBasis, group: Sequence[Problem], stretch: int) -> Iterato
 def numbered(fits: Sequence[tuple[int, int, MapFit]], problem: Problem) -> tuple[list[Tensor], Numbers]:
     """Which of the chain's numbers each link's are, and all of them.
 
-    All links share the numbers of scope "one"; those along fiber and road belong to a stretch, others to a link.
+    All links share the numbers of scope "one"; those along fiber and road belong to a stretch, others to a link. So do
+    those of `COMMON`, to a stretch: surveys that are fitted together have a camera each.
     """
     mine: list[list[Tensor]] = [[] for _ in fits]
     every, taken = list[Numbers](), dict[tuple[int, int], Tensor]()
     count = 0
     for which, slot in enumerate(fits[0][2].extension.slots):
         for link, (stretch, _, fit) in enumerate(fits):
-            key = which, {"one": 0, "fiber": stretch, "road": stretch}.get(slot.parameter.scope, link)
+            one = stretch if slot.effect in COMMON else 0
+            key = which, {"one": one, "fiber": stretch, "road": stretch}.get(slot.parameter.scope, link)
             if key not in taken:
                 values = fit.extension.numbers()[fit.extension.slots[which].where]
                 taken[key] = torch.arange(count, count + len(values))

@@ -57,6 +57,7 @@ def trust_of(
             anchor_gate(result, problem.anchors, disputed, explained=not fitted.failed),
             *track_gates(result, problem),
             *wander_gates(result, problem),
+            *common_gates(result, problem),
             *ground_gates(result, problem),
             *side_gates(result),
             *discrepancy_gates(problem),
@@ -238,6 +239,17 @@ def wander_gates(result: FitResult, problem: Problem) -> list[Gate]:
     rms, due = (SPLINE_VARIANCE**0.5 * one * problem.prior.jitter for one in (float(np.sqrt((size**2).mean())), 1.0))
     words = f"tracks wander by {rms:.2f} m (rms) where {due:.2f} m is expected, {np.abs(size).max():.0f} sigmas at most"
     return [Gate("tracks' slow errors", "failed", words, (READ, DIAGNOSE), rms, 0.0, due)]
+
+
+def common_gates(result: FitResult, problem: Problem) -> list[Gate]:
+    """That one camera puts all tracks off alike by far more than they say; nothing where it does not."""
+    found = {name: result.parameters[name] for name in problem.prior.stated if name in result.parameters}
+    size = np.array([one.value / problem.prior.stated[name] for name, one in found.items()])
+    if not len(size) or chdtrc(len(size), (size**2).sum()) >= ALARM:
+        return []
+    told = ", ".join(f"{name} {one.value:.3g} {one.unit}" for name, one in found.items())
+    words = f"all tracks are off alike by {np.abs(size).max():.1f} sigmas at most ({told})"
+    return [Gate("tracks together", "failed", words, ("check the camera's calibration", FRAME, DIAGNOSE))]
 
 
 def ground_gates(result: FitResult, problem: Problem) -> list[Gate]:

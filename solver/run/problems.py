@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from solver.effect import Effect
 from solver.fit.choice import Choice
-from solver.fit.pose import pose, with_slow_errors
+from solver.fit.pose import pose, with_common_errors, with_slow_errors
 from solver.fit.prior import Prior
 from solver.fit.problem import Problem
 from solver.fit.some_passes import only
@@ -170,6 +170,8 @@ def problems_of(
         curved=any(one.base_part == "bends" for one in effects),
         coil=found.coil,
     )
+    if survey.camera is not None:
+        begun = with_common_errors(begun)
     # Of many passes, a few may be chosen.
     return [with_slow_errors(replace(begun, start=start[alive]), many=np.inf) for start in found.routes]
 

@@ -93,6 +93,7 @@ class PriorFile(Stored):
     across: Spread
     track_freedom: Spread
     jitter: Spread
+    stated: dict[str, Spread]
 
 
 class CoilFile(Stored):

@@ -168,6 +168,8 @@ def track_jitter(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
     return driven.shifted(along=p["along"], across=p["across"])
 
 
+#: What the base model fits of tracks from one camera.
+COMMON = (track_offset, track_rotation, track_scale)
 #: What the base model fits of tracks that are uncertain.
 SLOW_ERROR = track_jitter
 #: What `roadfiber clock` estimates.

@@ -9,15 +9,18 @@ import pytest
 import torch
 
 from solver.fit.map_fit import MapFit
-from solver.fit.pose import bent_ends, pose, with_slow_errors
+from solver.fit.pose import bent_ends, pose, with_common_errors, with_slow_errors
 from solver.fit.problem import Problem
 from solver.fit.result import FitResult
+from solver.fit.spline import fit_spline
 from solver.signal_path.traffic import Traffic
+from solver.simulator import Scenario, simulate
 from solver.start.rough_route import silent
 from solver.survey.anchors import Anchor
 from solver.survey.das import DASRecord
 from solver.survey.dead_channels import dead_channels
 from solver.trajectory.vehicle_pass import track_sigma
+from tests.solver.simulated import case_of
 from vision.contract import InputError
 
 GAUGE, COUNT = 10, 60
@@ -168,3 +171,21 @@ def test_the_route_has_no_channel_that_the_record_lacks(survey) -> None:
     assert problem.route_channel[[0, -1]].tolist() == [52, 107] != survey.problem.route_channel[[0, -1]].tolist()
     out = replace(problem, anchors=[Anchor("a", 115, 60.0, 4.0, 0.9, 0.05, 0.05)])
     assert out.route_channel[[0, -1]].tolist() == [52, 115]
+
+
+def test_what_a_camera_puts_off_alike_is_told_from_anchors() -> None:
+    """Tracks that are all turned by 1.15 degrees took the route along, against two anchors."""
+    turned = Scenario(seed=3, passes=4, snr_db=15.0, view=(0.0, 40.0), channels=101, effects={"track_rotation": 1.15})
+    case = case_of(simulate(turned))
+    # A camera's tracks say that they may be off by so much.
+    unsure = [replace(one, sigma=np.full_like(one.sigma, 0.3)) for one in case.problem.passes]
+    filmed = replace(with_common_errors(replace(case.problem, passes=unsure)), passes=case.problem.passes)
+
+    def off(result: FitResult) -> float:
+        seen = np.isin(result.channel, case.problem.channel)
+        return float(np.linalg.norm((result.route[seen] - case.truth)[:, :2], axis=1).max())
+
+    found = fit_spline(filmed)
+    assert off(found) < 0.15 < 0.3 < off(fit_spline(case.problem))
+    angle = found.parameters["track_rotation.angle"]
+    assert abs(angle.value - 1.15) < 3 * angle.sigma < 0.6

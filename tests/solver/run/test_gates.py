@@ -157,6 +157,18 @@ def test_tracks_that_wander_and_ground_that_is_unlike_the_prior_fail(survey, tru
     assert "Poisson's ratio 0.397 where 0.25 ± 0.03 is expected" in found.sentence
 
 
+def test_a_camera_that_puts_all_tracks_off_by_more_than_they_say_is_named(survey, trust) -> None:
+    problem = replace(survey.problem, prior=replace(survey.problem.prior, stated={"track_rotation.angle": 0.2}))
+
+    def judged(angle: float):
+        turned = {"track_rotation.angle": Parameter(angle, 0.1, "degree", True)}
+        return trust(problem=problem, parameters=survey.result.parameters | turned)
+
+    assert failed(judged(0.5)) == []
+    assert failed(found := judged(1.2)) == ["tracks together"]
+    assert "all tracks are off alike by 6.0 sigmas at most (track_rotation.angle 1.2 degree)" in found.sentence
+
+
 def test_what_did_not_converge_is_poor_whatever_its_misfit(trust):
     found = trust(converged=False)
     assert (found.grade, failed(found)) == ("poor", ["converged"])
