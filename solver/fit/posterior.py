@@ -226,6 +226,19 @@ def lateral_share(route: NDArray[np.float64], total: NDArray[np.float64], prior:
     return np.asarray(1 - across[1] / across[0])
 
 
+def sensed(problem: Problem, channel: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which places [channel] lie between fitted channels that are no farther apart than a gauge.
+
+    Elsewhere the fiber may turn without a trace: what the prior on its shape makes of channels and anchors farther off
+    is no measurement, however sharp.
+    """
+    fitted = problem.channel
+    after = fitted[np.searchsorted(fitted, channel).clip(max=len(fitted) - 1)]
+    before = fitted[(np.searchsorted(fitted, channel, side="right") - 1).clip(min=0)]
+    widest = max(problem.gauge_length, 2 * problem.channel_spacing)
+    return (before <= channel) & (channel <= after) & ((after - before) * problem.channel_spacing <= widest)
+
+
 def names_of(chain: Chain) -> list[tuple[str, str]]:
     """Name and unit of every fitted number but the route's."""
     passes = legs(chain.passes)
@@ -302,7 +315,7 @@ def assemble(
     route, total, prior, shape = posterior.route(distance)
     tails = (TAILS - 1) * shape
     share = 1 - np.diagonal(prior, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
-    constrained = (lateral_share(route, total, shape) > 0.5) & converged
+    constrained = (lateral_share(route, total, shape) > 0.5) & sensed(problem, channel) & converged
     shared = posterior.shared(distance[constrained], total[constrained]) if constrained.any() else None
     model, weight = maps(chain, posterior.visit)
     return FitResult(

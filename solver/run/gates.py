@@ -140,8 +140,8 @@ def left_of(result: FitResult, anchors: Sequence[Anchor]) -> tuple[Array, Array]
     followed = fitted / birge(result, anchors) / (sigma[:, :, None] * sigma[:, None, :])
     values, axes = np.linalg.eigh(np.eye(3) - np.nan_to_num(followed))
     turned = np.einsum("aji,aj->ai", axes, miss / sigma)
-    # Never exactly zero: a route may follow an anchor to within rounding.
-    square = (turned**2 / np.maximum(values, 1e-3)).sum(1)
+    # A route that takes up nearly all says little of the rest: tails of the prior pull on, and are no Gaussian.
+    square = (turned**2 / np.maximum(values, 1 - TAKEN_UP)).sum(1)
     return square, np.clip(np.diagonal(followed, axis1=1, axis2=2), 0.0, 1.0)
 
 

@@ -12,7 +12,7 @@ from solver.cable.fiber import SplineBasis
 from solver.fit.normal import Normal
 from solver.fit.normal_parts import Block, Part
 from solver.fit.parameter_prior import RouteRows
-from solver.fit.posterior import Posterior, lateral_share
+from solver.fit.posterior import Posterior, lateral_share, sensed
 from solver.fit.prior import Rows
 from solver.fit.state import Weights
 from solver.fit.visit import Visit
@@ -186,3 +186,12 @@ def test_the_lateral_share_is_of_the_way_across_the_route() -> None:
     prior = 0.3 * 4.0 * np.outer(across, across)
     share = lateral_share(route, np.tile(total, (5, 1, 1)), np.tile(prior, (5, 1, 1)))
     np.testing.assert_allclose(share, 0.7)
+
+
+def test_no_place_beyond_the_fitted_channels_counts_as_measured() -> None:
+    """An anchor 36 m beyond the last of them made places between count, 8 m off at 0.4 m claimed."""
+    fitted = np.array([4, 5, 6, 8, 9, 20, 21])
+    problem = cast("Any", SimpleNamespace(channel=fitted, gauge_length=10.0, channel_spacing=1.0))
+    assert np.arange(25)[sensed(problem, np.arange(25))].tolist() == [4, 5, 6, 7, 8, 9, 20, 21]
+    short = SimpleNamespace(channel=fitted, gauge_length=2.0, channel_spacing=5.0)
+    assert np.arange(25)[sensed(cast("Any", short), np.arange(25))].tolist() == [4, 5, 6, 7, 8, 9, 20, 21]

@@ -109,6 +109,14 @@ def test_a_route_that_follows_an_anchor_hides_how_far_it_is_off(survey, trust):
     assert failed(trust(problem=with_anchor(survey, 0.16), covariance=covariance, tails=0.9 * covariance)) == []
 
 
+def test_a_route_that_follows_an_anchor_all_but_wholly_tells_little_of_the_rest(survey, trust) -> None:
+    """An anchor 0.9 sigmas off, whose error the route takes up to 96 %, was told as wrong."""
+    covariance = np.tile(np.eye(3) * 0.96 * 0.05**2, (61, 1, 1))
+    assert failed(trust(problem=with_anchor(survey, 0.045), covariance=covariance)) == []
+    # Covariances have the scale of what anchors miss.
+    assert failed(trust(problem=with_anchor(survey, 0.12), covariance=covariance * 2.4**2 / 3)) == ["anchors"]
+
+
 def test_an_anchor_that_checks_nothing_is_not_counted_as_a_check(survey, trust):
     found = trust(problem=with_anchor(survey, 0.0, sigma=0.3), covariance=np.tile(np.eye(3) * 0.0899, (61, 1, 1)))
     assert found.grade == "fair"
