@@ -227,16 +227,14 @@ def lateral_share(route: NDArray[np.float64], total: NDArray[np.float64], prior:
 
 
 def sensed(problem: Problem, channel: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which places [channel] lie between fitted channels that are no farther apart than a gauge.
+    """Which places [channel] lie within the gauge of a fitted channel.
 
     Elsewhere the fiber may turn without a trace: what the prior on its shape makes of channels and anchors farther off
     is no measurement, however sharp.
     """
-    fitted = problem.channel
-    after = fitted[np.searchsorted(fitted, channel).clip(max=len(fitted) - 1)]
-    before = fitted[(np.searchsorted(fitted, channel, side="right") - 1).clip(min=0)]
-    widest = max(problem.gauge_length, 2 * problem.channel_spacing)
-    return (before <= channel) & (channel <= after) & ((after - before) * problem.channel_spacing <= widest)
+    at = np.searchsorted(problem.channel, channel).clip(1, len(problem.channel) - 1)
+    apart = np.minimum(np.abs(channel - problem.channel[at - 1]), np.abs(channel - problem.channel[at]))
+    return np.asarray(apart * problem.channel_spacing <= problem.gauge_length / 2)
 
 
 def names_of(chain: Chain) -> list[tuple[str, str]]:

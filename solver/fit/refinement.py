@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 #: ln Bayes factor from which a knot is added.
 STRONG = 3.0
 #: How often knots are added at most, and steps of the fit after each time. After three times a jog is 0.12 m off, after
-#: five 0.09 m, and no more knots are wanted; six steps led six streets no farther.
-ROUNDS, FEW = 5, 3
+#: five 0.09 m, and no more knots are wanted. Three steps led six streets as far, but not gauges of 50 m.
+ROUNDS, FEW = 5, 6
 #: How many parts an interval is cut into at a time.
 PARTS = 4
 #: Median of chi2 of three degrees of freedom: what a knot that explains nothing brings.

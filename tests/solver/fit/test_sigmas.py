@@ -188,10 +188,10 @@ def test_the_lateral_share_is_of_the_way_across_the_route() -> None:
     np.testing.assert_allclose(share, 0.7)
 
 
-def test_no_place_beyond_the_fitted_channels_counts_as_measured() -> None:
+def test_no_place_beyond_the_gauges_of_fitted_channels_counts_as_measured() -> None:
     """An anchor 36 m beyond the last of them made places between count, 8 m off at 0.4 m claimed."""
     fitted = np.array([4, 5, 6, 8, 9, 20, 21])
-    problem = cast("Any", SimpleNamespace(channel=fitted, gauge_length=10.0, channel_spacing=1.0))
-    assert np.arange(25)[sensed(problem, np.arange(25))].tolist() == [4, 5, 6, 7, 8, 9, 20, 21]
-    short = SimpleNamespace(channel=fitted, gauge_length=2.0, channel_spacing=5.0)
-    assert np.arange(25)[sensed(cast("Any", short), np.arange(25))].tolist() == [4, 5, 6, 7, 8, 9, 20, 21]
+    problem = cast("Any", SimpleNamespace(channel=fitted, gauge_length=4.0, channel_spacing=1.0))
+    assert np.arange(25)[~sensed(problem, np.arange(25))].tolist() == [0, 1, 12, 13, 14, 15, 16, 17, 24]
+    short = cast("Any", SimpleNamespace(channel=fitted, gauge_length=2.0, channel_spacing=5.0))
+    assert np.arange(25)[sensed(short, np.arange(25))].tolist() == fitted.tolist()

@@ -100,7 +100,7 @@ def test_nan_channels_are_named(tmp_path):
     array[9, 11] = np.inf
     path = array_file(tmp_path, array, unit="1/s", first_channel=100)
     lost = ~np.isfinite((found := read_das([path])).strain_rate)
-    assert np.array_equal(lost, ~np.isfinite(array)) and found.cautions[0].startswith("channels 104-106, 111 hold no")
+    assert np.array_equal(lost, ~np.isfinite(array)) and " for a while on channels 104-106, 111: " in found.cautions[0]
     assert np.isfinite(read_das([path], channels=(107, 110)).strain_rate).all()
     record = read_das([path], exclude=[104, 105, 106, 111])
     assert record.channel[record.dead].tolist() == [104, 105, 106, 111]
