@@ -17,7 +17,7 @@ from solver.fit.parameter_prior import ParameterPrior
 from solver.fit.problem import Problem
 from solver.fit.stretches import is_long, looked_back_at, reach_of
 from solver.noise.whitening import Whitener
-from solver.trajectory.trajectory_effects import COMMON
+from solver.trajectory.trajectory_effects import COMMON_ERRORS
 
 
 @dataclass(frozen=True)
@@ -77,14 +77,14 @@ def numbered(fits: Sequence[tuple[int, int, MapFit]], problem: Problem) -> tuple
     """Which of the chain's numbers each link's are, and all of them.
 
     All links share the numbers of scope "one"; those along fiber and road belong to a stretch, others to a link. So do
-    those of `COMMON`, to a stretch: surveys that are fitted together have a camera each.
+    those of `COMMON_ERRORS`, to a stretch: surveys that are fitted together have a camera each.
     """
     mine: list[list[Tensor]] = [[] for _ in fits]
     every, taken = list[Numbers](), dict[tuple[int, int], Tensor]()
     count = 0
     for which, slot in enumerate(fits[0][2].extension.slots):
         for link, (stretch, _, fit) in enumerate(fits):
-            one = stretch if slot.effect in COMMON else 0
+            one = stretch if slot.effect in COMMON_ERRORS else 0
             key = which, {"one": one, "fiber": stretch, "road": stretch}.get(slot.parameter.scope, link)
             if key not in taken:
                 values = fit.extension.numbers()[fit.extension.slots[which].where]

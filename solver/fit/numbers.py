@@ -17,7 +17,7 @@ def sd_of(slot: Slot, prior: Prior) -> float:
     """Standard deviation of an effect's numbers before the data speak."""
     grid = slot.parameter.grid
     plausible = max(grid) - min(grid) if len(grid) > 1 else slot.parameter.plausible
-    stated = prior.stated.get(f"{slot.effect.name}.{slot.parameter.name}", plausible)
+    stated = prior.effect_sd.get(f"{slot.effect.name}.{slot.parameter.name}", plausible)
     return prior.jitter if slot.effect.slow_error else stated
 
 

@@ -21,7 +21,7 @@ from solver.survey.das.record import DASRecord
 from solver.survey.das.rounding import Rounding
 from solver.survey.das.time_windows import jumps
 from solver.survey.limits import vehicle_reach
-from solver.trajectory.trajectory_effects import COMMON, SLOW_ERROR
+from solver.trajectory.trajectory_effects import COMMON_ERRORS, SLOW_ERROR
 from solver.trajectory.vehicle_pass import Pass, track_sigma
 from vision.contract import InputError
 
@@ -132,7 +132,7 @@ def with_slow_errors_of(problem: Problem, sigma: float) -> Problem:
 
 
 def with_common_errors(problem: Problem) -> Problem:
-    """The problem with what puts all tracks of one camera off alike among what is fitted: see `COMMON`.
+    """The problem with what puts all tracks of one camera off alike among what is fitted: see `COMMON_ERRORS`.
 
     One calibration, and one detector whose boxes err alike, place all vehicles: what the tracks say of themselves, root
     mean square, counts for all of them together, at either end of the view by itself. Nothing of it is fitted on a long
@@ -145,8 +145,8 @@ def with_common_errors(problem: Problem) -> Problem:
     x, y = np.sqrt((sigma**2).mean(0)).tolist()
     half = float(np.linalg.norm(np.ptp(place, axis=0))) / 2
     turn = {"track_rotation.angle": float(np.degrees(y / half)), "track_scale.scale": x / half}
-    prior = replace(problem.prior, stated={"track_offset.x": x, "track_offset.y": y} | turn)
-    added = (one for one in COMMON if one not in problem.effects)
+    prior = replace(problem.prior, effect_sd={"track_offset.x": x, "track_offset.y": y} | turn)
+    added = (one for one in COMMON_ERRORS if one not in problem.effects)
     return replace(problem, effects=(*problem.effects, *added), prior=prior)
 
 

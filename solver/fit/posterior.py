@@ -226,7 +226,7 @@ def lateral_share(route: NDArray[np.float64], total: NDArray[np.float64], prior:
     return np.asarray(1 - across[1] / across[0])
 
 
-def sensed(problem: Problem, channel: NDArray[np.int64]) -> NDArray[np.bool_]:
+def gauge_coverage(problem: Problem, channel: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which places [channel] lie within the gauge of a fitted channel.
 
     Elsewhere the fiber may turn without a trace: what the prior on its shape makes of channels and anchors farther off
@@ -313,7 +313,7 @@ def assemble(
     route, total, prior, shape = posterior.route(distance)
     tails = (TAILS - 1) * shape
     share = 1 - np.diagonal(prior, axis1=1, axis2=2) / np.diagonal(total, axis1=1, axis2=2)
-    constrained = (lateral_share(route, total, shape) > 0.5) & sensed(problem, channel) & converged
+    constrained = (lateral_share(route, total, shape) > 0.5) & gauge_coverage(problem, channel) & converged
     shared = posterior.shared(distance[constrained], total[constrained]) if constrained.any() else None
     model, weight = maps(chain, posterior.visit)
     return FitResult(

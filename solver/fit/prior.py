@@ -27,7 +27,7 @@ class Prior:
         `track_precision`
     track_freedom : degrees of freedom of the priors on `along` and `across`
     jitter : sd of the coefficients of each track's slow error, where that is in the model (`track_jitter`), m
-    stated : sd of effects' numbers as the survey itself states them, by effect and parameter, as "track_offset.x"
+    effect_sd : sd of effects' numbers as the survey itself states them, by effect and parameter, as "track_offset.x"
     """
 
     depth: tuple[float, float] = (0.9, 0.3)
@@ -40,7 +40,7 @@ class Prior:
     across: float = 0.05
     track_freedom: float = 2.0
     jitter: float = 0.3
-    stated: Mapping[str, float] = field(default_factory=dict)
+    effect_sd: Mapping[str, float] = field(default_factory=dict)
 
 
 #: Length over which slope and curvature of a route are one independent value, m.

@@ -118,7 +118,8 @@ class FitResult:
     route : [channel, 3], x, y, z, m
     covariance : [channel, 3, 3], m^2; NaN where the method gives none
     tails : [channel, 3, 3], m^2, what of it the tails of the prior on the shape add to the fit's own
-    constrained : [channel] bool, False where only the smoothness of routes decides the lateral position
+    constrained : [channel] bool, False where only the smoothness of routes decides the lateral position, or where no
+        fitted gauge lies
     data_share : [channel, 3], share of the posterior variance that data and anchors, not priors, decide; NaN likewise
     parameters : name -> Parameter
     vector : [parameter], all that was fitted, as `solver.fit.least_squares.State` packs it

@@ -14,7 +14,7 @@ from pydantic import Field
 from solver.effect import Effect
 from solver.fit.joint import joint_fit
 from solver.fit.pose import shortened
-from solver.fit.posterior import TAILS, Posterior, lateral_share, sensed
+from solver.fit.posterior import TAILS, Posterior, gauge_coverage, lateral_share
 from solver.fit.problem import Problem
 from solver.fit.result import Placed
 from solver.run import arrays
@@ -344,7 +344,9 @@ def combine(*runs: Run) -> Combined:
     whole: Problem = chain.problem
     channel, posterior = whole.route_channel, Posterior(chain, end.at)
     route, covariance, _, shape = posterior.route(whole.distance_of(channel))
-    sure = (lateral_share(route, covariance, shape) > 0.5) & np.any([sensed(one, channel) for one in problems], axis=0)
+    sure = (lateral_share(route, covariance, shape) > 0.5) & np.any(
+        [gauge_coverage(one, channel) for one in problems], axis=0
+    )
     covariance = covariance + (TAILS - 1) * shape
     agreement = tuple(agreed(run, channel, route, covariance) for run in runs)
     z = np.array([(one.across_z, one.depth_z) for one in agreement])

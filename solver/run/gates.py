@@ -19,6 +19,7 @@ from solver.run.floor import Floor
 from solver.run.trust import DIAGNOSE, Gate, Trust, Verdict
 from solver.survey.anchors import Anchor
 from solver.trajectory.agreement import WHERE_FROM
+from solver.trajectory.trajectory_effects import COMMON_ERRORS
 from solver.trajectory.vehicle_pass import Pass
 
 Array = NDArray[np.float64]
@@ -243,11 +244,15 @@ def wander_gates(result: FitResult, problem: Problem) -> list[Gate]:
 
 def common_gates(result: FitResult, problem: Problem) -> list[Gate]:
     """How far one camera puts all tracks off alike, against what they say; nothing without a camera."""
-    found = {name: result.parameters[name] for name in problem.prior.stated if name in result.parameters}
-    size = np.array([one.value / problem.prior.stated[name] for name, one in found.items()])
+    found = {name: result.parameters[name] for name in problem.prior.effect_sd if name in result.parameters}
+    size = np.array([one.value / problem.prior.effect_sd[name] for name, one in found.items()])
     if not len(size):
         return []
-    told = ", ".join(f"{name} {one.value:.3g} {one.unit}" for name, one in found.items())
+    titles = {f"{one.name}.{each.name}": one.title for one in COMMON_ERRORS for each in one.parameters}
+    told = ", ".join(
+        f"{titles[name].lower()}, {name.partition('.')[2]}: {one.value:.2g} {one.unit}".removesuffix(" 1")
+        for name, one in found.items()
+    )
     failed = chdtrc(len(size), (size**2).sum()) < ALARM
     words = f"all tracks off alike by {np.abs(size).max():.1f} sigmas at most" + (f" ({told})" if failed else "")
     mend = ("check the camera's calibration", FRAME, DIAGNOSE)

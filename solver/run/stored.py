@@ -93,7 +93,7 @@ class PriorFile(Stored):
     across: Spread
     track_freedom: Spread
     jitter: Spread
-    stated: dict[str, Spread]
+    effect_sd: dict[str, Spread]
 
 
 class CoilFile(Stored):

@@ -169,7 +169,7 @@ def track_jitter(driven: Trajectory, p: Values, survey: Surroundings) -> Traject
 
 
 #: What the base model fits of tracks from one camera.
-COMMON = (track_offset, track_rotation, track_scale)
+COMMON_ERRORS = (track_offset, track_rotation, track_scale)
 #: What the base model fits of tracks that are uncertain.
 SLOW_ERROR = track_jitter
 #: What `roadfiber clock` estimates.

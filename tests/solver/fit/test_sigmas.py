@@ -12,7 +12,7 @@ from solver.cable.fiber import SplineBasis
 from solver.fit.normal import Normal
 from solver.fit.normal_parts import Block, Part
 from solver.fit.parameter_prior import RouteRows
-from solver.fit.posterior import Posterior, lateral_share, sensed
+from solver.fit.posterior import Posterior, gauge_coverage, lateral_share
 from solver.fit.prior import Rows
 from solver.fit.state import Weights
 from solver.fit.visit import Visit
@@ -192,6 +192,6 @@ def test_no_place_beyond_the_gauges_of_fitted_channels_counts_as_measured() -> N
     """An anchor 36 m beyond the last of them made places between count, 8 m off at 0.4 m claimed."""
     fitted = np.array([4, 5, 6, 8, 9, 20, 21])
     problem = cast("Any", SimpleNamespace(channel=fitted, gauge_length=4.0, channel_spacing=1.0))
-    assert np.arange(25)[~sensed(problem, np.arange(25))].tolist() == [0, 1, 12, 13, 14, 15, 16, 17, 24]
+    assert np.arange(25)[~gauge_coverage(problem, np.arange(25))].tolist() == [0, 1, 12, 13, 14, 15, 16, 17, 24]
     short = cast("Any", SimpleNamespace(channel=fitted, gauge_length=2.0, channel_spacing=5.0))
-    assert np.arange(25)[sensed(short, np.arange(25))].tolist() == fitted.tolist()
+    assert np.arange(25)[gauge_coverage(short, np.arange(25))].tolist() == fitted.tolist()

@@ -166,7 +166,7 @@ def test_tracks_that_wander_and_ground_that_is_unlike_the_prior_fail(survey, tru
 
 
 def test_a_camera_that_puts_all_tracks_off_by_more_than_they_say_is_named(survey, trust) -> None:
-    problem = replace(survey.problem, prior=replace(survey.problem.prior, stated={"track_rotation.angle": 0.2}))
+    problem = replace(survey.problem, prior=replace(survey.problem.prior, effect_sd={"track_rotation.angle": 0.2}))
 
     def judged(angle: float):
         turned = {"track_rotation.angle": Parameter(angle, 0.1, "degree", True)}
@@ -174,7 +174,7 @@ def test_a_camera_that_puts_all_tracks_off_by_more_than_they_say_is_named(survey
 
     assert failed(judged(0.5)) == [] and "all tracks off alike by 2.5 sigmas at most." in judged(0.5).sentence
     assert failed(found := judged(1.2)) == ["tracks together"]
-    assert "all tracks off alike by 6.0 sigmas at most (track_rotation.angle 1.2 degree)" in found.sentence
+    assert "all tracks off alike by 6.0 sigmas at most (turned tracks, angle: 1.2 degree)" in found.sentence
 
 
 def test_what_did_not_converge_is_poor_whatever_its_misfit(trust):
