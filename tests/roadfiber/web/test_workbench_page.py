@@ -29,10 +29,35 @@ FIND = """
 """
 
 
+#: An effect that is computed only once a file is gone: a diagnosis lasts as long as the test needs it.
+WAITING = """
+import time
+from pathlib import Path
+
+from roadfiber import Parameter, effect
+
+
+@effect("downforce", "load", [Parameter("share", "1", 0.05)], physics="Air presses on a vehicle.", source="Hucho 1998.")
+def downforce(load, p, survey):
+    while Path({held!r}).exists():
+        time.sleep(0.05)
+    factor = 1 + p["share"] * (load.trajectory.speed / 30) ** 2
+    return load.modulated(factor, 0 * factor)
+"""
+
+
 @pytest.fixture
-def server(hidden):
+def held(tmp_path):
+    """A file; while it is there, no diagnosis ends."""
+    return tmp_path / "held"
+
+
+@pytest.fixture
+def server(hidden, held, tmp_path):
     """The address that `roadfiber workbench` prints, and its process."""
-    words = [sys.executable, "-m", "roadfiber", "workbench", str(hidden), "--no-browser"]
+    plugin = tmp_path / "waiting.py"
+    plugin.write_text(WAITING.format(held=str(held)))
+    words = [sys.executable, "-m", "roadfiber", "workbench", str(hidden), "--plugin", str(plugin), "--no-browser"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
         try:
             yield re.search(r"http://\S+", process.stdout.readline())[0], process
@@ -59,7 +84,7 @@ def files_of(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_missing_effect_is_found_by_eye_tried_added_and_undone(chromium, server, hidden):
+def test_a_missing_effect_is_found_by_eye_tried_added_and_undone(chromium, server, hidden, held):
     address, process = server
     assert is_shut(address)
     page, other = opened(chromium, address), opened(chromium, address)
@@ -101,6 +126,7 @@ def test_a_missing_effect_is_found_by_eye_tried_added_and_undone(chromium, serve
     exported = Path(downloaded.value.path()).read_bytes()
     assert exported == (hidden.parent / "run-2" / "route.geojson").read_bytes()
 
+    held.touch()
     page.get_by_role("button", name="Diagnose").click()
     page.get_by_role("button", name="Cancel").click()
     page.locator("#said", has_text="diagnosing: canceled").wait_for()
