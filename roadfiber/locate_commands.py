@@ -100,11 +100,13 @@ def pictured(error: InputError, out: Path) -> str:
 
 
 def summary(run: "Run | DriveRun", out: Path) -> str:
-    """Say in a few lines what was found and how far it may be relied on: what the report and fit.json say, too."""
+    """Say what files state, what was found and how far it may be relied on: what the report and fit.json say, too."""
     from solver.run.run import Run
+    from vision.contract.statements import Statements, table_lines
 
+    stated = table_lines([Statements.of(one) for one in run.facts["statements"]])
     if not isinstance(run, Run):
-        return "\n".join([run.headline, run.trust, *run.warnings, f"report: {out / 'report.html'}"])
+        return "\n".join([*stated, run.headline, run.trust, *run.warnings, f"report: {out / 'report.html'}"])
     known = run.route[run.route["constrained"]]
     found = ["the data decide no place of the fiber"]
     if len(known):
@@ -114,6 +116,7 @@ def summary(run: "Run | DriveRun", out: Path) -> str:
         found += [f"1 sigma: {across:.2f} m across at most, {deep:.2f} m in depth"]
     return "\n".join(
         [
+            *stated,
             run.headline,
             run.trust.replace("RUN", str(out)),
             *found,

@@ -51,6 +51,7 @@ def test_what_a_diagnosis_changes_of_a_run_is_on_the_page(bench):
     bench.adder.asked[0].then({"candidates": [ROW], "headline": "Slip."})
     page.tick()
     assert "the model lacks slip" in page.controls.heading.object and page.listed == [ROW]
+    assert "<caption>trajectories.csv</caption>" in page.controls.heading.object
     compared = SimpleNamespace(regions=[])
     bench.looker.asked[1].then(compared)
     assert bench.comparison is compared, "of the run as it was, whose model and record are the same"

@@ -137,7 +137,8 @@ def test_map_of_the_other_end(drive: rf.Drive, run: rf.DriveRun) -> None:
 
 def test_command_writes_a_run(site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     app(["locate", str(site), "--out", str(tmp_path / "run")], standalone_mode=False)
-    assert "channels located along" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "gps.csv states, and taken is:" in said and "channels located along" in said
     assert (tmp_path / "run" / "report.html").is_file()
     with pytest.raises(rf.InputError, match="takes no method"):
         rf.locate(site, method="network")
