@@ -64,6 +64,8 @@ class Corner:
 
 #: Grades of a run, see `solver.run.trust.Trust`, that may be relied on.
 TRUSTED = ("good", "fair")
+#: Why a channel is not constrained.
+LOOSE = "Here neither data nor anchors decide, or the model does not explain what vehicles leave."
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ class Placed:
     covariance : [channel, 3, 3], m^2, of the 95 % corridor
     fit_covariance : of the fit alone, which takes its model for granted; None where no other is known
     grade, trust : what the run's checks say, see `solver.run.trust.Trust`: in a word, and in a sentence
+    left_out : what the corridor leaves out, in a sentence; "" where it leaves out nothing
     corners : where the fiber turns, or goes deeper or less deep
     """
 
@@ -87,12 +90,30 @@ class Placed:
     fit_covariance: NDArray[np.float64] | None = None
     grade: str = "good"
     trust: str = ""
+    left_out: str = ""
     corners: tuple[Corner, ...] = ()
+
+    @property
+    def told(self) -> str:
+        """What a file says of the whole route: what its checks say, and what its corridor leaves out."""
+        return f"{self.trust} {self.left_out}".strip()
 
     @property
     def reliable(self) -> NDArray[np.bool_]:
         """Channels [channel] that may be relied on: data and anchors decide them, and no check of the run failed."""
         return self.constrained & (self.grade in TRUSTED)
+
+    @property
+    def reason(self) -> NDArray[np.str_]:
+        """Why a channel [channel] is not to be relied on; of others what their corridor leaves out.
+
+        >>> place = np.arange(2), np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3, 3)), np.array([True, False])
+        >>> Placed(*place, trust="No check failed.", left_out="It takes the model for granted.").reason.tolist()
+        ['It takes the model for granted.', 'No check failed. Here neither data nor anchors decide, or the model does \
+not explain what vehicles leave.']
+        """
+        failed = self.trust.partition(" Next: ")[0]
+        return np.select([self.reliable, self.constrained], [self.left_out, failed], f"{failed} {LOOSE}".strip())
 
     @property
     def sigma(self) -> NDArray[np.float64]:

@@ -183,10 +183,12 @@ class Combined:
 
     @property
     def judged(self) -> Placed:
-        """The route with the worst grade of its runs."""
+        """The route with the worst grade of its runs, and what their corridors leave out."""
         grades = [str(run.facts["trust"]["grade"]) for run in self.runs]
         grade = "weak" if not self.converged else max(grades, key=("good", "fair", "weak", "poor").index)
-        return replace(self.place, grade=grade, trust=self.headline)
+        told = zip(self.agreement, self.runs, strict=True)
+        left_out = " ".join(f"{one.run}: {run.place.left_out}" for one, run in told if run.place.left_out)
+        return replace(self.place, grade=grade, trust=f"{self.headline}.", left_out=left_out)
 
     def plot(self, width: int = WIDTH) -> "Figure":
         """Draw sideways place and depth of the combined route with its 95 % corridor, and of each run by itself."""

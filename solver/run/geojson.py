@@ -161,7 +161,7 @@ def route_features(result: Placed, frame: LocalFrame, anchors: Sequence[Anchor],
         unconstrained_channels=[[int(result.channel[a]), int(result.channel[b])] for a, b in loose],
         altitude=ALTITUDE,
         trust=result.grade,
-        reason=result.trust,
+        reason=result.told,
         **line_style(bool(result.reliable.any())),
     )
     points = [

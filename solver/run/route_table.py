@@ -23,8 +23,9 @@ def route_table(place: Placed, frame: LocalFrame) -> "pd.DataFrame":
     table [channel]: `channel`; `distance` along the fiber, `x, y, z` and `sigma_x, sigma_y, sigma_z`, m (NaN where the
     method gives no sigma); `sigma_x_fit` and so on, of the fit alone, which takes its model for granted, where they are
     known; `latitude, longitude`, degrees; `constrained`, false where neither data nor anchors decide; `trust`, the
-    grade of the run's checks, and `reason`, why a channel is not to be relied on; `corner`, where the fiber turns there
-    or goes deeper or less deep, in words. Altitudes are in no column: z is the depth below the road.
+    grade of the run's checks, and `reason`, why a channel is not to be relied on, or what its corridor leaves out;
+    `corner`, where the fiber turns there or goes deeper or less deep, in words. Altitudes are in no column: z is the
+    depth below the road.
     """
     import pandas as pd
 
@@ -37,7 +38,7 @@ def route_table(place: Placed, frame: LocalFrame) -> "pd.DataFrame":
         | dict(zip(METERS, meters.T, strict=True))
         | of_fit
         | {"latitude": latitude, "longitude": longitude, "constrained": place.constrained}
-        | {"trust": place.grade, "reason": np.where(place.reliable, "", place.trust.partition(" Next: ")[0])}
+        | {"trust": place.grade, "reason": place.reason}
         | {"corner": [corners.get(channel, "") for channel in place.channel.tolist()]}
     )
 

@@ -26,7 +26,7 @@ BENDS, BEND = "bends", "Bends of the fiber that were not followed"
 TOLD = 0.05
 
 
-def placed(result: FitResult, added: Array | None, grade: str = "good", trust: str = "") -> Placed:
+def placed(result: FitResult, added: Array | None, grade: str = "good", trust: str = "", left_out: str = "") -> Placed:
     """The route of a fit with the covariance of its corridor.
 
     Parameters
@@ -34,11 +34,12 @@ def placed(result: FitResult, added: Array | None, grade: str = "good", trust: s
     result : of the fit
     added : [channel, 3, 3], m^2, for what its model may lack; None where nothing is added
     grade, trust : of the run's checks
+    left_out : what the corridor leaves out, in a sentence
     """
     own = result.covariance
     whole = own if added is None else own + added
     place = result.channel, result.distance, result.route, whole, result.constrained, own
-    return Placed(*place, grade, trust, result.corners)
+    return Placed(*place, grade, trust, left_out, result.corners)
 
 
 def median_half(place: FitResult | Placed) -> float:

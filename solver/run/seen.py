@@ -53,8 +53,8 @@ class Seen(LocatedFiber):
     @property
     def place(self) -> Placed:
         """The route with the covariance of its 95 % corridor, which every file and picture shows."""
-        trust = self.facts["trust"]
-        return placed(self.result, self.added, trust["grade"], trust["sentence"])
+        trust, left_out = self.facts["trust"], self.corridor if self.facts["corridor"]["why"] else ""
+        return placed(self.result, self.added, trust["grade"], trust["sentence"], left_out)
 
     @property
     def corners(self) -> tuple[Corner, ...]:

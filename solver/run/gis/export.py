@@ -157,7 +157,7 @@ def write_dxf(subject: Subject, target: Target, path: Path) -> None:
     drawing.header.custom_vars.append("THIRD", target.third)
     drawing.header.custom_vars.append("DATUM", target.datum(subject.frame))
     space = drawing.modelspace()
-    drawing.header.custom_vars.append("TRUST", f"{subject.place.grade}: {subject.place.trust}")
+    drawing.header.custom_vars.append("TRUST", f"{subject.place.grade}: {subject.place.told}")
     for name, color in (("route", 1), (UNRELIABLE, 8), ("corridor", 30), ("anchors", 5), ("corners", 6)):
         dashes = "DASHED" if name == UNRELIABLE else "CONTINUOUS"
         drawing.layers.add(f"FIBER_{name.upper()}", color=color, linetype=dashes)

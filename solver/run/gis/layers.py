@@ -71,7 +71,7 @@ def described(subject: Subject, first: int, last: int) -> dict[str, Any]:
         "depth_mean_m": round(float(place.route[part, 2].mean()), 3),
         "reliable": bool(place.reliable[first]),
         "trust": place.grade,
-        "reason": place.trust,
+        "reason": place.told if place.reliable[first] else str(place.reason[first]),
     }
 
 
@@ -138,7 +138,7 @@ def channel_table(subject: Subject, target: Target) -> "pd.DataFrame":
     columns |= {f"sigma_{axis}_m": sigma[:, number] for number, axis in enumerate("xyz")}
     columns |= {"half_width_95_m": found.across.round(4), "depth_95_m": found.depth.round(4)}
     columns |= {"constrained": place.constrained, "pas128": found.pas128, "pas128_numbers_met": found.within}
-    columns |= {"trust": place.grade, "reason": np.where(place.reliable, "", place.trust)}
+    columns |= {"trust": place.grade, "reason": place.reason}
     return pd.DataFrame(columns | {"asce38": found.asce38})
 
 

@@ -46,7 +46,7 @@ def sheet(subject: Subject, target: Target) -> Figure:
     figure = Figure(figsize=A4)
     place = subject.place
     figure.text(0.08, 0.955, f"{subject.name}: fiber route", size=16, weight="bold")
-    trust = wrapped(place.trust)
+    trust = wrapped(place.told)
     figure.text(0.08, 0.945, trust, size=8, va="top", color=MUTED)
     below = 0.945 - LEADING * (trust.count("\n") + 2)
     figure.text(0.08, below, wrapped(DIGGING, 105), size=8, va="top", weight="bold")

@@ -117,6 +117,7 @@ def test_what_is_written_is_what_was_found_and_opens_again(days, survey, tmp_pat
     Draft202012Validator(rf.schema("combined.json")).validate(facts)
     rows = (both / "route.csv").read_text().splitlines()
     assert len(rows) == 1 + len(combined.route) and rows[0].startswith("channel,distance,x,y,z,sigma_x")
+    assert combined.judged.left_out.count(whole.corridor) == 2, "runs that looked at nothing they may lack"
     assert "Do the runs agree?" in combined.page() and combined.headline in repr(combined)
     opened = rf.open(both)
     opened.to_geojson(tmp_path / "route.geojson")

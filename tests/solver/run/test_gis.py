@@ -173,6 +173,21 @@ def test_a_route_that_may_not_be_relied_on_looks_different_in_every_format(subje
     assert solid == [50, 0] and "fiber, not to be relied on" in drawn[1]
 
 
+def test_what_the_corridor_leaves_out_is_said_in_every_format(subject: Subject, tmp_path: Path) -> None:
+    left_out = "What it may lack is not looked at."
+    bare = replace(subject, place=replace(subject.place, left_out=left_out))
+    export(bare, [tmp_path / name for name in ("a.gpkg", "a.csv", "a.dxf")], UTM)
+    export(bare, [tmp_path / name for name in ("a.geojson", "a.kml")])
+    for layer in ("route", "corridor", "channels"):
+        told = geopandas.read_file(tmp_path / "a.gpkg", layer=layer)
+        assert told["reason"][told["constrained"]].str.endswith(left_out).all()
+    table = pd.read_csv(tmp_path / "a.csv")
+    assert (table["reason"] == left_out).equals(table["constrained"])
+    assert dict(ezdxf.readfile(tmp_path / "a.dxf").header.custom_vars)["TRUST"].endswith(left_out)
+    assert all(left_out in (tmp_path / name).read_text() for name in ("a.geojson", "a.kml"))
+    assert any(left_out in " ".join(text.get_text().split()) for text in sheet(bare, Target.of(UTM)).texts)
+
+
 def test_geojson_is_what_the_standard_says(subject: Subject, tmp_path: Path) -> None:
     export(subject, tmp_path / "a.geojson")
     whole = json.loads((tmp_path / "a.geojson").read_text())

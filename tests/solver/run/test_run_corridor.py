@@ -8,7 +8,7 @@ import pytest
 
 from roadfiber.locate_commands import summary
 from solver.run.folder import read_run
-from solver.run.geojson import Z95, half_width
+from solver.run.geojson import Z95, half_width, route_features
 from solver.run.report.report_page import render
 from solver.run.run import Run, run_of
 from solver.run.run_corridor import corridor_facts, corridor_sentence, median_half, placed
@@ -33,6 +33,17 @@ def test_a_run_as_fitted_says_that_it_takes_its_model_for_granted(run):
     assert "if the model lacks nothing; what it may lack was not looked at." in run.corridor
     np.testing.assert_array_equal(run.route["sigma_y"], run.route["sigma_y_fit"])
     assert "If the model holds, the corridor holds the fiber at any one place in 95 of 100 surveys" in render(run)
+
+
+def test_what_a_corridor_leaves_out_goes_with_the_route(run):
+    sure = run.place.reliable
+    assert set(run.route["reason"][sure]) == {run.corridor}, "of a run that looked at nothing it may lack"
+    assert run.route["reason"][~sure].str.contains("neither data nor anchors decide").all() and 0 < sure.sum() < len(
+        sure
+    )
+    line = route_features(run.place, run.frame, run.anchors, run.name)["features"][0]["properties"]
+    assert line["reason"] == f"{run.trust} {run.corridor}"
+    assert wider(run, 0.25).place.told == run.trust
 
 
 def test_how_much_of_the_error_all_places_share_is_told_and_kept(survey, tmp_path):
