@@ -109,10 +109,10 @@ class Placed:
 
         >>> place = np.arange(2), np.zeros(2), np.zeros((2, 3)), np.zeros((2, 3, 3)), np.array([True, False])
         >>> Placed(*place, trust="No check failed.", left_out="It takes the model for granted.").reason.tolist()
-        ['It takes the model for granted.', 'No check failed. Here neither data nor anchors decide, or the model does \
-not explain what vehicles leave.']
+        ['It takes the model for granted.', 'Here neither data nor anchors decide, or the model does not explain what \
+vehicles leave.']
         """
-        failed = self.trust.partition(" Next: ")[0]
+        failed = "" if self.grade == "good" else self.trust.partition(" Next: ")[0]
         return np.select([self.reliable, self.constrained], [self.left_out, failed], f"{failed} {LOOSE}".strip())
 
     @property

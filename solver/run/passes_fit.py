@@ -104,5 +104,5 @@ class Fitting:
         if problem.coil is not None:
             warnings.append(self.found.coil_line)
         if wider is None or len(problem.channel) < len(wider.channel):
-            warnings += self.found.unfitted
+            warnings += self.found.beyond(result.channel[result.constrained])
         return PassesFit(list(passes), whole, choice, result, problem, warnings, disputed)

@@ -1,7 +1,7 @@
 """Where a fit begins: channels and rough routes, on a street or along kilometers."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ class FirstRoutes:
     sections : what it made of them there, section by section
     felt : first and last channel that record vehicles in view, though perhaps not where one line along the road expects
         them; None: no others
-    unfitted : lines for the user on those beyond `channel`, where they are not fitted
+    unfitted : why those beyond `channel` are not fitted, by side: 0 before the first, -1 behind the last
     """
 
     channel: NDArray[np.int64]
@@ -51,7 +51,7 @@ class FirstRoutes:
     rough: Initialization | None = None
     sections: Sequence[Found] = ()
     felt: NDArray[np.int64] | None = None
-    unfitted: Sequence[str] = ()
+    unfitted: Mapping[int, str] = field(default_factory=dict)
 
     @property
     def coil_line(self) -> str:
@@ -70,7 +70,15 @@ class FirstRoutes:
         if self.felt is None or np.array_equal(self.felt, self.channel[[0, -1]]):
             return None
         channel = np.arange(self.felt[0], self.felt[1] + 1)
-        return replace(self, channel=channel, routes=[straight_on(self.channel, self.routes[0], channel)], unfitted=())
+        return replace(self, channel=channel, routes=[straight_on(self.channel, self.routes[0], channel)], unfitted={})
+
+    def beyond(self, located: NDArray[np.int64]) -> list[str]:
+        """Lines for the user on channels that are not fitted, given the numbers of those `located` [channel].
+
+        >>> FirstRoutes(np.arange(9), [], [], [], unfitted={-1: "it is not located"}).beyond(np.arange(2, 7))
+        ['it is not located beyond channel 6']
+        """
+        return [f"{why} beyond channel {located[side]}" if len(located) else why for side, why in self.unfitted.items()]
 
 
 def farthest_felt(end: int, loud: NDArray[np.int64]) -> int:
@@ -134,11 +142,11 @@ def find_first_routes(
     gauge = round(record.gauge_length / record.channel_spacing)
     keep = straight_part(rough, passes, gauge, recorded)
     seen = np.clip(view_of(rough, passes), *recorded)
-    felt, unfitted = rough.channel[keep][[0, -1]], list[str]()
+    felt, unfitted = rough.channel[keep][[0, -1]], dict[int, str]()
     for side in (0, -1):
         if (end := int(rough.channel[side])) != rough.channel[keep][side]:
             loud = felt_beyond(record, passes, end, int(seen[side]))
-            unfitted.append(beyond_words(end, loud, gauge))
+            unfitted[side] = beyond_words(end, loud, gauge)
             if abs((farthest := farthest_felt(end, loud)) - end) > gauge:
                 felt[side] = farthest
     sides = [rough.lateral] if used else [rough.lateral, rough.mirror]

@@ -41,7 +41,7 @@ def felt_beyond(record: DASRecord, passes: Sequence[Pass], end: int, farthest: i
 
 
 def beyond_words(end: int, loud: np.ndarray, gauge: int) -> str:
-    """Say why the fiber is not located beyond channel `end`, where the channels `loud` record vehicles in view.
+    """Say why the fiber is not fitted beyond channel `end`, where the channels `loud` record vehicles in view.
 
     Within a `gauge`, channels, of the end all that is felt may be what a bend there senses.
 
@@ -51,13 +51,12 @@ def beyond_words(end: int, loud: np.ndarray, gauge: int) -> str:
     if len(loud) > gauge:
         return (
             f"vehicles are recorded beyond channel {end}, too ({channel_ranges(loud)}), but not where one line along "
-            "the road expects them: the fiber turns or lies coiled there, or the tracks are off; it is not located "
-            "beyond"
+            "the road expects them: the fiber turns or lies coiled there, or the tracks are off; it is not located"
         )
     much, where = ("hardly", f" (on {channel_ranges(loud)})") if len(loud) else ("not", "")
     return (
         f"vehicles are {much} recorded beyond channel {end}{where}, though the view and the record go on: the fiber "
-        "leaves the road there, or records nothing; it is not located beyond"
+        "leaves the road there, or records nothing; it is not located"
     )
 
 
