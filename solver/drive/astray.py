@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.drive.path import STEP
+from solver.drive.path import MISTAKES, STEP
 from solver.run.trust import Gate
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from solver.drive.channel_fit import Fit
+    from solver.survey.anchors import Anchor
 
 Array = NDArray[np.float64]
 
@@ -22,6 +25,8 @@ LIKELY, MANY = 0.5, 0.15
 SOME, COMPANY = 3, 400.0
 #: Standard deviations of the car's log amplitude by which it is louder than the car.
 LOUDER = 1.5
+#: Sigmas by which an anchor, or the length factor, is off.
+OFF = 3.5
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,36 @@ def places(fit: "Fit") -> Gate:
         found=worst.size,
         expected=FAR,
     )
+
+
+def anchor_gate(fit: "Fit", anchors: "Sequence[Anchor]") -> list[Gate]:
+    """Whether anchors, on recorded channels, are on the route that they and the car tell; nothing without any."""
+    if not anchors:
+        return []
+    known = np.array([(one.x, one.y) for one in anchors])
+    at = np.array([one.channel for one in anchors]) - float(fit.quiet.channel[0])
+    told = (fit.cell, fit.aside.lateral, fit.sigma * STEP, fit.aside.sigma)
+    cell, lateral, *sigmas = (np.interp(at, np.arange(len(fit.cell)), one) for one in told)
+    number = np.clip(np.round(cell).astype(np.int64), 0, len(fit.path.points) - 1)
+    axes = np.stack([fit.path.along[number], fit.path.across[number]], 1)
+    sigma = np.hypot(np.stack(sigmas, -1), np.array([[one.sigma_xy] for one in anchors]))
+
+    def missed(places: Array) -> tuple[Array, Array]:
+        miss = places - fit.path.at(cell, lateral)
+        return np.hypot(*miss.T), np.abs(np.einsum("nij,nj->ni", axes, miss) / sigma).max(1)
+
+    distance, off = missed(known)
+    wrong = np.flatnonzero(off > OFF).tolist()
+    if not wrong:
+        count = "1 anchor" if len(anchors) == 1 else f"{len(anchors)} anchors"
+        return [Gate("anchors", "passed", f"{count} within {off.max():.1f} sigmas of the route")]
+    words = ", ".join(
+        f"anchor {anchors[i].name} {distance[i]:.0f} m off the route ({off[i]:.0f} sigmas)" for i in wrong
+    )
+    mended = [right for right, turn in MISTAKES.items() if (missed(known @ np.array(turn))[1] < OFF).all()]
+    words += f", all on it if {' or if '.join(mended)}" if mended else ""
+    mend = ("check the channels and coordinates of the anchors, and the frame of map and GPS",)
+    return [Gate("anchors", "failed", words, mend, found=float(off.max()), expected=OFF)]
 
 
 def between_others(fit: "Fit") -> list[tuple[int, int]]:

@@ -185,16 +185,25 @@ class Drive:
         raise InputError(f"trajectories: {said}; give a record of the drive")
 
     def check_near(self) -> None:
-        """Raise InputError where the map never comes near the drive."""
+        """Raise InputError where the map never comes near the drive, or would all along if it were not mistaken."""
         from scipy.spatial import KDTree
 
-        from solver.drive.path import path_of
+        from solver.drive.path import BESIDE, MISTAKES, path_of
 
         points = self.tracks[["x", "y"]].to_numpy(float)
         path = path_of(self.vertices)
-        inner = path.points[path.first : path.first + max(2, round(path.length))]
-        nearest = float(KDTree(inner).query(points)[0].min())
-        if nearest > NEAREST:
+        tree = KDTree(path.points[path.first : path.first + max(2, round(path.length))])
+        away = tree.query(points)[0]
+        near = float((away < BESIDE).mean())
+        for right, turn in MISTAKES.items() if near < 0.5 else ():
+            # All of these undo themselves: what mends the fixes mends the map.
+            instead = float((tree.query(points @ np.array(turn))[0] < BESIDE).mean())
+            if instead > 0.9:
+                raise InputError(
+                    f"route: {100 * near:.0f} % of the car's fixes are beside the map, and {100 * instead:.0f} % would "
+                    f"be if {right} in one of the two; mend [route] file or the GPS, whichever is wrong"
+                )
+        if (nearest := float(away.min())) > NEAREST:
             raise InputError(
                 f"route: the drive never comes within {nearest:.0f} m of the map; check [route] file, and that map and "
                 "GPS are in one coordinate system"

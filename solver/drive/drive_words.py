@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.drive.astray import companions, others, others_of, places
+from solver.drive.astray import OFF, anchor_gate, companions, others, others_of, places
 from solver.drive.coarse import LEAD
 from solver.drive.loops import flags_of
 from solver.drive.misstated_words import as_stated
@@ -15,7 +15,10 @@ from solver.run.trust import Gate
 from vision.contract.rounding import with_sigma
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from solver.drive.channel_fit import Fit
+    from solver.survey.anchors import Anchor
 
 #: Share of the channels beside the car that hear it in a good drive.
 MOST = 0.5
@@ -25,8 +28,6 @@ CLOCK = 0.3
 SET = 0.06
 #: Share of picks that disagree with their neighbors at most.
 STRAY = 0.25
-#: Sigmas of the length factor.
-FAR = 3.5
 #: m of path without the car that are worth a word, and stretches that are named.
 GAP, NAMED = 60.0, 6
 #: Probability of slack beyond which a channel lies in some.
@@ -141,7 +142,7 @@ def factor_of(fit: "Fit", prior: tuple[float, float]) -> tuple[float, float]:
     return mean, float(np.hypot(fit.sigma[first], fit.sigma[last]) * STEP / way)
 
 
-def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
+def gates_of(fit: "Fit", prior: tuple[float, float], anchors: "Sequence[Anchor]") -> list[Gate]:
     """The checks of a drive."""
     heard = float(fit.audible[fit.beside & ~fit.quiet.dead].mean()) if fit.beside.any() else 0.0
     audible = fit.picks.audible[: fit.legs.count]
@@ -181,7 +182,7 @@ def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
         ),
         Gate(
             "length",
-            "passed" if off < FAR else "failed",
+            "passed" if off < OFF else "failed",
             f"{factor:.3f} m of cable per m of map",
             ("check the channel spacing and length_factor in [route]",),
             found=factor,
@@ -191,6 +192,7 @@ def gates_of(fit: "Fit", prior: tuple[float, float]) -> list[Gate]:
         second_leg(fit),
         rival(fit),
         places(fit),
+        *anchor_gate(fit, anchors),
         others(fit),
         companions(fit),
         as_stated(fit.misstated, fit.stated),
@@ -259,7 +261,8 @@ def advice(fit: "Fit", unheard: list[Unheard]) -> list[str]:
     side = float(np.median(fit.aside.sigma[fit.audible])) if fit.audible.any() else 0.0
     if side > 2.0:
         lines.append(
-            f"which side of the road the fiber lies on is known to {side:.1f} m (1 sigma); a second drive in the other "
+            "on which side of the road the fiber lies is not decided: where the car drove in one lane the map alone "
+            f"tells it, and across the road the fiber is known to {side:.1f} m (1 sigma); a second drive in the other "
             "direction, two lanes away, would decide it"
         )
     if fit.clock_sigma > SET:

@@ -21,6 +21,7 @@ from solver.drive.waterfall import moments_of, picture_of, track_of
 from solver.run.facts import versions
 from solver.run.strict_json import strict
 from solver.run.trust import Trust
+from solver.trajectory.agreement import unrecorded_line
 
 
 def locate_drive(drive: Drive) -> DriveRun:
@@ -48,10 +49,13 @@ def found_facts(drive: Drive, fit: Fit, constrained: NDArray[np.bool_]) -> dict[
     """What fit.json says of a fit."""
     unheard = words.unheard_of(fit, constrained)
     factor = words.factor_of(fit, drive.length_factor)
+    recorded = int(fit.quiet.channel[0]), int(fit.quiet.channel[-1])
+    anchors = [one for one in drive.anchors if recorded[0] <= one.channel <= recorded[1]]
+    unused = [unrecorded_line(one, recorded) for one in drive.anchors if one not in anchors]
     return {
         "headline": words.headline(fit, constrained),
-        "trust": asdict(Trust.of(words.gates_of(fit, drive.length_factor))),
-        "next": [*fit.quiet.cautions, *drive.cautions, *words.advice(fit, unheard)],
+        "trust": asdict(Trust.of(words.gates_of(fit, drive.length_factor, anchors))),
+        "next": [*fit.quiet.cautions, *drive.cautions, *unused, *words.advice(fit, unheard)],
         "clock": words.clock_words(fit),
         "converged": fit.converged,
         "iterations": fit.rounds,

@@ -21,6 +21,13 @@ ROUNDED = 6.0
 BENDS, CORNER = 60.0, 1.0
 #: m between points of a curve.
 FINE = 0.25
+#: How x and y of a whole file come out wrong, as what would be right, and the matrix that turns one into the other.
+MISTAKES = {
+    "y had the other sign (y is to the right of x)": ((1.0, 0.0), (0.0, -1.0)),
+    "x had the other sign": ((-1.0, 0.0), (0.0, 1.0)),
+    "x and y had the other sign (as x_azimuth off by 180 degrees gives)": ((-1.0, 0.0), (0.0, -1.0)),
+    "x and y were exchanged": ((0.0, 1.0), (1.0, 0.0)),
+}
 
 
 @dataclass(frozen=True)

@@ -84,15 +84,17 @@ def slow_line(record: DASRecord, passes: "Sequence[Pass]") -> str | None:
 
 def in_record(anchors: Sequence[Anchor], record: DASRecord, warnings: list[str]) -> list[Anchor]:
     """Anchors on channels of the record, or so little beyond that they matter; the others are named in `warnings`."""
-    first, last = record.recorded.channels
-    used = within_reach(anchors, (first, last), record.channel_spacing)
-    for one in anchors:
-        if one not in used:
-            warnings.append(
-                f"anchor {one.name} is on channel {one.channel:g}, which is not in the record ({first} to {last}), so "
-                "it is not used; check the number if the record should hold it"
-            )
+    used = within_reach(anchors, record.recorded.channels, record.channel_spacing)
+    warnings += [unrecorded_line(one, record.recorded.channels) for one in anchors if one not in used]
     return used
+
+
+def unrecorded_line(anchor: Anchor, recorded: tuple[int, int]) -> str:
+    """Say that an anchor's channel is not among those `recorded`, the first and the last."""
+    return (
+        f"anchor {anchor.name} is on channel {anchor.channel:g}, which is not in the record ({recorded[0]} to "
+        f"{recorded[1]}), so it is not used; check the number if the record should hold it"
+    )
 
 
 def near(anchors: Sequence[Anchor], active: tuple[int, int], spacing: float, warnings: list[str]) -> list[Anchor]:

@@ -1,12 +1,15 @@
 """What a drive says of stretches on which what should agree does not."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from solver.drive.astray import between_others, companions, others, places
+from solver.drive.astray import anchor_gate, between_others, companions, others, places
 from solver.drive.drive_words import Unheard, advice, constrained_of, slack_of
+from solver.drive.path import path_of
+from solver.survey.anchors import Anchor
 
 CHANNELS = 60
 
@@ -52,6 +55,24 @@ def test_estimates_that_disagree_are_told_on_channels_that_are_heard() -> None:
     assert places(fit).words.startswith("on channels 118 to 143 what is heard is up to 30 m")
     fit.channels.cell[40:44] -= 30.0  # only where nothing is heard, but for two channels
     assert places(fit).verdict == "passed"
+
+
+def test_anchors_off_the_route_are_told_and_which_mistake_would_explain_them() -> None:
+    path = path_of(np.array([[0.0, 90.0], [300.0, 120.0], [600.0, 60.0]]))
+    cell, lateral = path.first + 10.0 * np.arange(CHANNELS), np.full(CHANNELS, 4.0)
+    fit = fit_of(path=path, cell=cell, aside=SimpleNamespace(sigma=np.full(CHANNELS, 2.0), lateral=lateral))
+    near = path.at(cell[[12, 40]], 4.0) + np.array([[1.0, 0.0], [0.0, -2.0]])
+    right = [
+        Anchor(name, 100 + at, *place, 1.0, 0.5, 0.2) for name, at, place in zip("ab", (12, 40), near, strict=True)
+    ]
+    (gate,) = anchor_gate(fit, right)
+    assert (gate.verdict, gate.words) == ("passed", "2 anchors within 1.0 sigmas of the route")
+    (gate,) = anchor_gate(fit, [replace(one, y=-one.y) for one in right])
+    assert gate.verdict == "failed" and gate.words.startswith("anchor a 2") and ", anchor b 2" in gate.words
+    assert gate.words.endswith("all on it if y had the other sign (y is to the right of x)")
+    (gate,) = anchor_gate(fit, [right[0], replace(right[1], x=right[1].x + 30)])
+    assert gate.words.startswith("anchor b 3") and "other sign" not in gate.words
+    assert anchor_gate(fit, []) == []
 
 
 def test_channels_that_hear_others_are_counted_and_named() -> None:

@@ -15,6 +15,7 @@ import roadfiber as rf
 from roadfiber.command import app
 from solver.drive.drive_folder import EXPECTED
 from solver.drive.drive_page import drive_page
+from solver.survey.anchors import Anchor
 from tests.offline_pages import EVIL, is_whole, tells
 
 
@@ -129,7 +130,9 @@ def test_patch_gets_coordinates(run: rf.DriveRun) -> None:
 
 
 def test_map_of_the_other_end(drive: rf.Drive, run: rf.DriveRun) -> None:
-    turned = rf.locate(replace(drive, vertices=drive.vertices[::-1].copy()))
+    elsewhere = Anchor("far", 9999, 0.0, 0.0, 1.0, 0.1, 0.1)
+    turned = rf.locate(replace(drive, vertices=drive.vertices[::-1].copy(), anchors=[elsewhere]))
+    assert any("anchor far is on channel 9999, which is not in the record" in line for line in turned.warnings)
     assert turned.facts["map_reversed"] != run.facts["map_reversed"]
     both = run.arrays["heard"] & turned.arrays["heard"]
     assert np.abs(turned.arrays["route"] - run.arrays["route"])[both, :2].max() < 3.0

@@ -14,7 +14,7 @@ import roadfiber as rf
 from roadfiber.locate_commands import pictured
 from solver.drive.car import car_of
 from solver.drive.operator_map import read_operator_map
-from solver.drive.path import path_of
+from solver.drive.path import MISTAKES, path_of
 from solver.drive.response import Clock, legs_of
 from solver.drive.rounds import check_found
 from solver.drive.waterfall import SeenDrive
@@ -44,6 +44,19 @@ def test_gps_of_another_day(drive: rf.Drive) -> None:
 def test_map_of_another_place(drive: rf.Drive) -> None:
     with pytest.raises(rf.InputError, match=r"never comes within \d+ m of the map"):
         rf.locate(replace(drive, vertices=drive.vertices + 5000.0))
+
+
+@pytest.mark.parametrize("right", MISTAKES)
+def test_map_that_is_mirrored_or_turned(drive: rf.Drive, right: str) -> None:
+    """It leads away from the drive, and was located along the few meters where both cross."""
+    turn = np.array(MISTAKES[right])
+    xy = drive.tracks[["x", "y"]].to_numpy() @ turn
+    for mistaken in (
+        replace(drive, vertices=drive.vertices @ turn),
+        replace(drive, tracks=drive.tracks.assign(x=xy[:, 0], y=xy[:, 1])),
+    ):
+        with pytest.raises(rf.InputError, match="100 % would be if " + re.escape(right)):
+            mistaken.check_near()
 
 
 def test_record_of_another_cable_and_what_was_seen(drive: rf.Drive, tmp_path: Path) -> None:
