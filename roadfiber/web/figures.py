@@ -77,6 +77,11 @@ class North:
         self.letter.update(x=x, y=y)
 
 
+def dash_of(run: Seen) -> str:
+    """How the fiber is drawn: solid where it may be relied on."""
+    return "solid" if run.place.reliable.any() else "dashed"
+
+
 class RouteMap:
     """The street from above: route with its corridor, tracks, anchors, where a preview or the rung below puts it.
 
@@ -104,7 +109,7 @@ class RouteMap:
         self.plot.add_tools(HoverTool(renderers=[tracks], tooltips=[("vehicle", "@name")]))
         band = self.plot.patches("xs", "ys", source=self.corridor, fill_color=ROUTE, fill_alpha=0.25, line_alpha=0)
         self.plot.line("x", "y", source=self.other, color=INK, line_width=2, line_dash=[5, 4])
-        route = self.plot.line("x", "y", source=self.route, color=ROUTE, line_width=2.5)
+        self.line = route = self.plot.line("x", "y", source=self.route, color=ROUTE, line_width=2.5)
         marks = self.plot.scatter("x", "y", source=self.anchors, marker="square", size=9, color=INK, fill_alpha=0)
         self.plot.add_tools(HoverTool(renderers=[marks], tooltips=[("anchor", "@name")]))
         turns = self.plot.scatter("x", "y", source=self.corners, marker="diamond", size=13, color=INK, fill_alpha=0)
@@ -129,7 +134,8 @@ class RouteMap:
         self.corridor.data = table(xs=[one[:, 0].tolist() for one in rings], ys=[one[:, 1].tolist() for one in rings])
         x, y = (np.where(result.constrained, result.route[:, at], np.nan) for at in (0, 1))
         self.route.data = table(x=x, y=y)
-        low, high = np.nanmin(x) - 15, np.nanmax(x) + 15
+        self.line.glyph.line_dash = dash_of(run)
+        low, high = result.route[:, 0].min() - 15, result.route[:, 0].max() + 15
         paths = [one.position[(one.position[:, 0] > low) & (one.position[:, 0] < high)] for one in run.passes]
         self.tracks.data = table(
             xs=[one[:, 0].tolist() for one in paths],
@@ -177,13 +183,14 @@ class DepthProfile:
         self.plot.y_range.flipped = True
         self.plot.varea("channel", "low", "high", source=self.source, fill_color=ROUTE, fill_alpha=0.25)
         self.plot.line("channel", "z", source=self.other, color=INK, line_width=2, line_dash=[5, 4])
-        self.plot.line("channel", "z", source=self.source, color=ROUTE, line_width=2.5)
+        self.line = self.plot.line("channel", "z", source=self.source, color=ROUTE, line_width=2.5)
 
     def show(self, run: Seen) -> None:
         """Draw a run."""
         place = run.place
         z, half = (np.where(place.constrained, one, np.nan) for one in (place.route[:, 2], Z95 * place.sigma[:, 2]))
         self.source.data = table(channel=place.channel, z=z, low=z - half, high=z + half)
+        self.line.glyph.line_dash = dash_of(run)
 
     def beside(self, channel: NDArray[np.int64], z: Array) -> None:
         """Draw another depth dashed."""

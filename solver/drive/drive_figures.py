@@ -65,11 +65,12 @@ def channel_figure(run: "DriveRun", width: int) -> Figure:
     for axes in panels:
         shade_loops(axes, run)
         axes.set_xlim(channel[0] - 0.5, channel[-1] + 0.5)
-    draw_line(panels[0], channel, along / 1e3, half / 1e3, constrained)
+    sure = run.placed.reliable
+    draw_line(panels[0], channel, along / 1e3, half / 1e3, sure)
     panels[0].axhspan(0, run.facts["map_length"] / 1e3, color=RULE, alpha=0.3, lw=0, zorder=0)
     panels[0].set(ylabel="along the map, km", title="Which channel lies where (gray: the map; green: loops of slack)")
     slack = slack_of(run)
-    draw_line(panels[1], channel, slack, half, constrained)
+    draw_line(panels[1], channel, slack, half, sure)
     shown = slack[constrained] if constrained.any() else slack
     margin = max(8.0, 0.08 * float(np.ptp(shown)))
     panels[1].set_ylim(shown.min() - margin, shown.max() + margin)
@@ -92,12 +93,12 @@ def slack_of(run: "DriveRun") -> Array:
     return np.asarray(slack - slack[located[0] if len(located) else 0])
 
 
-def draw_line(axes: Axes, channel: Array, value: Array, half: Array, constrained: NDArray[np.bool_]) -> None:
-    """A line with its band: solid where the drive decides it, dotted elsewhere."""
+def draw_line(axes: Axes, channel: Array, value: Array, half: Array, sure: NDArray[np.bool_]) -> None:
+    """A line with its band: solid where the drive decides it and no check failed, dotted elsewhere."""
     axes.fill_between(channel, value - half, value + half, color=ROUTE, alpha=0.25, lw=0)
-    for first, last in runs(constrained):
+    for first, last in runs(sure):
         part = slice(max(0, first - 1), last + 1)
-        style = "-" if constrained[first] else (0, (1, 1.5))
+        style = "-" if sure[first] else (0, (1, 1.5))
         axes.plot(channel[part], value[part], color=ROUTE, lw=1.6, ls=style)
 
 
@@ -115,11 +116,12 @@ def plan_figure(run: "DriveRun", width: int) -> Figure:
     axes.plot(*line.T, color=MUTED, lw=1.2, ls=(0, (4, 2)), label="operator's map")
     axes.plot(*run.arrays["car"].T, color=BACKWARD, lw=0, marker=".", ms=1.5)
     axes.plot([], [], color=BACKWARD, lw=2.5, label="car")
-    for first, last in runs(constrained):
-        style = "-" if constrained[first] else (0, (1, 1.5))
+    sure = run.placed.reliable
+    for first, last in runs(sure):
+        style = "-" if sure[first] else (0, (1, 1.5))
         inside = slice(max(0, first - 1), last + 1)
         axes.plot(*route[inside, :2].T, color=ROUTE, lw=1.8, ls=style)
-    axes.plot([], [], color=ROUTE, lw=1.8, label="fiber (dotted: not decided by the drive)")
+    axes.plot([], [], color=ROUTE, lw=1.8, label="fiber (dotted: not decided by the drive, or a check failed)")
     for number, one in enumerate(run.facts["loops"]):
         label = "loop of slack" if number == 0 else None
         axes.plot(one["x"], one["y"], "o", mfc="none", mec=LOOP, mew=1.6, ms=8, label=label)

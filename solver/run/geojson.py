@@ -119,6 +119,8 @@ def corridor_features(result: Placed, frame: LocalFrame) -> list[dict[str, Any]]
                 channels=[int(result.channel[first]), int(result.channel[last])],
                 constrained=bool(state[first] == 2),
                 half_width_max_m=round(float(half[part].max()), 3),
+                trust=result.grade,
+                reason=result.told,
             )
         )
     return features
@@ -169,7 +171,13 @@ def route_features(result: Placed, frame: LocalFrame, anchors: Sequence[Anchor],
     ]
     points += [
         feature(
-            "Point", positions(frame, np.array([[c.x, c.y, c.z]]))[0], what=c.kind, words=c.words, **corner_numbers(c)
+            "Point",
+            positions(frame, np.array([[c.x, c.y, c.z]]))[0],
+            what=c.kind,
+            words=c.words,
+            **corner_numbers(c),
+            trust=result.grade,
+            reason=result.told,
         )
         for c in result.corners
     ]

@@ -123,7 +123,8 @@ class Run(Seen):
         """A DASCore patch of the record with the route as coordinates along its distance.
 
         x, y, z and their sigmas (m), latitude and longitude; NaN where neither data nor anchors decide, or the route
-        does not reach. InputError where the patch has no distance on the route.
+        does not reach. Its attributes route_trust and route_reason say how far to rely on them. InputError where the
+        patch has no distance on the route.
         """
         from solver.run.gis.patch_coords import with_route
 

@@ -48,9 +48,9 @@ class Subject:
 
 
 def stretches(subject: Subject) -> list[tuple[int, int]]:
-    """First and last index of each stretch of one accuracy class, and reliable or not, so that a line has one."""
+    """First and last index of each stretch of one accuracy class, and constrained or not, so that a line has one."""
     found = subject.accuracy
-    kind = np.char.add(np.char.add(found.pas128, found.within), subject.place.reliable.astype("U5"))
+    kind = np.char.add(np.char.add(found.pas128, found.within), subject.place.constrained.astype("U5"))
     edges = [0, *(np.flatnonzero(kind[1:] != kind[:-1]) + 1).tolist(), len(kind)]
     return [(first, end - 1) for first, end in pairwise(edges)]
 
@@ -172,7 +172,8 @@ def corner_layer(subject: Subject, target: Target) -> list[tuple[Any, dict[str, 
     for one in subject.place.corners:
         place = target.points(subject.frame, np.array([[one.x, one.y, one.z]]))[0]
         numbers = {"degrees_right": None, "m_deeper": None, "sigma_degrees_right": None, "sigma_m_deeper": None}
-        found.append((Point(place), {"what": one.kind, "words": one.words} | numbers | corner_numbers(one)))
+        trust = {"trust": subject.place.grade, "reason": subject.place.told}
+        found.append((Point(place), {"what": one.kind, "words": one.words} | trust | numbers | corner_numbers(one)))
     return found
 
 

@@ -26,7 +26,8 @@ def with_route(patch: Any, route: "pd.DataFrame") -> Any:
     Returns
     -------
     patch : with coordinates x, y, z (m), sigma_x, sigma_y, sigma_z (m), latitude and longitude (degrees); NaN where
-        the route does not reach, and where neither data nor anchors decide it
+        the route does not reach, and where neither data nor anchors decide it; and the attributes route_trust, the
+        grade of the run's checks, and route_reason, why it is not to be relied on, or what its corridor leaves out
 
     Raises
     ------
@@ -47,4 +48,8 @@ def with_route(patch: Any, route: "pd.DataFrame") -> Any:
         )
     sure = there & route["constrained"].to_numpy()[nearest]
     values = {name: np.where(sure, route[name].to_numpy()[nearest], np.nan) for name in NAMES}
-    return patch.update_coords(**{name: ("distance", value) for name, value in values.items()})
+    said = {
+        "route_trust": route["trust"].iloc[0],
+        "route_reason": "; ".join(dict.fromkeys(route["reason"][nearest[sure]])),
+    }
+    return patch.update_attrs(**said).update_coords(**{name: ("distance", value) for name, value in values.items()})

@@ -49,8 +49,14 @@ def sheet(subject: Subject, target: Target) -> Figure:
     trust = wrapped(place.told)
     figure.text(0.08, 0.945, trust, size=8, va="top", color=MUTED)
     below = 0.945 - LEADING * (trust.count("\n") + 2)
-    figure.text(0.08, below, wrapped(DIGGING, 105), size=8, va="top", weight="bold")
-    boxes = {"map": (0.12, 0.635, 0.8, 0.15), "side": (0.12, 0.485, 0.8, 0.095), "depth": (0.12, 0.35, 0.8, 0.09)}
+    digging = wrapped(DIGGING, 105)
+    figure.text(0.08, below, digging, size=8, va="top", weight="bold")
+    top = min(0.785, below - LEADING * (digging.count("\n") + 3))
+    boxes = {
+        "map": (0.12, 0.635, 0.8, max(0.03, top - 0.635)),
+        "side": (0.12, 0.485, 0.8, 0.095),
+        "depth": (0.12, 0.35, 0.8, 0.09),
+    }
     axes = {name: figure.add_axes(box) for name, box in boxes.items()}
     for name, one in axes.items():
         one.set_label(name)

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from solver.run.geojson import Z95, half_width
-from solver.run.report.route_figure import along_x
+from solver.run.report.route_figure import along_x, draw_line
 from vision.contract.drawing import canvas, place
 from vision.contract.figures import MUTED, styled
 from vision.contract.palette import ROUTE
@@ -30,7 +30,7 @@ def combined_figure(combined: "Combined", width: int) -> Figure:
     for axes, axis, half in zip(panels, (1, 2), (wide, Z95 * combined.place.sigma[:, 2]), strict=True):
         value = combined.place.route[:, axis]
         axes.fill_between(at, value - half, value + half, color=ROUTE, alpha=0.2, lw=0)
-        axes.plot(at, value, color=ROUTE, lw=2)
+        draw_line(axes, at, value, combined.judged.reliable)
         shown = [value - half, value + half]
         for number, (run, told) in enumerate(zip(combined.runs, combined.agreement, strict=True)):
             here = np.isin(run.result.channel, run.problem.channel)

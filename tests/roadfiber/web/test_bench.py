@@ -52,6 +52,8 @@ def test_what_a_diagnosis_changes_of_a_run_is_on_the_page(bench):
     page.tick()
     assert "the model lacks slip" in page.controls.heading.object and page.listed == [ROW]
     assert "<caption>trajectories.csv</caption>" in page.controls.heading.object
+    assert bench.run.facts["trust"]["grade"] == "weak"
+    assert {one.line.glyph.line_dash[0] > 0 for one in (page.map, page.depth)} == {True}, "not to be relied on: dashed"
     compared = SimpleNamespace(regions=[])
     bench.looker.asked[1].then(compared)
     assert bench.comparison is compared, "of the run as it was, whose model and record are the same"

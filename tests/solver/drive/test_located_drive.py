@@ -13,6 +13,7 @@ from jsonschema import Draft202012Validator
 
 import roadfiber as rf
 from roadfiber.command import app
+from solver.drive.drive_figures import channel_figure, plan_figure
 from solver.drive.drive_folder import EXPECTED
 from solver.drive.drive_page import drive_page
 from solver.survey.anchors import Anchor
@@ -136,6 +137,16 @@ def test_map_of_the_other_end(drive: rf.Drive, run: rf.DriveRun) -> None:
     assert turned.facts["map_reversed"] != run.facts["map_reversed"]
     both = run.arrays["heard"] & turned.arrays["heard"]
     assert np.abs(turned.arrays["route"] - run.arrays["route"])[both, :2].max() < 3.0
+
+
+def test_a_drive_that_may_not_be_relied_on_is_drawn_dotted(run: rf.DriveRun) -> None:
+    weak = replace(run, facts=run.facts | {"trust": run.facts["trust"] | {"grade": "weak"}})
+    for figure in (channel_figure, plan_figure):
+        solid = [
+            sum(line.get_linestyle() == "-" and len(line.get_xdata()) > 1 for line in figure(one, 800).axes[0].lines)
+            for one in (run, weak)
+        ]
+        assert solid[0] > solid[1], figure.__name__
 
 
 def test_command_writes_a_run(site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,6 +18,7 @@ from solver.run.run_corridor import lacking
 from solver.signal_path.traffic import Traffic
 from tests.offline_pages import EVIL, is_whole, tells
 from vision.contract import InputError, LocalFrame
+from vision.contract.palette import ROUTE
 
 FRAME = LocalFrame((32.0, 34.8), 78.0)
 
@@ -26,7 +27,8 @@ def made_run(result: FitResult, problem: Problem, day: int) -> Run:
     """A run of some day in August."""
     start, time = np.datetime64(f"2025-08-{day}T06:00:00", "ns"), np.arange(len(problem.record)) / problem.sampling_rate
     lists = list(problem.passes), list(problem.anchors)
-    return Run(result, FRAME, start, time[result.samples], *lists, {"name": f"day {day}"}, problem=problem)
+    facts = {"name": f"day {day}", "trust": {"grade": "good", "sentence": "No check failed."}, "corridor": {"why": ""}}
+    return Run(result, FRAME, start, time[result.samples], *lists, facts, problem=problem)
 
 
 @pytest.fixture(scope="module")
@@ -137,6 +139,16 @@ def test_of_combined_runs_each_is_criticized(days, tmp_path) -> None:
     (tmp_path / "combined.json").unlink()
     with pytest.raises(InputError, match="holds something else than combined runs"):
         combined.save(tmp_path)
+
+
+def test_a_route_of_a_run_that_may_not_be_relied_on_is_drawn_dashed(days) -> None:
+    _, (first, second), combined = days
+    weak = replace(first, facts=first.facts | {"trust": {"grade": "weak", "sentence": "Do not rely on this route."}})
+    drawn = [
+        {line.get_linestyle() for line in one.plot().axes[0].lines if line.get_color() == ROUTE}
+        for one in (combined, replace(combined, runs=[weak, second]))
+    ]
+    assert "-" in drawn[0] and drawn[1] == {"--"}
 
 
 def test_on_the_page_names_are_text(days) -> None:

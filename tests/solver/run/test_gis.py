@@ -164,6 +164,7 @@ def test_a_route_that_may_not_be_relied_on_looks_different_in_every_format(subje
     table = pd.read_csv(tmp_path / "a.csv")
     for told in (lines, table):
         assert set(told["trust"]) == {"weak"} and told["reason"].str.startswith("Do not rely on this route").all()
+        assert told["reason"].str.contains("neither data nor anchors decide").equals(~told["constrained"])
     features = json.loads((tmp_path / "a.geojson").read_text())["features"]
     drawn = [one["properties"] for one in features if one["geometry"]["type"] == "LineString"]
     assert all(one["stroke"] == "#808080" and one["trust"] == "weak" and "misfit 3" in one["reason"] for one in drawn)
@@ -216,6 +217,17 @@ def test_the_sheet_is_one_page(subject: Subject, tmp_path: Path) -> None:
     assert (tmp_path / "a.pdf").read_bytes().count(b"/Type /Page ") == 1
     figure = sheet(subject, Target.of(UTM))
     assert {axes.get_label() for axes in figure.axes} == {"map", "side", "depth", "table"}
+
+
+@pytest.mark.parametrize("words", [10, 150])
+def test_what_the_sheet_says_stands_above_its_map(subject: Subject, words: int) -> None:
+    figure = sheet(replace(subject, place=replace(subject.place, trust="misfit " * words)), Target.of(UTM))
+    figure.draw_without_rendering()
+    (drawn,) = (axes for axes in figure.axes if axes.get_label() == "map")
+    dig = next(text for text in figure.texts if text.get_text().startswith("Before anyone digs"))
+    titles = [drawn._left_title, drawn.get_legend()]
+    assert dig.get_window_extent().y0 >= max(one.get_window_extent().y1 for one in titles)
+    assert drawn.get_position().height > 0.05
 
 
 @pytest.mark.parametrize("azimuth", [78.0, 213.0])
@@ -385,6 +397,7 @@ def test_a_run_is_exported_and_laid_on_its_record(survey: Any, tmp_path: Path) -
         dims=("time", "distance"),
     )
     laid = run.to_patch(patch)
+    assert laid.attrs.route_trust == run.facts["trust"]["grade"] and laid.attrs.route_reason in set(route["reason"])
     y = np.asarray(laid.get_coord("y").data)
     at = route["channel"].to_numpy()[route["constrained"]]
     assert np.flatnonzero(np.isfinite(y)).tolist() == at.tolist()

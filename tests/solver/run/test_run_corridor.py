@@ -41,8 +41,8 @@ def test_what_a_corridor_leaves_out_goes_with_the_route(run):
     assert run.route["reason"][~sure].str.contains("neither data nor anchors decide").all() and 0 < sure.sum() < len(
         sure
     )
-    line = route_features(run.place, run.frame, run.anchors, run.name)["features"][0]["properties"]
-    assert line["reason"] == f"{run.trust} {run.corridor}"
+    features = [one["properties"] for one in route_features(run.place, run.frame, [], run.name)["features"]]
+    assert {one["reason"] for one in features} == {f"{run.trust} {run.corridor}"} and len(features) > 1
     assert wider(run, 0.25).place.told == run.trust
 
 
