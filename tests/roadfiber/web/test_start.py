@@ -130,6 +130,7 @@ def test_nothing_is_written_before_it_was_checked_and_wanted(folder):
     page.box["name"].value = MARKUP
     page.check()
     assert not page.write_button.disabled and MARKUP not in page.text.object and "injected" in page.text.object
+    assert "<caption>trajectories.csv</caption>" in page.list.object
     page.write()
     assert (folder / "site.toml").read_text() == kept and "tick the box" in page.said.object
     page.box["azimuth"].value = "79"
