@@ -8,6 +8,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
@@ -129,8 +130,8 @@ def test_a_length_that_slips_is_fitted_to_the_noise(tmp_path: Path) -> None:
     before, after = rungs(tmp_path / "second")
     assert before["chi2_per_dof"] > 1.5 and after["chi2_per_dof"] < 1.03 * after["noise_floor"]
     route = np.array(json.loads((tmp_path / "survey" / "truth.json").read_text(encoding="utf-8"))["route_xyz"])
-    found = np.genfromtxt(tmp_path / "second" / "route.csv", delimiter=",", names=True)
-    off = np.column_stack([found[axis] for axis in "xyz"]) - route[found["channel"].astype(int)]
+    found = pd.read_csv(tmp_path / "second" / "route.csv")
+    off = found[["x", "y", "z"]].to_numpy() - route[found["channel"]]
     assert np.linalg.norm(off, axis=1).max() < 0.2
 
 
