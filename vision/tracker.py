@@ -1,7 +1,8 @@
 """Two-stage tracking of boxes, blind to class, with the real time between frames.
 
 Strong detections are associated first, then weak ones to the tracks left over, and only strong ones start tracks
-(Zhang et al. 2022, ByteTrack). All tracks are filtered at once: nothing here loops over them.
+(Zhang et al. 2022, ByteTrack). A strong one takes no track that a weak one fits far better: a box around two vehicles
+often scores above the threshold when their own fall below it. All tracks are filtered at once: nothing here loops over them.
 """
 
 import numpy as np
@@ -28,6 +29,7 @@ Array = NDArray[np.float64]
 
 GATE = 16.0  # squared Mahalanobis distance of centers, 2 degrees of freedom: 3 in 10^4 true pairs are lost
 AGREEING = 0.3  # overlap that makes a pair admissible whatever the gate says
+WORSE = 0.5  # by so much a strong detection may cost more than a weak one of the same track before it loses it
 GROWTH = 2.5  # largest ratio of areas in a pair
 FORBIDDEN = 1e4
 MISSES = (
@@ -109,12 +111,12 @@ class Tracker:
         cost, overlaps = self._costs(tracks, measured, boxes, cosines, time)
         strong = scores >= self.strong
         owner = np.full(len(boxes), -1)  # the track row of each detection
-        associate(cost, np.arange(len(tracks)), np.flatnonzero(strong), owner)
+        weak = np.where((overlaps >= AGREEING) & ~strong, cost, FORBIDDEN)
+        beaten = cost > weak.min(axis=1, keepdims=True, initial=FORBIDDEN) + WORSE
+        associate(np.where(beaten, FORBIDDEN, cost), np.arange(len(tracks)), np.flatnonzero(strong), owner)
         free = np.ones(len(tracks), bool)
         free[owner[owner >= 0]] = False
-        left = np.flatnonzero(free)
-        weak = np.where(overlaps >= AGREEING, cost, FORBIDDEN)
-        associate(weak, left, np.flatnonzero(~strong), owner)
+        associate(weak, np.flatnonzero(free), np.flatnonzero(~strong), owner)
         if cosines is not None:
             pairs = np.flatnonzero((owner >= 0) & looks.any(axis=1))
             self.likeness = self.likeness.learned(cosines[np.ix_(owner[pairs], pairs)])

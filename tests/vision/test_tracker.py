@@ -46,6 +46,14 @@ def test_weak_detections_continue_tracks_but_start_none():
     assert follow(frames) == [[1, 0]] * 40
 
 
+def test_a_box_around_two_vehicles_takes_no_track_of_theirs():
+    left, right, both = box(100, 100), box(142, 100), box(120, 100, 84, 32)
+    apart, together = ([left, right], [0.9, 0.5]), ([both, left, right], [0.45, 0.35, 0.3])
+    frames = [(0.2 * k, *(together if 10 <= k < 14 else apart)) for k in range(20)]
+    numbers = follow(frames)
+    assert [found[-2:] for found in numbers] == [[1, 2]] * 20
+
+
 def test_a_box_of_another_size_is_another_vehicle():
     frames = [(0.0, [box(100, 100)], [0.9]), (0.04, [box(100, 100)], [0.9]), (0.08, [box(100, 100, 100, 80)], [0.9])]
     assert follow(frames)[-1] == [2]
