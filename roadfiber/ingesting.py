@@ -181,6 +181,32 @@ def view(
     >>> figure.axes[0].get_ylabel()
     'channel'
     """
+    return viewed(site, start, end, channels).figure
+
+
+@dataclass(frozen=True, eq=False)
+class Viewed:
+    """What `view` drew.
+
+    Parameters
+    ----------
+    figure : of it
+    statements : what each file that was read states, and the track files, and what is taken of it
+    cautions : what must be known about what was read, a line each
+    """
+
+    figure: "Figure"
+    statements: tuple[Statements, ...]
+    cautions: tuple[str, ...]
+
+
+def viewed(
+    site: Path | str,
+    start: str | float | None = None,
+    end: str | float | None = None,
+    channels: tuple[int, int] | None = None,
+) -> Viewed:
+    """Draw the waterfall of `view`, and say what its files state and what of them was not measured."""
     from solver.survey.view_figure import waterfall
 
     source = source_of(Path(site))
@@ -194,14 +220,11 @@ def view(
     if channels is not None and not source.channels[0] <= channels[0] < channels[1] <= source.channels[1]:
         held = f"{source.channels[0]} to {source.channels[1]}"
         raise InputError(f"{site}: no channels {channels[0]} to {channels[1]}; the record has {held}")
-    return waterfall(source.record(channels=channels, times=[(first, last)]))
-
-
-def stated(site: Path | str) -> tuple[Statements, ...]:
-    """What each file of a record, and of a survey's tracks, states, and what is taken of it; `site` as of `view`."""
+    record = source.record(channels=channels, times=[(first, last)])
     path = Path(site)
     of_survey = not (is_store(path) or is_record(path))
-    return (*source_of(path).statements, *(tracks_stated(site_of(path)) if of_survey else ()))
+    tracks = tracks_stated(site_of(path)) if of_survey else ()
+    return Viewed(waterfall(record), (*record.statements, *tracks), record.cautions)
 
 
 def is_store(path: Path) -> bool:

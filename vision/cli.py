@@ -119,7 +119,10 @@ def quality(
     video: Annotated[Path | None, typer.Option(help="Video of the tracks, shown behind the heat maps.")] = None,
     gauge_length: Annotated[float, typer.Option(help="Of the DAS, m, for the effect on the route.")] = 10.0,
     frame_rate: Annotated[
-        float | None, typer.Option(help="Of the video, 1/s, for files without a clock.  [default: the other tables']")
+        float | None,
+        typer.Option(
+            help="Of the video, 1/s, for files without a clock.  [default: the other tables', else the video's]"
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print quality.json.")] = False,
 ) -> None:

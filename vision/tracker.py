@@ -2,7 +2,8 @@
 
 Strong detections are associated first, then weak ones to the tracks left over, and only strong ones start tracks
 (Zhang et al. 2022, ByteTrack). A strong one takes no track that a weak one fits far better: a box around two vehicles
-often scores above the threshold when their own fall below it. All tracks are filtered at once: nothing here loops over them.
+often scores above the threshold when their own fall below it. All tracks are filtered at once: nothing here loops
+over them.
 """
 
 import numpy as np

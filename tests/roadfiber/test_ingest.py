@@ -4,6 +4,7 @@ import json
 import logging
 import shutil
 
+import h5py
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -82,6 +83,11 @@ def test_a_waterfall_needs_no_trajectories(survey, tmp_path):
     (tmp_path / "tracks.csv").write_text("no tracks")
     (tmp_path / "site.toml").write_text(text.replace("trajectories.csv", "tracks.csv").replace("[anchors]\nfile", "#"))
     assert "no column time" in " ".join(run("view", tmp_path, "--out", tmp_path / "a.png").output.split())
+    with h5py.File(next((tmp_path / "das").glob("*.h5")), "a") as file:
+        file["Acquisition/Raw[0]/RawData"][100:160] = 0
+    for last, told_so in ((40, True), (10, False)):
+        words = run("view", tmp_path, "--to", last, "--out", tmp_path / "a.png").output
+        assert ("not measured" in words) == ("in 60 samples (12.0 s) all channels hold" in words) == told_so
     # Of a store, or one file, likewise.
     assert rf.view(next((survey / "das").glob("*.h5")), 0, 5).axes
     done = rf.ingest(tmp_path, tmp_path / "kept", rate=4.0)

@@ -77,7 +77,7 @@ def write_report(
     if gauge_length <= 0:
         raise InputError(f"--gauge-length {gauge_length:g}: must be above 0 m")
     clip = open_video(video, rate=ANY_RATE) if video else None
-    picture = Picture(Path(clip.path), clip.width, clip.height, int(clip.index[-1]) + 1) if clip else None
+    picture = Picture(Path(clip.path), clip.width, clip.height, clip.index, clip.time) if clip else None
     tables = read_settings(paths, names, frame_rate, picture)
     if clip and not any(setting.has_boxes for setting in tables.settings):
         raise InputError(f"{video}: the tables have no boxes to show on it; leave --video out")

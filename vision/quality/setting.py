@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vision.contract.errors import InputError
 from vision.dropped import read_dropped
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 BEYOND = 0.5  # px; a box that extends no farther beyond the picture counts as inside
 MOST_OUTSIDE = 0.1  # share of boxes with their middle outside the picture, above which they are of another video
 Source = TypeVar("Source")
+Clock = tuple[NDArray[np.float64], NDArray[np.float64]]  # frames and their times, s
 
 
 @dataclass(frozen=True)
@@ -63,13 +65,19 @@ class Picture:
     ----------
     path : of it
     width, height : px
-    frames : how many there are
+    index, time : of its frames [frame]: their numbers, from 0, and when they were taken, s
     """
 
     path: Path
     width: int
     height: int
-    frames: int
+    index: NDArray[np.int64]
+    time: NDArray[np.float64]
+
+    @property
+    def frames(self) -> int:
+        """How many there are, those that cannot be decoded among them."""
+        return int(self.index[-1]) + 1
 
 
 @dataclass(frozen=True)
@@ -120,7 +128,7 @@ def read_settings(
         `.json` beside a table, of the same name, is taken for what `track --json` printed: its speed; a `.dropped`
         beside it says what was detected and not placed on the road.
     names : to show; by default those of the files
-    frame_rate : 1/s, for MOTChallenge files; by default that of the other tables
+    frame_rate : 1/s, for MOTChallenge files; by default they have the clock of the other tables, else of the video
     picture : of the video, to which boxes are clipped; by default they are left as they are
 
     Raises
@@ -146,8 +154,9 @@ def read_settings(
         return replace(found, tracks=tracks, clipped=count)
 
     tables = usable(read, list(zip(names, map(Path, paths), strict=True)))
-    rates = [rate for rate in map(rate_of, tables.settings) if rate]
-    tables = of_one_video(tables.each(lambda setting: with_clock(setting, rates)))
+    clocks = [clock_of(setting) for setting in tables.settings if rate_of(setting)]
+    clocks += [] if picture is None else [(picture.index.astype(float), picture.time)]
+    tables = of_one_video(tables.each(lambda setting: with_clock(setting, clocks)))
     metric = all("x" in setting.tracks for setting in tables.settings)
     return tables if metric else tables.each(in_pixels)
 
@@ -172,13 +181,23 @@ def rate_of(setting: Setting) -> float | None:
     return float(np.ptp(frame) / np.ptp(time))
 
 
-def with_clock(setting: Setting, rates: Sequence[float]) -> Setting:
-    """Give a table without a clock that of the others."""
+def clock_of(setting: Setting) -> Clock:
+    """Frames of a table and their times, s."""
+    rows = setting.tracks.drop_duplicates("frame").sort_values("frame")
+    return rows["frame"].to_numpy(float), rows["time"].to_numpy(float)
+
+
+def with_clock(setting: Setting, clocks: Sequence[Clock]) -> Setting:
+    """Give a table without a clock the first of `clocks`, which goes on at its mean rate before and after."""
     if setting.tracks["time"].notna().all():
         return setting
-    if not rates:
-        raise InputError(f"{setting.path}: has frames but no clock; give --frame-rate of the video")
-    return replace(setting, tracks=setting.tracks.assign(time=setting.tracks["frame"] / rates[0]))
+    if not clocks:
+        raise InputError(f"{setting.path}: has frames but no clock; give --video, or its --frame-rate")
+    at, time = clocks[0]
+    frame = setting.tracks["frame"].to_numpy(float)
+    inside = np.clip(frame, at[0], at[-1])
+    seconds = np.interp(inside, at, time) + (frame - inside) * np.ptp(time) / np.ptp(at)
+    return replace(setting, tracks=setting.tracks.assign(time=seconds))
 
 
 def of_one_video(tables: Tables) -> Tables:

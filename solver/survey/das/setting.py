@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,9 @@ def statements_of(
         for what, (value, unit, within, absolute) in taken.items()
         if said[what] or value
     ]
+    if block.stated and block.unit is None and given.get("scale") is None and stored.quantity != "idas_counts":
+        told = f"the file's unit is not understood; its numbers are taken for {stored.quantity} in SI units"
+        held = [replace(one, caution=told) if one.what == "unit" else one for one in held]
     gaps = [statement("gaps", (), f"{len(runs) - 1} between its samples")] if len(runs) > 1 else []
     return Statements(block.path.name, (*held, *gaps, *block.odd))
 

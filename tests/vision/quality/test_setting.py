@@ -45,6 +45,19 @@ def test_one_table_in_pixels_puts_all_in_pixels(tmp_path):
     np.testing.assert_allclose(second.tracks["time"], second.tracks["frame"] / 25, err_msg="the other table's clock")
 
 
+@pytest.mark.parametrize("from_video", [True, False])
+def test_frames_of_uneven_times_have_the_clock_of_the_video_or_of_the_other_table(tmp_path, from_video):
+    table = tracks(metric=False)
+    index = np.arange(table["frame"].max() + 1)
+    time = np.cumsum(np.where(index % 7 == 3, 0.4, 0.04))
+    write_mot(table, tmp_path / "b.txt")
+    ours = write(table.assign(time=time[table["frame"]]), tmp_path / "a.csv")
+    picture = Picture(tmp_path / "v.mp4", 4000, 4000, index, time)
+    given = ([tmp_path / "b.txt"], None, None, picture) if from_video else ([ours, tmp_path / "b.txt"],)
+    found = read_settings(*given).settings[-1].tracks
+    np.testing.assert_allclose(found["time"], time[found["frame"]], atol=1e-9)
+
+
 def as_otvision(table, path, tracked):
     """Write tracks as OTVision 0.7 does: with them, or only what was detected."""
     start, boxes = 1577836800.0, {}
@@ -127,7 +140,7 @@ def test_other_bad_input(tmp_path):
     with pytest.raises(InputError, match="no such file"):
         read_settings([tmp_path / "a.csv"])
     write_mot(tracks(), tmp_path / "b.txt")
-    with pytest.raises(InputError, match="no clock; give --frame-rate"):
+    with pytest.raises(InputError, match="no clock; give --video, or its --frame-rate"):
         read_settings([tmp_path / "b.txt"])
     assert read_settings([tmp_path / "b.txt"], frame_rate=25).settings[0].tracks["time"].max() == pytest.approx(
         399 / 25
@@ -175,12 +188,13 @@ def test_boxes_beyond_the_picture_are_clipped_and_counted(tmp_path):
     table.loc[3, BOX] = [-6.0, 40.0, 4.0, 60.0]
     table.loc[5, BOX] = [620.0, 100.0, 652.0, 171.5]
     table.loc[7, BOX] = [300.0, 30.0, 340.0, 160.2]
-    path, picture = write(table, tmp_path / "a.csv"), Picture(tmp_path / "v.mp4", 640, 160, 400)
+    every = np.arange(400)
+    path, picture = write(table, tmp_path / "a.csv"), Picture(tmp_path / "v.mp4", 640, 160, every, every / 25)
     (found,) = read_settings([path], picture=picture).settings
     box = found.tracks.set_index("frame").loc[lambda t: t["track_id"] == "1", BOX].to_numpy()
     assert found.clipped == 2 and len(found.tracks) == len(table)
     np.testing.assert_allclose(box[[3, 5, 7]], [[0, 40, 4, 60], [620, 100, 640, 160], [300, 30, 340, 160]])
     np.testing.assert_allclose(box[8:], table.loc[8:199, BOX])
-    for other in (replace(picture, width=320), replace(picture, frames=399)):
+    for other in (replace(picture, width=320), replace(picture, index=every[:399])):
         with pytest.raises(InputError, match="give the video of these tracks"):
             read_settings([path], picture=other)

@@ -304,6 +304,14 @@ def changed(path, name, value):
     return path
 
 
+def test_a_unit_that_is_not_understood_is_told_where_site_toml_states_the_quantity(tmp_path):
+    path = changed(das_file(tmp_path / "a.h5", noise()), "RawDataUnit", np.bytes_("9**9**9 1/s"))
+    path = changed(path, "RawData", lambda v: v * 1e-9)
+    (line,) = read_das([path], quantity="strain_rate").cautions
+    assert line == "a.h5: unit: the file's unit is not understood; its numbers are taken for strain_rate in SI units"
+    assert not read_das([path], quantity="strain_rate", scale=1.0).cautions
+
+
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
