@@ -6,7 +6,8 @@
 
 Each seed draws a street, one of six with a fiber that winds, half with nothing hidden and half with one effect, nine
 passes at 15 dB and two anchors known to 5 cm. `--vary` draws passes, SNR and noise as `benchmarks/reliability.py` does,
-and besides gauge, spacing, rate, lanes, directions and classes. Several runs may fill one file; they leave out the
+and besides gauge, spacing, rate, lanes, directions and classes. Where a diagnosis names one effect it is put into the
+model and the route is judged again. Several runs may fill one file; they leave out the
 seeds that it has.
 """
 
@@ -177,7 +178,10 @@ def tried(seed: int, vary: bool, diagnose: bool, pictures: Path | None) -> dict[
                 facts["cpu diagnose"] = time.process_time() - begun
                 facts["misfit"] = added(scenario, run)
                 stage = finding.candidates[0].stage if finding.candidates else ""
-                facts |= {"verdict": finding.verdict, "named": known_to(finding), "then": [], "stage": stage}
+                named = known_to(finding)
+                facts |= {"verdict": finding.verdict, "named": named, "then": [], "stage": stage}
+                if len(named) == 1:
+                    facts["after"] = scored(survey, rf.add(run, *named, force=True))
     except rf.InputError as error:
         # A street that is refused claims nothing.
         facts["refused"] = str(error)
@@ -229,6 +233,8 @@ def line(row: Mapping[str, Any]) -> str:
     hidden = " ".join(row["hidden"]) or "nothing"
     ratio = f"{row['over limit']:.2f} of the limit, " if "over limit" in row else ""
     verdict = f"; {row['verdict']} {' '.join(row['named'])}: {verdict_of(row)}" if "verdict" in row else ""
+    if "after" in row:
+        verdict += f", and in the model largest {row['after']['largest']:.2f} m, corners {row['after']['found']} found"
     return (
         f"{row['seed']:>5} {row['shape']:<12} hidden {hidden:<18} largest {row['largest']:.2f} m, {ratio}inside "
         f"{row['inside']:.2f}, near corners {row['near']:.2f}; {said}; corners {row['corners']}: {row['found']} found, "
@@ -276,6 +282,16 @@ def report(rows: Sequence[Mapping[str, Any]]) -> None:
             ("named, where twice what shows", shares["named"], ">= 0.95"),
             ("named wrongly", shares["wrong"], "<= 0.02"),
             ("CPU of diagnose, s, mean", frame["cpu diagnose"].mean(), "-"),
+        ]
+    if "after" in frame:
+        grown = frame[frame["after"].notna()]
+        after = pd.DataFrame(grown["after"].tolist())
+        corners = grown["corners"].sum()
+        lines += [
+            ("one effect named: largest error, m, median, as located", grown["largest"].median(), "-"),
+            ("one effect named: largest error, m, median, with it", after["largest"].median(), "-"),
+            ("one effect named: corners found, as located", grown["found"].sum() / max(corners, 1), "-"),
+            ("one effect named: corners found, with it", after["found"].sum() / max(corners, 1), "-"),
         ]
     for what, found, wanted in lines:
         print(f"{what:<62} {found:>8.3g}   wanted {wanted}")

@@ -149,7 +149,7 @@ def knots_beside(tried: Mapping[str, Refit]) -> SplineBasis | None:
     left = FitPosterior(chain, at).chi2_per_dof
     freedom = at.misfit / left
     level, scatter = noise_level_of(best.fit.problem, freedom)
-    most = freedom * most_left(np.array([left]), level, np.array([scatter]))
+    most = most_left(np.array([at.misfit]), np.ones(1), level * freedom, scatter * freedom)
     found = with_bends(chain, at.state, left, freedom, most)
     if found is None or found[1].at.misfit > min(most[0], at.misfit - 2 * POLICY.far * best.score.variance):
         return None

@@ -125,12 +125,18 @@ class Chain(ChainLayout):
             trusted += float(weight[used].log().sum()) - HUBER * SPIKE * int((~used).sum())
         return visit.misfit - trusted + self.prior.total(visit.state)
 
-    def misfits(self, visit: Visit) -> tuple[np.ndarray, np.ndarray]:
-        """Chi2 [stretch] at a visit, and the weights [stretch] of all samples together."""
-        stretch = [link.stretch for link in self.links]
-        chi2 = [float((one**2).sum()) for one in visit.residuals]
-        weight = [float((one.good * one.soft).sum()) for one in visit.weights]
-        return np.bincount(stretch, chi2), np.bincount(stretch, weight)
+    def misfits(self, visit: Visit, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Chi2 [place] of samples and anchors, and the samples' weights [place], between edges [place + 1], m."""
+        count = len(edges) - 1
+        chi2, weight = np.zeros(count), np.zeros(count)
+        for link, residual, weights in zip(self.links, visit.residuals, visit.weights, strict=True):
+            at = np.searchsorted(edges[1:-1], link.fit.problem.distance)
+            chi2 += np.bincount(at, (residual**2).sum(0), count)
+            weight += np.bincount(at, (weights.good * weights.soft).sum(0), count)
+        if not self.prior.held and len(self.prior.anchors):
+            at = np.searchsorted(edges[1:-1], self.prior.anchor_distance)
+            chi2 += np.bincount(at, self.prior.anchor_misfit(visit.state), count)
+        return chi2, weight
 
     def stopped(self, state: State, where: Tensor, push: np.ndarray) -> np.ndarray:
         """Which of some parameters [where] of a state are at a bound that they are pushed [where] against."""

@@ -43,6 +43,10 @@ class ChainLayout(ParameterSpace):
         first = {link.stretch: float(link.fit.problem.distance[0]) for link in self.links}
         return np.array([self.basis.start, *list(first.values())[1:], self.basis.stop])
 
+    def stretch_of(self, distance: np.ndarray) -> np.ndarray:
+        """Numbers of the stretches in which places [place] along the fiber, m, lie."""
+        return np.searchsorted(self.edges[1:-1], distance)
+
     @cached_property
     def convoys(self) -> list[list[int]]:
         """Links whose noise hangs together."""

@@ -191,6 +191,11 @@ class ParameterPrior:
             found.append(RouteRows(first, anchor_rows(part, [anchor], place[one], by_number[one], near), other))
         return found
 
+    def anchor_misfit(self, state: State) -> np.ndarray:
+        """Chi2 [anchor] of the anchors."""
+        residual = [one.rows.residual.reshape(AXES, -1) for one in self.anchored(state)]
+        return (torch.cat(residual, 1) ** 2).sum(0).numpy()
+
     def route_rows(self, state: State) -> list[RouteRows]:
         """Rows of the priors on the route: its shape and its anchors."""
         return [*self.shape(state.coefficients), *self.anchored(state)]

@@ -163,7 +163,7 @@ def add_knots(
     all_over, begun = on_knots(problem, state, fine)
     finely = Chain.of(all_over)
     there = finely.visit(begun)
-    normal, (misfit, _) = there.open, finely.misfits(there)
+    normal, (misfit, _) = there.open, finely.misfits(there, edges)
     matrix, right = normal.without_vehicles()
     prior = Banded.of(normal.known, normal.size, normal.border)
     chosen = list[int]()
@@ -227,15 +227,6 @@ def worth_adding(
     return chosen
 
 
-def stretch_of(distance: Array, edges: Array) -> NDArray[np.int64]:
-    """Numbers of the stretches between `edges`, m, in which places [place] along the fiber lie.
-
-    >>> stretch_of(np.array([5.0, 60.0, 61.0]), np.array([0.0, 60.0, 120.0])).tolist()
-    [0, 0, 1]
-    """
-    return np.searchsorted(edges[1:-1], distance)
-
-
 def with_bends(
     chain: Chain,
     state: State,
@@ -254,13 +245,13 @@ def with_bends(
     """
     solution, used = None, 0
     # Far from its end a fit tells too little of what knots would explain.
-    near, edges = np.full(len(most), np.inf), chain.edges
+    near = np.full(len(most), np.inf)
     for _ in range(ROUNDS):
         left = chi2_per_dof if solution is None else solution.at.misfit / freedom
         found = add_knots(chain, state, left, near)
         if found is None:
             break
-        fresh = stretch_of(np.setdiff1d(found[0].knots, chain.basis.breaks), edges)
+        fresh = chain.stretch_of(np.setdiff1d(found[0].knots, chain.basis.breaks))
         near = np.where(np.isin(np.arange(len(most)), fresh), most, -np.inf)
         chain = Chain.of(found[0])
         solution = solve(chain, found[1], iterations=FEW, advance=advance)

@@ -173,6 +173,22 @@ def test_a_fiber_that_crosses_the_road_is_begun_there(crossed: tuple[Survey, Run
     assert sorted(round(abs(one.amount), -1) for one in run.corners if one.kind == "corner") == [90.0, 90.0]
 
 
+def test_what_a_route_misses_an_anchor_by_is_left_where_the_anchor_is(crossed: tuple[Survey, Run]) -> None:
+    """A corner beyond the view, where no vehicle is recorded, showed at its anchor alone: no knots were asked for."""
+    _, run = crossed
+    end = torch.from_numpy(run.result.vector)
+
+    def left(problem: Problem) -> float:
+        chain = Chain.of(problem)
+        return chain.misfits(chain.visit(chain.state_of(end)), np.array([0.0, 1000.0]))[0].item()
+
+    first, *others = run.problem.anchors
+    moved = [replace(first, x=first.x + 100.0 * first.sigma_xy), *others]
+    off = (run.result.route[list(run.result.channel).index(first.channel), 0] - first.x) / first.sigma_xy
+    wanted = (off - 100.0) ** 2 - off**2
+    assert left(replace(run.problem, anchors=moved)) - left(run.problem) == pytest.approx(wanted, rel=0.01)
+
+
 def test_an_anchor_that_a_crossing_contradicts_is_named(
     crossed: tuple[Survey, Run], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -210,6 +226,18 @@ def test_a_step_in_depth_is_told(tmp_path: Path) -> None:
     channel = run.result.channel
     seen = (channel >= survey.active[0]) & (channel <= survey.active[1])
     assert np.abs((run.result.route - survey.route[channel])[seen]).max() < 0.3
+
+
+def test_a_corner_is_found_beside_what_else_the_model_lacks(tmp_path: Path) -> None:
+    """More is left all along the fiber than knots explain; most of what is left at the corners they do."""
+    scenario = Scenario(seed=31, passes=4, snr_db=18.0, laid="jog", effects={"wheel_layout": 1.0})
+    survey = simulate(scenario)
+    run = locate(Read.read(write_survey(survey, tmp_path / "s")))
+    channel = run.result.channel
+    seen = (channel >= survey.active[0]) & (channel <= survey.active[1])
+    off = np.linalg.norm((run.result.route - survey.route[channel])[seen], axis=1)
+    assert off.max() < 0.4 and sum(one.kind == "corner" for one in run.corners) >= 3
+    assert run.result.chi2_per_dof > 1.1
 
 
 @pytest.mark.usefixtures("cut_short")
