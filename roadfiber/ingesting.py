@@ -181,11 +181,11 @@ def view(
     >>> figure.axes[0].get_ylabel()
     'channel'
     """
-    return viewed(site, start, end, channels).figure
+    return draw_view(site, start, end, channels).figure
 
 
 @dataclass(frozen=True, eq=False)
-class Viewed:
+class View:
     """What `view` drew.
 
     Parameters
@@ -200,12 +200,12 @@ class Viewed:
     cautions: tuple[str, ...]
 
 
-def viewed(
+def draw_view(
     site: Path | str,
     start: str | float | None = None,
     end: str | float | None = None,
     channels: tuple[int, int] | None = None,
-) -> Viewed:
+) -> View:
     """Draw the waterfall of `view`, and say what its files state and what of them was not measured."""
     from solver.survey.view_figure import waterfall
 
@@ -224,7 +224,7 @@ def viewed(
     path = Path(site)
     of_survey = not (is_store(path) or is_record(path))
     tracks = tracks_stated(site_of(path)) if of_survey else ()
-    return Viewed(waterfall(record), (*record.statements, *tracks), record.cautions)
+    return View(waterfall(record), (*record.statements, *tracks), record.cautions)
 
 
 def is_store(path: Path) -> bool:

@@ -62,14 +62,14 @@ def view(
 
     Example: `roadfiber view surveys/main-street --from 2025-08-11T06:00:00Z --to 240 --channels 100-250`
     """
-    from roadfiber.ingesting import viewed
+    from roadfiber.ingesting import draw_view
     from vision.contract import InputError, require_writable, writing
     from vision.contract.statements import table_lines
 
     if out.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(f"--out {out}: give a name that ends in .png, .svg or .pdf")
     require_writable(out)
-    seen = viewed(site, start, end, None if channels is None else channels_of(channels))
+    seen = draw_view(site, start, end, None if channels is None else channels_of(channels))
     with writing(out) as path:
         seen.figure.savefig(path)
     print("\n".join([*table_lines(seen.statements), *seen.cautions, f"wrote {out}"]))

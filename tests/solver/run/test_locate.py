@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 import roadfiber.command
-from roadfiber.ingesting import viewed
+from roadfiber.ingesting import draw_view
 from solver.simulator import Scenario, Survey, simulate, write_survey
 from vision.contract.statements import table_lines
 
@@ -61,7 +61,7 @@ def test_a_survey_that_does_not_fit_into_memory_is_refused_before_the_fit(
 def test_a_survey_becomes_a_run_folder(folder: Path, street: Survey, command: Command, tmp_path: Path) -> None:
     status, said, error = command("-q", "locate", folder, "--out", tmp_path / "run")
     assert status == 0, error
-    assert said.startswith("\n".join(table_lines(viewed(folder).statements))) and "report.html" in said
+    assert said.startswith("\n".join(table_lines(draw_view(folder).statements))) and "report.html" in said
     first, last = street.active
     assert largest_error(tmp_path / "run", street) < 0.25
     facts = json.loads((tmp_path / "run" / "fit.json").read_text())
